@@ -1,1 +1,1 @@
-"""Speed, measured; never asserted in a test."""
+"""Measurements of speed; tests do not assert them."""

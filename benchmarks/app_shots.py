@@ -1,10 +1,11 @@
-"""How long `kolsky open` takes to list many shots: the files below a folder, and the page in its server.
+"""Time in which `kolsky open` lists many shots: the files below a folder, and the page from its server.
 
     python -m benchmarks.app_shots --json benchmarks/results/app_shots.json
 
-Every shot has a shot file and the summary of a result. The least of `REPEATS` counts, with the files in the
-system's cache: of the list, of the page's table, and of a GET of the page. It is the processor's time, so
-that other work on the machine matters little; of the page that of the server's process, which Linux tells.
+Every shot has a shot file and the summary of a result. The minimum of `REPEATS` measurements is printed, with
+the files in the system's cache: for the list, for the page's table, and for a GET of the page. Processor
+times are used, so other work on the machine has little influence. For the page it is the time of the server's
+process, which Linux reports.
 """
 
 import argparse
@@ -22,7 +23,7 @@ from urllib.parse import urlsplit
 from kolsky.app.shots import list_shots, table_row
 
 COUNT = 2000
-"""Shots of the folder."""
+"""Number of shots in the folder."""
 REPEATS = 5
 SUMMARY = (
     "stiffness_factor (1),U stiffness_factor (1),verdict stiffness_factor,nominal strain rate (1/s)\n"
@@ -31,7 +32,7 @@ SUMMARY = (
 
 
 def tree(root: Path, count: int) -> None:
-    """Folders of a campaign, 50 shots a day, with the shot file of `runs/open-05`."""
+    """Make the folders of a campaign, 50 shots per day, with the shot file of `runs/open-05`."""
     text = (Path(__file__).parents[1] / "runs" / "open-05" / "shot.toml").read_bytes()
     for i in range(count):
         folder = root / f"day {i // 50:03d}" / f"shot {i:04d}"
@@ -42,7 +43,7 @@ def tree(root: Path, count: int) -> None:
 
 
 def least(act: Callable[[], object], clock: Callable[[], float]) -> float:
-    """Least time of the repeats by a clock [s]."""
+    """Minimum time of the repeats by a clock [s]."""
     times = []
     for _ in range(REPEATS):
         start = clock()
@@ -58,7 +59,7 @@ def processor_seconds(process: int) -> float:
 
 
 def page(root: Path) -> float:
-    """Least time of a GET of the page from a server of its own [s]."""
+    """Minimum time of a GET of the page from a separate server [s]."""
     words = [sys.executable, "-m", "kolsky.cli", "open", str(root), "--no-browser"]
     server = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env={**os.environ})
     try:
@@ -92,7 +93,7 @@ def page(root: Path) -> float:
 
 
 def main() -> None:
-    """Measure and print; `--json FILE` keeps it."""
+    """Measure and print the times; `--json FILE` stores them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--shots", type=int, default=COUNT)

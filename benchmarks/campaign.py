@@ -1,13 +1,14 @@
-"""Identifications of a campaign, shared out: `python -m benchmarks.campaign --workers 1 2 --json FILE`.
+"""Parallel identifications of a campaign: `python -m benchmarks.campaign --workers 1 2 --json FILE`.
 
 The shot `runs/open-01`, with the seeds 1, 2, ... of its random draws, is identified by a pool of processes of
-this machine, or by the workers of a Dask scheduler (`--dask ADDRESS`). With several numbers of workers and
-`--each`, every worker has as many identifications (weak scaling); with `--total` they share so many. Before
-the clock starts each worker has identified the shot once: kernels are compiled and libraries loaded. An
-answer depends on its seed alone; the table says whether it did, bit by bit. Numbers of workers that are done
-are kept in the file, and a command that was stopped goes on with the next one.
+this machine, or by the workers of a Dask scheduler (`--dask ADDRESS`). With `--each` every worker has this
+number of identifications for each number of workers (weak scaling); with `--total` the workers share this
+number. Before the measurement each worker identifies the shot once, to compile kernels and load libraries. An
+answer must depend on its seed only; the table shows whether the answers are bitwise equal. The file stores
+finished numbers of workers, so an interrupted command continues with the next one.
 
-On a machine with GPUs `--device cuda` gives them to the processes in turn, and `--gpus N` shows them N.
+On a machine with GPUs `--device cuda` distributes them over the processes; `--gpus N` makes N of them
+visible.
 """
 
 import argparse
@@ -25,45 +26,45 @@ from kolsky.base.process import process_pool
 
 SHOT = Path(__file__).resolve().parents[1] / "runs" / "open-01"
 ALIKE = ("where", "device", "hold", "mesh", "refined")
-"""What makes identifications ones of the same thing, by whomever."""
+"""Fields that are equal for identifications of the same problem."""
 SAME = ("gpus", "workers", "each", *ALIKE)
-"""What makes two measurements ones of the same thing."""
+"""Fields that are equal for measurements of the same case."""
 WARM_UP = -1
-"""Number of a first identification, of which nothing is kept."""
+"""Seed number of a first identification, whose answer is not stored."""
 FIRST_WAIT = 0.2
-"""Time for which a worker keeps a first question [s], so that no other takes it too."""
+"""Time for which a worker waits after its first identification [s], so that it does not take a second one."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """What one identification is asked."""
+    """Settings of one identification."""
 
     seed: int
-    """Of its random draws; `WARM_UP` for a first one."""
+    """Seed of its random draws; `WARM_UP` for a first one."""
     device: str
-    """Where it runs."""
+    """Device on which it runs."""
     hold: tuple[str, ...]
-    """What is held beside the shot's own choice."""
+    """Parameters that are fixed in addition to those of the shot."""
     mesh: tuple[int, int]
-    """Of the surrogate."""
+    """Mesh of the surrogate."""
     refined: tuple[int, int]
-    """Of the answer."""
+    """Mesh of the answer."""
     shot: Path = SHOT
     """The shot's folder."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What came back."""
+    """Result of one identification."""
 
     m: str
-    """The stiffness factor, every bit of it."""
+    """The stiffness factor with all bits."""
     process: str
     """Machine and process that identified it."""
 
 
 def identified(question: Question) -> Answer:
-    """Identify a shot with one thread; what a worker does."""
+    """Identify a shot with one thread, in a worker."""
     from kolsky.identification import identify
     from kolsky.inverse.settings import Numerics, Settings
     from kolsky.shot.load import load_shot
@@ -84,7 +85,8 @@ Together = Callable[[Sequence["Future[Any]"]], list[Any]]
 
 @contextmanager
 def workers_of(count: int, dask: str | None) -> Iterator[tuple[Submit, Together]]:
-    """A pool of processes, or the workers of a scheduler: how work is submitted, and its results awaited."""
+    """Functions that submit work to a pool of processes or to a scheduler's workers, and that wait for
+    results."""
     if dask is None:
         with process_pool(count) as pool:
             yield pool.submit, lambda futures: [future.result() for future in futures]
@@ -99,13 +101,8 @@ def workers_of(count: int, dask: str | None) -> Iterator[tuple[Submit, Together]
 
 
 def campaign(questions: Sequence[Question], workers: int, dask: str | None = None) -> dict[str, Any]:
-    """Answer all questions by so many workers, after a first one each.
-
-    Raises
-    ------
-    RuntimeError
-        If fewer workers than that took part: the others had not started, or there are none.
-    """
+    """Answer all questions with a number of workers, after a first identification of each worker;
+    RuntimeError if fewer workers took part."""
     with workers_of(workers, dask) as (submit, together):
         first = replace(questions[0], seed=WARM_UP)
         started = time.perf_counter()
@@ -128,19 +125,20 @@ def campaign(questions: Sequence[Question], workers: int, dask: str | None = Non
 
 
 def same_bits(entries: Sequence[dict[str, Any]], one: dict[str, Any]) -> bool:
-    """Whether every seed has the answer of the other entries that asked the same on the same device."""
+    """Whether the answers of every seed equal those of the other entries of the same problem and device."""
     others = [other for other in entries if all(other[key] == one[key] for key in ALIKE)]
     return all(other["answers"].get(seed, m) == m for other in others for seed, m in one["answers"].items())
 
 
 def merged(kept: Sequence[dict[str, Any]], new: dict[str, Any]) -> list[dict[str, Any]]:
-    """The entries with a newer one in the place of that of the same thing, in order."""
+    """The entries in order; a newer entry replaces the one of the same case."""
     rest = [one for one in kept if [one[key] for key in SAME] != [new[key] for key in SAME]]
     return sorted([*rest, new], key=lambda one: (one["where"], one["device"], one["gpus"], one["workers"]))
 
 
 def table(entries: Sequence[dict[str, Any]]) -> str:
-    """A row a number of workers; its efficiency is its rate a worker over that with the fewest workers."""
+    """Table with one row for each number of workers; efficiency is the rate per worker over that with the
+    fewest workers."""
     lines = [
         "| where | GPUs | workers | identifications | seconds | a minute | efficiency | same bits |",
         "| --- " * 8 + "|",

@@ -1,10 +1,10 @@
-"""Floating-point operations of an element update, counted by running the element's own source on numbers that
-count.
+"""Floating-point operations of an element update, counted by running the element's source on counting
+numbers.
 
-The Python functions behind the Warp functions are called with `Number`s in place of real numbers, on a
-deformed element of the benchmark's mesh, so that branches go where they usually go. Counted are additions
-(subtractions among them), products, divisions and roots; signs, comparisons, conversions and the reading of
-arrays are not. `Tally.fused` are the products that can be had with the sum they go into.
+The Python functions of the Warp functions are called with `Number`s instead of real numbers, on a deformed
+element of the benchmark's mesh, so that the usual branches are taken. Additions and subtractions, products,
+divisions and roots are counted; signs, comparisons, conversions and array reads are not. `Tally.fused` is the
+number of products that can be fused with the following sum.
 """
 
 import builtins
@@ -22,37 +22,37 @@ from explicit.model import Model
 from explicit.precision import PRECISIONS
 
 NODE_OPERATIONS = 22
-"""Of one node, by hand from `explicit.time_loop.kernel`: 8 additions gather four corners in two directions;
-force over mass, drag and their sum 6; the step of the velocity 4, of the position 4. Platens concern few
-nodes."""
+"""Operations of one node, counted by hand from `explicit.time_loop.kernel`: 8 additions gather four corners
+in two directions; force over mass, drag and their sum 6; the step of the velocity 4, of the position 4.
+Platens affect few nodes."""
 NODE_INSTRUCTIONS = 16
-"""The same with fused products: drag, velocity and position need 2 less each."""
+"""Instructions of one node with fused products: 2 fewer each for drag, velocity and position."""
 
 
 @dataclass
 class Tally:
-    """What was counted so far."""
+    """Counts so far."""
 
     additions: int = 0
     products: int = 0
     divisions: int = 0
     roots: int = 0
     fused: int = 0
-    """Products that were added at once."""
+    """Products that can be fused with an addition."""
 
     @property
     def operations(self) -> int:
-        """Floating-point operations, a fused product and sum being two."""
+        """Floating-point operations; a fused product and sum counts as two."""
         return self.additions + self.products + self.divisions + self.roots
 
     @property
     def instructions(self) -> int:
-        """Arithmetic instructions, a fused product and sum being one."""
+        """Arithmetic instructions; a fused product and sum counts as one."""
         return self.operations - self.fused
 
 
 class Number:
-    """A real number that counts what is done with it."""
+    """A real number that counts the operations on it."""
 
     def __init__(self, value: float, tally: Tally, product: bool = False) -> None:
         self.value, self.tally, self.product = float(value), tally, product
@@ -109,7 +109,7 @@ class Number:
 
 
 class Numbers:
-    """A vector of them."""
+    """A vector of counting numbers."""
 
     def __init__(self, *items: Number) -> None:
         self.items = items
@@ -140,7 +140,7 @@ def _dot(a: Numbers, b: Numbers) -> Number:
 
 
 class Counter:
-    """Runs Warp functions' Python source on counting numbers."""
+    """Runs the Python source of Warp functions on counting numbers."""
 
     def __init__(self) -> None:
         self.tally = Tally()
@@ -172,7 +172,7 @@ class Counter:
             If it is not written in Python.
         """
         source = warp_function.func
-        if source.__name__ == "four":  # loads four numbers of a row and computes nothing
+        if source.__name__ == "four":  # loads four numbers of a row, no arithmetic
             return lambda row, place: Numbers(*(row[place + k] for k in range(4)))
         if warp_function.native_snippet is not None:
             raise TypeError(f"{warp_function.key} is native code: its operations cannot be counted")
@@ -194,14 +194,14 @@ class Counter:
 
 @dataclass(frozen=True)
 class Cost:
-    """Arithmetic of one element update, its share of the nodes and of the step bound included."""
+    """Arithmetic of one element update, including its share of the nodes and of the step bound."""
 
     operations: float
     """Floating-point operations."""
     instructions: float
     """Arithmetic instructions where products are fused with the sums they go into."""
     divisions: float
-    """Divisions and roots among them; they take longer than the rest."""
+    """Divisions and roots among these operations; they take longer than the others."""
 
 
 def cost(model: Model, measure_every: int) -> Cost:
@@ -220,7 +220,8 @@ def cost(model: Model, measure_every: int) -> Cost:
 
 
 def count(model: Model, *, measure: bool) -> Tally:
-    """Count the forces of the element in the middle of a mesh, strained by some 10 %, moving and damped."""
+    """Count the operations for the forces of the central element of a mesh at about 10 % strain, moving and
+    damped."""
     numbers, mesh = PRECISIONS["fp64"], model.mesh
     functions = element(model.element).functions(type(model.materials[0]), numbers)
     constants = element(model.element).shapes(mesh, model.density, functions.Shape.numpy_dtype())

@@ -1,8 +1,8 @@
-"""What an assumed damping does to m, by each misfit: `python -m benchmarks.damping_and_stiffness [SHOT]`.
+"""Effect of an assumed damping on m for each misfit: `python -m benchmarks.damping_and_stiffness [SHOT]`.
 
-Runs of a shot over the stiffness at its own damping and at four times that. The optimum of the paper's Phi
-(Eq. M.5), of its two parts, of the force's squares in the whole window and in its thirds, and of surrogates
-through eight of the runs.
+A shot is run over a range of stiffness at its damping and at four times that. The table gives the optimum of
+the paper's Phi (Eq. M.5), of its two parts, of the sum of squares of the force in the whole window and in its
+thirds, and of surrogates through eight of the runs.
 """
 
 import sys
@@ -21,12 +21,13 @@ from kolsky.shot.load import load_shot
 FACTORS = np.linspace(0.6, 1.3, 36)
 """Stiffness factors of the runs."""
 NEAR, EVERY = 4, 5
-"""Runs on either side of the lowest that a parabola goes through; which runs a coarse design has."""
+"""Number of runs on either side of the minimum that a parabola uses; interval of the runs of a coarse
+design."""
 OPEN_01 = Path(__file__).parents[1] / "runs" / "open-01"
 
 
 def least(cost: FloatArray) -> float:
-    """The minimum of a cost over the runs: a parabola through nine of them about the lowest."""
+    """The minimum of a cost over the runs: a parabola through nine runs around the lowest one."""
     k = int(np.clip(np.argmin(cost), NEAR, len(FACTORS) - NEAR - 1))
     near = slice(k - NEAR, k + NEAR + 1)
     a, b, _ = np.polyfit(FACTORS[near], cost[near], 2)
@@ -34,7 +35,7 @@ def least(cost: FloatArray) -> float:
 
 
 def of_levels(cost: FloatArray) -> float:
-    """The minimum of radial basis functions through eight of the runs, as a coarse factorial has them."""
+    """The minimum of radial basis functions through eight of the runs, as in a coarse factorial design."""
     box = Box.of({"stiffness_factor": (float(FACTORS[0]), float(FACTORS[-1]))})
     few, start = cost[::EVERY], FACTORS[::EVERY]
     surrogate = CostSurrogate.fit(box, start[:, None], few)
@@ -42,7 +43,7 @@ def of_levels(cost: FloatArray) -> float:
 
 
 def optima(prepared: PreparedShot, beta: float) -> dict[str, float]:
-    """The best stiffness factor at a damping [s] by each measure."""
+    """The best stiffness factor at a damping [s] for each measure."""
     shot, seen = prepared.forward.shot, prepared.observations
     points = {"stiffness_factor": FACTORS, "damping": np.full(len(FACTORS), beta)}
     prediction = predict(prepared.forward.run(points, Numerics(mesh=(16, 22))), seen)
@@ -63,7 +64,7 @@ def optima(prepared: PreparedShot, beta: float) -> dict[str, float]:
 
 
 def main() -> None:
-    """Print a line a measure."""
+    """Print one line for each measure."""
     shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else OPEN_01)
     prepared, beta = prepare_shot(shot), shot.model.damping
     own, more = optima(prepared, beta), optima(prepared, 4.0 * beta)

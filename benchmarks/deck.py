@@ -1,10 +1,10 @@
 """The benchmark's bonded problem as an input deck of CalculiX.
 
-In mm, t, s, N and MPa: in metres the forces of so small a specimen come out several times too low, without a
-word from CalculiX 2.20 (0.15 N where in mm they are 0.84 N: static, 10 %, nu = 0.495). Elements are CAX4R,
-the same one-point quadrilaterals that the solver has; CAX4 locks (10 % too stiff in that case). The implicit
-procedure has no damping by material, and its side surface passes through the platens where the solver's
-rolls onto them: compare undamped runs, before that happens.
+Units are mm, t, s, N and MPa. In metres CalculiX 2.20 gives forces that are several times too low for such a
+small specimen, without a message (0.15 N instead of 0.84 N in mm: static, 10 %, nu = 0.495). Elements are
+CAX4R, one-point quadrilaterals as in the solver; CAX4 locks (10 % too stiff in that case). The implicit
+procedure has no material damping, and its side surface penetrates the platens where the solver's rolls onto
+them. Compare undamped runs at times before that.
 """
 
 import numpy as np
@@ -14,24 +14,13 @@ from explicit.mesh import Mesh
 
 TO_MM, TO_MPA, TO_TONNE_PER_MM3 = 1e3, 1e-6, 1e-12
 WEDGE = 180.0
-"""CalculiX solves an axisymmetric model as a wedge of 2 degrees; its forces are those of the wedge."""
+"""Number of wedges in a full turn: CalculiX solves an axisymmetric model as a wedge of 2 degrees, and its
+forces are those of the wedge."""
 
 
 def deck(mesh: Mesh, *, end: float, step: float) -> str:
-    """Write the input of the bonded problem.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The specimen.
-    end, step : float
-        Simulated time and fixed step of ``*DYNAMIC`` [s].
-
-    Returns
-    -------
-    str
-        The deck. It prints the forces on the lower face, at every step.
-    """
+    """The input of the bonded problem up to time `end` with the fixed step of ``*DYNAMIC`` [s]; it prints the
+    forces on the lower face at every step."""
     return "\n".join([*_mesh(mesh), *_material(), *_history(end, step)]) + "\n"
 
 

@@ -8,9 +8,9 @@
     python -m benchmarks.dic --whole ../shared/data/shots/open-01 --device cuda --repeats 1
 
 The pictures are those of `benchmarks.dic_problem`: 512² px, speckles of 5 px, noise of 2 grey levels, subsets
-of 21 px, guesses 0.3 px off. Pictures are prepared before; what a call of `correlate` does is timed, its
-arrays to the device and back included. On a CPU a rate is points per second of one core's time, on a GPU
-per second. Let nothing else run meanwhile.
+of 21 px, guesses 0.3 px off. Pictures are prepared before; the time of a call of `correlate` includes the
+transfer of its arrays to the device and back. On a CPU a rate is points per second of processor time of one
+core, on a GPU per second. Run nothing else at the same time.
 """
 
 import argparse
@@ -32,9 +32,9 @@ from dic.correlation import Correlation, Match, PictureStack, Shape, correlate
 
 HEAD = "program                          motion             points/s   bias, mpx  std, mpx  found"
 WHOLE = 3
-"""Runs of a whole shot."""
+"""Number of runs of a complete shot."""
 RATES = (10_000, 100_000, 1_000_000, 4_000_000)
-"""Points of a call whose rates `--rates` prints."""
+"""Numbers of points per call for `--rates`."""
 CHOSEN = (
     Correlation(shape=Shape.RIGID),
     Correlation(shape=Shape.AFFINE),
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def measure(
     problem: Problem, settings: Correlation, device: str, n: int, repeats: int
 ) -> tuple[Row, dict[str, Any]]:
-    """Time calls of `correlate` for n points, those of the problem over and over; sum up their errors."""
+    """Time calls of `correlate` for n points (the problem's points, repeated) and summarise their errors."""
     first, second = (
         PictureStack.prepare(pictures, noise=SIGMA, prefilter=settings.prefilter, device=device)
         for pictures in (problem.first, problem.second)
@@ -117,7 +117,7 @@ def measure(
             reference_picture=pair[:k], deformed_picture=pair[:k], threads=1,
         )  # fmt: skip
 
-    match, seconds = call(every), []  # the first one compiles, or loads
+    match, seconds = call(every), []  # the first one compiles or loads kernels
     for _ in range(repeats):
         began = clock()
         again = call(n)
@@ -149,7 +149,7 @@ def line(row: Row) -> str:
 
 
 def as_json(device: str, rows: list[Row], calls: list[dict[str, Any]]) -> dict[str, Any]:
-    """Everything measured, for `benchmarks/results`; no names of machines, no dates."""
+    """All measurements for `benchmarks/results`, without names of machines and dates."""
     ours = iter(calls)
     return {
         "machine": {"device": device, "processor": platform.machine(), "cores": os.cpu_count() or 1},

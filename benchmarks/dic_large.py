@@ -1,10 +1,10 @@
 """Large pictures, many points: `python -m benchmarks.dic_large --side 2000 --points 30000 --frames 200`.
 
-A speckled plane before two cameras is shortened evenly. Its points are matched between the cameras, followed
-through both series and reconstructed, and gated by the residual map, as `kolsky dic` does it. Printed are the
-wall time, less the time in which the pictures were made (they stand for files), the points of all frames and
-cameras a second, the launches of kernels, and the largest memory of the process. `--curves` instead times the
-search along epipolar curves alone, on one core or a GPU.
+A speckled plane in front of two cameras is shortened uniformly. As in `kolsky dic`, its points are matched
+between the cameras, tracked through both series, reconstructed, and gated by the residual map. The command
+prints the wall time minus the time for making the pictures (which replace files), the points of all frames
+and cameras per second, the kernel launches, and the peak memory of the process. `--curves` times only the
+search along epipolar curves, on one core or a GPU.
 """
 
 import argparse
@@ -36,7 +36,7 @@ NOISE, SUBSET, SHORTENING = 2.0, 21, 0.2
 
 
 def cameras(side: int) -> StereoRig:
-    """Two cameras that look at the middle of the plane z = 0."""
+    """Two cameras directed at the centre of the plane z = 0."""
     found = []
     for a in (-0.5 * ANGLE, 0.5 * ANGLE):
         centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
@@ -51,7 +51,7 @@ def cameras(side: int) -> StereoRig:
 
 @dataclass
 class PlaneSeries:
-    """Pictures that one camera takes of the plane, made when they are asked for."""
+    """Pictures of the plane by one camera, made on request."""
 
     camera: Camera
     side: int
@@ -61,9 +61,9 @@ class PlaneSeries:
     crop_offset: tuple[float, float] = (0.0, 0.0)
     times: None = None
     seconds: float = 0.0
-    """Time in which pictures were made [s]."""
+    """Time spent on making pictures [s]."""
     processor: float = 0.0
-    """The processor's time for it, of the thread that asks [s]."""
+    """Processor time spent on it in the requesting thread [s]."""
     texture: NDArray[np.float32] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -97,13 +97,13 @@ class PlaneSeries:
 
 
 def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
-    """Match, follow, reconstruct and gate; times, launches and memory."""
+    """Match, track, reconstruct and gate; returns times, launches and memory."""
     rig = cameras(side)
     series = PlaneSeries(rig.cameras[0], side, frames), PlaneSeries(rig.cameras[1], side, frames)
     step = max(1, int(0.84 * side / np.sqrt(points)))
     rim = (
         0.5 * (side - 1 - step * np.sqrt(points)) - 0.5 * SUBSET
-    )  # a point is half a subset from it at least
+    )  # a point is at least half a subset from the edge
     corners = ((rim, rim), (side - rim, rim), (side - rim, side - rim), (rim, side - rim))
     fine = np.full(frames, int(FrameOutcome.VALID), dtype=np.int64)
     launches, launch = [0], wp.launch
@@ -131,7 +131,7 @@ def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
         body = gate_residual(follow_bodies([matched], rig, stereo)[0])
     finally:
         wp.launch = launch
-    made = max(one.seconds for one in series)  # the cameras' pictures are made side by side
+    made = max(one.seconds for one in series)  # the cameras' pictures are made in parallel
     seconds = perf_counter() - started - made
     processor = process_time() - work - sum(one.processor for one in series)
     n = len(body.points)
@@ -151,7 +151,7 @@ def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
 
 
 def curves(side: int, points: int, device: str) -> dict[str, Any]:
-    """Points a second of the search along epipolar curves, on one core or a GPU."""
+    """Points per second of the search along epipolar curves, on one core or a GPU."""
     rig = cameras(side)
     first, second = (PlaneSeries(camera, side, 1).frame(0).astype(np.float32) for camera in rig.cameras)
     rng = np.random.default_rng(1)
@@ -162,7 +162,7 @@ def curves(side: int, points: int, device: str) -> dict[str, Any]:
     limits = (DISTANCE - reach, DISTANCE + reach)
     best = np.inf
     clock = process_time if device == "cpu" else perf_counter
-    for _ in range(4):  # the first compiles
+    for _ in range(4):  # the first call compiles
         started = clock()
         found = search(rig, wanted, second, limits=limits, gradients=A, device=device, threads=1)
         best = min(best, clock() - started)
@@ -185,7 +185,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the result here, beside those of other sizes")
     o = parser.parse_args()
     if not o.curves and o.device != "cpu":
-        whole(256, 300, 3, o.device)  # compiles, or loads
+        whole(256, 300, 3, o.device)  # compiles or loads
     found = curves(o.side, o.points, o.device) if o.curves else whole(o.side, o.points, o.frames, o.device)
     print(json.dumps(found))
     if o.json:
@@ -193,7 +193,7 @@ def main() -> None:
 
 
 def put(path: Path, found: dict[str, Any]) -> None:
-    """Put a result into a file of them, in the place of one of the same size and device."""
+    """Store a result in a file; it replaces a result of the same size and device."""
     kept = json.loads(path.read_text()) if path.exists() else []
     like = ("picture", "frames", "points", "device")
     kept = [one for one in kept if any(one.get(name) != found.get(name) for name in like)]

@@ -1,4 +1,4 @@
-"""Other programs on the benchmark's pictures: pyvale in its own environment, and OpenCV's PyrLK."""
+"""Other programs on the benchmark's pictures: pyvale in a separate environment, and OpenCV's PyrLK."""
 
 import json
 import os
@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.dic_problem import MARGIN, OFF, STEP, SUBSET, Errors, FloatArray, Problem, errors
 
 LONGEST = 600.0
-"""A peer that takes longer is stopped [s]."""
+"""Time limit of another program [s]."""
 
 # Runs in the peer's environment: pictures in, points and displacements out.
 _PYVALE = """
@@ -42,7 +42,7 @@ spent = {"cpu": time.process_time() - clock, "version": version("pyvale")}
 
 
 class PeerError(RuntimeError):
-    """A peer did not do what it was asked."""
+    """Another program failed."""
 
 
 @dataclass(frozen=True)
@@ -50,24 +50,19 @@ class Row:
     """One program on one problem."""
 
     program: str
-    """With its version and settings."""
+    """Program with its version and settings."""
     problem: str
     """Name of the problem."""
     rate: float
     """Points per second of one core's time [1/s]."""
     errors: Errors
-    """Of the displacement along x."""
+    """Errors of the displacement along x."""
 
 
 def pyvale(python: Path, problem: Problem, *, prefilter: bool) -> Row:
-    """pyvale's `calculate_2d`, affine, on one thread.
+    """pyvale's `calculate_2d`, affine, on one thread; PeerError if it fails or writes no points.
 
     Its processor time includes its own first guesses and the files it writes.
-
-    Raises
-    ------
-    PeerError
-        If it fails or writes no points.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -79,7 +74,7 @@ def pyvale(python: Path, problem: Problem, *, prefilter: bool) -> Row:
         try:
             done = subprocess.run(
                 command, env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": ""},
-                cwd=folder,  # the peer leaves a log of its own where it runs
+                cwd=folder,  # the program writes a log into its working folder
                 capture_output=True, text=True, timeout=LONGEST, check=False,
             )  # fmt: skip
         except (OSError, subprocess.TimeoutExpired) as problem_met:
@@ -102,7 +97,7 @@ def pyvale(python: Path, problem: Problem, *, prefilter: bool) -> Row:
 
 
 def _columns(path: Path) -> FloatArray:
-    """x, y, u and whether it converged, of every row of a table of pyvale's."""
+    """x, y, u and convergence flag of every row of a table written by pyvale."""
     with path.open(encoding="utf-8") as lines:
         names = [name.strip().strip('"') for name in next(lines).split(",")]
         wanted = [names.index(name) for name in ("subset_x", "subset_y", "disp_u", "converged")]

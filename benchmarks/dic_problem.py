@@ -1,4 +1,4 @@
-"""The pictures of the benchmark of `dic`: pairs of 512² px with a known motion, and their errors."""
+"""Pictures of the `dic` benchmark: pairs of 512² px with a known motion, and the errors of a measurement."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,9 @@ SIDE, STEP, SUBSET, MARGIN = 512, 5, 21, 30
 SIGMA = 2.0
 """Noise of a grey value [grey]."""
 OFF = 0.3
-"""Distance of the guesses from the truth, along x [px]."""
+"""Error of the initial guesses along x [px]."""
 PAIRS = 4
-"""Pairs that differ in their noise; the mean error of one is known to 0.4 mpx only."""
+"""Number of pairs with different noise; the mean error of one pair has an uncertainty of 0.4 mpx."""
 
 
 @dataclass(frozen=True)
@@ -24,15 +24,15 @@ class Problem:
     """Pairs of pictures and the motion between them."""
 
     name: str
-    """What moves."""
+    """Name of the motion."""
     first: NDArray[np.uint8]
-    """Shape [pairs, rows, columns]."""
+    """First pictures, shape [pairs, rows, columns]."""
     second: NDArray[np.uint8]
     """The moved pictures."""
     points: FloatArray
     """(x, y) in the first picture [px], shape [n, 2]."""
     warp: FloatArray
-    """True total warps, shape [n, 12]."""
+    """True warps from the first to the second picture, shape [n, 12]."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class Errors:
     spread: float
     """Their standard deviation [px]."""
     found: float
-    """Share of the points that were found [-]."""
+    """Share of the points that were measured [-]."""
 
 
 def problems() -> list[Problem]:
-    """A shift by 0.3 px and a stretch by 2 %, eight bits, with noise."""
+    """Two problems with noise and eight bits: a shift by 0.3 px and a stretch by 2 %."""
     shape, centre = (SIDE, SIDE), (SIDE - 1) / 2
     pattern = speckle_pattern(shape)
     still = render(pattern, shape)
@@ -74,7 +74,8 @@ def _recorded(picture: FloatArray, seed: int) -> NDArray[np.uint8]:
 
 
 def errors(problem: Problem, points: FloatArray, u: FloatArray) -> Errors:
-    """Errors of displacements `u` [px] found at `points`, all pairs in one; the others are missing there."""
+    """Errors of displacements `u` [px] measured at `points`, of all pairs together; unmeasured points are
+    absent."""
     stretch = problem.warp[0, 2]
     start = problem.warp[0, 0] - stretch * problem.points[0, 0]
     off = u - (start + stretch * points[:, 0])

@@ -1,8 +1,8 @@
-"""`kolsky dic` on a shot of pictures, stage by stage: what a user waits for.
+"""Time of `kolsky dic` on a shot with pictures, by stage.
 
-The shot is open-01 or one like it: 2 x 186 pictures of 128² px and 20 pairs of a dot grid. What is timed is
-the command's own work in one process, on as many cores as there are; the start of Python and the imports come
-before, what Warp compiles on its first run too.
+The shot is open-01 or a similar one: 2 x 186 pictures of 128² px and 20 pairs of a dot grid. The time is that
+of the command's work in one process on all cores. It excludes the start of Python, the imports and the first
+compilation by Warp.
 """
 
 import json
@@ -57,24 +57,16 @@ class Whole:
     """One run of the command."""
 
     wall: float
-    """From its beginning to its end [s]."""
+    """Wall time of the run [s]."""
     processor: float
-    """Processor time of all threads, and of the processes that worked beside this one [s]."""
+    """Processor time of all threads and of the other processes of the run [s]."""
     stages: dict[str, float]
-    """Wall time of the stages of the correlation and of what is around it [s]; those of the correlation
+    """Wall time of the stages of the correlation and of the other parts [s]; the stages of the correlation
     overlap."""
 
 
 def shot_of(folder: Path, raw: Path) -> Path:
-    """A shot folder with open-01's pictures in place of its exports.
-
-    Parameters
-    ----------
-    folder
-        Where to; it must exist.
-    raw
-        The folder with the raw files; they are linked.
-    """
+    """Make a shot in an existing folder with links to open-01's raw pictures in place of its exports."""
     for path in raw.iterdir():
         (folder / path.name).symlink_to(path.resolve())
     text = (ROOT / "runs" / "open-01" / "shot.toml").read_text()
@@ -84,19 +76,8 @@ def shot_of(folder: Path, raw: Path) -> Path:
 
 
 def runs(raw: Path, repeats: int, *, device: str = "cpu", say: Callable[[str], Any] = print) -> list[Whole]:
-    """Run the command several times, once more before to compile and to warm up.
-
-    Parameters
-    ----------
-    raw
-        The folder with open-01's raw files.
-    repeats
-        Runs that count.
-    device
-        Where pictures are correlated.
-    say
-        Told of each run.
-    """
+    """Run the command `repeats` times on open-01's raw files, after one additional run for compilation and
+    warm-up."""
     from kolsky.cli.dic import dic
     from kolsky.pictures.dic_file import read_stereo_result
 
@@ -135,7 +116,7 @@ def line(whole: Whole) -> str:
 
 
 def as_json(found: list[Whole]) -> dict[str, Any]:
-    """The quickest run, for `benchmarks/results`."""
+    """The fastest run, for `benchmarks/results`."""
     best = min(found, key=lambda whole: whole.wall)
     return {
         "shot": "open-01, 2 x 186 pictures of 128 x 128 px, 20 pairs of a dot grid",
@@ -148,6 +129,6 @@ def as_json(found: list[Whole]) -> dict[str, Any]:
 
 
 def put(path: Path, **parts: Any) -> None:
-    """Put parts into a file of results, beside what else it holds."""
+    """Store parts in a file of results; its other parts are kept."""
     kept = json.loads(path.read_text()) if path.exists() else {}
     path.write_text(json.dumps({**kept, **parts}, indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""Equilibria of a pulled strip: seconds beside FElupe in the same run, and growth with the size.
+"""Equilibria of a stretched strip: time compared with FElupe in the same run, and growth with the size.
 
     python -m benchmarks.equilibrium                     # 25 515 displacements, 10 steps to 125 %, and a peer
     python -m benchmarks.equilibrium --peer dolfinx --python /usr/bin/python3
@@ -12,9 +12,9 @@
 The strip is that of Schumacher and others (2020), 100 x 25 x 5 mm, bonded at both ends, of a neo-Hookean
 rubber with Poisson's ratio 0.45. `--peer felupe` solves the same mesh with the same element, law, Gauss
 points and steps; `--peer dolfinx` does so by `tests/reference/J_dolfinx.py` in a Python that has DOLFINx
-(Debian: python3-dolfinx) with MUMPS. All take the same threads. It prints the seconds of both by the clock
-and of the processor, their ratio and the largest difference of the forces. Set OMP_NUM_THREADS=1, let nothing
-else run meanwhile; the ratio of processor seconds stands other work.
+(Debian: python3-dolfinx) with MUMPS. All programs use the same number of threads. The command prints wall
+time and processor time of both, their ratio and the largest difference of the forces. Set OMP_NUM_THREADS=1
+and run nothing else at the same time; other work has little influence on the ratio of processor times.
 """
 
 import argparse
@@ -39,15 +39,15 @@ from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solve import Newton, solve
 
 SIZE = (0.1, 0.025, 0.005)
-"""Of the strip [m]."""
+"""Size of the strip [m]."""
 SHEAR, POISSON = 25e3, 0.45
 """Shear modulus [Pa] and Poisson's ratio."""
 STRETCH = 1.25
 """Nominal strain at the last step [-]."""
 SETTINGS = ("kind", "device", "linear", "steps", "strain", "where")
-"""Options that a measurement keeps."""
+"""Options that are stored with a measurement."""
 DOLFINX = Path(__file__).resolve().parent.parent / "tests" / "reference" / "J_dolfinx.py"
-"""The strip by DOLFINx."""
+"""Script of the strip for DOLFINx."""
 
 
 def strip(cells: tuple[int, ...], kind: str, device: str = "cpu") -> Model:
@@ -59,7 +59,7 @@ def strip(cells: tuple[int, ...], kind: str, device: str = "cpu") -> Model:
 
 
 def ours(model: Model, pulls: FloatArray, linear: str, *, derivatives: bool) -> dict[str, Any]:
-    """Seconds, counts and forces of a solution, and seconds of its derivatives, 0 without."""
+    """Times [s], counts and forces of a solution, and time of its derivatives [s], 0 without derivatives."""
     options = Newton(tolerance=1e-8, linear=linear)
     started, cpu = time.perf_counter(), time.process_time()
     found = solve(model, {"pull": pulls}, newton=options)
@@ -80,7 +80,7 @@ def ours(model: Model, pulls: FloatArray, linear: str, *, derivatives: bool) -> 
 
 
 def felupe(mesh: Mesh, pulls: FloatArray) -> dict[str, Any]:
-    """The same with FElupe's 27-node hexahedra, law and Newton iteration, as its manual shows them."""
+    """The same with FElupe's 27-node hexahedra, law and Newton iteration, as in its manual."""
     import felupe as fem
 
     name, region_of = {
@@ -113,7 +113,7 @@ def felupe(mesh: Mesh, pulls: FloatArray) -> dict[str, Any]:
 
 
 def dolfinx(cells: tuple[int, ...], kind: str, python: str) -> dict[str, Any]:
-    """The same by DOLFINx, which may live in another Python; its forms are compiled before the time."""
+    """The same by DOLFINx, possibly in another Python; its forms are compiled before the measurement."""
     order = {"hex27": "2", "hex8": "1"}[kind]
     arguments = [python, str(DOLFINX), "x".join(map(str, cells)), "--order", order]
     started = time.perf_counter()
@@ -122,7 +122,7 @@ def dolfinx(cells: tuple[int, ...], kind: str, python: str) -> dict[str, Any]:
 
 
 def cells_for(displacements: float, kind: str) -> tuple[int, int, int]:
-    """Cells of the strip's proportions 20 x 5 x 1 with about so many displacements."""
+    """Numbers of cells in the strip's proportions 20 x 5 x 1 for about a given number of displacements."""
     order = int(element(kind).exponents.max())
     best = (20, 5, 1)
     for n in range(1, 80):

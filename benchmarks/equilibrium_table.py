@@ -1,17 +1,17 @@
-"""What `benchmarks.equilibrium` measured, kept in one file and as the table of a page."""
+"""Results of `benchmarks.equilibrium`, stored in one file and as the table of a page."""
 
 import json
 from pathlib import Path
 from typing import Any
 
 SAME = ("cells", "kind", "steps", "strain", "linear", "device", "threads", "where")
-"""What makes two measurements ones of the same thing."""
+"""Fields that are equal for measurements of the same case."""
 PEERS = {"dolfinx": "DOLFINx with MUMPS", "felupe": "FElupe"}
-"""Other programs by the name of their entry."""
+"""Names of the other programs by the key of their entry."""
 
 
 def merged(path: Path, entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The entries of a file with newer ones in the place of those of the same thing, by size."""
+    """The entries of a file, sorted by size; newer entries replace those of the same case."""
     kept = json.loads(path.read_text("utf-8")) if path.exists() else []
     newer = [[one[key] for key in SAME] for one in entries]
     kept = [one for one in kept if [one[key] for key in SAME] not in newer]
@@ -19,7 +19,7 @@ def merged(path: Path, entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def table(entries: list[dict[str, Any]]) -> str:
-    """One row for each measurement, and below a line for each other program that solved the same."""
+    """One row for each measurement, followed by a line for each other program that solved the same case."""
     lines = [
         "| displacements | elements | steps | linear solver | kernels on | machine | clock (s) "
         "| processor (s) | factorisations, iterations |",

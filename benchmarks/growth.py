@@ -1,14 +1,15 @@
-"""How the work grows: elements of a mesh, runs of a batch, points of image correlation.
+"""Growth of the time with the number of elements of a mesh, runs of a batch, points of image correlation.
 
     python -m benchmarks.growth --json benchmarks/results/growth.json                 # one core of a CPU
     python -m benchmarks.growth --device cuda --json benchmarks/results/growth.json   # a GPU
     python -m benchmarks.growth --draw docs/images/growth.svg --json benchmarks/results/growth.json
 
-The simulations are those of `benchmarks.problem` with Coulomb friction, ended after so many steps that each
-takes about as long (`UPDATES`): a rate of element updates needs no whole run. Points are those of all frames
-of both cameras, from pictures in memory to gated places in space (`benchmarks.dic_large`). On a CPU one
-thread works and its processor time counts, so that other work on the machine matters little; on a GPU the
-wall time does, to the host. Sizes that are done are kept in the file, and measured again by `--again`.
+The simulations are those of `benchmarks.problem` with Coulomb friction. Each ends after a number of steps
+that gives about the same time (`UPDATES`), because a rate of element updates needs no complete run. Points
+are those of all frames of both cameras, from pictures in memory to gated positions in space
+(`benchmarks.dic_large`). On a CPU the processor time of one thread is used, so other work on the machine has
+little influence. On a GPU it is the wall time including the transfer to the host. The file stores finished
+sizes; `--again` repeats them.
 """
 
 import argparse
@@ -25,34 +26,35 @@ from benchmarks.problem import END, model, samples
 from explicit.device import select_device
 
 MESHES = ((8, 11), (16, 22), (32, 44), (64, 86), (128, 176), (272, 368))
-"""Elements across and along: 88 to 100 096 of them."""
+"""Elements across and along: 88 to 100 096 elements."""
 RUNS = (1, 10, 100, 1_000, 10_000, 100_000)
-"""Simulations of a batch, on 16 x 22 elements."""
+"""Numbers of simulations of a batch, on 16 x 22 elements."""
 POINTS = (1_000, 10_000, 100_000, 1_000_000, 4_000_000)
-"""Points of all frames and cameras."""
+"""Numbers of points of all frames and cameras."""
 FRAMES = 10
-"""Frames of each camera."""
+"""Number of frames of each camera."""
 SIDE = 1500
 """Rows and columns of a picture [px]."""
 UPDATES = {"cpu": 3e7, "cuda": 2e9}
-"""Element updates of a measurement, as near as whole steps come."""
+"""Approximate element updates of a measurement."""
 STEPS = (100, 1500)
-"""Fewest and most steps of a measurement; a whole run has 2000 on the mesh of the batches."""
+"""Smallest and largest number of steps of a measurement; a complete run on the mesh of the batches has
+2000."""
 LARGEST = {"cpu": {"runs": 10_000, "points": 100_000}, "cuda": {"runs": 100_000, "points": 4_000_000}}
-"""Largest sizes that are measured without being asked for."""
+"""Largest sizes that are measured by default."""
 SAME = ("what", "size", "precision", "device", "where")
-"""What makes two measurements ones of the same thing."""
+"""Fields that are equal for measurements of the same case."""
 UNITS = {"elements": "element updates", "runs": "element updates", "points": "points"}
 TITLES = {"elements": "elements of one run", "runs": "runs of a batch", "points": "points of a correlation"}
 
 
 def steps_for(updates: float, elements: int, runs: int) -> int:
-    """Steps that give about so many element updates, within `STEPS`."""
+    """Number of steps within `STEPS` for about a given number of element updates."""
     return int(np.clip(round(updates / (elements * runs)), *STEPS))
 
 
 def simulations(mesh: tuple[int, int], runs: int, precision: str, device: str) -> dict[str, Any]:
-    """Least time of three batches, each ended after the same number of steps."""
+    """Minimum time of three batches, each ended after the same number of steps."""
     kind = "cpu" if device == "cpu" else "cuda"
     problem, batch = model(mesh, "coulomb"), samples(runs)
     steps = steps_for(UPDATES[kind], problem.mesh.n_elements, runs)
@@ -70,13 +72,13 @@ def simulations(mesh: tuple[int, int], runs: int, precision: str, device: str) -
 
 
 def points(count: int, device: str) -> dict[str, Any]:
-    """Match, follow, reconstruct and gate once; the kernels are compiled before."""
+    """Match, track, reconstruct and gate once; the kernels are compiled before."""
     import cv2
 
     from benchmarks.dic_large import whole
 
     threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)  # so that pictures are made by the threads whose time is taken off
+    cv2.setNumThreads(1)  # the time for making pictures is subtracted per thread
     try:
         whole(400, 200, 2, device)
         found = whole(SIDE, count // (2 * FRAMES), FRAMES, device)
@@ -89,7 +91,8 @@ def points(count: int, device: str) -> dict[str, Any]:
 
 
 def least(work: Callable[[], None], device: str, repeats: int = 3) -> float:
-    """Least time of some repeats after a first that compiles [s]: processor's, or a GPU's by the clock."""
+    """Minimum time of some repeats after a first call that compiles [s]: processor time on a CPU, wall time
+    on a GPU."""
     clock = time.process_time if device == "cpu" else time.perf_counter
     work()
     found = np.inf
@@ -101,7 +104,7 @@ def least(work: Callable[[], None], device: str, repeats: int = 3) -> float:
 
 
 def wanted(device: str, whats: Sequence[str], largest: dict[str, int]) -> list[dict[str, Any]]:
-    """Everything to be measured: what, its size, and for simulations the precision."""
+    """All requested measurements: kind, size, and for simulations the precision."""
     kind = "cpu" if device == "cpu" else "cuda"
     most = {**LARGEST[kind], **largest}
     found: list[dict[str, Any]] = []
@@ -123,14 +126,14 @@ def measured(one: dict[str, Any], device: str) -> dict[str, Any]:
 
 
 def merged(kept: list[dict[str, Any]], new: dict[str, Any]) -> list[dict[str, Any]]:
-    """The entries with a newer one in the place of that of the same thing, in order."""
+    """The entries in order; a newer entry replaces the one of the same case."""
     entries = [one for one in kept if [one[key] for key in SAME] != [new[key] for key in SAME]]
     return sorted([*entries, new], key=lambda one: [str(one[k]) for k in ("what", "device", "precision")]
                   + [f"{one['size']:012d}"])  # fmt: skip
 
 
 def table(entries: list[dict[str, Any]]) -> str:
-    """A row a size, two columns a machine: the time it takes, and what it does a second."""
+    """Table with one row for each size and two columns for each machine: time and rate."""
     machines = list(dict.fromkeys((one["device"] != "cpu", one["where"], one["device"]) for one in entries))
     heads = [f"{where}{', one core' if device == 'cpu' else ''}" for _, where, device in sorted(machines)]
     columns = ["what grows", "size", "precision", "counted", *(f"{head}, s | a second" for head in heads)]
@@ -146,19 +149,19 @@ def table(entries: list[dict[str, Any]]) -> str:
 
 
 def _rate(rate: float) -> str:
-    """A rate in words, to three digits."""
+    """A rate as text with three digits."""
     if rate >= 1e6:
         return f"{rate / 1e6:.3g} million"
     return f"{float(f'{rate:.3g}'):,.0f}".replace(",", " ")
 
 
 def _row(one: dict[str, Any]) -> tuple[str, str, int]:
-    """What a measurement stands in the table under."""
+    """Kind, precision and size of a measurement, the key of its row."""
     return one["what"], one["precision"], one["size"]
 
 
 def draw(entries: list[dict[str, Any]], path: Path) -> None:
-    """A panel for each of what grows, a line for each device and precision."""
+    """Draw a panel for each kind of size and a line for each device and precision."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 3.0), layout="constrained")

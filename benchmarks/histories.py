@@ -1,4 +1,4 @@
-"""Histories kept from one device or precision to be compared with on another."""
+"""Stored histories of one device or precision for comparison with another one."""
 
 from pathlib import Path
 
@@ -8,13 +8,13 @@ from benchmarks.measure import Measurement
 from benchmarks.problem import FloatArray
 
 LARGEST_KEPT = 100
-"""Batches above this many runs are not kept."""
+"""Batches with more runs are not stored."""
 
 Histories = dict[str, FloatArray]
 
 
 def load(path: Path | None) -> Histories:
-    """Read what `save` wrote; nothing without a path."""
+    """Read a file of `save`; empty without a path."""
     return dict(np.load(path)) if path else {}
 
 
@@ -30,7 +30,7 @@ def save(path: Path, measurements: list[Measurement]) -> None:
 
 
 def differences(m: Measurement, kept: Histories) -> dict[str, float]:
-    """Largest differences of a batch to the same batch among the kept, in fp64 and in its own precision."""
+    """Largest differences between a batch and the same stored batch, in fp64 and in its precision."""
     found = {}
     for other in dict.fromkeys(("fp64", m.precision)):
         name = f"{m.contact}-{other}-{m.runs}"

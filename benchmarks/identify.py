@@ -1,12 +1,12 @@
-"""What an answer costs: processor seconds of `identify` over those of 100 runs of the solver's problem.
+"""Cost of an answer: processor time of `identify` over that of 100 runs of the solver's problem.
 
     python -m benchmarks.identify [--shot runs/open-05] [--parts free held wrong] [--threads N] [--json FILE]
 
-"free" frees what the data constrain (the default of `kolsky identify`), "held" the stiffness factor alone,
-"wrong" is free with the force's sensitivity halved. A line a stage and mesh tells batches, runs, element
-updates and processor seconds, its last column the seconds over those of `benchmarks.problem` on 16 x 22
-bonded elements, 100 runs in fp64, in the same process; "host" is what is spent outside the solver. Ratios
-hold from machine to machine; let nothing else run meanwhile.
+"free" identifies all parameters that the data constrain (the default of `kolsky identify`), "held" the
+stiffness factor only; "wrong" is "free" with the force's sensitivity halved. Each line gives batches, runs,
+element updates and processor time of one stage and mesh. The last column is the time over that of
+`benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process; "host" is the time
+outside the solver. The ratios are comparable between machines; run nothing else at the same time.
 """
 
 import argparse
@@ -33,7 +33,7 @@ WRONG = 2.0
 
 @dataclass
 class Cost:
-    """What batches of one stage and mesh cost."""
+    """Cost of the batches of one stage and mesh."""
 
     batches: int = 0
     runs: int = 0
@@ -55,7 +55,7 @@ class Ledger:
         self.stage = stage
 
     def add(self, batch: explicit.Model, response: explicit.Response, seconds: float) -> None:
-        """A batch that has run."""
+        """Add a finished batch."""
         mesh = batch.mesh
         one = self.costs[self.stage, f"{mesh.n_elements} {batch.element}"]
         one.batches += 1
@@ -65,7 +65,7 @@ class Ledger:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """While it lasts every batch of the solver is counted."""
+        """Context in which every batch of the solver is counted."""
         alone, beside = explicit.run, explicit.run_side_by_side
 
         def run(batch: explicit.Model, *arguments: Any, **named: Any) -> explicit.Response:
@@ -94,9 +94,9 @@ class Ledger:
 
 
 def unit(threads: int | None) -> float:
-    """Processor seconds of 100 runs of the solver's problem, the least of three."""
+    """Processor time of 100 runs of the solver's problem, the minimum of three [s]."""
     problem, batch, taken = model((16, 22), "bonded"), samples(100), []
-    for _ in range(4):  # the first compiles
+    for _ in range(4):  # the first run compiles
         started = time.process_time()
         explicit.run(problem, batch, SAMPLING, threads=threads)
         taken.append(time.process_time() - started)
@@ -112,7 +112,7 @@ def wrong(shot: Shot) -> Shot:
 
 
 def measure(shot: Shot, part: str, threads: int | None) -> dict[str, Any]:
-    """Processor seconds of one identification, by stage and mesh."""
+    """Processor time of one identification by stage and mesh [s]."""
     free = {"stiffness_factor": None} if part == "held" else None
     settings = Settings(free=free, numerics=Numerics(threads=threads))
     ledger, started = Ledger(), time.process_time()
@@ -131,7 +131,7 @@ def measure(shot: Shot, part: str, threads: int | None) -> dict[str, Any]:
 
 
 def table(part: str, measured: dict[str, Any], one: float) -> str:
-    """A line a stage and mesh."""
+    """Table with one line for each stage and mesh."""
     lines = [f"\n{part}: m = {measured['m']:.5f} ± {2 * measured['sigma']:.5f}"]
     columns = f"{'batches':>8s} {'runs':>6s} {'updates':>9s} {'ratio':>7s}"
     lines.append(f"{'stage':12s} {'elements':>16s} {columns}")
@@ -152,7 +152,8 @@ UPDATES = 7.04e7
 
 
 def summary(measured: dict[str, Any]) -> str:
-    """A line a part, as Markdown: runs, then updates and processor seconds over the solver's problem."""
+    """Markdown table with one line for each part: runs, then updates and processor time over the solver's
+    problem."""
     lines = [
         "| free | runs | element updates | processor time | of it outside the solver |",
         "| --- " * 5 + "|",

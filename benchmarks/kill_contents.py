@@ -1,4 +1,4 @@
-"""What the files of a command hold, for `benchmarks.kills`: digests by file and place."""
+"""Contents of the files of a command, for `benchmarks.kills`: digests by file and position."""
 
 import hashlib
 import json
@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 
 READ = (".h5", ".csv", ".json", ".toml", ".html", ".sqlite", ".npz")
-"""Endings of the files that are looked into."""
+"""Extensions of the files that are read."""
 
 
 def _files(folder: Path) -> list[Path]:
@@ -17,7 +17,8 @@ def _files(folder: Path) -> list[Path]:
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Digests of numbers and texts in the files of a folder, by file and place; a page only by its name."""
+    """Digests of numbers and texts in the files of a folder, by file and position; of a page only the
+    name."""
     found: dict[str, str] = {}
     for path in _files(folder):
         name = str(path.relative_to(folder))
@@ -62,7 +63,8 @@ def _digest(data: bytes) -> str:
 
 
 def ledger_runs(folder: Path) -> dict[str, float]:
-    """Key of every run in the ledgers of a folder, with the seconds that it took: another run has others."""
+    """Key of every run in the ledgers of a folder, with its duration [s], which differs if a run is
+    repeated."""
     found: dict[str, float] = {}
     for path in sorted(folder.rglob("*.sqlite")):
         with sqlite3.connect(path) as book:
@@ -72,7 +74,7 @@ def ledger_runs(folder: Path) -> dict[str, float]:
 
 
 def unreadable(folder: Path) -> list[str]:
-    """The files of a folder that cannot be read, with why; hidden ones are of nobody's concern."""
+    """The files of a folder that cannot be read, with the reason; hidden files are ignored."""
     found = []
     for path in _files(folder):
         if any(part.startswith(".") for part in path.relative_to(folder).parts):

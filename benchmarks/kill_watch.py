@@ -1,7 +1,7 @@
-"""The end of a command that is killed, for `benchmarks.kills`: how long it took, other work set apart.
+"""Time until a killed command ends, for `benchmarks.kills`, corrected for other work on the machine.
 
-On a machine with other work a process that would end at once waits for a core. What the system says of that
-(`/proc/PID/schedstat`, Linux) is taken off; a process that sleeps or computes gets nothing taken off.
+On a busy machine a process that could end at once waits for a core. This waiting time (`/proc/PID/schedstat`,
+Linux) is subtracted; time in which a process sleeps or computes is not.
 """
 
 import subprocess
@@ -12,13 +12,13 @@ from pathlib import Path
 import psutil
 
 OFTEN = 0.02
-"""Time between two looks at the processes [s]."""
+"""Time between two checks of the processes [s]."""
 GIVEN_UP = 10.0
-"""Time after the command's end at which its children are given up [s]."""
+"""Time after the command's end until which its children are watched [s]."""
 
 
 def waited(pids: list[int]) -> dict[int, float]:
-    """Time that each thread of some processes has waited for a core so far [s]; those that are there."""
+    """Time that each existing thread of some processes has waited for a core so far [s]."""
     found = {}
     for pid in pids:
         for place in Path(f"/proc/{pid}/task").glob("*/schedstat"):
@@ -30,21 +30,17 @@ def waited(pids: list[int]) -> dict[int, float]:
 
 
 def own_time(elapsed: float, before: Mapping[int, float], after: Mapping[int, float]) -> float:
-    """An elapsed time without what threads waited for a core in it [s].
+    """An elapsed wall time minus the time in which threads waited for a core [s].
 
-    Parameters
-    ----------
-    elapsed
-        By the clock [s].
-    before, after
-        As `waited` gives them. Threads wait side by side: the longest wait counts, not their sum.
+    ``before``, ``after``: results of `waited` [s]. Threads wait in parallel: the longest wait is subtracted,
+    not their sum.
     """
     longest = max((wait - before.get(thread, 0.0) for thread, wait in after.items()), default=0.0)
     return max(0.0, elapsed - longest)
 
 
 def end_of(run: subprocess.Popen[str], since: float, longest: float) -> tuple[str, float]:
-    """What a command says on standard error until it ends, and its own time from `since` on [s]."""
+    """Standard error of a command until its end, and its own time since `since` [s]."""
     pids = [run.pid, *(child.pid for child in psutil.Process(run.pid).children(recursive=True))]
     before = waited(pids)
     after = dict(before)
@@ -62,8 +58,8 @@ def end_of(run: subprocess.Popen[str], since: float, longest: float) -> tuple[st
 def runs(process: psutil.Process) -> bool:
     """Whether a process has not ended.
 
-    One that has stays in the table of processes until somebody takes its exit code: of an orphan that is the
-    first process of the machine, which may take seconds for it.
+    An ended process stays in the process table until its exit code is read. For an orphan the first process
+    of the machine does this, possibly seconds later.
     """
     try:
         return bool(process.status() != psutil.STATUS_ZOMBIE)
@@ -72,7 +68,8 @@ def runs(process: psutil.Process) -> bool:
 
 
 def end_of_children(children: list[psutil.Process]) -> tuple[float, int]:
-    """Own time until the last of some processes has ended [s], and how many are there at the end."""
+    """Own time until the last of some processes has ended [s], and the number of those that have not
+    ended."""
     pids = [child.pid for child in children]
     since, before = time.monotonic(), waited(pids)
     after, alive = dict(before), children

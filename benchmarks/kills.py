@@ -1,11 +1,11 @@
-"""Commands that are killed: `python -m benchmarks.kills [--kills 100] [--workers 2] [--seed 1]`.
+"""Test of killed commands: `python -m benchmarks.kills [--kills 100] [--workers 2] [--seed 1]`.
 
-Every trial starts a command in a folder of its own, ends it at a moment drawn over its duration (by SIGKILL,
-SIGTERM or SIGINT; a command that has ended by then is started anew and ended earlier), and starts the same
-command again. Counted are: files that cannot be read, hidden files
-left, processes that go on, runs of a sweep that were lost or repeated, and numbers that differ from those
-that two undisturbed runs have in common. With `--out FOLDER` each row is kept there, and a campaign goes on
-where it stopped; the table is written to `benchmarks/results/kills.json`.
+Every trial starts a command in a separate folder, ends it at a random time within its duration (by SIGKILL,
+SIGTERM or SIGINT), and starts the same command again. A command that has ended before the signal is started
+again and ended earlier. The study counts unreadable files, remaining hidden files, processes that continue,
+lost or repeated runs of a sweep, and numbers that differ from the common numbers of two undisturbed runs.
+With `--out FOLDER` each row is stored there, so an interrupted campaign can be continued; the table is
+written to `benchmarks/results/kills.json`.
 """
 
 import argparse
@@ -33,17 +33,17 @@ from benchmarks.small_cases import ROOT, small_shot, write_pictures
 
 RESULT = Path(__file__).parent / "results" / "kills.json"
 SIGNALS = {"SIGKILL": 0.5, "SIGTERM": 0.25, "SIGINT": 0.25}
-"""How a command is ended, with its share of the trials."""
+"""Signals and their shares of the trials [-]."""
 CHILDREN = 1.0
-"""Time within which the children of a killed command end [s]."""
+"""Time within which the children of a killed command must end [s]."""
 STOPPED = 3.0
-"""Time within which a command that is told to end has ended [s]."""
+"""Time within which a command must end after a signal [s]."""
 SOONER = 0.7
-"""A command that had ended before its signal gets it at this share of the moment next time."""
+"""Factor on the time of the signal if the command had ended before it [-]."""
 SHOWN = 1500
-"""Most characters of a traceback that a row keeps."""
+"""Largest number of characters of a traceback in a row."""
 LONGEST = 1800.0
-"""Time after which a command is given up [s]."""
+"""Time limit of a command [s]."""
 
 
 @dataclass(frozen=True)
@@ -51,23 +51,23 @@ class Command:
     """A command that is killed."""
 
     words: tuple[str, ...]
-    """What stands behind `kolsky`; FOLDER is its folder."""
+    """Arguments of `kolsky`; FOLDER is its folder."""
     inputs: Callable[[Path], object]
-    """Puts what it reads into its folder."""
+    """Function that makes its inputs in its folder."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What became of one killed command."""
+    """Result of one killed command."""
 
     number: int
-    """Of the trial."""
+    """Number of the trial."""
     command: str
-    """Which one."""
+    """Name of the command."""
     how: str
-    """The signal."""
+    """Name of the signal."""
     share: float
-    """When it was sent, as a share of the undisturbed duration [-]."""
+    """Time of the signal over the undisturbed duration [-]."""
     code: int
     """Exit code of the killed command."""
     stopped: float
@@ -75,7 +75,7 @@ class Trial:
     children: float
     """Time from the command's end to that of the last of its children, without waits for a core [s]."""
     problems: tuple[str, ...]
-    """What is wrong; nothing if all is as it should be."""
+    """Problems; empty if there are none."""
 
 
 def _shot(folder: Path) -> None:
@@ -126,7 +126,7 @@ COMMANDS = {
 }
 """Commands by name."""
 MAKING = {name: threading.Lock() for name in COMMANDS}
-"""Held while a command's inputs are made."""
+"""Locks that are held while a command's inputs are made."""
 
 
 def _start(words: tuple[str, ...], folder: Path) -> subprocess.Popen[str]:
@@ -149,20 +149,20 @@ def _run(words: tuple[str, ...], folder: Path) -> subprocess.CompletedProcess[st
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """What a command does when nobody ends it."""
+    """Result of a command that is not killed."""
 
     seconds: float
-    """How long it takes [s]."""
+    """Duration [s]."""
     numbers: dict[str, str]
-    """Digests of what two runs of it have in common, by file and place."""
+    """Digests of the common contents of two runs, by file and position."""
     runs: int
     """Runs in its ledger; 0 without one."""
 
 
 def _inputs(name: str, base: Path, folder: Path) -> None:
-    """Put what a command reads into a new folder; it is made once for all trials."""
+    """Copy the inputs of a command into a new folder; they are made once for all trials."""
     made = base / f"{name.replace(' ', '-')}-inputs"
-    with MAKING[name]:  # trials side by side: the second waits until all of it is there
+    with MAKING[name]:  # trials run in parallel: a second one waits until the inputs are complete
         if not made.exists():
             made.mkdir(parents=True)
             COMMANDS[name].inputs(made)
@@ -170,7 +170,7 @@ def _inputs(name: str, base: Path, folder: Path) -> None:
 
 
 def undisturbed(name: str, base: Path) -> Undisturbed:
-    """Run a command twice and keep what does not depend on when it ran."""
+    """Run a command twice and return the contents that do not depend on the time of the run."""
     found, seconds, runs = [], [], 0
     for number in range(2):
         folder = base / f"{name.replace(' ', '-')}-undisturbed-{number}"
@@ -189,7 +189,7 @@ def undisturbed(name: str, base: Path) -> Undisturbed:
 
 
 def _kept(name: str, base: Path, out: Path) -> Undisturbed:
-    """What two undisturbed runs have in common, from the folder of the rows if it is there."""
+    """Common contents of two undisturbed runs, read from the folder of the rows if stored."""
     place = out / f"{name.replace(' ', '-')}.json"
     if place.exists():
         return Undisturbed(**json.loads(place.read_text()))
@@ -203,7 +203,7 @@ class Killed:
     """A command that was sent a signal while it ran."""
 
     share: float
-    """When, as a share of the undisturbed duration [-]."""
+    """Time of the signal over the undisturbed duration [-]."""
     code: int
     """Its exit code."""
     said: str
@@ -213,11 +213,12 @@ class Killed:
     children: float
     """Time from its end to that of its last child, without waits for a core [s]."""
     alive: int
-    """Children that were still there ten seconds later."""
+    """Number of children that still existed ten seconds later."""
 
 
 def killed(name: str, how: str, share: float, base: Path, folder: Path, whole: Undisturbed) -> Killed:
-    """Start a command and send it a signal; earlier, in a new folder, if it had ended by then."""
+    """Start a command and send it a signal; if it has ended before, repeat with an earlier signal in a new
+    folder."""
     while True:
         _inputs(name, base, folder)
         run = _start(COMMANDS[name].words, folder)
@@ -236,20 +237,20 @@ def killed(name: str, how: str, share: float, base: Path, folder: Path, whole: U
 
 
 def _begun(one: Killed) -> bool:
-    """Whether the command line had begun; before, the interpreter ends in its own way."""
+    """Whether the command line had started; before that the interpreter handles the signal."""
     itself = one.code in (-2, -15) or (one.code == 1 and str(ROOT) not in one.said)
     return not itself or any("commandline.py" in l and l.endswith("in main") for l in one.said.splitlines())
 
 
 def _of_the_end(one: Killed, how: str, folder: Path) -> list[str]:
-    """What is wrong with how a command ended, and with what it left."""
+    """Problems with the end of a command and with the files that it left."""
     problems = []
     if one.alive or one.children > CHILDREN:
         problems.append(f"{one.alive} children went on, the last for {one.children:.1f} s")
     told = how != "SIGKILL"
     if told and one.stopped > STOPPED:
         problems.append(f"ended {one.stopped:.1f} s after {how}")
-    # 0: it was done when the signal came.
+    # 0: it had finished when the signal arrived.
     expected = {"SIGKILL": (-9, 0), "SIGTERM": (143, 0), "SIGINT": (130, 0)}[how]
     if _begun(one) and one.code not in expected:
         problems.append(f"exit code {one.code} after {how}")
@@ -262,7 +263,7 @@ def _of_the_end(one: Killed, how: str, folder: Path) -> list[str]:
 
 
 def trial(number: int, name: str, how: str, share: float, base: Path, whole: Undisturbed) -> Trial:
-    """Kill a command at a share of its duration, start it again, and look at what there is."""
+    """Kill a command at a share of its duration, start it again, and check the result."""
     folder = base / f"trial-{number:03d}"
     one = killed(name, how, share, base, folder, whole)
     problems = _of_the_end(one, how, folder)
@@ -306,17 +307,8 @@ def table(record: dict[str, Any]) -> str:
 
 
 def recorded(seed: int, trials: list[Trial], seconds: dict[str, float]) -> dict[str, Any]:
-    """The record: by command how often it was ended how, and what was wrong.
-
-    Parameters
-    ----------
-    seed
-        Of the campaign.
-    trials
-        All of them.
-    seconds
-        Undisturbed duration by command [s].
-    """
+    """The record: by command the numbers of signals of each kind, the undisturbed duration [s], and the
+    problems."""
     rows = {}
     for name, duration in seconds.items():
         own = [one for one in trials if one.command == name]
@@ -332,7 +324,7 @@ def recorded(seed: int, trials: list[Trial], seconds: dict[str, float]) -> dict[
 
 
 def main() -> int:
-    """Run the campaign; 1 if anything was wrong."""
+    """Run the campaign; returns 1 if there was a problem."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -348,7 +340,8 @@ def main() -> int:
         if said.out is None:
             parser.error("--collect needs --out FOLDER")
         return _written(said, *_collected(said.out, said.seed))
-    # A shell that starts this in the background has it ignored, and what is started here would inherit that.
+    # A shell that starts this in the background sets SIGINT to be ignored, which child processes would
+    # inherit.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     rng = random.Random(said.seed)
     names = [name for name in COMMANDS if said.only in name]
@@ -358,7 +351,7 @@ def main() -> int:
     ]
     out = said.out or Path(tempfile.mkdtemp(prefix="kills-"))
     out.mkdir(parents=True, exist_ok=True)
-    base = out / "work"  # what the commands read stays there, so that all rows are of the same inputs
+    base = out / "work"  # the commands' inputs stay there, so that all rows have the same inputs
     for left in (*base.glob("trial-*"), *base.glob("*-undisturbed-*")):
         shutil.rmtree(left)
     with ThreadPoolExecutor(said.workers) as pool:
@@ -388,14 +381,14 @@ def _row(path: Path) -> Trial:
 
 
 def _collected(out: Path, seed: int) -> tuple[list[Trial], dict[str, float]]:
-    """The rows of a campaign that are there, and the undisturbed durations [s]."""
+    """The stored rows of a campaign, and the undisturbed durations [s]."""
     trials = [_row(path) for path in sorted(out.glob(f"{seed}-*.json"))]
     kept = {name: out / f"{name.replace(' ', '-')}.json" for name in COMMANDS}
     return trials, {n: json.loads(p.read_text())["seconds"] for n, p in kept.items() if p.exists()}
 
 
 def _written(said: argparse.Namespace, trials: list[Trial], seconds: dict[str, float]) -> int:
-    """Write and print the record; 1 if anything was wrong."""
+    """Write and print the record; returns 1 if there was a problem."""
     record = recorded(said.seed, trials, seconds)
     said.record.write_text(json.dumps(record, indent=1) + "\n")
     print(table(record))

@@ -1,6 +1,6 @@
-"""Kernels that do one thing as fast as the device can: independent fused multiply-adds, or shared memory.
+"""Kernels that measure one limit of a device: independent fused multiply-adds, or reads of shared memory.
 
-They are native snippets in Warp kernels, so the compiler is the one that every user has.
+They are native snippets in Warp kernels, compiled with Warp's compiler as the solver is.
 """
 
 from functools import cache
@@ -14,9 +14,10 @@ from explicit.simd.kernel import FLAGS, PACK_BYTES
 THREADS = 256
 """Threads of a block on a GPU."""
 POOL_BYTES = 32_768
-"""Shared memory that a block reads from: what its threads read in one turn, so that none is read twice."""
+"""Shared memory of a block [bytes]: the amount that its threads read in one iteration, so that nothing is
+read twice."""
 READS = 16
-"""Reads of a thread from shared memory in one turn of the loop."""
+"""Reads of a thread from shared memory in one iteration of the loop."""
 
 _CPU = """
     typedef SCALAR pack __attribute__((ext_vector_type(LANES)));
@@ -59,13 +60,13 @@ _SHARED = """
 
 
 def lanes(precision: Precision) -> int:
-    """Lanes of a pack on a CPU, those of the solver."""
+    """Number of lanes of a pack on a CPU, as in the solver."""
     return PACK_BYTES // int(precision.dtype().itemsize)
 
 
 @cache
 def fma_kernel(precision: Precision, chains: int, cuda: bool) -> Any:
-    """Kernel ``(turns, first, out)``: `turns` times `chains` multiply-adds, a chain waiting for itself only.
+    """Kernel ``(turns, first, out)``: `turns` times `chains` multiply-adds in independent chains.
 
     A launch index is one thread of a GPU, or one pack of a CPU.
     """
@@ -89,7 +90,7 @@ def fma_kernel(precision: Precision, chains: int, cuda: bool) -> Any:
 
 @cache
 def shared_kernel(precision: Precision) -> Any:
-    """Kernel ``(turns, first, out)``: a thread reads `READS` numbers a turn, no two of one bank."""
+    """Kernel ``(turns, first, out)``: a thread reads `READS` numbers per iteration without bank conflicts."""
     snippet = _SHARED.replace("SCALAR", "double" if precision.name == "fp64" else "float")
     for name, value in (("POOL_BYTES", POOL_BYTES), ("THREADS", THREADS), ("READS", READS)):
         snippet = snippet.replace(name, str(value))

@@ -1,10 +1,10 @@
-"""What a device can do at most, measured in the same run as the solver.
+"""Performance limits of a device, measured in the same run as the solver.
 
-The limit of arithmetic is the rate of independent fused multiply-adds at the solver's own width, over as many
-of them as an element update has arithmetic instructions (`benchmarks.counting`). Nothing that updates
-elements with those instructions can be faster; divisions and roots, which take several times as long as a
-multiply-add, waiting for earlier results and for memory keep it slower. On a GPU the same is done with the
-bandwidth of shared memory and the bytes that an update moves there.
+The arithmetic limit is the rate of independent fused multiply-adds at the solver's vector width, divided by
+the number of arithmetic instructions of an element update (`benchmarks.counting`). No program with these
+instructions can be faster. Real programs are slower because of divisions and roots, which take several times
+as long as a multiply-add, and because of latencies of results and memory. On a GPU a second limit is the
+bandwidth of shared memory divided by the bytes that an update moves there.
 """
 
 import time
@@ -21,52 +21,38 @@ from benchmarks.limit_kernels import READS, THREADS, fma_kernel, lanes, shared_k
 from explicit.precision import Precision
 
 CHAINS = (4, 8, 12, 16)
-"""Chains tried: enough to fill the pipes of any processor, few enough for its registers; the best counts."""
+"""Numbers of chains: enough to fill a processor's pipelines, few enough for its registers; the best result is
+used."""
 BLOCKS = 8
-"""Blocks on each multiprocessor of a GPU: as many threads as it holds."""
+"""Blocks on each multiprocessor of a GPU, enough for its largest number of threads."""
 SECONDS = 0.05
-"""How long a measurement runs, about."""
+"""Approximate duration of a measurement [s]."""
 REPEATS = 5
-"""Measurements of each; the best counts."""
+"""Number of measurements; the best one is used."""
 NUMBERS_MOVED = 40
-"""Real numbers that an element update moves to or from a simulation's fields, by hand from
-`explicit.time_loop.kernel`: displacements and velocities of four corners 16, their forces 8; with the one
-node to each element, four corners gathered 8, its velocity and displacement read and written 8."""
+"""Real numbers that an element update moves to or from a simulation's fields, counted by hand from
+`explicit.time_loop.kernel`. Displacements and velocities of four corners: 16; their forces: 8. For the one
+node per element: 8 for the forces of four corners, 8 for reading and writing its velocity and
+displacement."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """The most of something that a device was seen to do."""
+    """A measured limit of a device."""
 
     name: str
-    """What limits."""
+    """Name of the limit."""
     rate: float
-    """How much a second, in `unit`."""
+    """Rate per second, in `unit`."""
     unit: str
-    """Of `rate`."""
+    """Unit of `rate`."""
     updates: float
-    """Element updates that this allows [1/s]."""
+    """Element updates per second at this limit [1/s]."""
 
 
 def limits(device: Any, numbers: Precision, instructions: float, threads: int) -> list[Limit]:
-    """Measure a device's limits.
-
-    Parameters
-    ----------
-    device
-        A Warp device.
-    numbers : Precision
-        Arithmetic.
-    instructions : float
-        Arithmetic instructions of an element update.
-    threads : int
-        CPU threads; a GPU is used whole.
-
-    Returns
-    -------
-    list of Limit
-        Of arithmetic; on a GPU of shared memory too.
-    """
+    """Measure a device's limits for an element update of a number of arithmetic instructions: of arithmetic,
+    and on a GPU also of shared memory; ``threads`` are those of a CPU."""
     if not device.is_cuda:
         rate = _fma_cpu(device, numbers, threads)
         return [Limit("SIMD arithmetic", rate, "multiply-adds/s", rate / instructions)]

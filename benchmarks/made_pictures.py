@@ -1,8 +1,8 @@
-"""Time of the pictures of a made shot: `python -m benchmarks.made_pictures`.
+"""Time for rendering the pictures of a synthetic shot: `python -m benchmarks.made_pictures`.
 
-With `--size 512 --frames 200 --device cuda`: larger ones on a GPU. The surface is that of a barrelled
-cylinder pressed to half its length by formula, so that no simulation is timed: paint, rays, lens, noise and
-rounding of both cameras, and the calibration series beside them. Kernels are compiled before.
+With `--size 512 --frames 200 --device cuda`: larger pictures on a GPU. The surface is a barrelled cylinder,
+compressed to half its length by a formula, so no simulation is timed. The time includes paint, rays, lens,
+noise and rounding for both cameras, and the calibration series. Kernels are compiled before.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from kolsky.virtual.truth import SurfaceHistory
 
 
 def surface(frames: int, q: Specification) -> SurfaceHistory:
-    """A specimen at rest for 12 frames, then pressed at an even speed to half its length; 129 nodes."""
+    """A specimen at rest for 12 frames, then compressed at constant speed to half its length; 129 nodes."""
     time = (np.arange(frames) - 11.0) / q.frames.rate
     d = np.clip(time / time[-1], 0.0, 1.0) * 0.5 * q.specimen.length
     share = np.linspace(0.0, 1.0, 129)

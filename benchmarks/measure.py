@@ -13,7 +13,7 @@ from explicit import Stepping
 
 @dataclass(frozen=True)
 class Measurement:
-    """One batch: what was run, how long it took, and what came out."""
+    """One batch: problem, time and results."""
 
     contact: str
     """Contact law of faces and side."""
@@ -22,16 +22,16 @@ class Measurement:
     runs: int
     """Simulations of the batch."""
     seconds: float
-    """Best wall time [s], to the host and with everything recorded."""
+    """Minimum wall time [s], including all records and the transfer to the host."""
     time_loops: float
-    """Time of a further run's time loops on a GPU, a sum where a batch is launched in parts [s]; NaN on a
-    CPU. The rest of `seconds` is the host's, and the way to it."""
+    """Time of the time loops of a further run on a GPU, summed over the parts of a batch [s]; NaN on a CPU.
+    The difference to `seconds` is the time of the host and of the transfer."""
     updates: float
-    """Element updates a second [1/s]."""
+    """Element updates per second [1/s]."""
     same_bits: bool
-    """Whether the repeats gave the same forces, bit for bit."""
+    """Whether the forces of all repeats are bitwise equal."""
     first_call: float
-    """Wall time of the first run of this kind, compilation or its cache included [s]."""
+    """Wall time of the first run of this kind, including compilation or loading from the cache [s]."""
     response: explicit.Response
     """The histories."""
 
@@ -45,7 +45,7 @@ def measure(
     repeats: int,
     bound: str = Stepping.bound,
 ) -> Measurement:
-    """Run a batch `repeats` times, with the step bound of `explicit.Stepping`; the best time counts."""
+    """Run a batch `repeats` times with a step bound of `explicit.Stepping`; the minimum time is used."""
     problem, batch = model(mesh, contact), samples(runs)
     stepping = Stepping(precision=precision, bound=bound)  # type: ignore[arg-type]
     seconds, results = [], []

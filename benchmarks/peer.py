@@ -1,9 +1,10 @@
-"""The same problem in CalculiX: its cost beside the solver's, in the same run, and how its force compares.
+"""The same problem in CalculiX: its time compared with the solver's in the same run, and its force.
 
-CalculiX (`ccx`, G. Dhondt and K. Wittig) is used implicitly, as one would: its `*DYNAMIC, EXPLICIT` stalls on
-elements that touch the axis. It runs a share of the time, and a whole run is taken to cost as much a step
-(1400 steps took 31.1 s where the first 100 had promised 30.9 s). Compared is the force on the transmission
-platen, which rests, so that no inertia of the face's nodes is in it.
+CalculiX (`ccx`, G. Dhondt and K. Wittig) is used with implicit time integration, because its `*DYNAMIC,
+EXPLICIT` stalls on elements that touch the axis. It simulates part of the time; for a complete run the same
+time per step is assumed (1400 steps took 31.1 s, extrapolation from the first 100 gave 30.9 s). The force on
+the transmission platen is compared; this platen is at rest, so the force contains no inertia of the face's
+nodes.
 """
 
 import os
@@ -24,29 +25,29 @@ from benchmarks.problem import END, POISSON, FloatArray, model
 STEP = 1e-6
 """[s]"""
 WINDOW = 100e-6
-"""Simulated time unless told otherwise [s]."""
+"""Default simulated time [s]."""
 LONGEST = 3600.0
-"""A peer that takes longer is stopped [s]."""
+"""Time limit of CalculiX [s]."""
 
 
 class PeerError(RuntimeError):
-    """The peer did not do what it was asked."""
+    """CalculiX failed."""
 
 
 @dataclass(frozen=True)
 class Peer:
-    """What CalculiX needed, and how its forces compare."""
+    """Time of CalculiX and comparison of its forces."""
 
     version: str
-    """As the program says it."""
+    """Version that the program reports."""
     window: float
     """Simulated time [s]."""
     step: float
-    """Its step [s]."""
+    """Its time step [s]."""
     seconds: float
     """Wall time of the window [s]."""
     whole_run: float
-    """Wall time of a run to the problem's end, the window's step cost throughout [s]."""
+    """Wall time of a run to the problem's end with the time per step of the window [s]."""
     largest_force: float
     """Largest force on the transmission platen within the window, of the solver [N]."""
     largest_difference: float
@@ -55,29 +56,20 @@ class Peer:
     """Root of its mean square [N]."""
 
     def cost(self, runs: int, cores: int) -> float:
-        """Seconds for so many runs on so many cores, each on one: more make a run of this size no faster."""
+        """Time of a number of runs, one core each [s]; more cores do not make a run of this size faster."""
         return float(np.ceil(runs / cores)) * self.whole_run
 
 
 def program() -> str | None:
-    """Path of `ccx`, or None where there is none."""
+    """Path of `ccx`, or None if it is not installed."""
     return shutil.which("ccx")
 
 
 def measure_peer(mesh: tuple[int, int], *, window: float = WINDOW, step: float = STEP) -> Peer:
     """Run the bonded, undamped problem in CalculiX and compare the forces.
 
-    Parameters
-    ----------
-    mesh : (int, int)
-        Elements across and along.
-    window, step : float
-        Simulated time and step [s].
-
-    Raises
-    ------
-    PeerError
-        If there is no `ccx` on the PATH, or it fails or does not print a force for every step.
+    ``mesh``: elements across and along. ``window``, ``step``: simulated time and step [s]. PeerError if `ccx`
+    is not on the PATH, fails, or does not print a force for every step.
     """
     path = program()
     if path is None:

@@ -1,8 +1,9 @@
-"""Do made pictures look like others? `python -m benchmarks.picture_look SHOT OTHER --figure FILE.png`.
+"""Comparison of synthetic and real pictures: `python -m benchmarks.picture_look SHOT OTHER --figure
+FILE.png`.
 
-Of the pictures of each shot's two cameras at rest: grey values, speckles, noise, and the spectra of both. The
-measures are those that the package judges any pictures by (`dic.images`); the figure shows pairs of both
-shots at rest and late in the test on one grey scale, their histograms and spectra.
+For the pictures at rest of each shot's two cameras the command prints grey values, speckles, noise, and the
+spectra of pattern and noise. The measures are those of the package's picture checks (`dic.images`). The
+figure shows pairs of both shots at rest and late in the test on one grey scale, with histograms and spectra.
 """
 
 import argparse
@@ -18,33 +19,33 @@ from numpy.typing import NDArray
 from dic.images import grey_noise, open_pictures, speckle_quality
 
 STATIC = 10
-"""Frames at rest that are looked at."""
+"""Number of frames at rest that are used."""
 OCTAVES = ((0.0, 1 / 16), (1 / 16, 1 / 8), (1 / 8, 1 / 4), (1 / 4, 1 / 2))
 """Bands of the spectrum [cycles/px]."""
 PERCENTILES = (1, 10, 50, 90, 99)
 SUBSET = 21
 LATE = 0.75
-"""Which of the frames the figure shows beside the first, as a share of their number."""
+"""Late frame of the figure, as a share of the number of frames [-]."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Look:
-    """What one camera's pictures look like."""
+    """Measures of one camera's pictures."""
 
     first: Floats
     """Mean of the frames at rest over the largest grey value, shape [rows, columns]."""
     late: Floats
     """A late frame over the largest grey value, shape [rows, columns]."""
     region: tuple[slice, slice]
-    """Rows and columns of the specimen that are judged."""
+    """Rows and columns of the evaluated region of the specimen."""
     frequency: Floats
-    """Middles of the rings of the spectra [cycles/px], shape [n]."""
+    """Central frequencies of the rings of the spectra [cycles/px], shape [n]."""
     pattern: Floats
-    """Spectrum of the pattern, noise taken off, over its sum, shape [n]."""
+    """Spectrum of the pattern after subtraction of the noise, over its sum, shape [n]."""
     noise: Floats
-    """Spectrum of the noise over its mean, shape [n]: 1 everywhere if it is white."""
+    """Spectrum of the noise over its mean, shape [n]; 1 everywhere for white noise."""
     numbers: dict[str, Any]
     """Measures by name."""
 
@@ -67,7 +68,7 @@ def power(picture: Floats) -> Floats:
 
 
 def look(path: Path, share: float, bits: int) -> Look:
-    """Judge a picture series; `share` of the picture around its middle is taken for the specimen."""
+    """Evaluate a picture series; the central `share` of the picture is assumed to show the specimen."""
     pictures = open_pictures(path, bits=bits)
     top = 2.0**pictures.bits - 1.0
     frames = np.stack([pictures.frame(k) for k in range(STATIC)]).astype(np.float64)
@@ -84,7 +85,7 @@ def look(path: Path, share: float, bits: int) -> Look:
     own *= cut.mean() ** 2 * STATIC / (STATIC - 1)
     frequency, noisy = radial(own)
     _, seen = radial(power(cut))
-    pattern = np.maximum(seen - noisy / STATIC, 0.0) * frequency  # a ring's length
+    pattern = np.maximum(seen - noisy / STATIC, 0.0) * frequency  # length of a ring
     bands = [float(pattern[(frequency >= a) & (frequency < b)].sum() / pattern.sum()) for a, b in OCTAVES]
     grey = np.percentile(cut / top, PERCENTILES)
     numbers = {
@@ -110,7 +111,7 @@ def look(path: Path, share: float, bits: int) -> Look:
 
 
 def draw(path: Path, looks: dict[str, list[Look]]) -> None:
-    """Pairs of pictures on one grey scale; histograms; spectra."""
+    """Draw pairs of pictures on one grey scale, histograms and spectra."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -149,7 +150,7 @@ def draw(path: Path, looks: dict[str, list[Look]]) -> None:
 
 
 def main() -> int:
-    """Print the measures of all pictures beside each other, as JSON or as a table."""
+    """Print the measures of all pictures in one table, or as JSON."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("shots", nargs="+", type=Path, help="folders with cam0.tif and cam1.tif")
     parser.add_argument("--names", default="", help="names for the table, separated by commas")

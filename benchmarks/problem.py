@@ -1,7 +1,6 @@
 """The benchmarks' problem: a flyer test on a Yeoh-like elastomer, varied over stiffness factor and friction.
 
-Like `runs/open-01`: deviatoric damping, nu = 0.499, 55 % compression in 1.4 ms, steps that follow the
-deformation.
+Like `runs/open-01`: deviatoric damping, nu = 0.499, 55 % compression in 1.4 ms, variable time steps.
 """
 
 import numpy as np
@@ -24,17 +23,17 @@ POISSON = 0.499
 DAMPING = 2.5e-5
 """beta [s]"""
 SPEED, RAMP = 2.6, 50e-6
-"""Speed of the flyer [m/s], and how long it takes to get there [s]."""
+"""Speed of the flyer [m/s], and the time in which it is reached [s]."""
 END = 1.4e-3
 """[s]"""
 SAMPLING = explicit.Sampling(
     force_times=np.linspace(0.0, END, 169), surface_times=np.linspace(END / 168, END, 168), ledger_every=16
 )
-"""What the runs of a factorial record: forces and outlines at 168 times, the ledger at every sixteenth."""
+"""Records of the runs: forces and outlines at 168 times, energies at every sixteenth of them."""
 
 
 def stroke(t: FloatArray) -> FloatArray:
-    """Path of the flyer [m] at t [s], of t's shape: a smooth ramp of its speed, then SPEED."""
+    """Path of the flyer [m] at t [s], same shape as t: a smooth ramp of its speed, then SPEED."""
     s = np.clip(t / RAMP, 0.0, 1.0)
     return SPEED * (RAMP * (2.5 * s**4 - 3.0 * s**5 + s**6) + np.maximum(t - RAMP, 0.0))
 
@@ -71,7 +70,7 @@ def model(mesh: tuple[int, int], contact: str) -> explicit.Model:
 
 
 def samples(n: int) -> explicit.Samples:
-    """A square factorial over m in [0.75, 1.25] and f in [0, 2], filled row by row."""
+    """The first n points, row by row, of a square factorial design over m in [0.75, 1.25] and f in [0, 2]."""
     side = int(np.ceil(np.sqrt(n)))
     m, f = np.meshgrid(np.linspace(0.75, 1.25, side), np.linspace(0.0, 2.0, side))
     if n == 1:

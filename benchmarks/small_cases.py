@@ -1,4 +1,5 @@
-"""Small inputs of `benchmarks.kills` and `benchmarks.soak`: what grows or breaks does so with the calls."""
+"""Small inputs of `benchmarks.kills` and `benchmarks.soak`: leaks and failures depend on the number of
+calls."""
 
 import shutil
 from pathlib import Path
@@ -8,13 +9,13 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 END = "250 us"
-"""End of the time that is simulated of a small shot; open-01 has 1.4 ms."""
+"""End of the simulated time of a small shot; open-01 has 1.4 ms."""
 FRAMES = 8
-"""Every so many frames of its moving outline are kept."""
+"""One frame in this number of frames of its moving outline is kept."""
 
 
 def small_shot(folder: Path) -> Path:
-    """A folder with the shot open-01, shorter and with fewer points, without any results."""
+    """Make a folder with the shot open-01, shorter and with fewer points, without results."""
     shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
     declared = folder / "shot.toml"
     declared.write_text(declared.read_text().replace('# end = "1.4 ms"', f'end = "{END}"'))
@@ -27,17 +28,8 @@ def small_shot(folder: Path) -> Path:
 
 
 def write_pictures(folder: Path, *, frames: int = 24, size: tuple[int, int] = (160, 220)) -> None:
-    """A plane measurement: speckles that move, with its file of settings.
-
-    Parameters
-    ----------
-    folder
-        Where they go.
-    frames
-        How many pictures.
-    size
-        Their height and width [px].
-    """
+    """Write the pictures of a plane measurement, moving speckles of a height and width [px], and its file of
+    settings."""
     speckles = cv2.GaussianBlur(np.random.default_rng(4).normal(128.0, 400.0, size), (0, 0), 2.0)
     for number in range(frames):
         moved = np.array([[1, 0, 0.25 * number], [0, 1, -0.1 * number]], dtype=np.float32)

@@ -1,11 +1,11 @@
-"""An hour of work in one process: `python -m benchmarks.soak --seconds 3600 [--workers N] [--record FILE]`.
+"""Endurance test of one process: `python -m benchmarks.soak --seconds 3600 [--workers N] [--record FILE]`.
 
-Each worker is one process that sweeps, identifies and correlates in turn for so long, always the same
-questions, each as small as the commands take it (see `tasks`): what grows does so with the number of calls.
-After each round it notes its resident memory, its open handles and the digests of the numbers, a line each in
-`--rows FOLDER`, so that nothing is lost when it is stopped; `--collect` judges the lines that are there.
-Memory and handles must not grow from the second tenth of the rounds on, and every round of a worker must give
-the same bits; `benchmarks/results/soak.json` keeps what was found and how often each was done.
+Each worker is one process that repeats sweeps, identifications and correlations for the given time. The tasks
+are always the same and as small as possible (see `tasks`), because leaks depend on the number of calls. After
+each round it writes a line with its resident memory, its open handles and the digests of the numbers to
+`--rows FOLDER`, so that nothing is lost if it is interrupted; `--collect` evaluates the existing lines.
+Memory and handles must not grow after the first tenth of the rounds, and every round of a worker must give
+the same bits. `benchmarks/results/soak.json` stores the results and the number of calls.
 """
 
 import argparse
@@ -27,16 +27,17 @@ from kolsky.base.process import process_pool
 
 RESULT = Path(__file__).parent / "results" / "soak.json"
 SETTLED = 0.1
-"""Share of the rounds after which memory is taken as settled: libraries load and caches fill before."""
+"""Share of the rounds after which memory must be constant; before it libraries load and caches fill [-]."""
 GROWTH = 0.02
-"""Largest growth of the resident memory from then to the end, as a share of it; a leak of one array a round
-is more than that in a hundred rounds."""
+"""Largest relative growth of the resident memory from then to the end [-]; a leak of one array per round
+exceeds it in a hundred rounds."""
 ROUND = {"sweep": 1000, "identify": 1, "outline": 1, "dic": 1}
-"""Sweep runs, identifications without and with an outline, and correlations of a round; see `every`."""
+"""Numbers of sweep runs, identifications without and with an outline, and correlations of a round; see
+`EVERY`."""
 EVERY = {"sweep": 1, "identify": 1, "outline": 20, "dic": 5}
-"""In every how many rounds each is done."""
+"""Interval, in rounds, at which each task is done."""
 MESH, REFINED = (4, 6), (6, 8)
-"""Elements across the radius and along the length, of the runs and of the answer."""
+"""Elements across the radius and along the length: mesh of the runs and of the answer."""
 
 
 def _digest(*arrays: Any) -> str:
@@ -47,7 +48,7 @@ def _digest(*arrays: Any) -> str:
 
 
 def tasks(folder: Path) -> dict[str, Callable[[], str]]:
-    """What a round does: name -> a function that works and returns the digest of its numbers."""
+    """Tasks of a round by name: functions that run and return the digest of their numbers."""
     from doe import Box
     from doe.designs.space_filling import latin_hypercube
     from kolsky.identification import identify
@@ -101,17 +102,8 @@ def tasks(folder: Path) -> dict[str, Callable[[], str]]:
 
 
 def work(number: int, seconds: float, least: int, rows: Path) -> None:
-    """The rounds of one worker, a line each: what was done, memory [bytes], handles, digests.
-
-    Parameters
-    ----------
-    number
-        Of the worker.
-    seconds, least
-        It ends after so long, but not before so many rounds.
-    rows
-        Folder of the lines.
-    """
+    """Run the rounds of one worker and write one line for each: tasks, memory [bytes], handles, digests; for
+    `seconds` [s], but at least `least` rounds."""
     process = psutil.Process()
     count = 0
     with tempfile.TemporaryDirectory(prefix="soak-") as place:
@@ -131,24 +123,19 @@ def work(number: int, seconds: float, least: int, rows: Path) -> None:
 
 
 def collected(rows: Path) -> list[list[dict[str, Any]]]:
-    """The rounds of every worker that has lines in a folder."""
+    """The rounds of every worker with lines in a folder."""
     files = sorted(rows.glob("*.jsonl"))
     return [[json.loads(line) for line in file.read_text().splitlines()] for file in files]
 
 
 def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
-    """Growth of memory and handles of one worker once settled, and how many digests each task gave.
-
-    Parameters
-    ----------
-    rounds
-        As `work` returns them.
-    """
+    """Growth of memory and handles of one worker after the first rounds, and number of different digests of
+    each task."""
     settled = rounds[max(1, int(SETTLED * len(rounds))) :]
     memory = np.array([one["memory"] for one in settled], dtype=np.float64)
     handles = [one["handles"] for one in settled]
     third = max(1, len(settled) // 3)
-    # Medians of the first and the last third: one round more or less under way is no growth.
+    # Medians of the first and the last third, so that single rounds have no influence.
     first, last = np.median(memory[:third]), np.median(memory[-third:])
     found: dict[str, set[str]] = {}
     for one in rounds:
@@ -166,15 +153,9 @@ def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def recorded(workers: list[list[dict[str, Any]]]) -> dict[str, Any]:
-    """What was found over all workers, with what was grown and what differed.
-
-    Parameters
-    ----------
-    workers
-        The rounds of each, as `work` writes them.
-    """
+    """Results over all workers, from the rounds that `work` writes, with growth and differences."""
     found = [judged(rounds) for rounds in workers]
-    # The same question to several processes has the same answer too.
+    # The same task must also have the same result in all processes.
     digests: dict[str, set[str]] = {}
     for one in (one for rounds in workers for one in rounds):
         for name, digest in one["digests"].items():
@@ -196,7 +177,7 @@ def recorded(workers: list[list[dict[str, Any]]]) -> dict[str, Any]:
 
 
 def table(record: dict[str, Any]) -> str:
-    """The record in words."""
+    """The record as text."""
     done = record["done"]
     workers = record["workers"]
     memory = [one["memory [MB]"] for one in workers]
@@ -219,7 +200,7 @@ def table(record: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Work for so long and write the record; 1 if memory or handles grew or bits differed."""
+    """Run the test and write the record; returns 1 if memory or handles grew or bits differed."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

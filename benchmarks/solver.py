@@ -1,14 +1,14 @@
-"""The solver's speed beside what the device can do, and beside CalculiX.
+"""The solver's speed compared with the limits of the device and with CalculiX.
 
     python -m benchmarks.solver                              # CPU, fp64 and fp32
     python -m benchmarks.solver --device cuda                # a GPU
     python -m benchmarks.solver --save cpu.npz               # also keep the histories ...
     python -m benchmarks.solver --device cuda --compare cpu.npz   # ... and compare with them
 
-It prints runs, seconds, element updates a second and the fraction of the limit that the same run measures
-(`benchmarks.limits`); then, if there is `ccx` on the PATH, what the bonded problem costs there
+It prints runs, seconds, element updates per second and their fraction of the limit that the same run measures
+(`benchmarks.limits`). If `ccx` is on the PATH, it also prints the time of the bonded problem in CalculiX
 (`benchmarks.peer`). The problem is in `benchmarks.problem`, with bonded platens and with Coulomb friction on
-the faces and on the side surface. Let nothing else run meanwhile.
+the faces and on the side surface. Run nothing else at the same time.
 """
 
 import argparse

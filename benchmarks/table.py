@@ -1,4 +1,4 @@
-"""The table as text and as JSON: what was measured, the limits, the peer; no names of machines, no dates."""
+"""The table as text and as JSON: measurements, limits, CalculiX; without names of machines and dates."""
 
 import os
 import platform
@@ -19,12 +19,12 @@ HEAD = (
 
 
 def is_busy() -> bool:
-    """Whether more than half of a core was at work in the last minute, where the system says so."""
+    """Whether more than half of a core was busy in the last minute, if the system reports this."""
     return hasattr(os, "getloadavg") and os.getloadavg()[0] > 0.5
 
 
 def line(m: Measurement, limits: list[Limit]) -> str:
-    """One row of the table; the fraction is that of the lowest limit, of the whole device."""
+    """One row of the table, with the fraction of the lowest limit of the whole device."""
     limit = min(limits, key=lambda item: item.updates)
     return (
         f"{m.contact:8} {m.precision:9} {m.runs:6d} {m.seconds:9.4f} {m.time_loops:11.4f}"
@@ -33,7 +33,7 @@ def line(m: Measurement, limits: list[Limit]) -> str:
 
 
 def cost_line(cost: Cost) -> str:
-    """What an element update consists of."""
+    """Arithmetic of an element update, as text."""
     return (
         f"An element update: {cost.operations:.0f} floating-point operations in {cost.instructions:.0f} "
         f"instructions with fused products, {cost.divisions:.1f} divisions and roots among them"
@@ -51,7 +51,7 @@ def limit_lines(limits: dict[str, list[Limit]]) -> list[str]:
 
 
 def peer_lines(peer: Peer, measurements: list[Measurement], cores: int) -> list[str]:
-    """The peer's cost and forces, and its ratio to every bonded fp64 batch."""
+    """Time and forces of CalculiX, and the ratio of its time to that of every bonded fp64 batch."""
     steps = round(peer.window / peer.step)
     lines = [
         f"CalculiX {peer.version}, bonded: {peer.seconds:.2f} s for {steps} steps of {peer.step * 1e6:g} us,"
@@ -76,7 +76,7 @@ def as_json(
     peer: Peer | None,
     kept: Histories,
 ) -> dict[str, Any]:
-    """Everything measured, for `benchmarks/results`."""
+    """All measurements for `benchmarks/results`."""
     cores = os.cpu_count() or 1
     text: dict[str, Any] = {
         "machine": {"device": device, "processor": platform.machine(), "cores": cores},
@@ -113,7 +113,8 @@ def as_json(
 
 
 def page_table(made: dict[str, Any]) -> str:
-    """What `as_json` has made, as a page shows it: a row a batch, and the ratio of the peer if it ran."""
+    """The result of `as_json` as the table of a page: one row for each batch, with the ratio of CalculiX if
+    it ran."""
     ratios = made.get("peer", {}).get("times_as_long", {})
     heads = ["contact", "precision", "runs", "seconds", "of these in time loops"]
     heads += ["million element updates a second", "of the limit", *(["CalculiX takes"] if ratios else [])]
@@ -121,7 +122,7 @@ def page_table(made: dict[str, Any]) -> str:
     lines.append("| --- " * len(heads) + "|")
     for row in made["rows"]:
         updates, loops = row["million_element_updates_per_s"], row.get("time_loop_seconds")
-        fraction = max(row["fraction_of"].values())  # the lower limit is the nearer one
+        fraction = max(row["fraction_of"].values())  # the lower limit is the relevant one
         cells = [row["contact"], row["precision"], str(row["runs"]), f"{row['seconds']:.3g}"]
         cells += ["–" if loops is None else f"{loops:.3g}"]
         cells += [f"{updates:.3g}" if updates < 1000.0 else f"{updates:.0f}", f"{100.0 * fraction:.2g} %"]
@@ -137,7 +138,7 @@ def _comparable(measurements: list[Measurement]) -> list[Measurement]:
 
 
 def _is_peers(contact: str, precision: str) -> bool:
-    """Whether the peer computes the same: without sliding, in double precision."""
+    """Whether CalculiX solves the same problem: without sliding, in double precision."""
     return contact == "bonded" and precision == "fp64"
 
 

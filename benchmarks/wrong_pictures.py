@@ -1,7 +1,8 @@
-"""A sheet of pictures, each wrong in one way: `python -m benchmarks.wrong_pictures --figure FILE.png`.
+"""A sheet of pictures with one defect each: `python -m benchmarks.wrong_pictures --figure FILE.png`.
 
-Every key of [cameras], [optics] and [speckle] that spoils a picture, one at a time, at a size that shows: the
-first frame of camera 0 and a late one. Prints how far each is from the picture with nothing wrong.
+Every key of [cameras], [optics] and [speckle] that degrades a picture is applied separately, at a visible
+size: the first frame of camera 0 and a late one. Prints the difference of each picture from the one without
+defects.
 """
 
 import argparse
@@ -18,7 +19,8 @@ from kolsky.virtual.schema import Specification
 from kolsky.virtual.truth import SurfaceHistory
 
 FRAMES, SHOWN = 16, [0, 11, 15]
-"""Frames of the motion, and those that are made: the first and the last are shown."""
+"""Number of frames of the motion, and indices of those that are rendered; the first and the last are
+shown."""
 WRONG: dict[str, dict[str, Any]] = {
     "nothing wrong": {},
     "motion blur": {"optics": {"exposure": "150 us"}},
@@ -52,7 +54,7 @@ WRONG: dict[str, dict[str, Any]] = {
     "off centre": {"cameras": {"aside": "3 mm"}},
     "flyer pitches": {"imperfections": {"tilt": "8 deg"}},
 }
-"""Name of the fault -> the tables of the specification that make it."""
+"""Tables of the specification by name of the defect."""
 
 
 def pictures(tables: dict[str, Any], *, device: str = "cpu", threads: int = 1) -> NDArray[np.floating]:

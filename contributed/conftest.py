@@ -1,4 +1,4 @@
-"""The repository's root on the path: `contributed` is not installed, and tests share helpers."""
+"""Adds the repository's root to the path: `contributed` is not installed, and tests share helpers."""
 
 import sys
 from pathlib import Path

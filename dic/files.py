@@ -137,7 +137,7 @@ KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
-"""Types of file other than regular ones, in words."""
+"""Names of the types of file other than regular ones."""
 
 
 def regular(path: Path | str) -> Path:
@@ -146,8 +146,8 @@ def regular(path: Path | str) -> Path:
     Reading from a pipe without a writer never returns, reading from a device never ends, and links may lead
     to either.
 
-    Raises OSError if there is no such file, or it is a folder, a pipe, a socket or a device; `strerror` says
-    which.
+    Raises OSError if there is no such file, or it is a folder, a pipe, a socket or a device; `strerror` names
+    the type.
     """
     mode = os.stat(path).st_mode
     if stat.S_ISREG(mode):

@@ -12,7 +12,7 @@ from typing import Any
 MAKERS: list[Callable[[], Any]] = []
 """Functions that return the module with `plot`, `to_dataframe` and `to_xarray`; the last one is used."""
 LONGEST = 160
-"""Most characters of a result's text."""
+"""Largest number of characters of a result's text."""
 
 
 def _maker(result: object) -> Any:
@@ -30,7 +30,7 @@ class ResultViews:
         Parameters
         ----------
         figure
-            Name of the figure, as of its file under ``--figures``; the first figure if omitted.
+            Name of the figure, the name of its file with ``--figures``; the first figure if omitted.
 
         Returns
         -------

@@ -49,7 +49,7 @@ _HOME = {
     "sobol_indices": "doe.sensitivity",
     "verdicts": "doe.uncertainty",
 }
-"""Where each public name is defined. The imports above repeat it for type checkers; a test compares both."""
+"""Module of each public name. The imports above repeat it for type checkers; a test compares both."""
 
 __all__ = [*_HOME]
 

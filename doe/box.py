@@ -49,7 +49,7 @@ class Box:
     upper: tuple[float, ...]
     """Upper bounds in parameter units, length d."""
     logarithmic: tuple[bool, ...] = ()
-    """Which parameters are uniform in their logarithm, length d; none if left out."""
+    """Whether each parameter is uniform in its logarithm, length d; none if left out."""
 
     def __post_init__(self) -> None:
         if isinstance(self.names, str):
@@ -174,9 +174,9 @@ class Box:
         """A smaller box about a point, shape [d], with `fraction` of this box's edges, intersected with this
         one.
 
-        Edges count in the unit box, so a logarithmic parameter keeps its ratio. The part that would stick out
-        of this box is cut off, not moved inwards: near a face the new box is shorter and `centre` is not its
-        middle. Raises ValueError if `centre` is outside this box or `fraction` outside (0, 1].
+        Edges count in the unit box, so a logarithmic parameter keeps its ratio. The part outside this box is
+        cut off, not moved inwards: near a face the new box is shorter and `centre` is not its middle. Raises
+        ValueError if `centre` is outside this box or `fraction` outside (0, 1].
         """
         if not 0.0 < fraction <= 1.0:
             raise ValueError(f"fraction must be in (0, 1], got {fraction}")
@@ -214,7 +214,7 @@ class Box:
 
 
 LONGEST = 500
-"""Most characters of a constraint: enough for any written by hand, too few to exhaust a parser."""
+"""Largest number of characters of a constraint: enough for manual input, too few to exhaust a parser."""
 ARITHMETIC: dict[type[ast.operator], Callable[[FloatArray, FloatArray], FloatArray]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,

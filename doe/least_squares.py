@@ -87,7 +87,7 @@ LONGEST = 0.25
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e3
 """Marquardt's damping: the first value, the smallest, and the largest, above which the search stops."""
 FLAT = 1e-3
-"""Least scale of a coordinate's damping over the largest one's."""
+"""Smallest scale of a coordinate's damping over the largest one's."""
 
 
 @dataclass(frozen=True)

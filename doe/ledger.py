@@ -77,7 +77,7 @@ class Run:
     results: FloatArray
     """Results of the run, shape [k]; NaN is kept."""
     reason: str = ""
-    """Why it did not complete; empty if it did."""
+    """Reason why it did not complete; empty if it did."""
     seconds: float = 0.0
     """Its share of the computing time of its chunk [s]; the only field that may differ when a run is
     repeated."""
@@ -115,18 +115,18 @@ class LedgerError(Exception):
 
 
 class Ledger:
-    """A SQLite file of runs, held by one process at a time; a context manager.
+    """A SQLite file of runs, open in one process at a time; a context manager.
 
     The file is in WAL mode and every `record` is one transaction with a sync: if a process is killed at any
-    moment, all chunks recorded before are complete. Every row is checked before use: it carries the SHA-256
-    of its key and its results, and a row that does not match counts as missing.
+    moment, all chunks recorded before are complete. Every row is checked before use: it contains the SHA-256
+    of its key and its results, and a row with a wrong hash counts as missing.
 
     Parameters
     ----------
     path
         The file; it is created if it does not exist.
     model
-        Hash of everything but the parameters that a run's result depends on, 32 bytes.
+        Hash of all inputs of a run except the parameters, 32 bytes.
 
     Raises
     ------
@@ -171,8 +171,7 @@ class Ledger:
             return int(self._sql.execute("SELECT count(*) FROM runs").fetchone()[0])
 
     def find(self, points: ArrayLike) -> list[Run | None]:
-        """The runs at some points of this model, shape [n, d]; None where there is none or the row is
-        damaged.
+        """The runs of this model at some points, shape [n, d]; None for a missing or damaged row.
 
         A damaged row is listed in `damaged`; calling `record` for that run replaces it. Raises LedgerError if
         the file cannot be read.
@@ -211,11 +210,11 @@ class Ledger:
             self._sql.executemany(f"INSERT OR REPLACE INTO runs ({COLUMNS}) VALUES ({MARKS})", rows)
 
     def merge(self, path: Path) -> int:
-        """Copy the runs of another ledger, of every model in it, all or none, and return their number.
+        """Copy the runs of all models of another ledger in one transaction, and return their number.
 
-        A completed run replaces one that did not complete, and nothing replaces a completed one. Raises
-        LedgerError if the other file does not exist, is no ledger or holds a damaged row, or if the two hold
-        different results of one completed run.
+        A completed run replaces one that did not complete; a completed run is never replaced. Raises
+        LedgerError if the other file does not exist, is not a ledger or contains a damaged row, or if the two
+        files have different results of one completed run.
         """
         if not Path(path).is_file():
             raise LedgerError(f"{path}: there is no such ledger")
@@ -315,10 +314,11 @@ def _line(text: object) -> str:
 ChunkFunction = Callable[[FloatArray], Sequence[Run]]
 """Takes points, shape [n, d], and returns the run of each, length n."""
 ExecutorFactory = Callable[[], AbstractContextManager[Executor]]
-"""Makes an executor; called again after one has broken."""
+"""Function that makes an executor; called again after an executor has failed."""
 
 AHEAD = 64
-"""Most chunks submitted to an executor at once: enough for its workers, few enough for the memory."""
+"""Largest number of chunks submitted to an executor at once: enough for its workers, few enough for the
+memory."""
 
 
 @dataclass(frozen=True)
@@ -371,16 +371,16 @@ def run_chunks(
     points
         Parameter values, shape [n, d]; a point that occurs twice is run once.
     chunk
-        Most points in one call of the function.
+        Largest number of points in one call of the function.
     ledger
         Ledger in which runs are looked up and each chunk is recorded, by this process only.
     executor
-        Makes the executor that runs the chunks; if left out, they run in this process.
+        Function that makes the executor of the chunks; by default they run in this process.
     retry
-        Repeat runs that the ledger holds as not completed.
+        Repeat runs that are not completed in the ledger.
     attempts
-        How many times in succession an executor may break before it has returned a chunk. Chunks in progress
-        are submitted to a new one.
+        Largest number of successive executor failures without a returned chunk. Chunks in progress are
+        submitted to a new one.
     progress
         Called once at the start and after each chunk.
 
@@ -392,7 +392,7 @@ def run_chunks(
     Raises
     ------
     RuntimeError
-        If executors broke `attempts` times in a row.
+        If executors failed `attempts` times in succession.
     ValueError
         If `points` is not of shape [n, d], `chunk` or `attempts` is below 1, or the function did not return
         one run for each point.

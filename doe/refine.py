@@ -2,7 +2,7 @@
 
 Each round runs the surrogate's optimum, and points whose misfit may be as low within the surrogate's error.
 The surrogate is rebuilt from the runs of a region that shrinks around the optimum, and searched again.
-Refinement ends when new runs at the optimum no longer move it.
+Refinement ends when new runs at the optimum do not change it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ DRAWS = 8
 BOUND = 2.0
 """Number of standard deviations below its mean that the misfit may reach."""
 _MINIMUM_DISTANCE = 0.08
-"""Least distance of two new runs over the region's edge."""
+"""Smallest distance of two new runs over the region's edge."""
 
 
 def choose(
@@ -71,7 +71,7 @@ def _candidates(region: Box, best: FloatArray, rng: np.random.Generator) -> Floa
 def _lower_bound(
     surrogate: ProcessSurrogate, means: FloatArray, spread: FloatArray, draws: FloatArray, misfit: Misfit
 ) -> FloatArray:
-    """Mean less `BOUND` standard deviations of the misfit over drawn responses, shape [n]."""
+    """Mean minus `BOUND` standard deviations of the misfit over drawn responses, shape [n]."""
     scores = means + spread * draws[:, None, :]
     values = np.stack([misfit(surrogate.components.expand(one)) for one in scores])
     return np.asarray(values.mean(axis=0) - BOUND * values.std(axis=0))
@@ -162,7 +162,7 @@ def refine(
 ) -> Refinement:
     """Add runs to a first design until the optimum is stable; `SurrogateError` if no surrogate can be built.
 
-    ``run``: the expensive function; rows of failed runs hold NaN and are omitted. ``points``, ``responses``:
+    ``run``: the expensive function; rows of failed runs are NaN and are omitted. ``points``, ``responses``:
     the first design's completed runs, shape [n, d], and their responses, shape [n, k]. ``misfit``: the
     function to minimise. ``locate``: finds the optimum of a surrogate. ``scale``: unit of comparison of each
     entry, in response units, a number or shape [k]. ``rng``: seed of candidates and draws.
@@ -205,7 +205,7 @@ def refine(
 
 
 class _Zoom:
-    """The edge of the region: it shrinks each round, until this no longer improves the surrogate."""
+    """Edge of the region, which decreases in each round until this does not improve the surrogate."""
 
     def __init__(self) -> None:
         self.edge = 1.0

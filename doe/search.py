@@ -33,7 +33,7 @@ class SearchOutcome(Enum):
 
     @property
     def cure(self) -> str:
-        """The cure."""
+        """The remedy, in one sentence."""
         return _CAUSES[self][1]
 
 
@@ -117,7 +117,7 @@ def nelder_mead(
     tolerance: float = 1e-6,
     max_evaluations: int = 2000,
 ) -> SearchResult:
-    """The minimum of a function in a box by the simplex method, restarted until the optimum no longer moves.
+    """The minimum of a function in a box by the simplex method, restarted until the optimum is stable.
 
     A simplex that collapsed early, or was flattened onto a face of the box by the bounds, is small but not at
     an optimum. After convergence, both neighbours in every coordinate are therefore tried, 10 tolerances
@@ -136,7 +136,7 @@ def nelder_mead(
         Size of the simplex in the unit box at which it has converged, in [1e-9, 0.1). There is no
         tolerance on the value: its scale is not known here.
     max_evaluations
-        Most calls of the function, at least d + 1.
+        Largest number of calls of the function, at least d + 1.
 
     Returns
     -------

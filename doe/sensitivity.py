@@ -110,9 +110,9 @@ class SaltelliSample:
 
 
 def evaluate(function: Function, box: Box, unit_points: FloatArray) -> FloatArray:
-    """The function at points of the unit box, some at a time, shape [n, s].
+    """Values of the function at points of the unit box, evaluated in blocks, shape [n, s].
 
-    Raises ValueError if an answer has a wrong shape or is not finite; the message names the point.
+    Raises ValueError if a value has a wrong shape or is not finite; the message names the point.
     """
     parts = []
     for start in range(0, len(unit_points), CHUNK):
@@ -153,7 +153,7 @@ def sobol_indices(
     Raises
     ------
     ValueError
-        If an argument is outside its range, the function's answer is unusable, or an output does not vary
+        If an argument is outside its range, the function's values are invalid, or an output does not vary
         over the box.
     """
     seed = seed_of(rng)
@@ -181,7 +181,7 @@ def sobol_indices(
 
 
 def _resampled(terms: list[FloatArray], seed: int) -> list[FloatArray]:
-    """Means over the rows of a sample drawn again, the same rows for all terms."""
+    """Means over the rows of a bootstrap sample, the same rows for all terms."""
     n = terms[0].shape[-2]
     counts = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES) / n
     return [np.tensordot(counts, term, axes=(1, term.ndim - 2)) for term in terms]
@@ -323,7 +323,7 @@ class Trajectories:
     design: Design
     """The points, trajectory after trajectory, shape [r (d + 1), d]."""
     moved: NDArray[np.int64]
-    """Which parameter each step moves, shape [r, d]."""
+    """Index of the parameter that changes in each step, shape [r, d]."""
 
     def effects(self, outputs: FloatArray) -> ElementaryEffects:
         """The effects of the runs' outputs.
@@ -359,9 +359,10 @@ def morris(box: Box, trajectories: int, *, levels: int = 4, rng: Rng) -> Traject
     box
         Where.
     trajectories
-        How many, r, at least 2; they cost r (d + 1) runs.
+        Number of trajectories, r, at least 2; they require r (d + 1) runs.
     levels
-        Levels of each parameter, p, even, at least 2: an even number visits all of them equally often.
+        Number of levels of each parameter, p, even, at least 2; with an even number all levels are used
+        equally often.
     rng
         Integer seed or generator.
 

@@ -43,7 +43,7 @@ _HOME = {
     "run_nearly_incompressible": "explicit.incompressible",
     "run_side_by_side": "explicit.run_batch",
 }
-"""Where each public name is defined. The imports above repeat it for type checkers; a test compares both."""
+"""Module of each public name. The imports above repeat it for type checkers; a test compares both."""
 
 __all__ = [*_HOME]
 

@@ -4,11 +4,11 @@
     KOLSKY_AOT=modules kolsky identify runs/open-01 --device cuda     # on the GPU machine
     python -m explicit.aot --out modules --relaxation none prony --contacts bonded/bonded --precision fp64
 
-The last line is for shots of bonded specimens with `--relaxation prony`, which are compared with the same
-without it. `ahead_of_time` does the same from Python. The folder holds machine code (cubin) of one
-architecture, or PTX, which the driver of that and any later architecture finishes. A file's name carries the
-hash of the kernel's source and options, and its folder the version of Warp: a file of other sources is never
-loaded.
+The last line is for shots of bonded specimens with `--relaxation prony`, which are also run without
+relaxation. `ahead_of_time` is the equivalent Python function. The folder contains machine code (cubin) of one
+architecture, or PTX, which the driver of that or any later architecture compiles. The name of a file contains
+the hash of the kernel's source and options, that of its folder the version of Warp, so a file of different
+sources is never loaded.
 """
 
 import argparse
@@ -59,9 +59,9 @@ def ahead_of_time(
     Parameters
     ----------
     folder : Path or str
-        Where to; made if it is not there. Modules that are there already are not compiled again.
+        Target folder; created if missing. Existing modules are not compiled again.
     architectures : sequence of int
-        Compute capabilities, ten times: 80 is an A100, 90 an H100 or H200.
+        Compute capabilities times ten: 80 is an A100, 90 an H100 or H200.
     contacts : iterable of (str, str)
         Contact laws of the faces and of the side surface; default `USUAL_CONTACTS`.
     precisions, elements : iterable of str
@@ -71,14 +71,14 @@ def ahead_of_time(
     relaxation : Relaxation, optional
         Kind of relaxation, such as ``PronySeries.kind(n_branches)``: `explicit.Model.relaxation_kind`.
     ptx : bool
-        Write PTX, which later architectures can finish too, instead of machine code for just these.
+        Write PTX, which also serves later architectures, instead of machine code for these only.
 
     Returns
     -------
     list of Path
-        The compiled files, three for each combination and architecture: the state on the chip, for small
-        and for large batches, or not; where blocks can share a simulation, four more: for as many as may,
-        with the state on their chips or not.
+        The compiled files, three for each combination and architecture: state on the chip for small and for
+        large batches, and state in global memory. If blocks can share a simulation, four more: each number of
+        blocks, with the state on their chips or not.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def choices(
 ) -> list[Choice]:
     """Every combination, each name checked.
 
-    Raises ValueError if a name is not known; the message lists those that are.
+    Raises ValueError if a name is unknown; the message lists the valid names.
     """
     combinations = [(*pair, number, shape) for pair, number, shape in product(contacts, precisions, elements)]
     for faces, side, number, shape in combinations:
@@ -115,7 +115,7 @@ def compile_each(
     relaxation: Relaxation | None = None,
     ptx: bool,
 ) -> Iterator[Path]:
-    """Compile one after the other; see `ahead_of_time`."""
+    """Compile sequentially; see `ahead_of_time`."""
     select_device("cpu")
     supported = wp.get_cuda_supported_archs()
     for arch in architectures:
@@ -139,7 +139,7 @@ def compile_each(
 
 
 def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
-    """Give a CUDA device the time loop from a folder of modules.
+    """Load the time loop from a folder of modules on a CUDA device.
 
     ``kernel``: the time loop. ``device``: a Warp device; nothing is done for a CPU. ``folder``: written by
     `ahead_of_time`; default is the environment variable ``KOLSKY_AOT``, or none. Returns: whether a module
@@ -170,7 +170,7 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
 
 
 _LOADED: WeakKeyDictionary[Any, set[tuple[str, Path]]] = WeakKeyDictionary()
-"""Devices and folders that a module has been loaded for and from."""
+"""Devices and folders for which a module has been loaded."""
 
 
 def candidates(place: Path, arch: int) -> list[tuple[int, bool]]:

@@ -46,7 +46,7 @@ _BODIES: WeakKeyDictionary[Mesh, dict[Any, Any]] = WeakKeyDictionary()
 def body_of(
     kernel: TimeLoopKernel, model: Model, numbers: Precision, where: Any, on_chip: bool = False
 ) -> Any:
-    """The mesh's constants on a device, every node in its place of `node_order`; made once."""
+    """The mesh's constants on a device, with the nodes in the order of `node_order`; made once."""
     bodies = _BODIES.setdefault(model.mesh, {})
     made_for = (str(where), on_chip, kernel.cluster)
     key = (kernel.structs.Body, model.density, model.element, numbers.name, *made_for)
@@ -137,8 +137,8 @@ def fits_on_several(mesh: Mesh, blocks: int) -> bool:
 
 
 def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:
-    """Place of every node in the time loop's fields, number of interior nodes, first place of the boundary
-    nodes, which begin a new group.
+    """Index of every node in the time loop's fields, number of interior nodes, and first index of the
+    boundary nodes, which begin a new group.
     """
     inner = node_kinds(mesh) == INTERIOR
     first_boundary = -(-int(inner.sum()) // GROUP) * GROUP
@@ -147,7 +147,7 @@ def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:
 
 
 def node_kinds(mesh: Mesh) -> IntArray:
-    """Kind of each node: the platen it can meet, see `explicit.time_loop.node_sweeps`."""
+    """Kind of each node: the platen that it can touch, see `explicit.time_loop.node_sweeps`."""
     kind = np.full(mesh.n_nodes, INTERIOR)
     kind[mesh.side] = SIDE
     kind[mesh.lower_face] = LOWER
@@ -156,13 +156,13 @@ def node_kinds(mesh: Mesh) -> IntArray:
 
 
 def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArray:
-    """Places of each node's corner forces, shape [VALENCE, n_nodes].
+    """Indices of each node's corner forces, shape [VALENCE, n_nodes].
 
-    Corner by corner with so many slots each, elements side by side; so many entries past the last one hold
-    zero, and neighbours read neighbouring ones.
+    The forces are stored corner by corner, each with the same number of slots for the elements. Entries after
+    the last one are zero; nodes with fewer elements refer to these.
 
-    A node finds the element whose k-th corner it is at its k-th place, if no other element took that place,
-    so that neighbours find neighbours.
+    The k-th entry of a node is the element whose k-th corner it is, if this entry is free. Neighbouring nodes
+    then read neighbouring elements.
     """
     start, corner = mesh.corners_of_node
     count = np.diff(start)

@@ -19,7 +19,7 @@ RESERVED = 1 << 30
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 GENERATING = RLock()
-"""Held while kernels are generated and loaded: Warp keeps them in tables of the process."""
+"""Lock for generating and loading kernels: Warp stores them in tables of the process."""
 
 
 def cores() -> int:
@@ -46,9 +46,7 @@ def select_device(name: str) -> Any:
 
 @cache
 def _keep_memory(alias: str) -> None:
-    """Let a process keep a device's memory from one batch to the next: a new allocation takes longer than
-    copying into it.
-    """
+    """Keep a device's memory between batches: a new allocation takes longer than copying into it."""
     if wp.is_mempool_enabled(alias):
         wp.set_mempool_release_threshold(alias, max(RESERVED, wp.get_mempool_release_threshold(alias)))
 
@@ -61,8 +59,8 @@ def own_gpu(count: int) -> int:
 
 
 def gpus(name: str) -> tuple[str, ...]:
-    """Number of GPUs that processes can share for a device: all of the machine for "cuda", the one named for
-    "cuda:1", none for "cpu".
+    """Number of GPUs that processes can share: all GPUs of the machine for "cuda", 1 for a specific one
+    ("cuda:1"), 0 for "cpu".
     """
     if name == "cpu":
         return ()
@@ -79,13 +77,13 @@ def _start() -> None:
 
 @contextmanager
 def _without(expected: str) -> Iterator[None]:
-    """Keep one expected line of native code off stderr; anything else still gets there.
+    """Suppress one expected line of native code on stderr; other lines are passed on.
 
     On a machine without a GPU, Warp's library reports this on every start, which is of no use to the user.
     """
     try:
         saved = os.dup(2)
-    except OSError:  # no stderr at all, as under some services: nothing to keep clean
+    except OSError:  # no stderr (some services): suppression is unnecessary
         yield
         return
     with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as caught:

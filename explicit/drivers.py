@@ -27,13 +27,13 @@ from explicit.simd.team import SharedRun
 from explicit.time_loop.kernel import TimeLoopKernel
 
 HISTORIES = ("force", "impulse", "position", "energy", "ending")
-"""The arrays of an output, samples first, one behind the other in its memory."""
+"""The arrays of an output, samples first, contiguous in its memory."""
 PIECE = 1 << 20
 """Numbers of float64 in a piece, 8 MiB: large enough for the bus, small enough to be locked quickly."""
 PIECES = 8
 """Pieces of page-locked memory that a process keeps for each device."""
 THREADS = 4
-"""Threads that empty them: one reaches less than a GPU delivers."""
+"""Number of threads that copy from them: one thread is slower than a GPU's transfer."""
 
 
 class _HostTransfer:
@@ -47,14 +47,14 @@ class _HostTransfer:
         self._sent = 0
 
     def touch_memory(self, count: int) -> None:
-        """Touch the memory that the first `count` simulations need, while the device is still at work: the
-        system allocates it page by page, which takes longer than filling it.
+        """Touch the memory of the first `count` simulations while the device is busy: the system allocates it
+        page by page, which takes longer than filling it.
         """
         for target in self._arrays.values():
             target[:count] = 0.0
 
     def send(self, first: int, count: int, after: Any) -> None:
-        """Bring the histories of simulations `first` to `first + count`, once the event `after` happened."""
+        """Copy the histories of simulations `first` to `first + count` after the event `after`."""
         self._stream.wait_event(after)
         for name, source in self._sources.items():
             flat, target = source.flatten(), self._arrays[name].reshape(-1)
@@ -106,7 +106,8 @@ def _buffers(device: str) -> list[Any]:
 STEP = 1 << 17
 """Pieces are multiples of this many numbers of float64, 1 MiB."""
 LIMIT = 1 << 25
-"""Most numbers of float64 that a process locks, 256 MiB: other processes cannot use locked memory."""
+"""Largest number of float64 values that a process locks, 256 MiB: other processes cannot use locked
+memory."""
 
 
 class Piece:
@@ -129,7 +130,7 @@ class Piece:
 
 
 class _Owner:
-    """What NumPy keeps alive for every view of a piece."""
+    """Owner of a piece of memory, which NumPy keeps alive with every view of it."""
 
     def __init__(self, memory: Any, count: int) -> None:
         self.__array_interface__ = {
@@ -140,8 +141,8 @@ class _Owner:
 class Pool:
     """Pieces of page-locked memory, the smallest that is large enough first.
 
-    ``limit``: most numbers in all pieces together. ``pinned``: False for ordinary memory, where there is no
-    GPU to lock pages for.
+    ``limit``: largest number of values in all pieces. ``pinned``: False for ordinary memory, on machines
+    without a GPU.
     """
 
     def __init__(self, limit: int = LIMIT, *, pinned: bool = True) -> None:
@@ -204,35 +205,35 @@ class PreparedBatch:
     kernel: TimeLoopKernel
     """The scalar time loop."""
     model: Model
-    """What is simulated."""
+    """The simulated model."""
     numbers: Precision
-    """Its arithmetic."""
+    """Arithmetic of the batch."""
     where: Any
     parameters: Any
     """Parameters of every simulation, on the device."""
     output: Any
     """Histories of every simulation, on the device."""
     recorded: Any
-    """The one array that they are in."""
+    """The array that contains all histories."""
     n_samples: int
-    """How many there are."""
+    """Number of simulations."""
     on_chip: bool
     """Whether a GPU keeps the state of a simulation in shared memory."""
 
 
 @dataclass(frozen=True)
 class Launched:
-    """A batch at work on a GPU."""
+    """A running batch on a GPU."""
 
     batch: PreparedBatch
     state: Any
     """Its fields on the device, kept until it is collected."""
     parts: tuple[tuple[int, int, Any], ...]
-    """First simulation, how many, and the event at the end of each launch."""
+    """First simulation, number of simulations, and end event of each launch."""
     lanes: tuple[Any, ...]
     """The streams."""
     result: FloatArray | None
-    """Where on the host the histories arrive with the end of the only launch; None where they are fetched."""
+    """Array on the host into which a single launch writes the histories; None if they are copied later."""
 
 
 def run_on_gpu(batch: PreparedBatch, progress: Progress | None) -> dict[str, FloatArray]:
@@ -245,7 +246,7 @@ def run_on_gpu(batch: PreparedBatch, progress: Progress | None) -> dict[str, Flo
 
 
 def launch_on_gpu(batch: PreparedBatch, lanes: Sequence[Any]) -> Launched:
-    """Launch a batch on streams that take turns, without waiting for it."""
+    """Launch a batch on alternating streams, without waiting for it."""
     body = body_of(batch.kernel, batch.model, batch.numbers, batch.where, batch.on_chip)
     state = state_of(batch.kernel, batch.model, batch.numbers, batch.where, batch.n_samples, 1, batch.on_chip)
     block = batch.kernel.block
@@ -290,7 +291,7 @@ def collect_from_gpu(launched: Launched, progress: Progress | None) -> dict[str,
 
 
 def _parts_of(recorded: FloatArray, output: Any) -> dict[str, FloatArray]:
-    """The histories by name, in the one array that they are in."""
+    """The histories by name, as views of the array that contains them."""
     parts, begin = {}, 0
     for name in HISTORIES:
         shape = getattr(output, name).shape
@@ -300,7 +301,7 @@ def _parts_of(recorded: FloatArray, output: Any) -> dict[str, FloatArray]:
 
 
 def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list[tuple[Mapping, int, int]]:
-    """Divide a batch: (mapping, first simulation, how many) of every launch.
+    """Divide a batch: (mapping, first simulation, number of simulations) of every launch.
 
     All threads first get the same number of packs. The remaining simulations are run one by one if this is
     faster than a pack. The number of threads affects only the time: a simulation is bitwise equal in a pack
@@ -311,7 +312,7 @@ def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list
     n_samples, lanes, n_elements
         Simulations, lanes of a pack, elements of the mesh.
     threads
-        Threads that have nothing else to do.
+        Number of idle threads.
     """
     jobs: list[tuple[Mapping, int, int]] = []
     first = 0

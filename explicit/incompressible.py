@@ -7,8 +7,8 @@ where steps are cheap,
 
     Q(fine, nu) = Q(fine, nu_0) + [Q(coarse, nu) - Q(coarse, nu_0)],
 
-two levels of the combination technique (Griebel, Schneider and Zenger 1992). What is neglected is the change
-of that bracket from the coarse to the fine mesh; a third, still coarser mesh measures how it changes.
+two levels of the combination technique (Griebel, Schneider and Zenger 1992). The change of the bracket from
+the coarse to the fine mesh is neglected; a third, even coarser mesh measures its size.
 """
 
 from collections.abc import Callable
@@ -71,8 +71,8 @@ def run_nearly_incompressible(
     model : Model
         What to simulate, with the fine mesh.
     coarse : tuple of Mesh
-        The mesh of the correction, about half as many elements in each direction, and a coarser one, about
-        three quarters of that, used only to estimate the error.
+        The mesh of the correction, with about half the number of elements in each direction. A coarser one,
+        with about three quarters of that number, is used only to estimate the error.
     samples : Samples
         Parameters; `poisson` above `compressible`.
     sampling : Sampling
@@ -173,7 +173,7 @@ class _Change:
         corrected = {
             name: getattr(base, name) + getattr(self, name) for name in (*_FORCES, *_SURFACES, *_STRAINS)
         }
-        # a share of the volume: where it is next to nothing, the sum of three can fall below
+        # a share of the volume: if it is almost zero, the sum of three can be negative
         corrected["extrapolated_share"] = np.clip(corrected["extrapolated_share"], 0.0, 1.0)
         return replace(
             base,

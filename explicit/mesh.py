@@ -223,7 +223,8 @@ def _integrate(mesh: Mesh) -> ElementGeometry:
             gradient += slope * dv[:, None, None]
             hoop += shape / radius[:, None] * dv[:, None]
             corner_volume += shape * dv[:, None]
-            # The bilinear field of the pattern (1, -1, 1, -1): its gradient energy is what one point misses.
+            # The bilinear field of the pattern (1, -1, 1, -1): one-point integration misses its gradient
+            # energy.
             pattern = np.einsum("a,eai->ei", _HOURGLASS, slope)
             value = float(_HOURGLASS @ shape)
             squared = (pattern**2).sum(axis=1)
@@ -269,8 +270,8 @@ def corner_areas(mesh: Mesh, nodes: FloatArray) -> FloatArray:
     A simulation ends where a stress point is turned inside out. A corner can be so long before: the one-point
     element has no stress point there, and those of full integration lie inside.
 
-    ``mesh``: their mesh. ``nodes``: positions (r, y) [m], shape [..., n_nodes, 2]. Returns: below 0 where a
-    corner is turned inside out, shape [..., n_elements, 4].
+    ``nodes``: positions (r, y) [m], shape [..., n_nodes, 2]. Returns: below 0 where a corner is turned inside
+    out, shape [..., n_elements, 4].
     """
     return np.asarray(_spanned(mesh, nodes) / _spanned(mesh, mesh.nodes))
 

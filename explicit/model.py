@@ -209,7 +209,7 @@ class Stepping:
     bound: Literal["trace", "eigenvalue"] = "trace"
     """Estimate of the non-volumetric part of an element's stiffness and damping in the bound: by the trace of
     |grad v|^2, or by its largest eigenvalue. Both are safe. The second allows longer steps, especially on
-    fine meshes; its time error is that of longer steps ({doc}`/theory/solver`)."""
+    fine meshes; its time error is larger accordingly ({doc}`/theory/solver`)."""
     largest_step: float = float("inf")
     """Upper limit of the step [s]."""
     floor: float = 1e-3
@@ -237,7 +237,7 @@ class Stepping:
 
 
 LEAST_SCALE = {"damping": 1e-5, "friction": 0.1, "mass_damping": 10.0}
-"""Least scale of a parameter whose value may be zero [s, 1, 1/s]: a change of this size is noticeable in a
+"""Smallest scale of a parameter whose value may be zero [s, 1, 1/s]: a change of this size is noticeable in a
 test."""
 
 

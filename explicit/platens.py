@@ -2,9 +2,10 @@
 
 A support is rigid, a bar by its characteristics, or any prescribed motion. The bar is one-dimensional and
 elastic. With the velocity away from the specimen v = g + h and the compressive force F = Z (g - h) at its
-front, g travels away and h comes back; the far end is free, so h(t) = g(t - 2 L / c). The front's velocity is
-v = F / Z + 2 h, which costs no elements and no step. The solver knows F one step late and solves for v
-together with the mass of the nodes on the platen, which is stable for a bar of any impedance.
+front, g travels away and h returns; the far end is free, so h(t) = g(t - 2 L / c). The front's velocity is v
+= F / Z + 2 h, which needs no elements and does not limit the time step. F is available one step late. The
+solver solves for v together with the mass of the nodes on the platen, which is stable for a bar of any
+impedance.
 """
 
 from collections.abc import Callable

@@ -45,7 +45,7 @@ class Problem:
     model: Model
     """What to simulate."""
     samples: Samples
-    """With which parameters."""
+    """Its parameters."""
     sampling: Sampling
     """What to record."""
     stepping: Stepping = field(default_factory=Stepping)
@@ -225,7 +225,7 @@ def _response(model: Model, sampling: Sampling, histories: dict[str, FloatArray]
 
 
 CompileProgress = Callable[[int, int], None]
-"""Called with the time loops compiled and how many there are to compile."""
+"""Called with the number of compiled time loops and the total number."""
 
 
 def compile_time_loops(
@@ -241,18 +241,18 @@ def compile_time_loops(
     Parameters
     ----------
     problems
-        Batches to come, each with as many samples as it will have.
+        Batches to be run later, each with its number of samples.
     also : sequence of callable
         Makers of further batches, called only if one of `problems` has to be compiled.
     device, threads
         As in `explicit.run`. Nothing is done for a GPU, see `explicit.aot`.
-    told : callable, optional
+    progress : callable, optional
         Called before the first and after each one.
 
     Returns
     -------
     int
-        How many were compiled.
+        Number of compiled time loops.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """One impact test on a soft material, in; its dynamic stiffness with a defensible uncertainty, out.
 
-What a laboratory's script needs is here by name: ``import kolsky``, then ``kolsky.load_shot``,
-``kolsky.identify`` and so on. Each name is loaded when it is first used. The rooms behind them are in the
-order of their imports in `docs/architecture.md`.
+The public names for scripts are available here: ``import kolsky``, then ``kolsky.load_shot``,
+``kolsky.identify`` and so on. Each name is loaded when it is first used. `docs/architecture.md` describes the
+packages behind them.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -117,13 +117,14 @@ _HOME = {
     "write_sweep_results": "kolsky.report.result_folder",
     "write_table": "kolsky.base.files",
 }
-"""Where each public name is defined. The imports above tell a type checker the same; a test compares both."""
+"""Module of each public name. The imports above give a type checker the same information; a test compares
+both."""
 
 __all__ = [*_HOME]
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
+    """Load a public name at its first use."""
     if name not in _HOME:
         raise AttributeError(f"module 'kolsky' has no attribute {name!r}; it offers {', '.join(_HOME)}")
     from importlib import import_module

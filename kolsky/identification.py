@@ -64,7 +64,7 @@ def identify(
     ------
     ValueError
         If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
-        message says how, when and where the first one failed.
+        message gives outcome, time and place of the first failure.
     InputError
         If the folder holds no shot, or an invalid one.
     """

@@ -1,1 +1,1 @@
-"""Studies that judge the program by many experiments with known answers; their results are in `results/`."""
+"""Studies that test the program on many experiments with known answers; their results are in `results/`."""

@@ -1,12 +1,13 @@
-"""Which mechanisms of `identify` are needed? `python -m populations.ablation --out FOLDER --workers N`.
+"""Effect of each mechanism of `identify`: `python -m populations.ablation --out FOLDER --workers N`.
 
-Shots of the population of `populations.wrong_inputs` (another seed is another population) are identified as
-they are, and with one mechanism switched off at a time. Search, weights and uncertainty are judged on right
-shots: printed are the element updates, over those of 100 runs of the solver's problem, the errors of m, nu
-and beta over their standard uncertainties (root mean square), the error of m, its uncertainty, the number of
-shots whose error of m is larger than with everything on, and the number of shots that are identified with
-every truth inside k = 2. The diagnosis is judged on wrong inputs, one shot a row of that study: printed is
-where the right cause is listed. A mechanism without which nothing is worse beyond chance has to go.
+Shots of the population of `populations.wrong_inputs` (each seed gives one population) are identified with all
+mechanisms, and with one mechanism switched off at a time. Search, weights and uncertainty are tested on
+correct shots. Their table gives the element updates over those of 100 runs of the solver's problem; the
+errors of m, nu and beta over their standard uncertainties (root mean square); the error of m and its
+uncertainty; the number of shots with a larger error of m than with all mechanisms; and the number of shots
+that are identified with every true value within k = 2. The diagnosis is tested on wrong inputs, one shot for
+each row of that study; its table gives the rank of the correct cause. A mechanism is unnecessary if no result
+is significantly worse without it.
 """
 
 import argparse
@@ -29,7 +30,7 @@ from populations.wrong_input_rows import CURVE, RIGHT, ROWS
 from populations.wrong_inputs import POPULATION, Job, attempt, judged, made
 
 NAMES = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
-"""Free parameters and what truth.json calls them."""
+"""Free parameters and their keys in truth.json."""
 Mesh = tuple[int, int]
 
 
@@ -38,17 +39,17 @@ class Switch:
     """One mechanism that is switched off."""
 
     words: str
-    """What is missing then."""
+    """Description of the missing mechanism."""
     patches: tuple[tuple[str, Any], ...] = ()
-    """What stands in place of names of modules."""
+    """Replacements, by the full names of the replaced objects."""
     settings: Callable[[Settings], Settings] = lambda settings: settings
-    """Other settings, of right shots."""
+    """Function that changes the settings, for correct shots."""
     diagnosis: bool = False
-    """Whether it is judged on wrong inputs; else on right shots."""
+    """Whether it is tested on wrong inputs; else on correct shots."""
 
     @contextmanager
     def off(self) -> Iterator[None]:
-        """While it lasts the mechanism is off."""
+        """Context in which the mechanism is off."""
         with ExitStack() as stack:
             for target, value in self.patches:
                 stack.enter_context(patch(target, value))
@@ -56,7 +57,7 @@ class Switch:
 
 
 def _unmoved(runner: Any, objective: Any, slope: Any, last: Any, search: Any) -> Any:
-    """`follow_on_refined` that follows nothing."""
+    """Replacement of `follow_on_refined` that returns its input."""
     return last, slope, runner.front
 
 
@@ -73,7 +74,7 @@ def _without_path_noise(runner: Any, points: Any, runs: Any, inside: Any) -> Any
 
 
 def _meshes(mesh: Mesh | None = None, refined: Mesh | None = None) -> Callable[[Settings], Settings]:
-    """Settings with another surrogate's or refined mesh."""
+    """Settings with another mesh of the surrogate or of the answer."""
 
     def changed(settings: Settings) -> Settings:
         numerics = settings.numerics if mesh is None else settings.numerics.with_mesh(mesh)
@@ -178,7 +179,7 @@ SWITCHES: dict[str, Switch] = {
 
 
 def answer(shot: Path, name: str, device: str, mesh: Mesh, refined: Mesh) -> dict[str, Any]:
-    """One identification of a right shot with a switch off."""
+    """One identification of a correct shot with a mechanism switched off."""
     switch, truth = SWITCHES[name], json.loads((shot / "truth.json").read_text("utf-8"))
     numerics = Numerics(mesh=mesh, device=device, threads=1)
     settings = switch.settings(Settings(numerics=numerics, refined_mesh=refined))
@@ -203,7 +204,7 @@ def answer(shot: Path, name: str, device: str, mesh: Mesh, refined: Mesh) -> dic
 
 
 def diagnose(job: Job, name: str) -> dict[str, Any]:
-    """One identification of a wrong input with a switch off."""
+    """One identification of a wrong input with a mechanism switched off."""
     ledger = Ledger()
     with SWITCHES[name].off(), ledger.watching():
         said = attempt(job)
@@ -218,12 +219,12 @@ def diagnose(job: Job, name: str) -> dict[str, Any]:
 
 
 def _chance(worse: int, of: int) -> str:
-    """How often a fair coin gives as many or more, as "p"."""
+    """Probability of at least this count for equal chances, as text."""
     return f"{binomtest(worse, of, alternative='greater').pvalue:.2g}" if of else "-"
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """A line a switch judged on right shots, as Markdown."""
+    """Markdown table with one row for each switch that is tested on correct shots."""
     lines = [
         "| off | shots | updates | error over u: m, nu, beta | error of m | U of m | larger error | right |",
         "| --- " * 8 + "|",
@@ -257,11 +258,11 @@ def table(rows: list[dict[str, Any]]) -> str:
 ROUNDING = 1e-6
 """Relative change of m below which two answers are equal [-]: a hundredth of the smallest uncertainty."""
 SIDES = ("first", "refused")
-"""Ends of a wrong input with the right cause first."""
+"""Outcomes of a wrong input with the correct cause first."""
 
 
 def diagnosis_table(rows: list[dict[str, Any]]) -> str:
-    """A line a switch judged on wrong inputs, as Markdown."""
+    """Markdown table with one row for each switch that is tested on wrong inputs."""
     lines = [
         "| off | rows | updates | first | first two | confident | lost, gained |",
         "| --- " * 7 + "|",
@@ -292,7 +293,7 @@ def _z(row: dict[str, Any], key: str) -> float:
 
 
 def main() -> None:
-    """Make the shots, identify what is missing, print the tables."""
+    """Make the shots, run the missing identifications, print the tables."""
     parser = command(__doc__)
     parser.add_argument("--population", type=Path, default=POPULATION)
     parser.add_argument("--seed", type=int, help="another population of the same kind")

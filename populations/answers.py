@@ -1,11 +1,11 @@
-"""Answers of known shots, kept and compared: `python -m populations.answers --out FOLDER`.
+"""Answers of shots with known truth, stored and compared: `python -m populations.answers --out FOLDER`.
 
-The shots are open-01 to open-04, made by another program, and drawn ones of the virtual laboratory
-(`--made 10 --seed N`, the population of the study of wrong inputs). Each is identified with what is free by
-default; open-01, open-03 and open-04 with Poisson's ratio and damping held at the shot file's values too, and
-open-01 with its flyer's record 20 us late. An answer is a file; what the folder holds is not made again.
-`--against OTHER` sets two folders beside each other, in standard uncertainties: what a change of the program
-has done to the answers.
+The shots are open-01 to open-04, made by another program, and random ones of the virtual laboratory (`--made
+10 --seed N`, the population of the study of wrong inputs). Each is identified with the default free
+parameters. In addition open-01, open-03 and open-04 are identified with Poisson's ratio and damping fixed at
+the shot file's values, and open-01 with its flyer's record delayed by 20 us. Each answer is a file; existing
+files are not recomputed. `--against OTHER` compares two folders in standard uncertainties, to show the effect
+of a change of the program.
 """
 
 import argparse
@@ -27,14 +27,14 @@ from populations.scatter import table as scatter
 ROOT = Path(__file__).resolve().parents[1]
 RUNS = ROOT / "runs"
 LATE = 20e-6
-"""By how much the flyer of the late shot is [s]."""
+"""Delay of the flyer's record in the late shot [s]."""
 HELD = ("poisson", "damping")
-"""What is held at the shot file's values."""
+"""Parameters fixed at the shot file's values."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is asked of every shot."""
+    """Settings of all identifications."""
 
     mesh: tuple[int, int]
     refined_mesh: tuple[int, int]
@@ -53,7 +53,7 @@ class Case:
 
 
 def open_cases(out: Path) -> Iterator[Case]:
-    """Those of the open shots; open-02 takes open-01's shot file."""
+    """Cases of the open shots; open-02 uses open-01's shot file."""
     second = out / "shots" / "open-02"
     if not (second / "shot.toml").exists():
         shutil.copytree(ROOT / "tests" / "data" / "open-02", second, dirs_exist_ok=True)
@@ -67,14 +67,14 @@ def open_cases(out: Path) -> Iterator[Case]:
 
 
 def late_flyer(shot: Shot, lag: float) -> Shot:
-    """The shot with its flyer recorded late."""
+    """The shot with its flyer's record delayed by `lag` [s]."""
     motion = replace(shot.flyer, time=shot.flyer.time + lag)
     window = shot.window[0], min(shot.window[1], float(motion.time[-1]))
     return replace(shot, flyer=motion, window=window)
 
 
 def told(case: Case, found: Identification, seconds: float) -> dict[str, Any]:
-    """What is kept of an answer."""
+    """The stored fields of an answer."""
     known = json.loads((Path(case.folder) / "truth.json").read_text("utf-8"))
     truths = {"stiffness_factor": known.get("m"), "poisson": known.get("nu"), "damping": known.get("beta_s")}
     return {
@@ -104,7 +104,7 @@ def answer(case: Case, study: Study) -> dict[str, Any]:
 
 
 def file_of(case: Case, out: Path) -> Path:
-    """Where the answer to a case is kept."""
+    """File of the answer to a case."""
     return out / f"{''.join(c if c.isalnum() else '-' for c in case.name)}.json"
 
 
@@ -136,7 +136,7 @@ def table(answers: dict[str, dict[str, Any]]) -> str:
 
 
 def changes(now: dict[str, dict[str, Any]], before: dict[str, dict[str, Any]]) -> str:
-    """Values, uncertainties and verdicts beside those of another folder."""
+    """Values, uncertainties and verdicts compared with those of another folder."""
     lines = ["| shot | | change / sigma | U over the earlier one | verdict |", "| --- " * 5 + "|"]
     for key in now.keys() & before.keys():
         one, other = now[key], before[key]
@@ -150,7 +150,7 @@ def changes(now: dict[str, dict[str, Any]], before: dict[str, dict[str, Any]]) -
 
 
 def main() -> None:
-    """Identify what the folder does not hold, and print the tables."""
+    """Run the missing identifications and print the tables."""
     parser = driver.command(__doc__, seed=90417)
     driver.add_meshes(parser)
     parser.add_argument("--only", default="", help="cases whose names hold this")

@@ -1,9 +1,10 @@
-"""Made bar signals with a known answer: `python -m populations.bar_signals [--count N] [--workers N]`.
+"""Synthetic bar signals with a known answer: `python -m populations.bar_signals [--count N] [--workers N]`.
 
-Draws two populations of tests between bars, one on which the thresholds were chosen and one that judges them,
-and counts: offsets of first rises against their sigma, right and wrong distances told apart, means quoted of
-flow and of rising stress, and drifts beyond the baseline within their sigma. Writes
-`populations/results/bar_signals.json`, from which `tests/validation/bars_page.py` makes its table.
+Draws two populations of tests between bars: the thresholds were chosen on the first and are tested on the
+second. It counts: offsets of the first rises relative to their sigma, correct and wrong distances
+distinguished, mean stresses reported for flow and for rising stress, and drifts beyond the baseline within
+their sigma. Writes `populations/results/bar_signals.json`, from which `tests/validation/bars_page.py` makes
+its table.
 """
 
 from dataclasses import replace
@@ -33,16 +34,17 @@ BARS = {
     "titanium": Bar(12.7e-3, 3.0, 114e9, 4430.0, 0.32),
 }
 WRONG = 0.06
-"""A distance declared so much too far or too near [m]."""
+"""Error of a wrongly declared distance [m]."""
 
 
 def band_of(bar: Bar) -> float:
-    """Frequency up to which waves are carried [Hz], as `kolsky.bars.reduction.separation` does."""
+    """Frequency up to which waves are propagated [Hz], as in `kolsky.bars.reduction.separation`."""
     return 0.6 * bar.wave_speed / bar.diameter
 
 
 def drawn(seed: int) -> dict[str, object]:
-    """One made test: strains at the faces by a specimen that flows, and what its gauges record."""
+    """One synthetic test: strains at the faces of a specimen with a flow stress, and the records of the
+    gauges."""
     rng = np.random.default_rng(seed)
     bar = BARS[str(rng.choice(list(BARS)))]
     specimen = Specimen(bar.diameter * rng.uniform(0.4, 0.8), bar.diameter * rng.uniform(0.25, 0.6), 2000.0)
@@ -55,7 +57,7 @@ def drawn(seed: int) -> dict[str, object]:
     source, distances = peak * (up - down), (rng.uniform(0.9, 1.4), rng.uniform(0.4, 1.2))
     wave = Signal(float(time[0]), STEP, source, 0.0, "1")
     incident = propagation(wave, ElasticWaveguide(bar), distances[0], band=band_of(bar)).signal.value
-    # Stress of the specimen over the incident's: elastic up to a flow stress, then flat or rising.
+    # Stress of the specimen over the incident wave's: elastic up to a flow stress, then constant or rising.
     area = specimen.area / (np.pi * bar.diameter**2 / 4.0)
     flow = rng.uniform(0.1, 0.6) * peak * bar.youngs_modulus / area
     modulus = flow / rng.uniform(0.003, 0.02)
@@ -121,7 +123,8 @@ def at_gauges(made: dict) -> tuple[BarSignal, BarSignal]:
 
 
 def arrivals(seed: int) -> dict[str, float]:
-    """Offsets over their sigmas: right, and with a gauge declared `WRONG` too far and too near."""
+    """Offsets over their sigmas: with correct distances, and with a gauge declared too far or too near by
+    `WRONG`."""
     first, second = at_gauges(drawn(seed))
     found = {}
     for name, by in (("right", 0.0), ("far", WRONG), ("near", -WRONG)):
@@ -135,7 +138,7 @@ def arrivals(seed: int) -> dict[str, float]:
 
 
 def plateaus(seed: int) -> dict[str, float]:
-    """Whether a mean stress is quoted, and how much the true one changes along the pulse."""
+    """Whether a mean stress is reported, and the change of the true stress along the pulse."""
     made = drawn(seed)
     names = ("incident", "reflected", "transmitted")
     rng, noise = made["rng"], made["noise"]
@@ -147,7 +150,7 @@ def plateaus(seed: int) -> dict[str, float]:
 
 
 def drifts(seed: int) -> dict[str, float]:
-    """Error of the zero two baselines behind a baseline, over its sigma, for three kinds of drift."""
+    """Error of the zero two baseline lengths after the baseline, over its sigma, for three kinds of drift."""
     rng = np.random.default_rng(seed)
     n, found = 500, {}
     whole = 3 * n
@@ -167,12 +170,12 @@ def drifts(seed: int) -> dict[str, float]:
 
 
 def one(seed: int) -> dict[str, Any]:
-    """All three of one seed."""
+    """Results of all three checks for one seed."""
     return {"seed": seed, "arrivals": arrivals(seed), "plateaus": plateaus(seed), "drifts": drifts(seed)}
 
 
 def counted(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """The table's numbers of one population."""
+    """Numbers of the table for one population."""
 
     def column(part: str, name: str) -> FloatArray:
         return np.array([row[part][name] for row in rows])
@@ -203,7 +206,7 @@ def counted(rows: list[dict[str, Any]]) -> dict[str, float]:
 
 
 def main() -> None:
-    """Draw both populations and write the counts."""
+    """Draw both populations and write the counts to the file."""
     parser = command(__doc__, out=False)
     parser.add_argument("--count", type=int, default=120)
     given = parser.parse_args()

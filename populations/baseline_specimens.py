@@ -1,12 +1,12 @@
-"""End friction taken out of another program's specimens: errors, band, its coverage over noisy draws.
+"""Friction correction of specimens simulated by another program: errors, band, its coverage over noisy draws.
 
     python -m populations.baseline_specimens [--only yeoh/0.3/DOLFINx] [--draws 1000] [--workers 2]
 
-A row a specimen and program (`tests/reference`, tables A and I) goes into
-`populations/results/baseline_specimens.json` as soon as it is done; those that are there are not run again.
-The draws are five specimens of one material, their stiffness scattered by 2 % and each sample by 0.5 %, taken
-through the correction's own derivative. Their curves differ as a whole, so that the coverage of 100 draws is
-known to 2 % only; of 1000 to 0.7 %.
+Each specimen and program (`tests/reference`, tables A and I) gives one row of
+`populations/results/baseline_specimens.json`, written when it is finished; existing rows are not rerun. A
+draw is five specimens of one material with a scatter of 2 % in stiffness and 0.5 % in each sample. The
+derivative of the correction propagates this scatter. The curve of a draw is off as a whole, so the coverage
+of 100 draws has a standard uncertainty of 2 %, that of 1000 draws 0.7 %.
 """
 
 import json
@@ -32,7 +32,7 @@ POISSON = 0.495
 SHOWN = (0.1, 0.2, 0.3, 0.4, 0.5)
 """Compressions in the tables."""
 SPECIMENS, SCATTER, NOISE = 5, 0.02, 0.005
-"""Of a draw: specimens, relative scatter of their stiffness, of a sample."""
+"""Number of specimens of a draw, relative scatter of their stiffness and of a sample [-]."""
 MATERIALS: dict[str, tuple[float, float, dict[str, float]]] = {
     "neo_hookean": (9.5e-3, 6.5e-3, {"mu": 80e3 / 2.99}),
     "yeoh": (9.5e-3, 6.5e-3, {"C10": 14e3, "C20": 2e3, "C30": 500.0}),
@@ -48,19 +48,19 @@ MATERIALS: dict[str, tuple[float, float, dict[str, float]]] = {
 """Specimen -> diameter, length, constants [SI] of `tests/reference/I_specimens.py`; the law is the name
 without "_b" or "_c"."""
 CHOSEN_ON = ("neo_hookean", "yeoh", "ogden2", "mooney_rivlin", "mooney_rivlin_c/0.3")
-"""What was chosen in the correction was chosen on these; the others are judged."""
+"""Specimens on which choices of the correction were made; the others test it."""
 ENDS = ("bonded", "0.3")
 CASES = [
     ("neo_hookean", "bonded", "FElupe, DOLFINx"),
     ("neo_hookean", "0.3", "DOLFINx"),
     *((name, ends, "DOLFINx") for name in list(MATERIALS)[1:] for ends in ENDS),
 ]
-"""Specimen, ends and the program that made it. GetFEM's forces (tables G and H) are none of them: they are
-off by more than a correction may be (`docs/validation/baseline.md`)."""
+"""Specimen, ends and program. GetFEM's forces (tables G and H) are not included: their errors exceed those
+allowed for a correction (`docs/validation/baseline.md`)."""
 
 
 def law_of(name: str) -> AnyLaw:
-    """The law a specimen was made of."""
+    """Material law of a specimen."""
     constants, kind = MATERIALS[name][2], LAWS[name.removesuffix("_b").removesuffix("_c")]
     return kind.of([constants.get(spec.name, 0.0) for spec in kind.PARAMETERS])
 
@@ -78,7 +78,7 @@ def measured(name: str, ends: str) -> tuple[FloatArray, FloatArray]:
 
 
 def available(name: str, ends: str) -> bool:
-    """True if the case's table is there; those without one are said."""
+    """True if the table of the case exists; prints a line if not."""
     try:
         measured(name, ends)
     except ValueError as error:
@@ -121,7 +121,7 @@ def case(name: str, ends: str, program: str, draws: int) -> dict[str, Any]:
 def coverage(
     found: FrictionCorrection, band: CurveBand, true: FloatArray, draws: int, seed: int = 23
 ) -> float:
-    """Share of strains and draws up to 50 % whose k = 2 band holds the truth."""
+    """Share of strains (up to 50 %) and draws at which the k = 2 band contains the true value."""
     rng = np.random.default_rng(seed)
     kept = [k for k, name in enumerate(found.band.names)]
     own = (found.band.modes / found.band.stress)[kept]
@@ -141,7 +141,7 @@ def coverage(
 
 
 def main() -> None:
-    """Run what is missing, row by row."""
+    """Run the missing rows one by one."""
     parser = command(__doc__, out=False)
     parser.add_argument("--only", help="SPECIMEN/ENDS/PROGRAM, e.g. yeoh/0.3/DOLFINx")
     parser.add_argument("--draws", type=int, default=1000)

@@ -1,10 +1,10 @@
-"""Constants of bonded cylinders made by FElupe: `python -m populations.bonded_cylinders --out FOLDER`.
+"""Constants of bonded cylinders simulated by FElupe: `python -m populations.bonded_cylinders --out FOLDER`.
 
-Each specimen has a law, constants, Poisson's ratio, slenderness and largest strain of its own. FElupe makes
-its force on two meshes (`populations.felupe_cylinder`), each reading gets noise, and `kolsky material fit`
-answers with size, ends and law declared. Counted is how often every constant that the answer calls
-determined lies inside its k = 2 interval. The folder keeps every answer: called again, the study goes on
-where it stopped. `--refit` answers again with the forces that are kept.
+Law, constants, Poisson's ratio, slenderness and largest strain differ from specimen to specimen. FElupe
+computes the force on two meshes (`populations.felupe_cylinder`); noise is added to each reading. `kolsky
+material fit` fits the constants, with size, ends and law declared. The study counts how often the k = 2
+interval of every constant that is reported as determined contains the true value. The folder stores every
+answer, so an interrupted study can be continued. `--refit` repeats the fits with the stored forces.
 """
 
 import json
@@ -27,16 +27,16 @@ READINGS = 20
 NOISE = 2e-3
 """Standard deviation of a reading over its value [-]."""
 DIAMETER = 40e-3
-"""Of every specimen [m]; a force scales with its square."""
+"""Diameter of every specimen [m]; a force is proportional to its square."""
 SLENDERNESS = (0.2, 1.2)
 """Length over diameter [-]."""
 STRAIN = (0.05, 0.30)
 """Largest nominal strain [-]."""
 POISSON = (0.4981, 0.4999)
-"""What the assumed 0.499 ± 0.001 of the command covers [-]."""
+"""Range of Poisson's ratio that the assumed 0.499 ± 0.001 of the command covers [-]."""
 LAWS = ("neo_hookean", "reduced_polynomial", "mooney_rivlin_2", "gent")
 COARSER = 2.0 / 3.0
-"""Elements a side of FElupe's first mesh over those of its second [-]."""
+"""Number of elements along a side of FElupe's first mesh over that of the second [-]."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Cylinder:
 
     law: str
     constants: dict[str, float]
-    """SI, by name."""
+    """Constants by name, in SI units."""
     poisson: float
     slenderness: float
     """Length over diameter [-]."""
@@ -59,7 +59,7 @@ class Cylinder:
 
     @property
     def felupe(self) -> Invariants:
-        """The law for FElupe."""
+        """The law as FElupe's material."""
         c = self.constants
         if self.law == "gent":
             mu, Jm = c["mu"], c["Jm"]
@@ -81,7 +81,8 @@ class Cylinder:
 
 
 def drawn(seed: int) -> list[Cylinder]:
-    """The specimens of a seed; slenderness and strain fill their ranges evenly, in an order drawn apart."""
+    """The specimens of a seed; slenderness and strain are stratified over their ranges, in independent random
+    order."""
     rng = np.random.default_rng(seed)
     places = [rng.permutation(SPECIMENS) + rng.uniform(0.0, 1.0, SPECIMENS) for _ in range(2)]
     made = []
@@ -109,9 +110,9 @@ def drawn(seed: int) -> list[Cylinder]:
 def force_of(one: Cylinder, elements: int = 14) -> tuple[FloatArray, FloatArray, float]:
     """Strains [-] and forces [N] by FElupe, and its largest relative change to the finer of two meshes [-].
 
-    The corner where face and side meet is singular, so that the error falls with the size of the elements:
-    both meshes give the force without it (Richardson 1911, order 1). The side lands node by node, which makes
-    the change between the meshes uneven; a parabola over the strain takes its place.
+    The corner between face and side is singular, so the error is proportional to the element size. Richardson
+    extrapolation of order 1 from the two meshes removes it (Richardson 1911). The nodes of the side land one
+    by one, which makes the change between the meshes irregular; it is replaced by a parabola over the strain.
     """
     strain = np.linspace(0.0, one.strain, READINGS + 1)[1:]
     along = int(np.clip(round(elements * one.slenderness), 0.5 * elements, elements))
@@ -127,7 +128,7 @@ def force_of(one: Cylinder, elements: int = 14) -> tuple[FloatArray, FloatArray,
 
 
 def answer(one: Cylinder, strain: FloatArray, force: FloatArray, folder: Path) -> dict[str, Any]:
-    """The command's answer to a specimen's readings."""
+    """Result of the command for a specimen's readings."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = "".join(f"{1e3 * one.length * e:.9g},{f:.9g}\n" for e, f in zip(strain, force, strict=True))
     (folder / "push.csv").write_text("Travel (mm),Load (N)\n0,0\n" + rows, encoding="utf-8")
@@ -141,7 +142,7 @@ def answer(one: Cylinder, strain: FloatArray, force: FloatArray, folder: Path) -
 
 
 def judged(one: Cylinder, found: dict[str, Any]) -> dict[str, Any]:
-    """Which constants are determined, and whether these are inside their intervals."""
+    """Which constants are determined, and whether their intervals contain the true values."""
     if "reason" in found or "refused" in found:
         return {"right": False, "outside": [], "determined": []}
     determined = [name for name in found["constants"] if name not in found["not_determined"]]
@@ -154,7 +155,7 @@ def judged(one: Cylinder, found: dict[str, Any]) -> dict[str, Any]:
 
 
 def experiment(seed: int, number: int, folder: Path, *, refit: bool = False) -> dict[str, Any]:
-    """One specimen of a seed: made, fitted, judged."""
+    """Simulate, fit and judge one specimen of a seed."""
     one, path = drawn(seed)[number], folder / f"{number:02d}.json"
     if path.exists():
         kept = json.loads(path.read_text("utf-8"))
@@ -179,7 +180,7 @@ def experiment(seed: int, number: int, folder: Path, *, refit: bool = False) -> 
 
 
 def line(row: dict[str, Any]) -> str:
-    """One specimen, one line."""
+    """One line of text for a specimen."""
     one, found, verdict = row["cylinder"], row["found"], row["judged"]
     cells = [
         f"{name} {100.0 * (value / one['constants'][name] - 1.0):+.2f} ± "
@@ -196,12 +197,12 @@ def line(row: dict[str, Any]) -> str:
 
 
 def recorded() -> list[dict[str, Any]]:
-    """The study that the documents show, by law."""
+    """Rows of the published study, by law."""
     return list(json.loads(FILE.read_text("utf-8"))["rows"])
 
 
 def main() -> None:
-    """Make, fit, judge, print."""
+    """Run the study and print it."""
     parser = command(__doc__, seed=61803)
     parser.add_argument("--refit", action="store_true", help="answer again with the forces that are kept")
     given = parser.parse_args()

@@ -1,10 +1,11 @@
-"""One relaxing shot alone, and its elastic twin: `python -m populations.branch_advice --out FOLDER`.
+"""Single viscoelastic shots and their elastic counterparts: `python -m populations.branch_advice --out
+FOLDER`.
 
-Is a branch recommended for the first and not for the second? Each draw of `populations.joint_coverage` gives
-two shots at one speed: of its material with the branch, and without. Both are identified by
-`kolsky.identification.identify` as elastic ones, with everything at its defaults. Counted is how often the
-output recommends `--relaxation prony`. What it is decided by is kept: the chance of the linear test, and the
-strength, time, share and criterion of the branch that was searched for.
+The study tests whether a branch is recommended for the viscoelastic shots only. Each draw of
+`populations.joint_coverage` gives two shots at one speed: of its material with the branch and without it.
+`kolsky.identification.identify` identifies both as elastic, with default settings. The study counts how often
+the output recommends `--relaxation prony`. It stores the basis of the decision: the p-value of the linear
+test, and the strength, time, share and criterion of the fitted branch.
 """
 
 import time
@@ -21,16 +22,16 @@ from populations.driver import about, add_meshes, answers, command, hold, number
 from populations.joint_coverage import Study, specified, truth
 
 ADVICE = "--relaxation prony"
-"""What a recommendation says."""
+"""Text of a recommendation."""
 
 
 def place_of(study: Study, folder: Path, kind: str, number: int) -> Place:
-    """The shot of a draw: the first of those that `populations.joint_coverage` makes of it."""
+    """The shot of a draw: the first of its shots in `populations.joint_coverage`."""
     return specified(replace(study, elastic=TWINS[kind]), folder / kind, number)[0]
 
 
 def answer(study: Study, folder: Path, kind: str, number: int) -> dict[str, Any]:
-    """Identify a shot as an elastic one; what is said of a branch."""
+    """Identify a shot as elastic; returns the statements of the output on a branch."""
     started = time.perf_counter()
     asked = settings(study, 1 if study.device == "cpu" else None, seed=study.seed + number)
     shot, place = place_of(study, folder, kind, number)
@@ -52,13 +53,13 @@ def answer(study: Study, folder: Path, kind: str, number: int) -> dict[str, Any]
 
 
 def line(one: dict[str, Any]) -> str:
-    """One answer in words."""
+    """One line of text for an answer."""
     outcome = one["error"] or ("advised" if one["advised"] else "no advice")
     return f"{one['kind']} {one['number']}: {outcome} {one['branch']}; {one['seconds']:.0f} s"
 
 
 def run(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> list[dict[str, Any]]:
-    """Answers of all shots, both kinds; those that the folder holds are read."""
+    """Answers of all shots of both kinds; stored ones are read from the folder."""
     jobs = {
         folder / f"{kind}-{number:03d}.json": (study, folder, kind, number)
         for kind in TWINS
@@ -71,7 +72,7 @@ def run(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> lis
 
 
 def main() -> None:
-    """Run the study, or what is left of it, and sum it up."""
+    """Run or continue the study and write its summary."""
     parser = command(__doc__, seed=1)
     add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument("--draws", type=int, default=20, help="two shots each")

@@ -1,4 +1,4 @@
-"""What a study of the advice of a branch has found: counts with their exact intervals, and a table of them.
+"""Results of a study of branch recommendations: counts with exact intervals, and their table.
 
 `python -m populations.branch_advice_counts SUMMARY ...` prints the table of a `summary.json`.
 """
@@ -11,7 +11,7 @@ from populations.driver import print_tables
 from populations.joint_coverage_counts import counted, element_of, share
 
 TWINS = {"relaxing": False, "elastic": True}
-"""Each kind of shot -> whether nothing relaxes."""
+"""Whether the material is elastic, by kind of shot."""
 ROWS = (
     ("recommended to try a branch", "advised"),
     ("by the linear test", "by the linear test"),
@@ -23,7 +23,7 @@ ROWS = (
 
 
 def summary(each: Each) -> dict[str, Any]:
-    """Shots of each kind by what is said of them, and every shot."""
+    """Numbers of shots of each kind by recommendation, and all shots."""
     return {"kinds": {kind: _kind([one for one in each if one["kind"] == kind]) for kind in TWINS},
             "each": list(each)}  # fmt: skip
 
@@ -44,18 +44,12 @@ def _kind(each: Each) -> dict[str, Any]:
 
 
 def by_linear_test(one: dict[str, Any]) -> bool:
-    """Whether the linear test has answered for a shot: then no branch is searched for."""
+    """Whether the linear test decided for a shot, so that no branch was fitted."""
     return float(one["branch"].get("branch_probability", 1.0)) < SIGNIFICANT
 
 
 def table(said: dict[str, Any]) -> str:
-    """A study as Markdown: a column a kind of shot.
-
-    Parameters
-    ----------
-    said
-        A `summary.json`.
-    """
+    """A study's `summary.json` as a Markdown table with one column for each kind of shot."""
     study = said["study"]
     meshes = " → ".join(f"{study[key][0]} × {study[key][1]}" for key in ("mesh", "refined_mesh"))
     truth = " × ".join(map(str, study["truth_mesh"]))

@@ -1,9 +1,9 @@
-"""The open shots with converged courses: `python -m populations.converged_shots --out FOLDER open-01`.
+"""The open shots with mesh-converged histories: `python -m populations.converged_shots --out FOLDER open-01`.
 
-Another program made the open shots, on a mesh of its own. By what its exact course differs from this solver's
-converged one (`populations.open_courses`) the exported force and outline are changed; noise, clocks and all
-other errors of the exports stay. The shots are identified with the settings of a user who changes nothing;
-what the folder holds is not made again.
+Another program made the open shots, with its own mesh error. The difference between its exact history and
+this solver's converged one (`populations.open_courses`) is added to the exported force and outline; noise,
+clock errors and all other errors of the exports are kept. The shots are identified with default settings;
+existing results are not recomputed.
 """
 
 import json
@@ -20,11 +20,11 @@ from populations.open_courses import FINE, SHOTS, Course
 from populations.scatter import table as scatter
 
 FLAT = 1e-7
-"""Successive points of a surface that are no farther apart along the axis lie on a platen [m]."""
+"""Successive points of a surface that are closer along the axis than this lie on a platen [m]."""
 
 
 def radius_at(y: FloatArray, r: FloatArray, height: float) -> float:
-    """Radius of a surface at a height [m]; NaN where it has folded onto a platen."""
+    """Radius of a surface at a height [m]; NaN where the surface has folded onto a platen."""
     first = last = len(y) // 2
     while first > 0 and y[first] - y[first - 1] > FLAT:
         first -= 1
@@ -35,7 +35,7 @@ def radius_at(y: FloatArray, r: FloatArray, height: float) -> float:
 
 
 def converged(name: str, out: Path) -> Path:
-    """The shot's folder in `out`, with what its course lacks added to force and outline."""
+    """Folder of the shot in `out`, with the correction added to force and outline."""
     folder = out / name
     if (folder / "converged.json").exists():
         return folder
@@ -53,7 +53,7 @@ def converged(name: str, out: Path) -> Path:
     for row in rows:
         k = int(np.searchsorted(theirs["t"], row[1] - 1e-9))
         if row[1] < begin - 1e-9 or k == len(theirs["t"]):
-            continue  # at rest nothing differs
+            continue  # no difference at rest
         height = 1e-3 * row[2]
         ours = np.mean([radius_at(run.surface_y[0, k], run.surface_r[0, k], height) for run in both])
         change = ours - radius_at(theirs["y"][k], theirs["r"][k], height)
@@ -92,7 +92,7 @@ def _write_table(path: Path, header: str, rows: FloatArray) -> None:
 
 
 def main() -> None:
-    """Make what the folder lacks, identify it and print the table."""
+    """Make and identify the missing shots, and print the table."""
     parser = command(__doc__)
     add_meshes(parser)
     parser.add_argument("shots", nargs="+", help="open-01 to open-04")

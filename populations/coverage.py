@@ -1,8 +1,8 @@
-"""Does the interval cover the truth as often as it says? `python -m populations.coverage --out FOLDER`.
+"""Coverage of the intervals of single shots: `python -m populations.coverage --out FOLDER`.
 
-Every experiment is identified by `kolsky.identification.identify` itself, as a laboratory would, from its own
-noisy force, outline, flyer and curve. Counted is how often the k = 2 interval holds the true value. The
-folder keeps every answer, a file an experiment, and a folder beside it every truth.
+`kolsky.identification.identify` identifies every experiment from its noisy force, outline, flyer and curve,
+as in a laboratory. The study counts how often the k = 2 interval contains the true value. The folder stores
+one file for each answer; a folder next to it stores the truths.
 """
 
 import json
@@ -54,7 +54,7 @@ PARAMETERS = {
 
 @dataclass(frozen=True)
 class Study:
-    """What is asked; two studies that are equal here have the same experiments and the same answers."""
+    """Settings of a study; studies with equal settings have the same experiments and the same answers."""
 
     free: tuple[str, ...]
     """Free parameters; the others are held at their true values."""
@@ -63,15 +63,15 @@ class Study:
     refined_mesh: tuple[int, int] = USUAL.refined_mesh
     """The mesh of the answer."""
     truth_mesh: tuple[int, int] = (128, 172)
-    """Mesh of the truth, which is the middle of both elements on it, see `TRUTH_GRADING`."""
+    """Mesh of the truth, which is the mean of both elements on it, see `TRUTH_GRADING`."""
     device: str = "cpu"
-    """Where the identifications are run; one process a core on a CPU, each with one thread."""
+    """Device of the identifications; on a CPU one process per core, each with one thread."""
     truth_device: str = "cpu"
-    """Where the truths are run, ten of them as one batch."""
+    """Device of the truths, which are simulated in batches of ten."""
     seed: int = 1
-    """Of the truths and of all noise."""
+    """Seed of the truths and of all noise."""
     surface: str = ""
-    """Contact law of faces and side; empty: coulomb where the friction is free, else bonded."""
+    """Contact law of faces and side; empty: coulomb if the friction is free, else bonded."""
 
     def __post_init__(self) -> None:
         finest = max(self.mesh[0], self.refined_mesh[0])
@@ -97,18 +97,19 @@ class Found:
     sigma: dict[str, float]
     """Combined standard uncertainty."""
     correction: dict[str, float]
-    """What the extrapolation to an infinitely fine mesh has added to the value."""
+    """Correction of the value by extrapolation to an infinitely fine mesh."""
     parts: dict[str, dict[str, float]]
     """Standard uncertainties of each parameter by source, of the noise and of the numerics."""
     routes: dict[str, dict[str, list[float]]]
-    """Value and standard uncertainty of each parameter by the force and the outline alone."""
+    """Value and standard uncertainty of each parameter from the force only and from the outline only."""
     profile: dict[str, list[float]]
     """95 % interval of the profile likelihood, on the refined mesh."""
     outcome: str
-    """Verdicts, or why there is no answer."""
+    """Verdicts, or the reason for a missing answer."""
     warnings: list[str]
     figures: dict[str, float]
-    """Of the search, as `Identification.surrogate` has them: how far the path was moved, the next valley."""
+    """Figures of the search from `Identification.surrogate`: shift of the flyer's path, next local
+    minimum."""
     seconds: float
 
 
@@ -154,7 +155,7 @@ def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> F
 
 
 def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
-    """Simulate the exact force and outline of some experiments of one group, and keep them."""
+    """Simulate and store the exact force and outline of some experiments of one group."""
     started = time.perf_counter()
     pairs = [drawn(number, study.seed) for number in numbers]
     one, other = (
@@ -180,13 +181,13 @@ def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
 
 
 def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
-    """Identify one experiment whose truth is kept; the fields of `Found`."""
+    """Identify one experiment whose truth is stored; returns the fields of `Found`."""
     with np.load(truth_file(study, folder, number)) as stored:
         return asdict(identified(study, number, stored["force"], stored["Z"]))
 
 
 def line(one: dict[str, Any]) -> str:
-    """One answer in words."""
+    """One line of text for an answer."""
     errors = ", ".join(
         f"{name} {one['value'][name] - true:+.2g} ({2.0 * one['sigma'][name]:.2g})"
         for name, true in one["truth"].items()
@@ -195,12 +196,13 @@ def line(one: dict[str, Any]) -> str:
 
 
 def answer_file(folder: Path, number: int) -> Path:
-    """Where an answer is kept."""
+    """File of an answer."""
     return folder / f"answer-{number:04d}.json"
 
 
 def truth_file(study: Study, folder: Path, number: int) -> Path:
-    """Truths do not depend on what is free, but on the interface: studies beside each other share them."""
+    """File of a truth; truths depend on the interface but not on the free parameters, so studies in one
+    folder share them."""
     mesh = "x".join(map(str, study.truth_mesh))
     return folder.parent / f"truths-{study.seed}-{mesh}-both-{study.interface}" / f"truth-{number:04d}.npz"
 
@@ -208,7 +210,8 @@ def truth_file(study: Study, folder: Path, number: int) -> Path:
 def run(
     study: Study, folder: Path, numbers: Sequence[int], *, workers: int, truths_only: bool = False
 ) -> list[dict[str, Any]]:
-    """Answers of the experiments, in their order; with `truths_only` none, but all missing truths."""
+    """Answers of the experiments in order; with `truths_only` only the missing truths are made and no answer
+    is returned."""
     hold(study, folder)
     missing = [
         n for n in numbers
@@ -224,7 +227,7 @@ def run(
 
 
 def main() -> None:
-    """Run a study, or what is left of it, and sum it up."""
+    """Run or continue a study and write its summary."""
     parser = command(__doc__, seed=1)
     add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument(
@@ -262,13 +265,7 @@ def main() -> None:
 
 
 def _free(text: str) -> tuple[str, ...]:
-    """Parameters by their names or symbols.
-
-    Raises
-    ------
-    SystemExit
-        If there is no such parameter, or one is named twice.
-    """
+    """Parameters from their names or symbols; SystemExit for an unknown or repeated one."""
     unknown = [name for name in text.split(",") if name not in PARAMETERS]
     found = tuple(PARAMETERS[name] for name in text.split(",") if name in PARAMETERS)
     if unknown or len(set(found)) < len(found):

@@ -1,4 +1,4 @@
-"""How often the intervals of a coverage study held the truth, and what chance allows of exact ones.
+"""Coverage of the intervals of a study, and the range expected of exact intervals.
 
 `python -m populations.coverage_counts SUMMARY ...` prints the table of a `summary.json`.
 """
@@ -12,17 +12,17 @@ from kolsky.inverse.result import Verdict
 from populations.driver import print_tables
 
 NOMINAL = 0.9545
-"""Share that an interval of k = 2 holds of a normal distribution."""
+"""Probability of an interval of k = 2 of a normal distribution."""
 WANTED = (0.92, 0.98)
-"""Range of the share that a study of 200 should find."""
+"""Required range of the coverage in a study of 200 experiments."""
 LARGEST_MEAN = 0.25
-"""Largest mean error over the mean standard uncertainty that is wanted."""
+"""Required limit of the mean error over the mean standard uncertainty."""
 
 ANSWERS = frozenset(verdict.value for verdict in Verdict if verdict.identified)
-"""Verdicts that give a value as an answer."""
+"""Verdicts that report a value as an answer."""
 
 UNITS = {"damping": (1e6, "µs")}
-"""Factor and unit of what is not shown in SI."""
+"""Factor and unit of parameters that are not shown in SI units."""
 SYMBOLS = {"stiffness_factor": "$m$", "poisson": "$\\nu$", "damping": "$\\beta$", "friction": "$f$"}
 
 Each = list[dict[str, Any]]
@@ -30,13 +30,8 @@ Each = list[dict[str, Any]]
 
 
 def summary(each: Each) -> dict[str, Any]:
-    """Each parameter's coverage, errors and standard uncertainties; no answer holds nothing.
-
-    Parameters
-    ----------
-    each
-        The experiments.
-    """
+    """Each parameter's coverage, errors and standard uncertainties; a missing answer counts as not
+    covering."""
     n = len(each)
     low, high = binom.interval(0.95, n, NOMINAL)
     outcomes = sorted({one["outcome"] for one in each})
@@ -53,7 +48,7 @@ def summary(each: Each) -> dict[str, Any]:
 
 
 def called_identified(one: dict[str, Any]) -> bool:
-    """True if every verdict of an experiment is an answer, be it of one channel alone."""
+    """True if every verdict of an experiment is an answer, also if it is based on one channel only."""
     return all(text in ANSWERS for text in one["outcome"].split("; "))
 
 
@@ -67,9 +62,9 @@ def _parameter(name: str, each: Each) -> dict[str, Any]:
     held = int((np.abs(error) <= 2.0 * sigma).sum())
     share, mean = held / len(each), float(error.mean())
     misses = {"above": int((error > 2.0 * sigma).sum()), "below": int((error < -2.0 * sigma).sum())}
-    # Of misses that fall to either side alike, all on one side is chance once in 2^(n - 1).
+    # If both sides are equally likely, all n misses are on one side with probability 1 / 2^(n - 1).
     lopsided = binomtest(misses["above"], max(sum(misses.values()), 1)).pvalue < 0.05
-    within = [  # an open end is NaN, which nothing is beyond
+    within = [  # an open end is NaN, so comparisons with it are false
         not (one["truth"][name] < one["profile"][name][0] or one["truth"][name] > one["profile"][name][1])
         for one in good
         if name in one["profile"]
@@ -107,7 +102,7 @@ def _parameter(name: str, each: Each) -> dict[str, Any]:
 
 
 def _routes(name: str, good: Each) -> dict[str, float]:
-    """How often the k = 2 interval of a route holds the truth."""
+    """How often the k = 2 interval of each channel contains the true value."""
     found = {}
     for route in ("force only", "shape only"):
         pairs = [(one["routes"][route][name], one["truth"][name]) for one in good if route in one["routes"]]
@@ -119,7 +114,7 @@ def _routes(name: str, good: Each) -> dict[str, float]:
 
 
 def table(said: dict[str, Any]) -> str:
-    """One study as a Markdown table, a column a parameter."""
+    """One study as a Markdown table with one column for each parameter."""
     names = said["study"]["free"]
     n, (low, high) = said["experiments"], said["exact interval, 95 % of studies"]
     exact = f"{100 * low:.1f} to {100 * high:.1f} %"
@@ -160,7 +155,8 @@ def table(said: dict[str, Any]) -> str:
 
 
 def _answered(one: dict[str, Any]) -> str:
-    """Share of the answers that hold the truth, with what an exact interval does in 95 % of studies."""
+    """Share of the answers that contain the true value, with the range of an exact interval in 95 % of
+    studies."""
     share = one.get("covered of those called identified")
     if share is None:
         return "–"

@@ -1,8 +1,8 @@
-"""Made-up experiments with a known answer, in groups of one specimen size and one camera speed.
+"""Synthetic experiments with a known answer, in groups of one specimen size and one frame rate.
 
-The truth is the middle of both elements on a mesh at least 1.5 times finer than any that the identification
-uses, and finer still toward the faces' edges, driven by the exact path of the flyer and the exact curve. All
-else differs from experiment to experiment: material curve, stiffness factor, Poisson's ratio, damping,
+The truth is the mean of both elements on a mesh at least 1.5 times finer than any mesh of the identification,
+with further refinement toward the faces' edges. It is computed with the exact path of the flyer and the exact
+curve. These differ from experiment to experiment: material curve, stiffness factor, Poisson's ratio, damping,
 friction, the flyer's speed, rise, shape and drag, and the noise of every instrument.
 """
 
@@ -27,35 +27,37 @@ FloatArray = NDArray[np.float64]
 GROUP = 10
 """Experiments that share specimen size, density and frame rate, and are simulated as one batch."""
 STATIC, MOVING = 12, 160
-"""Frames at rest, and from the beginning of the motion to the end of the window."""
+"""Number of frames at rest, and from the beginning of the motion to the end of the window."""
 SAMPLES = 2700
-"""Samples of the force from the beginning of the motion to the end of the window."""
+"""Number of samples of the force from the beginning of the motion to the end of the window."""
 HEIGHTS = np.linspace(0.08, 0.92, 14)
-"""Where the outline is seen, over the specimen's length at the time [-]."""
+"""Heights of the outline's points over the current length of the specimen [-]."""
 LEAST_INSIDE = 0.9
-"""Share of the outline's points that a test must show; the others have rolled onto a platen [-]."""
+"""Smallest share of the outline's points that must be visible; the others have rolled onto a platen [-]."""
 FORCE_SIGMA, FLYER_SIGMA, OUTLINE_SIGMA, CURVE_SIGMA = 0.146, 1e-6, 4e-6, 0.002
 """Noise of open-01: of a sample of the force [N], a displacement of the flyer [m], a point of the outline
-[m], a stress of the quasi-static curve over it [-]. Each experiment has its own share of it, see `NOISE`."""
+[m], a stress of the quasi-static curve over it [-]. Each experiment has a random multiple of it, see
+`NOISE`."""
 NOISE = (0.6, 1.6)
-"""Range of an instrument's noise over that of open-01, drawn evenly in its logarithm [-]."""
+"""Range of an instrument's noise over that of open-01, log-uniformly distributed [-]."""
 TRUTH_ELEMENTS = ("fbar", "one_point")
-"""The truth is their middle: the outline of the one comes from above, that of the other from below."""
+"""The truth is their mean: the outline of one converges from above, that of the other from below."""
 TRUTH_GRADING = 5.0
-"""Largest over smallest element of the truth's mesh, twice that of the identification's: the edge of a bonded
-face is a singularity, which takes most of the elements' error (`python -m populations.truth_meshes`)."""
+"""Ratio of the largest to the smallest element of the truth's mesh, twice that of the identification's mesh:
+the edge of a bonded face is a singularity, which causes most of the mesh error (`python -m
+populations.truth_meshes`)."""
 BONDED, SLIDING, RELEASED = "bonded", "coulomb", "bonded_release"
 SURFACES = (BONDED, SLIDING, RELEASED)
 """Contact laws of faces and side."""
 KNOTS = 4097
-"""Knots of the flyer's exact path in the solver."""
+"""Number of knots of the flyer's exact path in the solver."""
 STRETCH = np.linspace(1.0, 0.36, 65)
-"""Stretches of the quasi-static test, from rest outward [-]."""
+"""Stretches of the quasi-static test, beginning at rest [-]."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What the experiments of a group share."""
+    """Common properties of the experiments of a group."""
 
     diameter: float
     """Of the specimen [m]."""
@@ -64,7 +66,7 @@ class Setup:
     density: float
     """Of the specimen [kg/m^3]."""
     speed: float
-    """Of a flyer that just reaches `strain` at the end of the window [m/s]."""
+    """Speed of a flyer that reaches `strain` exactly at the end of the window [m/s]."""
     strain: float
     """Nominal compression at the end of the window under that flyer [-]."""
 
@@ -98,14 +100,14 @@ class Truth:
     third: float
     """2 U' = mu_0 (1 + second (I1 - 3) + third (I1 - 3)^2) [-]."""
     speed: float
-    """Of the flyer [m/s]."""
+    """Speed of the flyer [m/s]."""
     rise: float
-    """Time in which it gets there [s]."""
+    """Time in which the flyer reaches it [s]."""
     start_power: float
     end_power: float
-    """Exponents a, b of the incomplete beta function that the velocity rises by [-]."""
+    """Exponents a, b of the incomplete beta function that describes the rise of the velocity [-]."""
     drag: float
-    """Share of its speed that the flyer has lost when it has gone the specimen's length [-]."""
+    """Share of its speed that the flyer loses over a path of the specimen's length [-]."""
     force_sigma: float
     flyer_sigma: float
     outline_sigma: float
@@ -114,7 +116,8 @@ class Truth:
 
     @property
     def release_stress(self) -> float:
-        """Of a surface that lets go [Pa]: 10 to 100 kPa, even in its logarithm, from the draw of friction."""
+        """Stress at which a surface releases [Pa]: 10 to 100 kPa, log-uniform, derived from the draw of
+        friction."""
         low, high = RANGES["friction"]
         return float(1e4 * 10.0 ** ((self.friction - low) / (high - low)))
 
@@ -125,7 +128,7 @@ RANGES = {
     "damping": (1.5e-5, 3.5e-5),
     "friction": (0.15, 0.45),
 }
-"""Where the true parameters are drawn from, evenly; Poisson's ratio doubled."""
+"""Ranges of the uniformly drawn true parameters; for Poisson's ratio, of twice the ratio."""
 
 
 def draw_setup(rng: np.random.Generator) -> Setup:
@@ -167,13 +170,13 @@ def draw_truth(setup: Setup, rng: np.random.Generator) -> Truth:
 
 
 def drawn(number: int, seed: int) -> tuple[Setup, Truth]:
-    """Setup and truth of an experiment by its number: no other experiment is needed to know them."""
+    """Setup and truth of an experiment, which depend only on its number and the seed."""
     setup = draw_setup(np.random.default_rng([seed, 2, number // GROUP]))
     return setup, draw_truth(setup, np.random.default_rng([seed, 3, number]))
 
 
 def stroke(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
-    """Displacement of the flyer toward the specimen [m] at times [s], of their shape."""
+    """Displacement of the flyer toward the specimen [m] at times [s]; same shape as the times."""
     undragged = truth.speed * _risen(t, truth)
     if truth.drag == 0.0:
         return undragged
@@ -189,9 +192,9 @@ def velocity(t: FloatArray, setup: Setup, truth: Truth) -> FloatArray:
 
 
 def _risen(t: FloatArray, truth: Truth) -> FloatArray:
-    """Integral of the risen share of the velocity [s].
+    """Integral of the relative velocity during its rise [s].
 
-    Of the incomplete beta function I_s(a, b) it is s I_s(a, b) - a / (a + b) I_s(a + 1, b).
+    The integral of the incomplete beta function I_s(a, b) is s I_s(a, b) - a / (a + b) I_s(a + 1, b).
     """
     a, b, s = truth.start_power, truth.end_power, np.clip(t / truth.rise, 0.0, 1.0)
     within = s * betainc(a, b, s) - a / (a + b) * betainc(a + 1.0, b, s)
@@ -206,7 +209,7 @@ def curve(truth: Truth) -> FloatArray:
 
 
 def template(setup: Setup, truth: Truth) -> Observations:
-    """Where and when the instruments look; what they read there is of no account."""
+    """Observations with the times and heights of the instruments; the readings are arbitrary."""
     seen = setup.frames[setup.frames > 0.0]
     y = HEIGHTS * (setup.length - stroke(seen, setup, truth)[:, None])
     line = CentreLine(
@@ -234,12 +237,8 @@ def simulate(
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Exact force at the samples [N] and radius at the points [m] of every experiment, in one batch.
 
-    Where the surface has rolled onto a platen it has no radius at a point's height: NaN.
-
-    Raises
-    ------
-    ValueError
-        If a run does not complete, or leaves more than `LEAST_INSIDE` allows of the points on the platens.
+    The radius is NaN where the surface at a point's height has rolled onto a platen. ValueError if a run does
+    not complete, or more points lie on the platens than `LEAST_INSIDE` allows.
     """
     knots = np.linspace(0.0, setup.end, KNOTS)
     model = explicit.Model(
@@ -289,7 +288,7 @@ def simulate(
 def middle(
     one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Force and radii half way between those of two elements."""
+    """Means of the forces and radii of two elements."""
     force, Z = (0.5 * (one[i] + other[i]) for i in range(2))
     return force, Z
 
@@ -302,16 +301,16 @@ def experiment(
     interface: str,
     rng: np.random.Generator,
 ) -> Shot:
-    """One experiment: the truth with the instruments' noise, as a shot that declares what is exact."""
+    """One experiment: the truth with the instruments' noise, as a shot with exact declared inputs."""
     observations, (force, Z), frames = template(setup, truth), seen, setup.frames
     line, stress = observations.centre_line, curve(truth)
     clean = np.where(frames > 0.0, stroke(frames, setup, truth), 0.0)
-    # In this order: what a seed draws stays what it was.
+    # The order of the draws must not change, so that a seed keeps its values.
     felt = force + truth.force_sigma * rng.standard_normal(force.shape)
     tested = stress * (1.0 + truth.curve_sigma * rng.standard_normal(stress.shape))
     flown = clean + truth.flyer_sigma * rng.standard_normal(clean.shape)
     measured = Z + truth.outline_sigma * rng.standard_normal(Z.shape)
-    there = np.isfinite(measured)  # nobody sees a point that lies on a platen
+    there = np.isfinite(measured)  # a point on a platen is not visible
     return Shot(
         name=f"experiment {number}",
         folder=Path(),

@@ -1,9 +1,9 @@
-"""Outlier gates on drawn scenes: `python -m populations.dic_outliers --population judged --out FOLDER`.
+"""Outlier gates on random scenes: `python -m populations.dic_outliers --population judged --out FOLDER`.
 
-Every scene (`populations.outlier_scenes`) is rendered, followed by two cameras and gated as by `kolsky dic`;
-of the points that are VALID then, those are counted whose place is off the true one by more than six of
-their standard deviations in any component. Limits were chosen on the population "tuned", and are judged on
-"judged". The folder keeps a file a scene: called again, the study goes on where it stopped.
+Every scene (`populations.outlier_scenes`) is rendered, tracked by two cameras and gated as in `kolsky dic`.
+The study counts the VALID points whose position error exceeds six of their standard deviations in any
+component. The limits were chosen on the population "tuned" and are tested on "judged". The folder stores one
+file per scene, so an interrupted study can be continued.
 """
 
 from collections.abc import Iterable
@@ -35,17 +35,17 @@ class Count:
     tracked: int
     """VALID after the tracking and the stereo match."""
     before: int
-    """Of them beyond six standard deviations."""
+    """Points among these with an error of more than six standard deviations."""
     valid: int
     """VALID after all gates."""
     beyond: int
-    """Of them beyond six standard deviations."""
+    """Points among these with an error of more than six standard deviations."""
     worst: float
-    """Largest error that is left [m]."""
+    """Largest error of a VALID point after all gates [m]."""
 
 
 def counted(population: str, seed: int, device: str = "cpu") -> Count:
-    """Render, follow and gate one scene."""
+    """Render, track and gate one scene."""
     scene = drawn(population, seed)
     body = followed(scene, device=device)
     X = RenderedCylinder(RADIUS).hit(rig(scene.angle).cameras[0], body.points)
@@ -62,7 +62,7 @@ def counted(population: str, seed: int, device: str = "cpu") -> Count:
 
 
 def _off(body: TrackedBody, truth: np.ndarray) -> tuple[int, int, float]:
-    """VALID points, how many of them are beyond `SIGMAS`, and the largest error [m]."""
+    """Number of VALID points, number of those beyond `SIGMAS`, and the largest error [m]."""
     r = body.reconstruction
     valid = r.outcome == PointOutcome.VALID
     error = np.abs(r.position[valid] - truth[valid])
@@ -93,12 +93,12 @@ def table(counts: Iterable[Count]) -> str:
 
 
 def measured(population: str, seed: int, device: str) -> dict[str, Any]:
-    """`counted` as JSON can hold it."""
+    """Result of `counted` for a JSON file."""
     return asdict(counted(population, seed, device))
 
 
 def main() -> None:
-    """Run the study, print its table and keep it beside the answers."""
+    """Run the study, print its table and store it in the folder."""
     parser = command(__doc__)
     parser.add_argument("--population", choices=POPULATIONS, default="judged")
     parser.add_argument("--n", type=int, default=24, help="scenes")

@@ -1,7 +1,8 @@
-"""Refinement of the relative pose on made rigs with a known error: the table of docs/validation/cameras.md.
+"""Refinement of the relative pose on synthetic rigs with a known error: the table of
+docs/validation/cameras.md.
 
-``python -m populations.dic_refined_rigs [SEED]`` prints it; 0 is the population on which the share of
-`dic.calibration.refine.LEAST_GAIN` was chosen, 1 the one on which it was judged, once.
+``python -m populations.dic_refined_rigs [SEED]`` prints it. `dic.calibration.refine.LEAST_GAIN` was chosen on
+population 0 and tested on population 1.
 """
 
 import sys
@@ -17,9 +18,9 @@ from dic.stereo.geometry import triangulate
 
 RIGS, POINTS = 20, 150
 POSE = {"none": 0.0, "0.05 mrad": 5e-5, "0.2 mrad": 2e-4, "1 mrad": 1e-3}
-"""Standard deviations of each turn and tilt that the pose is wrong by [rad]."""
+"""Standard deviations of the errors of the pose's rotations and tilts [rad]."""
 LENS = (("right", 0.0), ("wrong", 1.0))
-"""Whether the cameras' own parameters are wrong: focal lengths by 0.1 %, centres by 2 px, k1 by 0.01."""
+"""Whether the intrinsic parameters are wrong: focal lengths by 0.1 %, centres by 2 px, k1 by 0.01."""
 
 
 def rig(rng: np.random.Generator) -> StereoRig:
@@ -50,7 +51,7 @@ def specimen(rng: np.random.Generator) -> FloatArray:
 
 
 def wrong_lens(camera: Camera, rng: np.random.Generator, size: float) -> Camera:
-    """A camera whose own parameters are wrong."""
+    """A camera with wrong intrinsic parameters."""
     scale = 1.0 + 1e-3 * size * rng.standard_normal()
     k1 = camera.distortion[0] + 0.01 * size * rng.standard_normal()
     return replace(
@@ -72,7 +73,7 @@ def shape_error(cameras: StereoRig, pixels: list[FloatArray], X: FloatArray) -> 
 
 
 def one(rng: np.random.Generator, pose: float, lens: float) -> tuple[bool, float, float, float, float]:
-    """One rig: whether the rule takes the refinement, shape errors before and after [m], medians [px]."""
+    """One rig: whether the refinement is accepted, shape errors before and after [m], medians [px]."""
     true, X = rig(rng), specimen(rng)
     noise = rng.uniform(0.01, 0.05)
     pixels = [camera.project(X) + noise * rng.standard_normal((POINTS, 2)) for camera in true.cameras]

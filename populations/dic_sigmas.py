@@ -1,12 +1,12 @@
 """Errors over their stated standard deviations: `python -m populations.dic_sigmas --population judged --out
 FOLDER`.
 
-Every scene (`populations.sigma_scenes`) is rendered, its noise taken from the frames at rest, its points
-followed and, with two cameras, reconstructed as `kolsky dic` does it. Printed is the root mean square of
-error over stated standard deviation, 1 if that is right, by kind of scene and noise: of the displacement
-in the pictures' plane, of the depth, at rest and in motion, and of the outline. A standard deviation was
-chosen right on the population "chosen", and is judged on "judged". The folder keeps a file a scene: called
-again, the study goes on where it stopped.
+Every scene (`populations.sigma_scenes`) is rendered. The noise is estimated from the frames at rest; the
+points are tracked and, with two cameras, reconstructed as in `kolsky dic`. The table gives the root mean
+square of the error over the stated standard deviation, which is 1 if the latter is correct. It has entries by
+kind of scene and noise for the displacement in the pictures' plane, for the depth, at rest and in motion, and
+for the outline. The standard deviations were calibrated on the population "chosen" and are tested on
+"judged". The folder stores one file per scene, so an interrupted study can be continued.
 """
 
 from collections.abc import Iterable
@@ -32,7 +32,7 @@ from tests.helpers.speckle_pictures import RenderedCylinder
 QUANTITIES = ("x", "y", "Z", "outline")
 STATES = ("rest", "moved")
 LEAST, MOST = 0.8, 1.25
-"""What a ratio must lie between."""
+"""Allowed range of a ratio [-]."""
 RIM = 8.0
 STRIP = 1.2e-3
 """Half width of the strip of an outline [m]."""
@@ -40,7 +40,7 @@ STRIP = 1.2e-3
 
 @dataclass(frozen=True)
 class Scatter:
-    """Error over standard deviation, of some values of a scene."""
+    """Statistics of the error over the standard deviation of some values of a scene."""
 
     scene: int
     kind: str
@@ -51,11 +51,11 @@ class Scatter:
     squares: float
     """Sum of the squares of error over standard deviation [-]."""
     beyond: int
-    """Values off by more than three standard deviations."""
+    """Number of values with an error of more than three standard deviations."""
 
 
 def scattered(population: str, number: int, device: str = "cpu") -> list[Scatter]:
-    """Render, measure and compare one scene."""
+    """Render and measure one scene, and compare it with the truth."""
     scene = drawn(population, number)
     off = _plane(scene, device) if scene.kind.startswith("plane") else _cylinder(scene, device)
     found = []
@@ -79,7 +79,7 @@ def _plane(scene: SigmaScene, device: str) -> Off:
     X = found.points
     truth = np.array([scene.place(X, k) - X for k in range(scene.n_frames)])
     z = (found.surface.u[..., :2] - truth) / found.surface.sigma[..., :2]
-    frames = np.arange(scene.n_frames) != settings.reference  # the points were chosen in that one
+    frames = np.arange(scene.n_frames) != settings.reference  # the points were chosen in that frame
     return _by_state(scene, z, found.surface.valid & frames[:, None])
 
 
@@ -137,7 +137,7 @@ def _by_state(scene: SigmaScene, z: FloatArray, valid: BoolArray) -> Off:
 
 
 def table(found: Iterable[Scatter]) -> str:
-    """Root mean squares by kind and noise, as Markdown; what is outside `LEAST` to `MOST` in bold."""
+    """Root mean squares by kind and noise as Markdown; values outside `LEAST` to `MOST` in bold."""
     rows = list(found)
     columns = [(q, s) for s in STATES for q in QUANTITIES]
     lines = [
@@ -165,12 +165,12 @@ def _cell(some: list[Scatter]) -> str:
 
 
 def measured(population: str, number: int, device: str) -> list[dict[str, Any]]:
-    """`scattered` as JSON can hold it."""
+    """Result of `scattered` for a JSON file."""
     return [asdict(s) for s in scattered(population, number, device)]
 
 
 def main() -> None:
-    """Run the study, print its table and keep it beside the answers."""
+    """Run the study, print its table and store it in the folder."""
     parser = command(__doc__)
     parser.add_argument("--population", choices=tuple(POPULATIONS), default="judged")
     parser.add_argument("--n", type=int, default=48, help="scenes")

@@ -1,7 +1,7 @@
-"""What all studies share: the command line, the processes, and the folder that keeps every answer.
+"""Common parts of all studies: the command line, the processes, and the folder that stores every answer.
 
-A study calls `answers` with a function that answers one experiment. An answer is kept as soon as it is there:
-a study that was stopped goes on where it stopped when it is called again.
+A study calls `answers` with a function that answers one experiment. Each answer is stored when it is
+finished, so an interrupted study continues when it is called again.
 """
 
 import argparse
@@ -19,10 +19,10 @@ from kolsky.base.process import process_pool
 from kolsky.inverse.settings import Numerics, Settings
 
 RESULTS = Path(__file__).parent / "results"
-"""Results that documents show."""
+"""Folder of the published results."""
 LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 USUAL = Settings()
-"""Settings of a laboratory that changes nothing."""
+"""Default settings."""
 
 
 def command(doc: str | None, *, seed: int | None = None, out: bool = True) -> argparse.ArgumentParser:
@@ -48,13 +48,13 @@ def add_meshes(parser: argparse.ArgumentParser, *, truth: tuple[int, int] | None
 
 
 def mesh(text: str) -> tuple[int, int]:
-    """ "24x32" as elements across the radius and along the length."""
+    """Elements across the radius and along the length from a text like "24x32"."""
     across, along = map(int, text.split("x"))
     return across, along
 
 
 def numbers(text: str) -> list[int]:
-    """ "FIRST:STOP" or "FIRST:STOP:STEP" as the numbers of experiments."""
+    """Numbers of experiments from "FIRST:STOP" or "FIRST:STOP:STEP"."""
     return list(range(*map(int, text.split(":"))))
 
 
@@ -65,10 +65,10 @@ def settings(study: Any, threads: int | None, **more: Any) -> Settings:
 
 
 def results(work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]], workers: int) -> Iterator[Any]:
-    """Results of a function as they come, called with each job's arguments.
+    """Results of a function for each job's arguments, in the order of completion.
 
-    One worker is this process. Of several each has one thread for its linear algebra: with all cores each,
-    they would wait for each other. ``work`` is a function of a module then.
+    With one worker the function runs in this process. Several workers use one thread each for linear algebra,
+    because more threads than cores would slow them down; ``work`` must then be a module-level function.
     """
     if workers == 1:
         yield from (work(*job) for job in jobs)
@@ -87,9 +87,9 @@ def answers(
     workers: int = 1,
     line: Callable[[Any], str] | None = None,
 ) -> list[Any]:
-    """Answers to all jobs in their order, by the files that keep them; those that are there are read.
+    """Answers to all jobs in order; existing files are read instead.
 
-    ``line`` gives what is printed of an answer as it comes; the name of its file by default.
+    ``line`` returns the text that is printed for a finished answer; the name of its file by default.
     """
     missing = [(work, path, job) for path, job in jobs.items() if not path.exists()]
     for path, answer in results(_kept, missing, workers):
@@ -98,14 +98,14 @@ def answers(
 
 
 def _kept(work: Callable[..., Any], path: Path, job: tuple[Any, ...]) -> tuple[Path, Any]:
-    """Answer a job and keep the answer."""
+    """Answer a job and store the answer."""
     answer = work(*job)
     write(path, answer)
     return path, answer
 
 
 def write(path: Path, content: Any, *, indent: int | None = None) -> None:
-    """Write a file of JSON whole or not at all, and its folder."""
+    """Write a JSON file completely or not at all; makes its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial_file = path.with_suffix(".part")
     partial_file.write_text(json.dumps(content, indent=indent) + "\n", "utf-8")
@@ -113,13 +113,8 @@ def write(path: Path, content: Any, *, indent: int | None = None) -> None:
 
 
 def hold(study: Any, folder: Path) -> None:
-    """Write what the folder is of, or refuse one of something else; devices may change.
-
-    Raises
-    ------
-    ValueError
-        If the folder holds another study.
-    """
+    """Write a study's settings into its folder; ValueError if the folder has other settings, devices
+    excepted."""
     content = {key: value for key, value in asdict(study).items() if "device" not in key}
     path = folder / "study.json"
     if path.exists():
@@ -130,7 +125,7 @@ def hold(study: Any, folder: Path) -> None:
 
 
 def about(study: Any, given: argparse.Namespace) -> dict[str, Any]:
-    """Head of a summary: the machine and what was asked."""
+    """Header of a summary: the machine and the settings."""
     return {
         "machine": {
             "device": given.device,

@@ -1,7 +1,8 @@
 """A bonded cylinder compressed by FElupe: biquadratic elements with a continuous pressure (Taylor and Hood).
 
 FElupe is a separate program (https://felupe.readthedocs.io) and shares no code with this one: neither mesh,
-element, law, contact nor Newton iteration. The side touches the platen node by node and does not slip on it.
+element, law, contact nor Newton iteration. The nodes of the side touch the platen one by one and do not slip
+on it.
 """
 
 from collections.abc import Callable
@@ -14,7 +15,8 @@ from explicit.arrays import FloatArray
 Slope = Callable[[FloatArray], FloatArray]
 """A function of the first invariant."""
 PENALTY = 100.0
-"""Contact stiffness of a node over the elements' mean there [-]; with FElupe's 1 the side sinks in."""
+"""Contact stiffness of a node over the mean stiffness of its elements [-]; with FElupe's default 1 the side
+penetrates the platen."""
 STEP = 0.01
 """Largest step of compression [-]."""
 
@@ -31,9 +33,9 @@ class Invariants:
     second: Slope
     """U'' [Pa]."""
     C01: float
-    """[Pa]."""
+    """Constant of the second invariant, C01 [Pa]."""
     bulk: float
-    """K [Pa]."""
+    """Bulk modulus K [Pa]."""
     x = (np.eye(3), np.zeros(0))
     """Shapes of the deformation gradient and of the (absent) state variables."""
 
@@ -104,7 +106,7 @@ def compression_force(
     linear = fem.Mesh(points, cells, "quad")
     fine = fem.mesh.convert(linear, order=2, calc_points=True, calc_midfaces=True)
     fine.update(points=np.vstack([fine.points, [[0.5 * length, 1.5 * radius]]]))
-    fine.points_without_cells = fine.points_without_cells[:-1]  # the platen's point may move
+    fine.points_without_cells = fine.points_without_cells[:-1]  # the point of the platen may move
     field = fem.FieldsMixed(
         fem.RegionBiQuadraticQuad(fine), n=3, axisymmetric=True, mesh=linear, disconnect=False
     )
@@ -145,6 +147,6 @@ def compression_force(
 
 
 def _graded(length: float, n: int) -> FloatArray:
-    """Corners of n elements that shrink to a fifth towards the end [m]."""
+    """Corners of n elements whose length decreases to a fifth toward the end [m]."""
     size = 5.0 ** (-np.arange(n) / (n - 1))
     return np.concatenate([[0.0], np.cumsum(size)]) * length / size.sum()

@@ -1,17 +1,17 @@
-"""Thresholds of `kolsky.diagnosis.fit_quality` from shots that are known to be right.
+"""Thresholds of `kolsky.diagnosis.fit_quality` from shots with correct inputs.
 
 ``python -m populations.fit_thresholds ONE --judge TWO`` reads every ``identification.h5`` below two folders:
-results of shots made with independent noise, mesh and element, whose inputs are as declared. The limits are
-chosen on the shots of ONE and judged on those of TWO; without ``--judge`` they are chosen only. With
-``--identify`` it first identifies every shot below them that has no result yet, so that a study that was cut
-off goes on.
+results of synthetic shots with independent noise, mesh and element, whose declared inputs are correct. The
+limits are chosen on the shots of ONE and tested on those of TWO; without ``--judge`` they are only chosen.
+With ``--identify`` every shot below the folders that has no result is identified first, so an interrupted
+study can be continued.
 
-The limit of a figure is that of a stated rate of false alarms: the upper tolerance limit of its logarithm,
-taken as normal, that holds this share of all right shots with 95 % confidence (Howe 1969), or the largest
-that was seen where that is more, times a margin for shots unlike these. Evidence, which is zero on many
-right shots, has the largest times that margin. The table has for each limit how many shots of TWO are above
-it, and above the one in use, with the 95 % interval of that share; ``--out`` stores it with the quantiles of
-everything that the verdicts are made of.
+The limit of a figure follows from a given rate of false alarms. It is the upper tolerance limit of the
+figure's logarithm, assumed normal, below which the remaining share of all correct shots lies with 95 %
+confidence (Howe 1969). If the largest observed value is higher, that is used. The result is multiplied by a
+margin for different shots. Evidence is zero on many correct shots; its limit is the largest value times the
+margin. The table gives for each limit the number of shots of TWO above it, and above the limit in use, with
+the 95 % interval of that share. ``--out`` stores it with the quantiles of all figures that the verdicts use.
 """
 
 from collections import Counter
@@ -32,20 +32,20 @@ from populations.driver import command, results, write
 from populations.threshold_choice import STRONGEST, RightShot, chosen, table, truth
 
 FALSE_ALARMS = 0.0125
-"""Share of right shots that one figure may refuse: of the four together 2 in 40."""
+"""Share of correct shots that one figure may reject: 2 in 40 for the four together."""
 CONFIDENCE = 0.95
-"""That no more than this share is refused."""
+"""Confidence that no more than this share is rejected."""
 MARGIN = 1.25
-"""Factor on a threshold for shots unlike those of the population."""
+"""Factor on a threshold for shots that differ from those of the population."""
 FEWEST = 10
-"""Results from which a threshold is derived."""
+"""Smallest number of results from which a threshold is derived."""
 RESULT = "identification.h5"
 QUANTILES = (0.5, 0.9, 0.95, 1.0)
-"""Shares of the population up to which figures are printed."""
+"""Quantiles of the population that are printed."""
 
 
 def figures(result: Identification) -> Iterator[tuple[str, float]]:
-    """What the verdicts on a fit are made of, by name."""
+    """Figures on which the verdicts on a fit are based, by name."""
     for channel in result.fit:
         yield f"{channel.channel}: residual over expected", channel.excess
         yield f"{channel.channel}: slow residual over expected", channel.slow_excess
@@ -62,13 +62,8 @@ def figures(result: Identification) -> Iterator[tuple[str, float]]:
 
 
 def threshold(values: Iterable[float]) -> float:
-    """Threshold of a positive figure from its values of right shots.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than ten, or one is not positive and finite.
-    """
+    """Threshold of a positive figure from its values for correct shots; ValueError for fewer than `FEWEST`
+    values, or one that is not positive and finite."""
     found = np.array(list(values), dtype=np.float64)
     if len(found) < FEWEST or not (np.isfinite(found).all() and (found > 0.0).all()):
         raise ValueError(
@@ -81,19 +76,15 @@ def threshold(values: Iterable[float]) -> float:
 
 
 def tolerance_factor(n: int) -> float:
-    """Standard deviations above the mean of n normal values that hold 1 - `FALSE_ALARMS` of all of them."""
+    """Factor k for which mean + k standard deviations of n normal values exceeds a share 1 - `FALSE_ALARMS`
+    of the distribution with confidence `CONFIDENCE`."""
     quantile = norm.ppf(1.0 - FALSE_ALARMS)
     return float(nct.ppf(CONFIDENCE, n - 1, quantile * np.sqrt(n)) / np.sqrt(n))
 
 
 def population(folder: Path) -> list[RightShot]:
-    """Results below a folder, named by their places.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or one has no goodness of fit.
-    """
+    """Results below a folder, named by their paths; ValueError if there is none, or one without a goodness of
+    fit."""
     places = sorted(folder.rglob(RESULT))
     if not places:
         raise ValueError(f"{folder}: no {RESULT} below it; identify its shots with --identify")
@@ -107,7 +98,7 @@ def population(folder: Path) -> list[RightShot]:
 
 
 def limit(name: str, values: list[float]) -> float:
-    """Limit of a figure from its values of right shots; see the head of this module."""
+    """Limit of a figure from its values for correct shots; see the module's docstring."""
     if name != STRONGEST:
         return threshold(values)
     if len(values) < FEWEST:
@@ -116,7 +107,8 @@ def limit(name: str, values: list[float]) -> float:
 
 
 def identify_missing(folder: Path, *, workers: int, device: str) -> list[str]:
-    """Identify the shots below a folder that have no result; returns what was refused, a line a shot."""
+    """Identify the shots below a folder that have no result; returns one line for each shot that was
+    rejected."""
     shots = sorted(path.parent for path in folder.rglob("shot.toml"))
     missing = [shot for shot in shots if not (shot / "results" / RESULT).exists()]
     lines = results(identified, [(shot, device) for shot in missing], workers)
@@ -128,7 +120,7 @@ def identify_missing(folder: Path, *, workers: int, device: str) -> list[str]:
 
 
 def identified(shot: Path, device: str) -> str:
-    """Identify one shot with the default settings and write its result; returns why not, else ""."""
+    """Identify one shot with the default settings and write its result; returns the error's text, or ""."""
     numerics = Numerics(device=device, threads=1 if device == "cpu" else None)
     try:
         result = identify(load_shot(shot), Settings(numerics=numerics))
@@ -140,7 +132,7 @@ def identified(shot: Path, device: str) -> str:
 
 
 def summary(shots: list[RightShot]) -> dict[str, Any]:
-    """Quantiles of every figure of the verdicts, and how the shots ended."""
+    """Quantiles of every figure of the verdicts, and counts of the outcomes."""
     columns: dict[str, list[float]] = {}
     for shot in shots:
         for name, value in figures(shot.result):
@@ -159,7 +151,7 @@ def summary(shots: list[RightShot]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Choose on one population, judge on the other, print the table."""
+    """Choose the limits on one population, test them on the other, print the table."""
     parser = command(__doc__, out=False)
     parser.add_argument("folder", type=Path, help="population one: the limits are chosen on it")
     parser.add_argument("--judge", type=Path, help="population two: the limits are judged on it")

@@ -1,10 +1,10 @@
-"""Error of the flyer's zero over its stated sigma, on drawn rigs: `python -m populations.flyer_zero --out
+"""Error of the flyer's zero over its stated sigma, on random rigs: `python -m populations.flyer_zero --out
 FOLDER`.
 
-Each experiment draws a shot of the population of `runs/virtual/forty.toml` with a seed of its own, simulates
-it on a coarse mesh, renders both series with the true cameras, finds the regions, follows the flyer, and
-sets its displacement beside the truth. Nothing is identified. The folder keeps the pictures and the answer
-of each experiment; without an answer it is measured anew from the pictures kept.
+Each experiment draws a shot of the population of `runs/virtual/forty.toml` with its own seed and simulates it
+on a coarse mesh. It renders both series with the true cameras, finds the regions, tracks the flyer, and
+compares its displacement with the truth. There is no identification. The folder stores the pictures and the
+answer of each experiment; if the answer is missing, it is measured from the stored pictures.
 """
 
 import json
@@ -46,19 +46,19 @@ from populations.driver import answers, command
 SPEC = Path(__file__).parents[1] / "runs" / "virtual" / "forty.toml"
 STRIP = 0.6e-3
 LATE = 10
-"""Frames with most points that the error of the zero is the mean of."""
+"""Number of frames, those with most points, over which the error of the zero is averaged."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is asked of every experiment."""
+    """Settings of all experiments."""
 
     out: str
     seed: int
     mesh: tuple[int, int] = (16, 22)
     rate: float = 40e3
     changes: str = ""
-    """More tables of the specification, as JSON."""
+    """Further tables of the specification, as JSON."""
 
 
 @dataclass(frozen=True)
@@ -67,25 +67,25 @@ class Experiment:
 
     number: int
     share: float
-    """Share of the flyer in view at rest."""
+    """Share of the flyer that is visible at rest."""
     pixel: float
     """Length of a pixel."""
     why: str = ""
-    """Why there is no zero, or how the regions were found."""
+    """Reason why there is no zero, or how the regions were found."""
     error: float | None = None
-    """Of the displacement in the frames with most points."""
+    """Error of the displacement in the frames with most points."""
     sigma: float | None = None
-    """Stated, of the zero."""
+    """Stated standard deviation of the zero."""
     from_rim: bool = False
     lower_error: float | None = None
-    """Of the specimen's lower end along the axis."""
+    """Error of the position of the specimen's lower end along the axis."""
     lower_sigma: float | None = None
     length_error: float = 0.0
-    """Declared length less the true one."""
+    """Declared minus true length."""
     length_seen: tuple[float, float] | None = None
-    """Length in the pictures less the true one, and its stated standard deviation."""
+    """Length in the pictures minus the true one, and its stated standard deviation."""
     length_used: tuple[float, float] | None = None
-    """The same of the length that is used."""
+    """The same for the length that is used."""
     seconds: float = 0.0
 
 
@@ -145,7 +145,7 @@ def pictures_of(q: Specification, number: int, surface: SurfaceHistory) -> list[
 
 
 def in_rig_frame(rig: StereoRig) -> StereoRig:
-    """The rig with poses in the frame of camera 0, as a calibration gives them."""
+    """The rig with poses in the frame of camera 0, as in a calibration."""
     R, t = rig.relative
     first, second = rig.cameras
     first = replace(first, rotation=np.eye(3), translation=np.zeros(3))
@@ -153,7 +153,7 @@ def in_rig_frame(rig: StereoRig) -> StereoRig:
 
 
 def prepared(study: Study, number: int) -> tuple[Specification, SurfaceHistory, list[NDArray[np.uint16]]]:
-    """Specification, true surface and pictures of an experiment; the latter are kept."""
+    """Specification, true surface and pictures of an experiment; the pictures are stored."""
     shot = series_of(study).shot(number)
     q = shot.quantities
     kept = Path(study.out) / f"{number:03d}.npz"
@@ -170,7 +170,7 @@ def prepared(study: Study, number: int) -> tuple[Specification, SurfaceHistory, 
 def measured(
     q: Specification, number: int, surface: SurfaceHistory, grey: list[NDArray[np.uint16]]
 ) -> Experiment:
-    """Find the flyer's zero in the pictures, and set it beside the truth."""
+    """Measure the flyer's zero in the pictures, and compare it with the truth."""
     started = time.perf_counter()
     length_error = q.specimen.length * q.imperfections.length
     result = Experiment(number, q.cameras.flyer_share, q.cameras.pixel, length_error=length_error)
@@ -248,8 +248,8 @@ def with_lengths(
     placement: Placement,
     disagreement: tuple[float, float],
 ) -> Experiment:
-    """The experiment with the errors of the length in the pictures and of the one that is used."""
-    lower = float(placement.frame.covariance[4, 4])  # the rig is the true one: its calibration adds nothing
+    """The experiment with the errors of the length in the pictures and of the length that is used."""
+    lower = float(placement.frame.covariance[4, 4])  # the rig is the true one: no calibration error
     rim = rim_of(disagreement, length_sigma=settings.length_sigma, lower_variance=lower)
     length = conditioned_length(
         rim, declared=settings.length or 0.0, sigma=settings.length_sigma, y_sigma=float(np.sqrt(lower))
@@ -262,7 +262,7 @@ def with_lengths(
 
 
 def one(study: Study, number: int) -> dict[str, Any]:
-    """One experiment; the fields of `Experiment`."""
+    """Run one experiment; returns the fields of `Experiment`."""
     q, surface, pictures = prepared(study, number)
     return asdict(measured(q, number, surface, pictures))
 
@@ -287,7 +287,7 @@ def words(e: Experiment) -> str:
 
 
 def main() -> None:
-    """Do the experiments that are not there yet, and print a table."""
+    """Run the missing experiments and print a table."""
     parser = command(__doc__, seed=1)
     parser.add_argument("--only", default="1-12")
     parser.add_argument("--changes", default="")
@@ -303,7 +303,7 @@ def main() -> None:
 
 
 def scatter(results: list[Experiment]) -> dict[str, float | int]:
-    """Root mean square of the errors over their stated standard deviations, 1 if these are right."""
+    """Root mean square of the errors over their stated standard deviations, 1 if these are correct."""
     zero = [e.error / e.sigma for e in results if e.error is not None and e.sigma]
     lengths = [e for e in results if e.length_seen is not None and e.length_used is not None]
     seen, used = np.array([e.length_seen for e in lengths]), np.array([e.length_used for e in lengths])

@@ -1,12 +1,13 @@
-"""Where the edge of a sliding specimen folds over: impacts with both elements, and what the caution says.
+"""Folding of the edge of a sliding specimen: impacts with both elements, and whether the warning is raised.
 
     python -m populations.folding            # the impacts that the threshold was chosen on
     python -m populations.folding --judge    # others, made afterwards
     python -m populations.folding --drawn 8 --seed 4711   # drawn meshes, gradings, speeds and coefficients
 
-Impacts to 56 % on the specimen of the verification manual, at 2.6 m/s or a drawn speed. A row an impact: the
-last radius of the edge, from 24 % on its largest jump between two of the times beyond the median, and its
-distance from the F-bar element's on the same mesh, the smallest corner, and whether the warning is raised.
+Impacts to 56 % compression on the specimen of the verification manual, at 2.6 m/s or a random speed. Each
+impact has one row: the final radius of the edge; from 24 % on its largest jump between two times, relative to
+the median; its distance from that of the F-bar element on the same mesh; the smallest corner; and whether the
+warning is raised.
 """
 
 import argparse
@@ -27,11 +28,12 @@ CHOSEN = (((24, 33, 1.0), (24, 33, 3.0), (48, 66, 1.0)), (0.1, 0.3, 0.5))
 JUDGED = (((24, 33, 2.0), (40, 55, 1.5), (56, 76, 1.0)), (0.15, 0.25, 0.35, 0.45))
 """Meshes (elements across and along, largest over smallest) and coefficients of friction."""
 ACROSS, GRADINGS, SPEEDS, COEFFICIENTS = (20, 44), (1.0, 3.0), (1.5, 3.5), (0.08, 0.6)
-"""What drawn impacts have: elements across, gradings, speeds [m/s], four coefficients of friction each."""
+"""Ranges of random impacts: elements across, gradings, speeds [m/s], and friction coefficients (four per
+setting)."""
 JUMP = 50e-6
-"""Jump of the edge from one of the times to the next, 4 % of compression later, that is to be caught [m]."""
+"""Jump of the edge between two successive times, 4 % of compression apart, that must be detected [m]."""
 FROM = 5
-"""First of the times whose edge is looked at: before it the face still slips as it should."""
+"""Index of the first time at which the edge is checked; before it the face slips physically."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,11 @@ class Impact:
     edge: FloatArray
     """Radius of the edge at each time, mean of both faces [m], shape [n_times]."""
     corner: float
-    """Smallest area at a corner over the undeformed one [-]."""
+    """Smallest corner area over its undeformed value [-]."""
 
     @property
     def jump(self) -> float:
-        """Largest motion of the edge between two times beyond what is usual for it, the median [m]."""
+        """Largest motion of the edge between two times minus the median motion [m]."""
         steps = np.abs(np.diff(self.edge))[FROM:]
         return float(steps.max() - np.median(steps))
 
@@ -59,18 +61,18 @@ class Impact:
 
 @dataclass(frozen=True)
 class Setting:
-    """Impacts of one mesh and one speed."""
+    """Impacts with one mesh and one speed."""
 
     mesh: tuple[int, int, float]
     """Elements across and along, largest over smallest."""
     friction: tuple[float, ...]
     """Coefficients [-]."""
     speed: float = SPEED
-    """Of the flyer [m/s]."""
+    """Speed of the flyer [m/s]."""
 
 
 def drawn(seed: int, count: int) -> list[Setting]:
-    """Settings of a seed."""
+    """Random settings from a seed."""
     rng = np.random.default_rng(seed)
     found = []
     for _ in range(count):
@@ -88,7 +90,7 @@ def drawn(seed: int, count: int) -> list[Setting]:
 def impacts(
     mesh: tuple[int, int, float], element: str, friction: tuple[float, ...], speed: float = SPEED
 ) -> list[Impact]:
-    """Impacts on one mesh, one a coefficient."""
+    """Impacts on one mesh, one for each coefficient."""
     body = cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1], grading=mesh[2])
     end = END * SPEED / speed
     motion = PlatenMotion.sampled(

@@ -1,14 +1,14 @@
-"""Forty drawn shots, from pictures and volts only to m: `python -m populations.forty --out FOLDER`.
+"""Forty random shots, from pictures and voltages to m: `python -m populations.forty --out FOLDER`.
 
-Each shot of a population is made, identified unattended as `kolsky identify` does it, and set beside its
-truth: answered and right, refused with a reason, or confidently wrong. When all have been tried, what was
-refused is tried again with the cures of `populations.forty_cures.CURES`, which are counted apart. The folder
-keeps the shots and an answer a file, and the table of those that are there: called again, the study goes on
-where it stopped. With `--exports` the outline and the flyer come from tables instead of pictures. With
-`--true-inputs` length, diameter, density and sensitivity are declared as they are, in a folder of its own:
-how much of an error comes from what its laboratory knows a little wrongly.
+Each shot of a population is made, identified automatically as by `kolsky identify`, and compared with its
+truth: answered and correct, rejected with a reason, or confidently wrong. Afterwards the rejected shots are
+tried again with the remedies of `populations.forty_cures.CURES`, which are counted separately. The folder
+stores the shots, one file per answer, and the table of the finished ones, so an interrupted study can be
+continued. With `--exports` the outline and the flyer come from tables instead of pictures. With
+`--true-inputs` length, diameter, density and sensitivity are declared with their true values, in a separate
+folder. The difference shows the effect of errors in the declared inputs.
 
-With `--workers` that many processes share the shots, the cores, and with `--device cuda` the GPUs.
+`--workers` processes share the shots, the cores, and with `--device cuda` the GPUs.
 """
 
 import json
@@ -31,11 +31,11 @@ from populations.forty_shots import KINDS, RIGHT, Answer, Study, available, one,
 
 SPEC = Path(__file__).parents[1] / "runs" / "virtual" / "forty.toml"
 MAKING = "making.json"
-"""Wall times of making shots, one a call that made some."""
+"""File of the wall times of making shots, one for each call that made some."""
 
 
 def series_of(study: Study) -> Series:
-    """The population, with what the study changes of it."""
+    """The population with the changes of the study."""
     series = read_specification(study.spec)
     content = dict(series.file.content)
     if study.seed is not None:
@@ -49,7 +49,8 @@ def series_of(study: Study) -> Series:
 
 
 def made(study: Study, numbers: list[int], workers: int) -> tuple[list[str], str]:
-    """Make what is not there yet; the names of the shots that are, and why others are not."""
+    """Make the missing shots; returns the names of the existing shots and the reason why others are
+    missing."""
     series, place = series_of(study), Path(study.out) / "shots"
     started, why, fresh = time.perf_counter(), "", 0
 
@@ -80,7 +81,7 @@ def made(study: Study, numbers: list[int], workers: int) -> tuple[list[str], str
 
 
 def attempts(study: Study, names: list[str], workers: int) -> Iterator[list[Answer]]:
-    """All answers so far, in their order, after each that comes: first of every shot, then with cures."""
+    """All answers so far, in order, after each finished one: first of every shot, then with remedies."""
     found: dict[str, Answer] = {}
     for cures in (False, True) if study.cures else (False,):
         todo = names if not cures else [name for name in names if found[name].kind == "refused"]
@@ -94,7 +95,7 @@ def attempts(study: Study, names: list[str], workers: int) -> Iterator[list[Answ
 
 
 def write(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]:
-    """Write the table and forty.json as they stand; the latter's content."""
+    """Write the present table and forty.json; returns the content of the latter."""
     write_table(Path(study.out) / "forty.csv", table(answers))
     found = summary(study, answers, missing)
     write_json(Path(study.out) / "forty.json", found, indent=1)
@@ -120,7 +121,7 @@ def table(answers: list[Answer]) -> dict[str, list[Any]]:
 
 
 def summary(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]:
-    """What forty.json holds."""
+    """Content of forty.json."""
     kinds = [answer.kind for answer in answers]
     refused = [answer for answer in answers if answer.kind == "refused"]
     kept = Path(study.out) / MAKING
@@ -142,7 +143,7 @@ def summary(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]
 
 
 def kept_answers(path: Path) -> list[Answer]:
-    """The answers of a forty.json, without their cures."""
+    """The answers of a forty.json, without their remedies."""
     names = {field.name for field in fields(Answer)} - {"cured"}
     content = json.loads(path.read_text("utf-8"))["answers"]
     return [Answer(**{name: one[name] for name in names}) for one in content]
@@ -152,10 +153,10 @@ SPREAD = ("scatter", "largest", "inside k = 2", "median error", "mean uncertaint
 
 
 def spread(answers: list[Answer]) -> dict[str, float | None]:
-    """How far the answered shots lie from their truths.
+    """Statistics of the errors of the answered shots.
 
-    Errors of m over their standard uncertainties: root mean square, largest, and how many are 2 at most;
-    errors and standard uncertainties over the true m: median size of the former, mean of the latter.
+    Errors of m over their standard uncertainties: root mean square, largest, and number up to 2. Relative to
+    the true m: median absolute error and mean standard uncertainty.
     """
     given = [(a.value, a.truth, a.sigma) for a in answers if a.answered and a.value is not None and a.sigma]
     if not given:
@@ -172,17 +173,17 @@ def spread(answers: list[Answer]) -> dict[str, float | None]:
 
 
 def expected_beyond(answers: list[Answer]) -> float:
-    """How many of the answered shots lie beyond 1 % of their truth if their uncertainties are right.
+    """Expected number of answered shots with an error above 1 % if their uncertainties are correct.
 
-    Each with the probability 1 - erf(0.01 m / (sqrt 2 u)) of a normal error: it tells what share of the
-    answers that are not right is the tests' own uncertainty, and not a fault of the program.
+    Each shot contributes the probability 1 - erf(0.01 m / (sqrt 2 u)) of a normal error. The number shows how
+    many answers beyond 1 % the tests' uncertainty explains without a fault of the program.
     """
     given = [a for a in answers if a.answered and a.sigma]
     return sum(math.erfc(RIGHT * abs(a.truth) / (2.0**0.5 * (a.sigma or 1.0))) for a in given)
 
 
 def main() -> None:
-    """Run what is not there yet, and print the table."""
+    """Run the missing shots and print the table."""
     parser = command(__doc__, out=False)
     add_meshes(parser)
     place = parser.add_mutually_exclusive_group(required=True)

@@ -1,4 +1,5 @@
-"""What is tried on a drawn shot that was refused: what its refusal asks for, as a person would do it."""
+"""Remedies for a random shot that was rejected: the actions that its message recommends, as a user would take
+them."""
 
 import json
 import re
@@ -13,18 +14,18 @@ from kolsky.virtual.make import SURFACE, TRUTH
 from kolsky.virtual.schema import Specification
 
 CLEAR = 4.0
-"""How far a region that a cure declares stays clear of its edge and the picture's [px]."""
+"""Distance of a declared region from the edges of the body and of the picture [px]."""
 LEAST = 8.0
-"""Least height of such a region [px]."""
+"""Smallest height of such a region [px]."""
 
 
 @dataclass(frozen=True)
 class View:
-    """What camera 0 of a made shot shows."""
+    """The view of camera 0 of a synthetic shot."""
 
     specification: Specification
     camera: dict[str, list[list[float]]]
-    """Its matrix K, its place R and t, and its crop."""
+    """Its matrix K, its pose R and t, and its crop."""
     last_face: float
     """Height of the flyer's face over the transmission platen in the last frame [m]."""
 
@@ -39,7 +40,7 @@ class View:
             return cls(q, answer["cameras"][0], q.specimen.length - float(kept["d"][-1]))
 
     def pixel(self, y: float, z: float = 0.0) -> FloatArray:
-        """Pixel (x, y) of a place on the axis, or beside it toward the cameras."""
+        """Pixel (x, y) of a point at height y on the axis, or at a distance z from it toward the cameras."""
         R, t, K = (np.array(self.camera[name]) for name in ("R", "t", "K"))
         ahead = R @ [0.0, y, z] + t
         return np.asarray((K @ (ahead / ahead[2]))[:2] - np.array(self.camera["crop_offset"]))
@@ -51,21 +52,21 @@ class View:
         return 0.5 * q.specimen.diameter, 0.5 * q.motion.flyer_diameter
 
     def lower_edge(self) -> FloatArray:
-        """Pixel (x, y) of the specimen's lower end, or of the platen's rim where that hides it."""
+        """Pixel (x, y) of the specimen's lower end, or of the platen's rim if that hides it."""
         places = [self.pixel(0.0, z) for z in self.radii]
         side = self.specification.cameras.flyer_side
         axis, way = int(side in ("up", "down")), -1.0 if side in ("up", "left") else 1.0
         return max(places, key=lambda place: way * float(place[axis]))
 
     def rectangle(self, low: float | None, high: float | None) -> tuple[list[float], list[float]] | None:
-        """A rectangle clear of the picture's edge, and of what is seen of heights `low` and `high` over the
-        transmission platen [m], None: as far as the picture goes; as ranges of x and y [px]. None if it is
-        too flat."""
+        """A rectangle, as ranges of x and y [px], inside the picture and between the heights `low` and `high`
+        above the transmission platen [m]; a height of None: up to the edge of the picture. None if it is too
+        flat."""
         columns, rows = self.specification.cameras.picture
         side = self.specification.cameras.flyer_side
         x, y = [CLEAR, columns - 1 - CLEAR], [CLEAR, rows - 1 - CLEAR]
         along, axis = (y, 1) if side in ("up", "down") else (x, 0)
-        up = side in ("up", "left")  # the flyer is where the pixels begin
+        up = side in ("up", "left")  # the flyer is at small pixel coordinates
         for height, inward in ((low, -1.0), (high, 1.0)):
             if height is None:
                 continue
@@ -78,7 +79,7 @@ class View:
 
 
 def flyer_region(text: str, folder: Path) -> str | None:
-    """Declare a region of the flyer in the last frame, as a person would who looks at the picture."""
+    """Declare a region of the flyer in the last frame, as a user would after looking at the picture."""
     view = View.of(folder)
     if view is None or "flyer = {" in text:
         return None
@@ -87,7 +88,7 @@ def flyer_region(text: str, folder: Path) -> str | None:
 
 
 def all_regions(text: str, folder: Path) -> str | None:
-    """Declare flyer, specimen and the specimen's lower end, as `kolsky dic --regions` asks for them."""
+    """Declare flyer, specimen and the specimen's lower end, as `kolsky dic --regions` requests."""
     view = View.of(folder)
     if view is None or "specimen = {" in text:
         return None
@@ -113,7 +114,7 @@ def _line(key: str, region: tuple[list[float], list[float]], frame: int) -> str:
 
 
 def _declared(text: str, lines: list[str]) -> str:
-    """The shot file with lines in its table [dic]."""
+    """The shot file with additional lines in its table [dic]."""
     whole = "\n".join(["[dic]", *lines])
     return re.sub(r"^\[dic\]$", whole, text, count=1, flags=re.MULTILINE)
 
@@ -123,7 +124,7 @@ def _last_frame(folder: Path) -> int:
 
 
 def with_subset(share: float) -> Callable[[str, Path], str | None]:
-    """Correlate with subsets of another size, odd and within what a shot file may say."""
+    """Correlate with subsets of a different size, odd and within the limits of a shot file."""
 
     def changed(text: str, folder: Path) -> str | None:
         found = re.search(r"^subset = (\d+)$", text, re.MULTILINE)
@@ -136,8 +137,8 @@ def with_subset(share: float) -> Callable[[str, Path], str | None]:
 
 
 def true_inputs(text: str, folder: Path) -> str:
-    """Declare length, diameter, density and sensitivity as they are: what is left of an error is the
-    measurement's and the program's."""
+    """Declare the true length, diameter, density and sensitivity: a remaining error is due to the measurement
+    or the program."""
     q = json.loads((folder / TRUTH).read_text("utf-8"))["specification"]
     known = {**q["specimen"], "sensitivity": q["transmitted"]["sensitivity"]}
     for key in ("diameter", "length", "density", "sensitivity"):
@@ -155,6 +156,6 @@ CURES: dict[str, Callable[[str, Path], str | None]] = {
     "larger subsets": with_subset(1.4),
     "smaller subsets": with_subset(0.7),
 }
-"""What is tried on a shot whose pictures were refused, in this order, each alone."""
+"""Remedies for a shot whose pictures were rejected, tried in this order, one at a time."""
 FINER_MESH = "a finer mesh"
-"""What is tried first where the pictures are fine and the answer was refused: of the runs that search."""
+"""First remedy if there is a value that was rejected: a finer mesh of the search."""

@@ -1,4 +1,4 @@
-"""One drawn shot of the study of forty: identified, set beside its truth, tried again if it was refused."""
+"""One shot of the study of forty: identified, compared with its truth, tried again if it was rejected."""
 
 import json
 import os
@@ -21,22 +21,22 @@ from populations.driver import settings, write
 from populations.forty_cures import CURES, FINER_MESH, true_inputs
 
 FINER = (32, 43)
-"""The mesh of the runs that search, where a finer one is the cure."""
+"""Mesh of the search if the remedy is a finer mesh."""
 RIGHT = 0.01
-"""Largest relative error of an answer that counts as right [-]."""
+"""Largest relative error of an answer that counts as correct [-]."""
 COVERED = 3.0
-"""An answer further from the truth than so many of its standard uncertainties is confidently wrong."""
+"""Number of standard uncertainties from the truth beyond which an answer is confidently wrong [-]."""
 KINDS = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is asked of every shot."""
+    """Settings of all shots."""
 
     spec: str
     out: str
     seed: int | None = None
-    """Seed of the population; None: that of the specification."""
+    """Seed of the population; None: the specification's seed."""
     exports: bool = False
     mesh: tuple[int, int] = (24, 32)
     refined_mesh: tuple[int, int] = (64, 86)
@@ -45,14 +45,14 @@ class Study:
     threads: int | None = None
     cures: bool = True
     true_inputs: bool = False
-    """Whether a shot's length, diameter, density and sensitivity are declared as they are."""
+    """Whether the true length, diameter, density and sensitivity of a shot are declared."""
     cores: tuple[tuple[int, ...], ...] = ()
-    """Cores of each worker; none: all of the machine."""
+    """Cores of each worker; empty: all cores of the machine."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of one attempt at a shot; numbers are None where there is no answer."""
+    """Result of one attempt at a shot; numbers are None without an answer."""
 
     name: str
     truth: float
@@ -61,17 +61,17 @@ class Answer:
     verdict: str
     """The verdict on m, "refused", or "fault"."""
     answered: bool
-    """Whether m is given as identified."""
+    """Whether m is reported as identified."""
     reason: str
-    """Why there is no answer, or the warnings, one a line."""
+    """Reason for a missing answer, or the warnings, one per line."""
     pictures: float
     """Time from the files to outline and flyer [s]."""
     seconds: float
     """Time from the files to m [s]."""
     cure: str = ""
-    """What was done about a refusal; empty for the unattended attempt."""
+    """Remedy that was applied; empty for the automatic attempt."""
     cured: list["Answer"] = field(default_factory=list)
-    """Attempts with a cure, of a shot that was refused, until one answers."""
+    """Attempts with remedies for a rejected shot, until one gives an answer."""
 
     @property
     def error(self) -> float | None:
@@ -80,7 +80,7 @@ class Answer:
 
     @property
     def kind(self) -> str:
-        """What the attempt counts as."""
+        """Category of the attempt."""
         if self.verdict == "fault":
             return "stopped by a fault"
         if not self.answered or self.value is None or self.sigma is None:
@@ -96,15 +96,16 @@ class Answer:
 
     @classmethod
     def read(cls, path: Path) -> "Answer":
-        """An answer that was kept."""
+        """A stored answer."""
         content = json.loads(path.read_text("utf-8"))
         return cls(**{**content, "cured": [cls(**one) for one in content["cured"]]})
 
 
 def one(study: Study, name: str) -> Answer:
-    """Identify a made shot, and set it beside its truth; found again if it is there.
+    """Identify a synthetic shot and compare it with its truth; a stored answer is read instead.
 
-    The answer is kept as it comes, and again after each cure: a study that is stopped has lost one attempt.
+    The answer is stored when it is finished and after each remedy, so an interrupted study loses one attempt
+    at most.
     """
     keep_to(study.cores)
     kept = Path(study.out) / f"{name}.json"
@@ -132,22 +133,23 @@ def one(study: Study, name: str) -> Answer:
 
 
 def cures_for(answer: Answer) -> list[str]:
-    """What to try on a refused shot: a finer mesh alone helps a search that has a value and no rest."""
+    """Remedies for a rejected shot; a finer mesh is the first one if there is a value."""
     return [FINER_MESH, *CURES] if answer.value is not None else list(CURES)
 
 
 def available() -> list[int]:
-    """Numbers of the cores that this process may use."""
+    """Indices of the cores that this process may use."""
     if sys.platform == "linux":
         return sorted(os.sched_getaffinity(0))
     return list(range(os.cpu_count() or 1))
 
 
 def shares(cores: Sequence[int], workers: int) -> tuple[tuple[int, ...], ...]:
-    """Cores shared out among workers, neighbours together; with more workers than cores they take turns.
+    """Cores divided among workers in contiguous groups; with more workers than cores several workers share a
+    core.
 
-    What correlates pictures takes all cores that its process may use: of eight workers on sixteen cores
-    each would start sixteen threads.
+    The correlation of pictures uses all cores that its process may use: without this division each of eight
+    workers on sixteen cores would start sixteen threads.
     """
     n = len(cores)
     if workers >= n:
@@ -157,19 +159,19 @@ def shares(cores: Sequence[int], workers: int) -> tuple[tuple[int, ...], ...]:
 
 
 def keep_to(cores: tuple[tuple[int, ...], ...]) -> None:
-    """Let this worker use its own share of the cores only, where the system can be told so."""
+    """Restrict this worker to its share of the cores, if the system supports this."""
     if cores and sys.platform == "linux":
         os.sched_setaffinity(0, cores[int(os.environ.get(WORKER, "0")) % len(cores)])
 
 
 def keep(answer: Answer, place: Path) -> Answer:
-    """Write an answer whole or not at all, and give it back."""
+    """Write an answer completely or not at all, and return it."""
     write(place, asdict(answer), indent=1)
     return answer
 
 
 def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
-    """From the files of a folder to m, as `kolsky identify` does it."""
+    """Identify m from the files of a folder as `kolsky identify` does."""
     truth = float(json.loads((folder / TRUTH).read_text("utf-8"))["m"])
     started, seen = time.perf_counter(), 0.0
     try:
@@ -189,7 +191,8 @@ def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
 
 
 def said_on_purpose(error: Exception) -> bool:
-    """Whether an error is a refusal that a line `raise` made, and no accident inside a computation."""
+    """Whether an error was raised by a `raise` statement on purpose, not by an accident inside a
+    computation."""
     if isinstance(error, InputError):
         return True
     lines = traceback.extract_tb(error.__traceback__)
@@ -197,7 +200,7 @@ def said_on_purpose(error: Exception) -> bool:
 
 
 def cured_copy(folder: Path, place: Path, cure: Callable[[str, Path], str | None]) -> bool:
-    """Copy a shot with another shot.toml; False if the cure has nothing to change."""
+    """Copy a shot with a changed shot.toml; False if the remedy does not apply."""
     text = cure((folder / "shot.toml").read_text("utf-8"), folder)
     if text is None:
         return False

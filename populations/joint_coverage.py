@@ -1,14 +1,16 @@
-"""Planted Prony shots, three and a relaxation test: `python -m populations.joint_coverage --out FOLDER`.
+"""Sets of three viscoelastic shots and a relaxation test: `python -m populations.joint_coverage --out
+FOLDER`.
 
-Each draw is a material of its own (m, strength, time, Poisson's ratio, damping), three shots of it at speeds
-drawn between 1.2 and 3.5 m/s, made by the virtual laboratory with one slow curve, and a relaxation test.
-`identify_shots` answers with everything free, and says whether the data need relaxation. With --elastic
-the same materials do not relax, and are identified as if they might. Counted is how often the 95 % interval
-holds the truth, how often strength and time are both within two standard uncertainties, and how often
-relaxation is asked for. The folder keeps every answer: called again, the study goes on where it stopped.
+Each draw is one material (m, strength, time, Poisson's ratio, damping) with three shots at random speeds
+between 1.2 and 3.5 m/s, made by the virtual laboratory with one quasi-static curve, and a relaxation test.
+`identify_shots` identifies them with all parameters free, and decides whether the data require relaxation.
+With --elastic the same materials are elastic, and are identified in the same way. The study counts how often
+the 95 % interval contains the true value, how often strength and time are both within two standard
+uncertainties, and how often relaxation is required. The folder stores every answer, so an interrupted study
+can be continued.
 
-Processes share all GPUs that there are: the truths run side by side on them, each GPU with its part of the
-shots (--truth-device cuda); an answer takes some minutes of one core of a CPU (--device cpu).
+Processes share all GPUs: the truths run in parallel on them, each GPU with its part of the shots
+(--truth-device cuda). An answer takes some minutes on one core of a CPU (--device cpu).
 """
 
 import shutil
@@ -37,7 +39,7 @@ from populations.joint_coverage_counts import summary, table
 
 SHOTS = 3
 SLOW_SIGMA = 50.0
-"""Noise of the relaxation test [Pa]: half a percent of its stress."""
+"""Noise of the relaxation test [Pa]: 0.5 % of its stress."""
 SPECIFICATION = """format = 1
 name = "draw"
 seed = {seed}
@@ -67,12 +69,12 @@ times = ["{prony_time_1:.9g} s"]
 
 @dataclass(frozen=True)
 class Study:
-    """What is asked; two studies that are equal here have the same draws and the same answers."""
+    """Settings of a study; studies with equal settings have the same draws and the same answers."""
 
     elastic: bool = False
-    """Whether nothing relaxes."""
+    """Whether the materials are elastic."""
     slow: bool = True
-    """Whether a relaxation test stands beside the shots."""
+    """Whether a relaxation test is added to the shots."""
     mesh: tuple[int, int] = (24, 32)
     """Mesh of the search."""
     refined_mesh: tuple[int, int] = (64, 86)
@@ -80,16 +82,16 @@ class Study:
     truth_mesh: tuple[int, int] = (96, 129)
     """Mesh of the truth."""
     truth_grading: float = 5.0
-    """Largest over smallest of its elements, which lie at the faces' edges: as fine elements everywhere leave
-    twice the error (docs/validation/coverage.md)."""
+    """Ratio of its largest to its smallest element; the small ones are at the faces' edges. A uniform mesh
+    with the same number of elements has twice the error (docs/validation/coverage.md)."""
     truth_element: str = "middle"
-    """Its element: F-bar elements alone are as far off as the answer of three shots is uncertain."""
+    """Element of the truth: F-bar elements alone have an error as large as the uncertainty of three shots."""
     device: str = "cpu"
-    """Of the identifications; one thread a process on a CPU."""
+    """Device of the identifications; one thread per process on a CPU."""
     truth_device: str = "cpu"
-    """Of the truths."""
+    """Device of the truths."""
     seed: int = 1
-    """Of materials and noise."""
+    """Seed of materials and noise."""
 
 
 def truth(study: Study, number: int) -> dict[str, float]:
@@ -105,18 +107,19 @@ def truth(study: Study, number: int) -> dict[str, float]:
 
 
 def make_truths(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> None:
-    """Make the shots of all draws: on GPUs their simulations run side by side, the slow curves are one."""
+    """Make the shots of all draws: on GPUs their simulations run in parallel; the shots of a draw share one
+    quasi-static curve."""
     places = [place for number in numbers for place in specified(study, folder, number)]
     threads = 1 if study.truth_device == "cpu" else None
     make_places(places, device=study.truth_device, threads=threads, workers=workers)
     for number in numbers:
         folders = [place for _, place in specified(study, folder, number)]
-        for other in folders[1:]:  # one material has one slow curve
+        for other in folders[1:]:  # one material has one quasi-static curve
             shutil.copy(folders[0] / "quasi_static.csv", other / "quasi_static.csv")
 
 
 def specified(study: Study, folder: Path, number: int) -> list[Place]:
-    """A draw's shots and their folders."""
+    """The shots of a draw and their folders."""
     true, place = truth(study, number), folder / f"draw-{number:03d}"
     place.mkdir(parents=True, exist_ok=True)
     relaxation = "" if study.elastic else RELAXATION.format(**true)
@@ -142,7 +145,7 @@ def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
     started, true, place = time.perf_counter(), truth(study, number), folder / f"draw-{number:03d}"
     threads = 1 if study.device == "cpu" else None
     folders = sorted((place / "shots").glob("*/shot.toml"))
-    # Where the search starts does not know the truth.
+    # The start of the search does not depend on the truth.
     shots = [replace(with_relaxation(load_shot(one), "prony"), name=one.parent.name) for one in folders]
     settings = JointSettings(
         numerics=Numerics(mesh=study.mesh, device=study.device, threads=threads),
@@ -161,13 +164,13 @@ def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
 
 
 def line(one: dict[str, Any]) -> str:
-    """One answer in words."""
+    """One line of text for an answer."""
     outcome = one["error"] or one["found"]["model_choice"]["sentence"]
     return f"draw {one['number']}: {outcome}; {one['seconds']:.0f} s"
 
 
 def relaxation_test(study: Study, true: dict[str, float], number: int) -> HistoryTest:
-    """20 % of compression reached in 50 us and held for a second, of the true law, with noise."""
+    """Relaxation test of the true law with noise: 20 % compression within 50 us, held for one second."""
     times = np.geomspace(1e-4, 1.0, 40)
     test = HistoryTest.relaxation(times, np.zeros(40), SLOW_SIGMA, stretch=0.8, rise=5e-5)
     series = PronySeries((), ())
@@ -181,7 +184,7 @@ def relaxation_test(study: Study, true: dict[str, float], number: int) -> Histor
 
 
 def main() -> None:
-    """Run a study, or what is left of it, and sum it up."""
+    """Run or continue a study and write its summary."""
     parser = command(__doc__, seed=1)
     add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument("--draws", type=int, default=50)

@@ -1,4 +1,4 @@
-"""What a study of planted shots has found: counts with their exact intervals, and a table of them.
+"""Results of a study of viscoelastic shots with known truth: counts with exact intervals, and their table.
 
 `python -m populations.joint_coverage_counts SUMMARY ...` prints the table of a `summary.json`.
 """
@@ -23,13 +23,8 @@ SYMBOLS = {
 
 
 def summary(each: Each) -> dict[str, Any]:
-    """Truths held, pairs found, relaxation asked for, and every draw in short.
-
-    Parameters
-    ----------
-    each
-        The draws; one that was refused holds nothing and asks for nothing.
-    """
+    """Counts of covered truths, correct pairs and required relaxation, and a short form of every draw; a
+    rejected draw counts as not covering and not requiring relaxation."""
     answered = [one for one in each if one["found"] is not None]
     choices = [one["found"]["model_choice"] for one in answered]
     return {
@@ -74,13 +69,13 @@ def called_identified(one: dict[str, Any]) -> bool:
 
 
 def share(count: int, of: int) -> dict[str, Any]:
-    """A count with the exact 95 % interval of its share (Clopper and Pearson)."""
+    """A count with the exact 95 % interval of its proportion (Clopper and Pearson)."""
     ends = binomtest(count, of).proportion_ci(0.95, method="exact")
     return {"count": count, "of": of, "interval": [float(ends.low), float(ends.high)]}
 
 
 def _short(one: dict[str, Any]) -> dict[str, Any]:
-    """A draw without its shots and tables."""
+    """A draw without the data of its shots and tables."""
     found = one["found"]
     said = {"number": one["number"], "seconds": one["seconds"], "error": one["error"], "truth": one["truth"]}
     if found is None:
@@ -95,13 +90,7 @@ def _short(one: dict[str, Any]) -> dict[str, Any]:
 
 
 def table(said: dict[str, Any]) -> str:
-    """A study as Markdown: what was asked for, and a column a parameter.
-
-    Parameters
-    ----------
-    said
-        A `summary.json`.
-    """
+    """A study's `summary.json` as Markdown: the counts, and one column for each parameter."""
     study, asked = said["study"], said["relaxation asked for"]
     meshes = " → ".join(f"{study[key][0]} × {study[key][1]}" for key in ("mesh", "refined_mesh"))
     truth = " × ".join(map(str, study["truth_mesh"]))
@@ -111,7 +100,7 @@ def table(said: dict[str, Any]) -> str:
         f"{said['answered']} answered. Relaxation asked for: "
         f"{counted(asked)}; not decided: {said['not decided']}."
     ]
-    names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # the control has no pair to be found
+    names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # elastic materials have no pair
     if not study["elastic"]:
         lines[0] += (
             " Strength and time both within two standard uncertainties: "
@@ -132,7 +121,7 @@ def table(said: dict[str, Any]) -> str:
 
 
 def element_of(study: dict[str, Any]) -> str:
-    """The element of a study's truths in words; studies from before it was asked for had F-bar alone."""
+    """The element of a study's truths in words; a study without the entry used F-bar elements."""
     words = {"fbar": "F-bar", "one_point": "one point", "middle": "the middle of both elements"}
     return words[study.get("truth_element", "fbar")]
 

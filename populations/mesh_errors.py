@@ -1,10 +1,10 @@
-"""What does the mesh do to an answer? `python -m populations.mesh_errors --truths FOLDER --out FOLDER`.
+"""Effect of the mesh on an answer: `python -m populations.mesh_errors --truths FOLDER --out FOLDER`.
 
-Experiments of `populations.coverage_problem` without any noise are identified with the default meshes, m, nu
-and beta free, against the truths that a study of coverage has made. What is off is the mesh's, and what the
-flyer's path is short of between frames. Kept are the error on the refined mesh and what each run beside the
-answer would move it by, with one, two and three parameters free; printed is what is left of the
-error under some orders, over what `kolsky.uncertainty.mesh_error` says of it.
+Experiments of `populations.coverage_problem` without noise are identified with the default meshes and free m,
+nu and beta, and compared with the truths of a coverage study. The errors are due to the mesh and to the
+interpolation of the flyer's path between frames. For one, two and three free parameters the study stores the
+error on the refined mesh and the shift that each additional run causes. It prints the error that remains
+after extrapolation with several orders, over the estimate of `kolsky.uncertainty.mesh_error`.
 """
 
 from dataclasses import replace
@@ -24,7 +24,7 @@ from populations.driver import answers, command, mesh, numbers, settings, write
 
 NAMES = ("stiffness_factor", "poisson", "damping")
 SETS = ((0,), (0, 2), (0, 1, 2))
-"""Which of them are free."""
+"""Sets of free parameters, by index."""
 ORDERS = (1.5, 2.0, 2.5, 3.0)
 SHARES = (0.0, 0.3, 0.4, 0.5)
 
@@ -38,7 +38,7 @@ class Silent(np.random.Generator):
 
 
 def errors(study: Study, folder: Path, number: int) -> dict[str, Any]:
-    """Error of one experiment's answer, and what the runs beside it would move it by."""
+    """Error of one experiment's answer, and the shifts that the additional runs cause."""
     setup, truth = drawn(number, study.seed)
     with np.load(truth_file(study, folder, number)) as stored:
         seen = stored["force"], stored["Z"]
@@ -58,7 +58,7 @@ def errors(study: Study, folder: Path, number: int) -> dict[str, Any]:
 
 
 def _moved(fine: RefinedOptimum, change: MeshChange, true: FloatArray, free: list[int]) -> dict[str, Any]:
-    """What is off, and by what each change of the mesh moves the free parameters, by one linear map."""
+    """Error, and shift of the free parameters by each change of the mesh, from one linear map."""
     objective, slope = fine.objective, fine.jacobian
     gain = objective.gain(slope[:, free])
     at_truth = fine.model(fine.x)[0] + slope @ (true - fine.x)
@@ -78,7 +78,7 @@ def _moved(fine: RefinedOptimum, change: MeshChange, true: FloatArray, free: lis
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Mean and scatter of what is left, and its root mean square over what is said, as Markdown."""
+    """Mean and scatter of the remaining error, and its root mean square over the estimate, as Markdown."""
     lines = ["| free | correction | mean error / u | scatter / u |", "| --- " * 4 + "|"]
     said = {share: [] for share in SHARES}  # type: dict[float, list[float]]
     for k, free in enumerate(SETS):
@@ -115,7 +115,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Identify, keep and print."""
+    """Run the missing identifications and print the table."""
     parser = command(__doc__, seed=50923)
     parser.add_argument("--truths", type=Path, required=True, help="the --out folder of a study of coverage")
     parser.add_argument("--truth-mesh", type=mesh, default=(96, 129), metavar="96x129")

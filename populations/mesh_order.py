@@ -1,10 +1,10 @@
 """The order of the mesh error in the answer: `python -m populations.mesh_order --out FOLDER`.
 
 Experiments of `populations.coverage_problem` are simulated without noise, at their true parameters, on a
-series of meshes with both elements. Differences of the data vectors are carried to the parameters by one
-fixed linear map, so that weights and searches play no part: the order is that of the parameters' own error.
-`--judge` fits nothing and says how large the errors are that the order of `kolsky.uncertainty.mesh_error`
-leaves. Every mesh is kept in a file of the folder: called again, the series goes on where it stopped.
+series of meshes with both elements. One fixed linear map converts differences of the data vectors to
+differences of the parameters, so weights and searches have no influence on the order. `--judge` fits nothing;
+it prints the errors that remain with the order of `kolsky.uncertainty.mesh_error`. The folder stores one file
+for each mesh, so an interrupted series can be continued.
 """
 
 import json
@@ -35,20 +35,22 @@ ELEMENTS = ("one_point", "fbar")
 STEPS = {"stiffness_factor": 0.01, "poisson": 5e-5, "damping": 2e-6}
 """Steps of the central differences by the parameters, to either side, in SI."""
 DISCREPANCY = 0.15
-"""Standard deviation of the force beside its noise in the weights: about what the flyer's noise adds [N]."""
+"""Standard deviation of the force in the weights in addition to its noise: about the effect of the flyer's
+noise [N]."""
 
 LIMIT_ORDER = 1.2
-"""Order at which the outline of F-bar elements goes to its limit in the judgement, as this program prints it:
-1.7 for seed 1, 0.7 for twelve tests of seed 2. It is 1.2 in slow tests and up to 2.8 in fast ones, so that
-F-bar's own limit is up to 0.0015 of m too far, and the middle that is judged against half of that
+"""Assumed order of convergence of the outline of F-bar elements in the test. This program prints 1.7 for seed
+1 and 0.7 for twelve tests of seed 2. The order is 1.2 in slow tests and up to 2.8 in fast ones. The limit of
+F-bar elements is therefore up to 0.0015 of m too far, and the mean that serves as the truth half of that
 (`populations.truth_meshes`)."""
 
 Series = dict[tuple[int, str], FloatArray]
-"""Optimum minus that on the finest mesh of F-bar elements, by elements across the radius and element."""
+"""Optimum minus the optimum on the finest mesh of F-bar elements, by number of elements across the radius and
+element."""
 
 
 def main() -> None:
-    """Run the series, fit the orders or judge them, and print it."""
+    """Run the series, fit or test the orders, and print the result."""
     parser = command(__doc__)
     parser.add_argument(
         "--seed", type=int, nargs="+", default=[1], help="1 for the fit, another one to judge it"
@@ -73,7 +75,7 @@ def main() -> None:
             gain = _gain(slopes[i], setup, truth)
             finest = data[MESHES[-1][0], "fbar"][i]
             series.append({key: -gain @ (vectors[i] - finest) for key, vectors in data.items()})
-            series[-1][0, "gain"] = gain  # for the judgement
+            series[-1][0, "gain"] = gain  # for the test
             series[-1][0, "outline"] = _gain(slopes[i], setup, truth, outline_alone=True)
             series[-1] |= {(-key[0], key[1]): vectors[i] for key, vectors in data.items()}
     said = judged(series) if given.judge else fitted(series)
@@ -83,7 +85,8 @@ def main() -> None:
 
 
 def fitted(series: list[Series]) -> dict[str, Any]:
-    """The order of the error of m with one limit for both elements, and of the elements' distance."""
+    """The order of the error of m with one limit for both elements, and the order of the elements'
+    distance."""
     sizes = np.array([1.0 / mesh[0] for mesh in MESHES])
     errors = np.array([[[one[m[0], e][0] for m in MESHES] for e in ELEMENTS] for one in series])
 
@@ -119,10 +122,10 @@ def fitted(series: list[Series]) -> dict[str, Any]:
 
 
 def judged(series: list[Series]) -> dict[str, Any]:
-    """Errors of the corrected answer on the default meshes over what is said of them, by parameter.
+    """Errors of the corrected answer on the default meshes over their estimates, by parameter.
 
-    The error is against what F-bar elements and against what elements of one point extrapolate to: the middle
-    is the truth as far as it is known, half their distance how far.
+    F-bar and one-point elements extrapolate to two limits. The mean of both is taken as the truth; half their
+    distance is its uncertainty.
     """
     coarse, fine, finest = MESHES[0][0], MESHES[3][0], MESHES[-1][0]
     share = 1.0 / ((finest / fine) ** LIMIT_ORDER - 1.0)
@@ -170,7 +173,8 @@ def slope_of(setup: Setup, truth: Truth, head: Path, number: int, device: str) -
 
 
 def _gain(slope: FloatArray, setup: Setup, truth: Truth, *, outline_alone: bool = False) -> FloatArray:
-    """Least squares of m alone, then of the other parameters with it, shape [3, k]."""
+    """Least-squares map to m as the only parameter, then to the other parameters with m free, shape [3,
+    k]."""
     seen = template(setup, truth)
     force = np.hypot(seen.bins.sigma, DISCREPANCY)
     weight = np.concatenate([force, seen.centre_line.sigma]) ** -2
@@ -184,7 +188,7 @@ def _gain(slope: FloatArray, setup: Setup, truth: Truth, *, outline_alone: bool 
 def kept_vectors(
     setup: Setup, truths: list[Truth], mesh: tuple[int, int], element: str, head: Path, device: str
 ) -> FloatArray:
-    """Data vectors on a mesh, from the folder or simulated, shape [n, k]."""
+    """Data vectors on a mesh, read from the folder or simulated, shape [n, k]."""
     place = head.parent / f"{head.name}-{mesh[0]}-{element}.npz"
     if not place.exists():
         started = time.perf_counter()
@@ -197,7 +201,7 @@ def kept_vectors(
 
 
 def data_vector(setup: Setup, truth: Truth, force: FloatArray, Z: FloatArray) -> FloatArray:
-    """Means of the force over the bins [N], then the radii [m]."""
+    """Bin means of the force [N], followed by the radii [m]."""
     edges, t = template(setup, truth).bins.edges, setup.samples
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(t))])
     return np.concatenate([np.diff(np.interp(edges, t, impulse)) / np.diff(edges), Z])

@@ -1,9 +1,9 @@
-"""How long does a mesh err to one side? `python -m populations.mesh_windows --out FOLDER`.
+"""Duration over which mesh errors have one sign: `python -m populations.mesh_windows --out FOLDER`.
 
-The folder is that of `populations.truth_meshes`, with its noise-free tests on several meshes; what is missing
-is simulated. The error of m, nu and beta on the default refined mesh against the truth, by one fixed linear
-map, is corrected as an answer is, and set over what `kolsky.uncertainty.mesh_error` says of it, with the
-elements' distance taken to one side over the whole test, a half of it, a quarter and so on.
+The folder is that of `populations.truth_meshes`, with its noise-free tests on several meshes; missing ones
+are simulated. One fixed linear map gives the error of m, nu and beta on the default refined mesh. It is
+corrected like an answer and divided by the estimate of `kolsky.uncertainty.mesh_error`. The sign of the
+elements' distance is assumed constant over the whole test, a half of it, a quarter and so on.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from populations.truth_meshes import TRUTH, Variant, keep, options, read
 COARSE, REFINED = MESHES[0], MESHES[3]
 """The default meshes of an identification."""
 PARTS = (1, 2, 4, 6, 8, 12, 16, 24)
-"""Numbers of windows that are tried."""
+"""Numbers of windows."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Case:
     error: FloatArray
     """Error of the three on the refined mesh, shape [3]."""
     change: MeshChange
-    """What an identification sees of it."""
+    """The change between meshes that an identification observes."""
     share: FloatArray
-    """Place of each entry in the test, 0 to 1, shape [k]."""
+    """Relative time of each entry in the test, 0 to 1, shape [k]."""
 
 
 def main() -> None:
-    """Simulate what is missing, compare and print."""
+    """Simulate the missing tests, compare and print."""
     given = options(__doc__).parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     cases = []
@@ -78,7 +78,8 @@ def cases_of(numbers: list[int], seed: int, folder: Path) -> list[Case]:
 
 
 def compared(cases: list[Case]) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
-    """Root mean squares of the corrected errors over those of the elements' distance, by windows."""
+    """Root mean squares of the corrected errors over those of the elements' distance, by number of
+    windows."""
     left = np.array([case.error + case.change.correction(case.gain) for case in cases])
     table = {}
     for parts in PARTS:

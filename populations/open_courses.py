@@ -1,9 +1,9 @@
-"""How well do the open shots know their own truths? `python -m populations.open_courses open-01 open-02`.
+"""Mesh error in the truths of the open shots: `python -m populations.open_courses open-01 open-02`.
 
-The exact force and outline of a shot that another program has made stand beside this solver's at the shot's
-true values, on the mesh of an answer and as the middle of both elements on a graded 96 x 129 mesh, the truth
-of the studies of coverage. What the difference is worth in m, nu and beta, by least squares of the exact
-courses with the instruments' noise as weights, is what the other program's mesh may have done to its truth.
+The exact force and outline of a shot from another program are compared with this solver's at the shot's true
+values: on the mesh of an answer, and as the mean of both elements on a graded 96 x 129 mesh, the truth of the
+coverage studies. Least squares of the exact histories, weighted by the instruments' noise, convert the
+difference to m, nu and beta. It estimates the effect of the other program's mesh on its truth.
 """
 
 import argparse
@@ -20,9 +20,10 @@ from kolsky.base.arrays import FloatArray
 SHOTS = Path(__file__).resolve().parents[2] / "shared" / "data" / "shots"
 STRETCH = np.linspace(1.0, 0.36, 257)
 HEIGHTS = np.linspace(0.15, 0.85, 14)
-"""Where the outline is compared, over the specimen's length at the time: clear of what rolls up [-]."""
+"""Heights at which the outline is compared, over the current length of the specimen: away from the parts that
+roll onto a platen [-]."""
 STEPS = np.array([3e-3, 5e-6, 5e-7])
-"""Of m, nu and beta, for the slopes."""
+"""Steps of m, nu and beta for the derivatives."""
 FORCE_SIGMA, OUTLINE_SIGMA, BIN = 0.146, 4e-6, 16
 END = 1.25e-3
 """Last time that is compared, after the beginning of the motion [s]."""
@@ -30,7 +31,7 @@ FINE = (96, 129)
 
 
 class Course:
-    """The exact course of an open shot, and this solver's."""
+    """The exact histories of an open shot, and those of this solver."""
 
     def __init__(self, name: str) -> None:
         folder = SHOTS / name
@@ -55,14 +56,14 @@ class Course:
 
     @property
     def exact(self) -> FloatArray:
-        """The other program's data, each over its noise, shape [k]."""
+        """The other program's data over their noise, shape [k]."""
         force = self.seen["transmitted"][self.within]
         return self._data(force, self.seen["y"][1:], self.seen["r"][1:])
 
     def simulated(
         self, points: FloatArray, mesh: tuple[int, int], *, element: str = "one_point", grading: float = 2.0
     ) -> FloatArray:
-        """This solver's at some m, nu and beta, shape [n, k]."""
+        """This solver's data over their noise at points of m, nu and beta, shape [n, k]."""
         found = self.runs(points, mesh, element=element, grading=grading)
         each = zip(found.force_transmission, found.surface_y[:, 1:], found.surface_r[:, 1:], strict=True)
         return np.array([self._data(*one) for one in each])
@@ -105,14 +106,15 @@ class Course:
         points = []
         for k in np.flatnonzero(self.frames[1:] <= END):
             order = np.argsort(y[k])
-            order = order[np.r_[True, np.diff(y[k][order]) > 2e-6]]  # what lies on a platen has one height
+            order = order[np.r_[True, np.diff(y[k][order]) > 2e-6]]  # points on a platen have equal heights
             at = HEIGHTS * (self.size[1] - self.seen["d"][k + 1])
             points.append(CubicSpline(y[k][order], r[k][order])(at) / OUTLINE_SIGMA)
         return np.concatenate([bins, *points])
 
 
 def compared(name: str) -> dict[str, list[float]]:
-    """What the exact courses say that m, nu and beta are, less the truth, with two models of ours."""
+    """Values of m, nu and beta fitted to the exact histories minus the truth, with two models of this
+    solver."""
     course = Course(name)
     beside = [course.true + sign * step for step in np.diag(STEPS) for sign in (1.0, -1.0)]
     runs = course.simulated(np.array([course.true, *beside]), (64, 86))
@@ -127,7 +129,7 @@ def compared(name: str) -> dict[str, list[float]]:
 
 
 def main() -> None:
-    """Compare and print."""
+    """Compare the shots and print the result."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("shots", nargs="+", help="open-01 to open-04")
     print("| shot | model | m | nu | beta (us) |\n| --- | --- | --- | --- | --- |")

@@ -1,10 +1,10 @@
-"""A coverage study whose truths another program makes: `python -m populations.other_program --out FOLDER`.
+"""A coverage study with truths of another program: `python -m populations.other_program --out FOLDER`.
 
 Experiments of `populations.coverage_problem`, two of each group, are simulated by DOLFINx
-(`tests/reference/M_dolfinx.py`, run by the interpreter of `--python`) and identified as those of
-`populations.coverage` are. The folder keeps every truth and every answer: called again, the study goes on
-where it stopped. `--truths` and `--answers` do one of the two, `--answers` of what truths there are.
-`--compare` sets truths beside those of this package's solver; `--csv` prints a thinned one.
+(`tests/reference/M_dolfinx.py`, run by the interpreter of `--python`) and identified as in
+`populations.coverage`. The folder stores every truth and every answer, so an interrupted study can be
+continued. `--truths` makes truths only; `--answers` identifies the existing truths only. `--compare` compares
+truths with those of this package's solver; `--csv` prints a thinned one.
 """
 
 import json
@@ -38,26 +38,27 @@ SCRIPT = Path(__file__).resolve().parents[1] / "tests" / "reference" / "M_dolfin
 ELEMENTS = (24, 16)
 """Elements across the radius and along half the length."""
 STEP = 0.5
-"""Step of the other program [us]."""
+"""Time step of the other program [us]."""
 OWN_MESH = (96, 129)
-"""Mesh of the truths by this package's solver that `--compare` makes."""
+"""Mesh of this package's truths in `--compare`."""
 EACH = 2
-"""Experiments of each group."""
+"""Number of experiments of each group."""
 BIN = 16
-"""Samples of the force that are compared as one mean: about a frame."""
+"""Number of force samples that are averaged for the comparison: about one frame."""
 EVERY = 8
-"""Frames from one row of a thinned truth to the next."""
+"""Number of frames between rows of a thinned truth."""
 UNUSED = ("friction", "force_sigma", "flyer_sigma", "outline_sigma", "curve_sigma")
-"""What the exact course of a bonded test does not depend on."""
+"""Parameters without effect on the exact histories of a bonded test."""
 
 
 def numbers_of(groups: int) -> list[int]:
-    """Experiments of the study: the first of every group, then the second, so that a part has all groups."""
+    """Numbers of the experiments: the first of every group, then the second, so that an incomplete study has
+    all groups."""
     return [GROUP * group + i for i in range(EACH) for group in range(groups)]
 
 
 def described(setup: Setup, truth: Truth) -> dict[str, Any]:
-    """What the other program is given, in SI."""
+    """Input of the other program, in SI units."""
     return {
         **{key: value for key, value in asdict(truth).items() if key not in UNUSED},
         "diameter": setup.diameter,
@@ -70,7 +71,7 @@ def described(setup: Setup, truth: Truth) -> dict[str, Any]:
 
 
 def make_truth(study: Study, folder: Path, number: int, python: str) -> None:
-    """Let the other program simulate one experiment, unless its truth is kept."""
+    """Simulate one experiment with the other program, unless its truth exists."""
     place = truth_file(study, folder, number)
     if place.exists():
         return
@@ -114,16 +115,11 @@ def apart(
     slope: tuple[FloatArray, FloatArray],
     truth: Truth,
 ) -> dict[str, float]:
-    """By how much force and outline differ, and what it is in m, nu and beta by weighted least squares.
+    """Differences of force [N] at the samples and radii [m], and their equivalent in m, nu and beta by
+    weighted least squares.
 
-    Parameters
-    ----------
-    one, other
-        Force at the samples [N] and radii [m].
-    slope
-        Their derivatives by the three parameters.
-    truth
-        Whose noise weighs force and outline.
+    ``slope``: their derivatives by the three parameters. ``truth``: the experiment whose noise gives the
+    weights.
     """
     force, outline = binned(one[0]) - binned(other[0]), (one[1] - other[1]).ravel()
     weights = np.sqrt(BIN) / truth.force_sigma, 1.0 / truth.outline_sigma
@@ -146,7 +142,7 @@ def thinned(force: FloatArray, Z: FloatArray) -> FloatArray:
 
 
 def compare(study: Study, folder: Path, number: int) -> dict[str, float]:
-    """One truth less that of this package's solver; the answer is kept."""
+    """Difference between a truth and that of this package's solver; the result is stored."""
     place = folder / f"compared-{number:04d}.json"
     if not place.exists():
         setup, truth = drawn(number, study.seed)
@@ -166,7 +162,7 @@ def compare(study: Study, folder: Path, number: int) -> dict[str, float]:
 
 
 def record(study: Study, folder: Path, numbers: list[int]) -> dict[str, Any]:
-    """All answers that the folder holds, summed up, and all comparisons."""
+    """Summary of all answers in the folder, and all comparisons."""
     there = [answer_file(folder, n) for n in sorted(numbers) if answer_file(folder, n).exists()]
     each = [json.loads(place.read_text()) for place in there]
     of = {
@@ -186,7 +182,7 @@ def record(study: Study, folder: Path, numbers: list[int]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Run the study, or what is left of it, and sum it up."""
+    """Run or continue the study and write its summary."""
     parser = command(__doc__, seed=61)
     add_meshes(parser)
     parser.add_argument("--groups", type=int, default=10, help="of two experiments each")
@@ -197,7 +193,7 @@ def main() -> None:
     parser.add_argument("--csv", type=int, help="print this experiment, thinned, and do nothing else")
     given = parser.parse_args()
     study = Study(free=tuple(STEPS), seed=given.seed, mesh=given.mesh, refined_mesh=given.refined_mesh)
-    # Truths are kept beside the answers' folder: in --out itself, apart from those of `populations.coverage`.
+    # Truths are stored next to the answers' folder: in --out, separate from those of `populations.coverage`.
     folder, numbers = given.out / "answers", numbers_of(given.groups)
     hold(study, folder)
     if given.csv is not None:

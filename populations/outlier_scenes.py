@@ -1,9 +1,10 @@
-"""Drawn scenes for the outlier gates: two cameras before a specimen that is pressed, and what spoils its
+"""Random scenes for the outlier gates: two cameras in front of a compressed specimen, with defects in the
 pictures.
 
-A round specimen is shortened evenly while its volume is kept, ray by ray (`speckle_pictures.py`), so that
-the place of every material point is known in closed form. Into the pictures go a highlight that moves over
-the surface, at another place for each camera, and paint that is lost from a frame on.
+A cylindrical specimen is shortened uniformly at constant volume and rendered by ray casting
+(`speckle_pictures.py`), so that the position of every material point is known in closed form. Defects are a
+highlight that moves over the surface, at a different position for each camera, and paint that is missing from
+a frame on.
 """
 
 from dataclasses import dataclass
@@ -25,27 +26,27 @@ SHAPE = (112, 112)
 RADIUS = 4.75e-3
 DISTANCE = 0.305
 PIXEL = 56e-6
-"""Length that a pixel shows [m]."""
+"""Length of a pixel on the specimen [m]."""
 WHITE = 4095.0
 """Largest grey value."""
 
 
 @dataclass(frozen=True)
 class Spoiled:
-    """What is wrong with the pictures of a scene; zero is nothing."""
+    """Defects in the pictures of a scene; 0: no defect."""
 
     height: float = 0.0
-    """Of the highlight over white paint [-]."""
+    """Brightness of the highlight over that of white paint [-]."""
     size: float = 6.0
     """Its standard deviation [px]."""
     pace: float = 3.0
-    """How far it moves from frame to frame [px]."""
+    """Its motion from frame to frame [px]."""
     lost: float = 0.0
-    """Radius of the paint that is lost [m]."""
+    """Radius of the missing paint [m]."""
     lost_from: int = 6
-    """First frame without it."""
+    """First frame without this paint."""
     bare: float = 0.5
-    """Reflectance of what comes out below it [-]."""
+    """Reflectance of the surface below the paint [-]."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,9 @@ class OutlierScene:
     noise: float
     """Standard deviation of a grey value [grey]."""
     shortening: float
-    """Of the specimen in the last frame [-]."""
+    """Relative shortening of the specimen in the last frame [-]."""
     angle: float
-    """Between the cameras [rad]."""
+    """Angle between the cameras [rad]."""
     n_static: int = 4
     n_frames: int = 14
 
@@ -69,7 +70,7 @@ class OutlierScene:
         return 1.0 - self.shortening * moved
 
     def place(self, X: FloatArray, k: int) -> FloatArray:
-        """Where the points that lie at X at rest are in frame `k` [m], shape [n, 3]."""
+        """Positions in frame `k` of the points that are at X at rest [m], shape [n, 3]."""
         stretch = self.stretch(k)
         return X * np.array([stretch**-0.5, stretch, stretch**-0.5])
 
@@ -113,16 +114,16 @@ class OutlierScene:
 
 
 def _path(scene: OutlierScene, rng: np.random.Generator) -> list[FloatArray]:
-    """Where the highlight is in both cameras' pictures, each of shape [n_frames, 2]."""
+    """Positions of the highlight in both cameras' pictures [px], each of shape [n_frames, 2]."""
     begin, way = rng.uniform(25.0, 87.0, 2), rng.uniform(0.0, 2.0 * np.pi)
     step = scene.spoiled.pace * np.array([np.cos(way), np.sin(way)])
     first = begin + np.arange(scene.n_frames)[:, None] * step
-    apart = rng.uniform(-12.0, 12.0)  # its place on the surface is not the same for both cameras
+    apart = rng.uniform(-12.0, 12.0)  # its position on the surface differs between the cameras
     return [first, first + np.array([apart, 0.0])]
 
 
 def rig(angle: float, scale: float = 1.0) -> StereoRig:
-    """Cameras on both sides of the view toward the axis; with `scale` every length is so many times it."""
+    """Cameras on both sides of the line of sight to the axis; all lengths are multiplied by `scale`."""
     cameras = []
     for a in (-0.5 * angle, 0.5 * angle):
         centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
@@ -144,8 +145,8 @@ def rig(angle: float, scale: float = 1.0) -> StereoRig:
 
 
 def drawn(population: str, seed: int) -> OutlierScene:
-    """Scene number `seed` of a population, "tuned" or "judged": of four one has a highlight, one lost paint,
-    one both, one neither."""
+    """Scene number `seed` of a population, "tuned" or "judged": of four scenes one has a highlight, one
+    missing paint, one both, one neither."""
     rng = np.random.default_rng([{"tuned": 1, "judged": 2}[population], seed])
     kind = seed % 4
     spoiled = Spoiled(
@@ -167,7 +168,7 @@ def drawn(population: str, seed: int) -> OutlierScene:
 
 @dataclass(frozen=True)
 class Frames:
-    """Pictures in memory, as a series of files would give them."""
+    """Pictures in memory with the interface of a series of files."""
 
     grey: NDArray[np.uint16]
     """Shape [n_frames, rows, columns]."""
@@ -192,7 +193,7 @@ class Frames:
 
 
 def followed(scene: OutlierScene, *, device: str = "cpu") -> TrackedBody:
-    """The specimen of a scene through both series, in the cameras' frame, which is the test frame."""
+    """The specimen of a scene tracked through both series, in the cameras' frame, which is the test frame."""
     pictures = scene.pictures()
     corners = ((8.0, 8.0), (103.0, 8.0), (103.0, 103.0), (8.0, 103.0))
     cameras = rig(scene.angle)

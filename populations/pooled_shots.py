@@ -1,8 +1,8 @@
-"""Five shots of known m = 1.12, pooled: `python -m populations.pooled_shots --out FOLDER`.
+"""Five shots with the known value m = 1.12, pooled: `python -m populations.pooled_shots --out FOLDER`.
 
-The shots are those of `runs/rate_shots.py`: one material, flyers of 0.7 to 4.5 m/s, the middle of both
-elements on a mesh 1.5 times as fine as the answers', graded toward the faces' edges. Asked is whether the
-95 % interval of their mean holds 1.12. What the folder holds is not made again.
+The shots are those of `runs/rate_shots.py`: one material, flyers of 0.7 to 4.5 m/s, the mean of both elements
+on a mesh 1.5 times as fine as the answers' mesh, graded toward the faces' edges. The study tests whether the
+95 % interval of their mean contains 1.12. Existing results are not recomputed.
 """
 
 import importlib.util
@@ -21,15 +21,15 @@ from populations import driver
 
 SCRIPT = Path(__file__).resolve().parents[1] / "runs" / "rate_shots.py"
 SPEEDS = (0.7, 0.8, 1.4, 2.6, 4.5)
-"""Of the flyers [m/s], those of the script."""
+"""Speeds of the flyers [m/s], as in the script."""
 TRUE = 1.12
-"""The stiffness factor of all of them."""
+"""True stiffness factor of all shots."""
 M = "stiffness_factor"
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is asked of every shot."""
+    """Settings of all shots."""
 
     mesh: tuple[int, int]
     refined_mesh: tuple[int, int]
@@ -39,7 +39,7 @@ class Study:
 
 
 def maker() -> ModuleType:
-    """The script that makes the shots."""
+    """The script that makes the shots, as a module."""
     spec = importlib.util.spec_from_file_location("rate_shots", SCRIPT)
     assert spec is not None
     assert spec.loader is not None
@@ -49,10 +49,10 @@ def maker() -> ModuleType:
 
 
 def done(number: int, study: Study, folder: Path) -> str:
-    """Make and identify a shot that the folder does not hold; returns what was done."""
+    """Make and identify a shot that is not in the folder; returns a text on what was done."""
     shot = folder / f"rate-{number:02d}"
     result = shot / "results" / "identification.h5"
-    if not (shot / "truth.json").exists():  # the last that is written
+    if not (shot / "truth.json").exists():  # the file that is written last
         script = maker()
         numerics = Numerics(
             mesh=study.truth_mesh,
@@ -71,13 +71,8 @@ def done(number: int, study: Study, folder: Path) -> str:
 
 
 def pooled(folder: Path) -> dict[str, Any]:
-    """The shots' values and their mean, from the results in the folder.
-
-    Raises
-    ------
-    ValueError
-        If fewer than two shots count.
-    """
+    """The shots' values and their mean, from the results in the folder; ValueError for fewer than two
+    identified shots."""
     names = [f"rate-{number:02d}" for number in range(1, len(SPEEDS) + 1)]
     (group,) = compare([collected_shot(folder / name, group="gel") for name in names]).groups
     if group.pooled is None:
@@ -105,7 +100,7 @@ def pooled(folder: Path) -> dict[str, Any]:
 
 
 def table(said: dict[str, Any]) -> str:
-    """The shots as a Markdown table, the mean below it."""
+    """The shots as a Markdown table, followed by the mean."""
     lines = ["| flyer (m/s) | $m$ | U (k = 2) | counts |", "| --- | --- | --- | --- |"]
     for shot in said["shots"]:
         counts = "yes" if shot["counts"] else "no"
@@ -117,7 +112,7 @@ def table(said: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Do what the folder does not hold, and print the table."""
+    """Run the missing shots and print the table."""
     parser = driver.command(__doc__)
     driver.add_meshes(parser, truth=(96, 129))
     given = parser.parse_args()

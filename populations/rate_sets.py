@@ -1,13 +1,13 @@
-"""False alarms of the rate's slope: `python -m populations.rate_sets ANSWERS.json ...`.
+"""False alarms of the rate-sensitivity test: `python -m populations.rate_sets ANSWERS.json ...`.
 
 Each file is a `summary.json` of `python -m populations.coverage`: elastic shots of known stiffness factor,
-each identified by itself. Its shots are divided by their truth, so that all have m = 1.12. Sets of five are
-drawn from them, without regard to m, whose rates span the half decade that a slope needs. Counted is how
-often such a set is called rate sensitive, and how often a planted slope is found that has the size which the
-set would notice with a probability of 0.9.
+each identified separately. The identified values are divided by their truth and multiplied by 1.12, so that
+all shots have the true value m = 1.12. Sets of five shots are drawn whose rates span the half decade that a
+slope requires, independently of m. The study counts how often such a set is classified as rate sensitive. It
+also counts how often an added slope is detected whose size the set should detect with a probability of 0.9.
 
-Sets share shots: there are fewer independent ones than sets. Every experiment has a curve of its own, whose
-noise is therefore independent here, while shots of one campaign share it.
+Sets share shots, so there are fewer independent sets than sets. Here every experiment has its own
+quasi-static curve with independent noise; the shots of a campaign share one curve.
 """
 
 import argparse
@@ -30,26 +30,26 @@ from populations.driver import write
 TRUE = 1.12
 """Stiffness factor of all shots after division by their truth [-]."""
 SHOTS = 5
-"""Shots of a set."""
+"""Number of shots of a set."""
 CURVE = "material curve"
 MOST_DRAWS = 10000
-"""Draws of a set after which its population has too narrow a range of rates."""
+"""Number of draws of a set after which the population's range of rates is considered too narrow."""
 
 
 @dataclass(frozen=True)
 class Answers:
-    """The shots of a population that count."""
+    """The identified shots of a population."""
 
     rates: FloatArray
     """Nominal strain rates [1/s], shape [n]."""
     values: FloatArray
-    """Stiffness factors over their truths, times `TRUE`, shape [n]."""
+    """Stiffness factors over their true values, times `TRUE`, shape [n]."""
     own: FloatArray
     """Independent standard uncertainties, on the same scale, shape [n]."""
     curve: FloatArray
-    """Those by the curve's noise, shape [n]."""
+    """Standard uncertainties due to the curve's noise, on the same scale, shape [n]."""
     mesh: FloatArray
-    """Those by the mesh, shape [n]."""
+    """Standard uncertainties due to the mesh, on the same scale, shape [n]."""
 
 
 def rate_of(number: int, seed: int) -> float:
@@ -82,7 +82,7 @@ def read_answers(said: dict[str, Any]) -> Answers:
 
 
 def set_of(answers: Answers, rng: np.random.Generator) -> list[int]:
-    """Five shots whose rates span the least that a slope needs."""
+    """Indices of five shots whose rates span at least the range that a slope requires."""
     for _ in range(MOST_DRAWS):
         chosen = rng.choice(len(answers.rates), SHOTS, replace=False)
         if np.ptp(np.log10(answers.rates[chosen])) >= LEAST_SPAN:
@@ -91,7 +91,7 @@ def set_of(answers: Answers, rng: np.random.Generator) -> list[int]:
 
 
 def slope_of(answers: Answers, chosen: Sequence[int], planted: float = 0.0) -> Slope:
-    """The slope as `kolsky rate` fits it, with a planted one [1/decade] added to the shots."""
+    """The slope as in `kolsky rate`, with a known slope `planted` [1/decade] added to the shots."""
     use = list(chosen)
     rates = answers.rates[use]
     x = np.log10(rates) - np.log10(rates).mean()
@@ -103,7 +103,7 @@ def slope_of(answers: Answers, chosen: Sequence[int], planted: float = 0.0) -> S
 
 
 def counts(answers: Answers, *, sets: int, seed: int) -> dict[str, Any]:
-    """Alarms and power over some sets."""
+    """Numbers of false alarms and of detected slopes over some sets."""
     rng = np.random.default_rng(seed)
     alarms = found = refused = 0
     sizes = []
@@ -133,7 +133,7 @@ def counts(answers: Answers, *, sets: int, seed: int) -> dict[str, Any]:
 
 
 def table(rows: dict[str, dict[str, Any]]) -> str:
-    """The counts as Markdown, a population a row."""
+    """The counts as a Markdown table with one row for each population."""
     lines = [
         "| population | shots | sets | refused | false alarms | planted found | would notice per decade |",
         "| --- | --- | --- | --- | --- | --- | --- |",

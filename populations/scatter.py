@@ -1,7 +1,7 @@
-"""Errors of drawn shots over their standard uncertainties: `python -m populations.scatter FILE.json ...`.
+"""Errors of random shots over their standard uncertainties: `python -m populations.scatter FILE.json ...`.
 
-Each file holds ``answers`` with ``values``, ``sigmas`` and ``truths`` by parameter, as
-`python -m populations.answers` writes it and as populations/results/right_second.json is.
+Each file holds ``answers`` with ``values``, ``sigmas`` and ``truths`` by parameter, written by `python -m
+populations.answers`, like populations/results/right_second.json.
 """
 
 import statistics
@@ -21,7 +21,8 @@ def errors(answers: Sequence[dict[str, Any]], name: str) -> list[float]:
 
 
 def table(answers: Sequence[dict[str, Any]]) -> str:
-    """Mean, scatter and largest of the errors, and how many lie inside k = 2, a parameter a row."""
+    """Mean, scatter and maximum of the errors, and the number within k = 2, with one row for each
+    parameter."""
     names = dict.fromkeys(name for one in answers for name in one["values"])
     lines = [
         "| parameter | shots | mean | scatter | largest | inside k = 2 |",

@@ -1,8 +1,8 @@
-"""Drawn scenes for stated standard deviations: a plane before one camera, a cylinder before two.
+"""Random scenes for tests of standard deviations: a plane with one camera, a cylinder with two.
 
-Every place is known in closed form: planes are rendered from a sum of Gaussians (`speckle_pictures.py`),
-cylinders ray by ray (`speckle_pictures.py`). After frames at rest the surface is shifted as a rigid body,
-or stretched or pressed by up to a fifth. Pictures have eight bits.
+Every position is known in closed form: planes are rendered from a sum of Gaussians, cylinders by ray casting
+(`speckle_pictures.py`). After frames at rest the surface is shifted as a rigid body, or stretched or
+compressed by up to 20 %. Pictures have eight bits.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from tests.helpers.speckle_pictures import RenderedCylinder, Speckles, render, s
 
 WHITE = 255.0
 STATIC, MOVED = 4, 4
-"""Frames at rest, and after them."""
+"""Number of frames at rest and after them."""
 LEVELS = (1.0, 2.0, 5.0)
 """Standard deviations of a grey value [grey]."""
 KINDS = ("plane, shift", "plane, strain", "cylinder, shift", "cylinder, strain")
@@ -37,15 +37,15 @@ class SigmaScene:
     speckle: float
     """Size of the speckles [px]."""
     strain: float
-    """Along the axis in the last frame [-]; 0 for a shift."""
+    """Strain along the axis in the last frame [-]; 0 for a shift."""
     shifts: FloatArray
-    """Of the frames after rest [px], shape [MOVED, 3]."""
+    """Shifts of the frames after those at rest [px], shape [MOVED, 3]."""
     angle: float
-    """Between the cameras [rad]."""
+    """Angle between the cameras [rad]."""
     match: Correlation
-    """Of the tracking."""
+    """Settings of the tracking."""
     stereo: Correlation
-    """Of the match between the cameras."""
+    """Settings of the match between the cameras."""
 
     @property
     def n_frames(self) -> int:
@@ -66,8 +66,8 @@ class SigmaScene:
         return np.zeros(3) if k < STATIC or self.strain else self.shifts[k - STATIC]
 
     def place(self, X: FloatArray, k: int) -> FloatArray:
-        """Where points that lie at X at rest are in frame `k`: [px] and shape [n, 2] of a plane, [m] and
-        shape [n, 3] of a cylinder."""
+        """Positions in frame `k` of points that are at X at rest: [px], shape [n, 2] for a plane; [m], shape
+        [n, 3] for a cylinder."""
         stretch = self.stretch(k)
         if self.kind.startswith("plane"):
             middle = 0.5 * (SHAPE[0] - 1)
@@ -75,7 +75,7 @@ class SigmaScene:
         return X * np.array([stretch**-0.5, stretch, stretch**-0.5]) + PIXEL * self.shift(k)
 
     def pictures(self) -> list[NDArray[np.uint8]]:
-        """Grey values of the one camera or the two, each of shape [n_frames, rows, columns]."""
+        """Grey values of one or two cameras, each of shape [n_frames, rows, columns]."""
         rng = np.random.default_rng([self.seed, 3])
         if self.kind.startswith("plane"):
             return [np.array([self._recorded(self._plane(k), rng) for k in range(self.n_frames)])]
@@ -111,12 +111,12 @@ class SigmaScene:
 
     @property
     def rig(self) -> StereoRig:
-        """The cameras before a cylinder."""
+        """The cameras in front of a cylinder."""
         return rig(self.angle)
 
 
 def drawn(population: str, number: int) -> SigmaScene:
-    """Scene of a population: kinds and noises in turn, the rest drawn."""
+    """Scene of a population: kinds and noises alternate, the other values are random."""
     rng = np.random.default_rng([POPULATIONS[population], number])
     kind = KINDS[number % len(KINDS)]
     level = LEVELS[(number // len(KINDS)) % len(LEVELS)]

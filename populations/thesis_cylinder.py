@@ -1,8 +1,8 @@
-"""Constants of a thesis' cylinder from other programs' forces: `python -m populations.thesis_cylinder`.
+"""Constants of a cylinder of a thesis from other programs' forces: `python -m populations.thesis_cylinder`.
 
 The cylinder of 80 mm by 70 mm with C10 = 1404.9 Pa, C20 = 699.4 Pa (Table 3.3), compressed by 10 mm between
-plates with f = 0.7, was simulated by DOLFINx and by GetFEM (`tests/reference`, tables I and H); their forces
-are taken for a test, and the constants are found by inverse finite elements.
+plates with f = 0.7, was simulated by DOLFINx and by GetFEM (`tests/reference`, tables I and H). Their forces
+serve as test data; the constants are identified by inverse finite elements.
 """
 
 from pathlib import Path
@@ -20,11 +20,11 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE = RESULTS / "thesis_cylinder.json"
 PLANTED = {"C10": 1404.9, "C20": 699.4}
 TABLES = {"DOLFINx": "I_force.csv", "GetFEM": "H_force.csv"}
-"""Program -> its table in `tests/reference`."""
+"""Table of each program in `tests/reference`."""
 
 
 def fitted(program: str) -> dict[str, Any]:
-    """Constants of the law of the thesis with their standard uncertainties."""
+    """Identified constants of the law of the thesis with their standard uncertainties."""
     lines = (ROOT / "tests" / "reference" / TABLES[program]).read_text(encoding="utf-8").splitlines()
     rows = [line.split(",") for line in lines if line.startswith("reduced_polynomial,0.7,")]
     strain, force = np.array([[float(row[2]), float(row[3])] for row in rows]).T
@@ -37,7 +37,7 @@ def fitted(program: str) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Fit both programs' forces, write and print."""
+    """Fit both programs' forces, write and print the result."""
     found = {program: fitted(program) for program in TABLES}
     write(FILE, found, indent=1)
     for program, one in found.items():

@@ -1,8 +1,8 @@
-"""Limits chosen on one population of right shots, and judged once on another: numbers and table.
+"""Limits chosen on one population of correct shots and tested once on another: numbers and table.
 
-A shot whose search ended elsewhere (an estimate more than `ASTRAY` of its standard uncertainties from the
-truth in its `truth.json`) says nothing of what a right answer leaves: no limit is chosen on it, and it is
-counted apart.
+In a shot with a wrong search result an estimate is more than `ASTRAY` standard uncertainties from the truth
+in its `truth.json`. Its residuals are not those of a correct answer: it is not used to choose a limit, and it
+is counted separately.
 """
 
 import json
@@ -18,7 +18,7 @@ from kolsky.diagnosis.fit_quality import LIMITS, SLOW_LIMITS
 from kolsky.inverse.result import Identification
 
 ASTRAY = 6.0
-"""Standard uncertainties from the truth beyond which a search has ended elsewhere."""
+"""Number of standard uncertainties from the truth beyond which a search result is wrong."""
 TRUE = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
 """Keys of truth.json by parameter."""
 STRONGEST = "strongest evidence of a cause"
@@ -32,16 +32,16 @@ IN_USE = {
 
 @dataclass(frozen=True)
 class RightShot:
-    """One right shot and what was found of it."""
+    """One correct shot and its results."""
 
     name: str
     result: Identification
     truth: Mapping[str, float]
-    """The true values by parameter; empty where they are not known."""
+    """The true values by parameter; empty if unknown."""
 
     @property
     def astray(self) -> bool:
-        """True if the search ended elsewhere than at the truth."""
+        """True if the search did not end at the truth."""
         return any(
             abs(e.value - self.truth[name]) > ASTRAY * e.sigma
             for name, e in self.result.estimates.items()
@@ -50,17 +50,17 @@ class RightShot:
 
     @property
     def answered(self) -> bool:
-        """True if every parameter is called identified."""
+        """True if the verdict on every parameter is identified."""
         return all(e.outcome.identified for e in self.result.estimates.values())
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The causes that are named though there is none."""
+        """The causes that are reported although there is none."""
         return tuple(cause.key for cause in self.result.causes if cause.named)
 
 
 def strongest(result: Identification) -> float:
-    """Evidence of the strongest cause that is not within its declared uncertainty [-]; 0 if there is none."""
+    """Evidence of the strongest cause outside its declared uncertainty [-]; 0 if there is none."""
     return max((cause.evidence for cause in result.causes if not cause.within), default=0.0)
 
 
@@ -74,7 +74,7 @@ def limited(result: Identification) -> dict[str, float]:
 
 
 def truth(result: Path) -> dict[str, float]:
-    """True values beside a result of SHOT/results, by parameter; none where there is no truth.json."""
+    """True values of the shot of a result in SHOT/results, by parameter; empty without truth.json."""
     place = result.parent.parent / "truth.json"
     if not place.exists():
         return {}
@@ -85,15 +85,8 @@ def truth(result: Path) -> dict[str, float]:
 def chosen(
     one: list[RightShot], two: list[RightShot], limit: Callable[[str, list[float]], float]
 ) -> dict[str, Any]:
-    """Limits from population one, and what they and those in use say of population two.
-
-    Parameters
-    ----------
-    one, two
-        The populations; two may be empty.
-    limit
-        Limit of a figure, by its name, from the values of right shots.
-    """
+    """Limits from population one, and the false alarms of these and of the limits in use on population two,
+    which may be empty; ``limit`` is a function of a figure's name and its values for correct shots."""
     found, judged = [s for s in one if not s.astray], [s for s in two if not s.astray]
     rows = {}
     for name, used in IN_USE.items():
@@ -118,7 +111,7 @@ def chosen(
 
 
 def alarms(count: int, of: int) -> dict[str, float | int]:
-    """A count with the 95 % interval of its share (Clopper and Pearson 1934)."""
+    """A count with the 95 % interval of its proportion (Clopper and Pearson 1934)."""
     if not of:
         return {"count": 0, "of": 0, "low": 0.0, "high": 1.0}
     band = binomtest(count, of).proportion_ci(0.95, method="exact")
@@ -126,7 +119,7 @@ def alarms(count: int, of: int) -> dict[str, float | int]:
 
 
 def counted(shots: list[RightShot]) -> dict[str, Any]:
-    """How a population's shots ended, with the limits that were in use when they were identified."""
+    """Counts of the outcomes of a population, with the limits in use at the time of identification."""
     right = [s for s in shots if not s.astray]
     return {
         "shots": len(shots),
@@ -137,7 +130,7 @@ def counted(shots: list[RightShot]) -> dict[str, Any]:
 
 
 def table(said: dict[str, Any]) -> str:
-    """The choice as a Markdown table, and the counts in two sentences."""
+    """The limits as a Markdown table, and the counts in two sentences."""
     heads = ("figure", "in use", "chosen on one", "largest of one", "largest of two")
     heads = (*heads, "of two above in use", "of two above chosen")
     lines = [f"| {' | '.join(heads)} |", "| --- |" * 1 + " --- |" * (len(heads) - 1)]

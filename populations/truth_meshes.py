@@ -1,9 +1,10 @@
-"""Is the truth of the coverage study fine enough? `python -m populations.truth_meshes --out FOLDER`.
+"""Mesh convergence of the coverage study's truth: `python -m populations.truth_meshes --out FOLDER`.
 
-Experiments of `populations.coverage_problem` are simulated without noise on meshes with both elements,
-some graded more toward the faces' edges. Printed is by how much of m, nu and beta the outline of each differs
-from that of the truth, by least squares over all its points: m alone, then the three together. All must go to
-one limit. Every run is kept in a file of the folder: called again, the study goes on where it stopped.
+Experiments of `populations.coverage_problem` are simulated without noise on meshes with both elements, some
+with stronger grading toward the faces' edges. The table gives the difference of each outline from that of the
+truth, converted to m, nu and beta by least squares over all its points: m alone, then the three together. All
+must converge to the same limit. The folder stores one file for each run, so an interrupted study can be
+continued.
 """
 
 import argparse
@@ -32,7 +33,7 @@ COARSE = (16, 22)
 
 @dataclass(frozen=True)
 class Variant:
-    """How a truth may be simulated."""
+    """Mesh, element and grading of a truth."""
 
     mesh: tuple[int, int]
     element: str
@@ -40,12 +41,12 @@ class Variant:
 
     @property
     def name(self) -> str:
-        """In file names: elements across the radius, element, grading."""
+        """Name in file names: elements across the radius, element, grading."""
         return f"{self.mesh[0]}-{self.element}-{self.grading:g}"
 
 
 TRUTH = tuple(Variant((128, 172), element, TRUTH_GRADING) for element in TRUTH_ELEMENTS)
-"""The study's truth is the middle of these."""
+"""The study's truth is the mean of these."""
 VARIANTS = (
     *(Variant(mesh, e) for e in TRUTH_ELEMENTS for mesh in ((64, 86), (128, 172), (192, 258))),
     *TRUTH,
@@ -53,7 +54,7 @@ VARIANTS = (
 
 
 def main() -> None:
-    """Simulate what is missing, compare and print."""
+    """Simulate the missing tests, compare and print."""
     parser = options(__doc__)
     parser.add_argument("--only-kept", action="store_true", help="simulate nothing, compare what is there")
     given = parser.parse_args()
@@ -78,7 +79,7 @@ def main() -> None:
 
 
 def options(description: str | None) -> argparse.ArgumentParser:
-    """The options of a study of these truths: its experiments, where they run, where they are kept."""
+    """Options of a study of these truths: experiments, device and folder."""
     parser = command(description, seed=31)
     parser.add_argument("--groups", type=int, nargs="+", default=[1, 3, 7, 8], help="specimens and rates")
     parser.add_argument("--each", type=int, default=5, help="materials and flyers of each")
@@ -86,7 +87,7 @@ def options(description: str | None) -> argparse.ArgumentParser:
 
 
 def keep(variant: Variant, numbers: list[int], seed: int, folder: Path, device: str) -> None:
-    """Simulate a group in one batch, unless it is kept."""
+    """Simulate a group in one batch, unless its file exists."""
     if all(_place(folder, number, variant).exists() for number in numbers):
         return
     pairs = [drawn(number, seed) for number in numbers]
@@ -104,7 +105,7 @@ def keep(variant: Variant, numbers: list[int], seed: int, folder: Path, device: 
 
 
 def _compared(group: int, numbers: list[int], seed: int, folder: Path) -> list[dict[str, Any]]:
-    """Means over a group of what each variant's outline differs by."""
+    """Differences of each variant's outline, averaged over a group."""
     slopes = _slopes(numbers, seed)
     found = []
     for variant in VARIANTS:

@@ -1,4 +1,5 @@
-"""The rows of the study of wrong inputs: what is wrong, applied to a right shot, and what names it."""
+"""Rows of the study of wrong inputs: the error that is applied to a correct shot, and the cause that
+describes it."""
 
 import math
 import tomllib
@@ -18,10 +19,10 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 
 Wrong = Callable[[Path], Shot]
-"""A shot's folder -> the shot with an input wrong."""
+"""Function of a shot's folder that returns the shot with a wrong input."""
 RIGHT, CURVE, VOLTAGE = "right", "curve -5 %", "time column as voltage"
 MODEL = ("stiffness_factor",)
-"""Free where Poisson's ratio and damping are held."""
+"""Free parameters if Poisson's ratio and damping are fixed."""
 
 
 @dataclass(frozen=True)
@@ -29,15 +30,15 @@ class Row:
     """One wrong input."""
 
     name: str
-    """What is wrong."""
+    """Description of the wrong input."""
     key: str
-    """The cause that is right, a key of `kolsky.shot.input_records.Cause`; empty if none can be named."""
+    """Key of the correct cause in `kolsky.shot.input_records.Cause`; empty if there is none."""
     wrong: Wrong
-    """The shot with it."""
+    """Function that makes the shot with this input."""
     free: bool = False
-    """Whether Poisson's ratio and damping are found from the data, as by default; else held."""
+    """Whether Poisson's ratio and damping are identified, as by default; else they are fixed."""
     names: tuple[str, ...] = ()
-    """Other keys that are as right: density, stress and force scale alike."""
+    """Other keys that are equally correct: density, stress and force have the same scale."""
 
 
 def _changed(change: Callable[[Shot], Shot]) -> Wrong:
@@ -45,7 +46,7 @@ def _changed(change: Callable[[Shot], Shot]) -> Wrong:
 
 
 def _gain(factor: float) -> Wrong:
-    """The declared sensitivity is `factor` times the true one."""
+    """Shot with a declared sensitivity of `factor` times the true one."""
     return _changed(lambda shot: _scaled(shot, factor))
 
 
@@ -61,7 +62,7 @@ def _damping(factor: float) -> Wrong:
 
 
 def _poisson(excess: float) -> Wrong:
-    """1 - 2 nu so many times the true one: 0.499 declared as 0.495 is 5, as 0.4999 is 0.1."""
+    """Shot with 1 - 2 nu multiplied by `excess`: 0.499 declared as 0.495 is 5, as 0.4999 is 0.1."""
 
     def change(shot: Shot) -> Shot:
         wrong = min(0.5 - excess * (0.5 - shot.model.poisson), 0.4999)
@@ -100,7 +101,7 @@ def _late_outline(lag: float) -> Wrong:
 
 
 def _specimen(name: str, factor: float) -> Wrong:
-    """A size or the density is declared so many times the true one; `check` reads it too."""
+    """Shot with a size or density multiplied by `factor`; `check` reads the same value."""
 
     def wrong(folder: Path) -> Shot:
         content = tomllib.loads((folder / "shot.toml").read_text("utf-8"))
@@ -133,7 +134,7 @@ def _motion(factor: float) -> Wrong:
 
 
 def _zero(shot: Shot) -> Shot:
-    """The zero is off by 5 % of the largest force from the test's beginning on."""
+    """Shot with a force offset of 5 % of the largest force from the beginning of the test."""
     assert isinstance(shot.force, ForceChannel)
     recording, time = shot.force.recording, shot.force.time
     volts = recording.value - shot.force.baseline_volts().mean()
@@ -144,12 +145,13 @@ def _zero(shot: Shot) -> Shot:
 
 
 def _form(name: str, amount: float) -> Wrong:
-    """The curve with what `kolsky.shot.corrections` calls so undone: the column that a laboratory had."""
+    """Shot whose curve needs the correction `name` of `kolsky.shot.corrections`: a column with another
+    definition."""
     return _changed(lambda s: replace(s, curve=wrong_curve(s.curve, name, amount)))
 
 
 def wrong_curve(curve: MaterialCurve, name: str, amount: float) -> MaterialCurve:
-    """A curve that a change by the amount puts right."""
+    """A curve that a correction by `amount` makes correct."""
     stretch, stress = curve.stretch, curve.stress
     if name == "true stress":
         return replace(curve, stress=stress * stretch**amount, law=None)
@@ -157,7 +159,7 @@ def wrong_curve(curve: MaterialCurve, name: str, amount: float) -> MaterialCurve
 
 
 def _film(factor: float) -> Wrong:
-    """The declared times are so many times the true ones."""
+    """Shot with frame times multiplied by `factor`."""
 
     def change(shot: Shot) -> Shot:
         line, motion = shot.centre_line, shot.flyer
@@ -172,7 +174,7 @@ def _film(factor: float) -> Wrong:
 
 
 def _pictures(factor: float) -> Wrong:
-    """The declared lengths are so many times the true ones."""
+    """Shot with lengths in the pictures multiplied by `factor`."""
 
     def change(shot: Shot) -> Shot:
         line, motion = shot.centre_line, shot.flyer
@@ -194,7 +196,7 @@ def _mirrored(shot: Shot) -> Shot:
 
 
 def _recorded(change: Callable[[FloatArray, float], FloatArray]) -> Wrong:
-    """The transducer's signal changed by an instrument."""
+    """Shot whose transducer signal is changed by a function of samples and time step."""
 
     def changed(shot: Shot) -> Shot:
         assert isinstance(shot.force, ForceChannel)
@@ -207,22 +209,22 @@ def _recorded(change: Callable[[FloatArray, float], FloatArray]) -> Wrong:
 
 
 def _other_channel(folder: Path) -> Shot:
-    """The flyer's transducer is declared as the one behind the specimen."""
+    """Shot with the flyer's transducer declared as the one behind the specimen."""
     return _edited(folder, "force", "voltage", 'voltage = { column = "CH1 incident (V)", unit = "V" }')
 
 
 def _droop(volts: FloatArray, step: float) -> FloatArray:
-    """A charge that leaks in 3 ms."""
+    """Signal of a charge with a leakage time constant of 3 ms."""
     return np.asarray(volts - low_pass(volts, step, 1.0 / (2.0 * np.pi * 3e-3)))
 
 
 def _voltage(folder: Path) -> Shot:
-    """The recorder's time column is declared as the voltage."""
+    """Shot with the recorder's time column declared as the voltage."""
     return _edited(folder, "force", "voltage", 'voltage = { column = "Time (s)", unit = "V" }')
 
 
 def _edited(folder: Path, table: str, key: str, line: str) -> Shot:
-    """The shot with another line of its shot file."""
+    """The shot with a changed line of its shot file."""
     lines = (folder / "shot.toml").read_text("utf-8").splitlines()
     at = lines.index(f"[{table}]")
     for i in range(at + 1, len(lines)):
@@ -233,7 +235,7 @@ def _edited(folder: Path, table: str, key: str, line: str) -> Shot:
 
 
 def _with_file(folder: Path, name: str, text: str) -> Shot:
-    """The shot with another text in one of its files."""
+    """The shot with a different text in one of its files."""
     with TemporaryDirectory() as place:
         for file in folder.iterdir():
             if file.is_file() and file.name != name:
@@ -243,7 +245,8 @@ def _with_file(folder: Path, name: str, text: str) -> Shot:
 
 
 def _true_strain(folder: Path) -> Shot:
-    """The curve's file holds logarithmic strain; the reader may refuse what leaves no length."""
+    """Shot whose curve file contains logarithmic strain; the reader may reject strains beyond the full
+    length."""
     name = "quasi_static.csv"
     head, *rows = (folder / name).read_text("utf-8").splitlines()
     pairs = [row.split(",", 1) for row in rows]
@@ -252,7 +255,7 @@ def _true_strain(folder: Path) -> Shot:
 
 
 CURVES = ("curve.stress", "curve.strain", "curve shape")
-"""Keys of a curve's shape: a wrong definition is a wrong shape too."""
+"""Keys of the shape of a curve, which a wrong definition also changes."""
 
 ROWS: tuple[Row, ...] = (
     Row(RIGHT, "", load_shot, free=True),

@@ -1,9 +1,10 @@
-"""The study of wrong inputs: right shots made by the virtual laboratory, each row's input wrong, identified.
+"""The study of wrong inputs: correct shots of the virtual laboratory, identified with one wrong input per
+row.
 
     python -m populations.wrong_inputs --out FOLDER [--population SPEC.toml] [--seed N] [--device cuda]
         [--workers N] [--shots N] [--right N] [--rows WORD,...] [--table FILE.json]
 
-Every identification is a file of its own in FOLDER/jobs; one that is there is not made again. The page
+Every identification is one file in FOLDER/jobs; existing files are not recomputed. The page
 docs/validation/wrong_inputs.md is made from the table that --table writes.
 """
 
@@ -31,22 +32,22 @@ class Job:
     row: str
     """Name of its row."""
     shot: Path
-    """Folder of the right shot."""
+    """Folder of the correct shot."""
     device: str
     """Of the solver."""
     threads: int | None
     """Of the solver."""
     meshes: tuple[tuple[int, int], tuple[int, int]] | None
-    """The surrogate's and the refined one; None takes the defaults."""
+    """Meshes of the surrogate and of the answer; None: the defaults."""
 
     def file(self, out: Path) -> Path:
-        """Where its result is."""
+        """File of its result."""
         word = "".join(c if c.isalnum() else "-" for c in self.row)
         return out / "jobs" / f"{self.shot.name}_{word}.json"
 
 
 def run(job: Job) -> dict[str, Any]:
-    """Identify one shot with its wrong input; what the package said of it."""
+    """Identify one shot with its wrong input; returns the result and the messages of the package."""
     from kolsky.identification import identify
     from kolsky.inverse.settings import Numerics, Settings
 
@@ -94,17 +95,17 @@ def run(job: Job) -> dict[str, Any]:
 
 
 CONFIDENT = 0.01
-"""Error of m from which on an answer without a warning is confident and wrong, if its interval excludes the
-truth too: below it the wrong input does not matter."""
+"""Relative error of m above which an answer without a warning is confidently wrong if its interval excludes
+the truth; below it the wrong input has no significant effect."""
 
 
 def judged(row: Row, said: dict[str, Any]) -> str:
-    """How a job ended.
+    """Outcome of a job.
 
-    Of a right shot "quiet" or "alarm". Of the curve's scale "said" or "silent". Else "first" or "second", the
-    right cause's place among the likely ones; "refused" with the right key in the message; "other" cause or
-    "none" named and the value withheld; "harmless", answered with the truth inside; "confident", answered
-    and wrong.
+    For a correct shot "quiet" or "alarm". For the curve's scale "said" or "silent". Otherwise: "first" or
+    "second", the rank of the correct cause among the likely ones; "refused" with the correct key in the
+    message; "other" cause or "none" reported and the value withheld; "harmless", an answer whose interval
+    contains the truth; "confident", a wrong answer.
     """
     right = {row.key, *row.names} - {""}
     if said["refused"]:
@@ -127,10 +128,11 @@ def judged(row: Row, said: dict[str, Any]) -> str:
 
 
 def summary(jobs: list[dict[str, Any]]) -> dict[str, float]:
-    """Shares of the wrong shots that matter, and counts.
+    """Shares of the relevant wrong shots, and counts.
 
-    "first", "first two": shares with the right cause there, a refusal that names it counted; "confident":
-    answered, wrong and nothing named; "harmless": left out of the shares; "right" shots and "alarms" of them.
+    "first", "first two": shares with the correct cause at this rank, including rejections that report it;
+    "confident": wrong answers without a reported cause; "harmless": shots that are excluded from the shares;
+    "right": number of correct shots; "alarms": number of these with an alarm.
     """
     rows = {row.name: row for row in ROWS}
     ends = [(rows[said["row"]], judged(rows[said["row"]], said)) for said in jobs]
@@ -151,7 +153,8 @@ def summary(jobs: list[dict[str, Any]]) -> dict[str, float]:
 
 
 def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One entry a row: how its jobs ended, the error of m, the value that the right cause was given."""
+    """One entry for each row: outcomes of its jobs, the error of m, the estimated value of the correct
+    cause."""
     found = []
     for row in ROWS:
         mine = [said for said in jobs if said["row"] == row.name]
@@ -190,7 +193,7 @@ def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def finite(value: Any) -> Any:
-    """A value of JSON: what is not finite becomes null."""
+    """A JSON value in which numbers that are not finite are null."""
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -199,7 +202,8 @@ def finite(value: Any) -> Any:
 
 
 def jobs_of(args: argparse.Namespace, shots: list[Path]) -> Iterator[Job]:
-    """Right shots all; of each wrong input as many as asked for, other ones from row to row."""
+    """Jobs for all correct shots, and for each wrong input the requested number of shots, different ones from
+    row to row."""
     words = [word for word in args.rows.split(",") if word]
     meshes = None if args.mesh is None else (args.mesh, args.refined_mesh)
     first = 0
@@ -213,7 +217,7 @@ def jobs_of(args: argparse.Namespace, shots: list[Path]) -> Iterator[Job]:
 
 
 def made(args: argparse.Namespace) -> list[Path]:
-    """Folders of the right shots, made if they are not there."""
+    """Folders of the correct shots; missing ones are made."""
     from kolsky.virtual.make import make
     from kolsky.virtual.specification import read_specification
 
@@ -236,15 +240,15 @@ def made(args: argparse.Namespace) -> list[Path]:
 
 
 def attempt(job: Job) -> dict[str, Any]:
-    """`run`; of a job that broke what broke it."""
+    """Result of `run`, or the error of a job that failed."""
     try:
         return finite(run(job))  # type: ignore[no-any-return]
-    except Exception as error:  # counted and left out: the other jobs go on
+    except Exception as error:  # counted and excluded: the other jobs continue
         return {"broke": f"{job.row} of {job.shot.name} broke: {type(error).__name__}: {error}"}
 
 
 def line(one: dict[str, Any]) -> str:
-    """How one job ended."""
+    """One line of text with the outcome of a job."""
     if "broke" in one:
         return str(one["broke"])
     row = next(row for row in ROWS if row.name == one["row"])
@@ -252,7 +256,7 @@ def line(one: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """Make the shots, run what is missing, print the table; 1 if a job broke."""
+    """Make the shots, run the missing jobs, print the table; returns 1 if a job failed."""
     parser = command(__doc__)
     parser.add_argument("--population", type=Path, default=POPULATION)
     parser.add_argument("--seed", type=int, help="another population of the same kind")
@@ -270,7 +274,7 @@ def main() -> int:
     each = answers(attempt, jobs, workers=args.workers, line=line)
     for path, one in zip(jobs, each, strict=True):
         if "broke" in one:
-            path.unlink()  # tried again by the next call
+            path.unlink()  # repeated by the next call
     broken = sum("broke" in one for one in each)
     rows = table([one for one in each if "broke" not in one])
     for entry in rows:

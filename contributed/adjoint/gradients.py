@@ -1,9 +1,9 @@
-"""The gradient of one objective by everything a simulation reads: parameters, and the law's constants or
-curve.
+"""The gradient of one objective with respect to all inputs of a simulation: parameters, and the law's
+constants or curve.
 
-The kernels read the cubic of every interval of Marlow's law, which follows from the quotient 2 U' and its
-slope at both ends: two unknowns at every knot. The slopes follow from a curve's points by the monotone cubic,
-so the derivative by a point sums its effect on the quotients and slopes around it.
+The kernels read a cubic for every interval of Marlow's law. It follows from the quotient 2 U' and its slope
+at both ends: two unknowns at every knot. The monotone cubic gives the slopes from the points of a curve, so
+the derivative by a point sums its effects on the neighbouring quotients and slopes.
 """
 
 from collections.abc import Callable
@@ -20,10 +20,10 @@ from explicit.materials import MarlowLaw, marlow_from_curve
 from explicit.model import Model, Samples, Sampling, Stepping
 
 Objective = Callable[[Histories], tuple[float, Histories]]
-"""From the histories of a simulation to a number and its derivative by every entry of them."""
+"""A function of the histories of a simulation that returns a number and its derivative by every entry."""
 
 CHECKPOINT_EVERY = 50
-"""Steps of a segment: what is kept grows with their number, checkpoints fall with it."""
+"""Steps of a segment: with more steps the stored rows need more memory, the checkpoints less."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Gradient:
     damping: float
     """Derivative by beta [1/s]."""
     friction: float
-    """Derivative by Coulomb's coefficient [1]; 0 where no contact law reads it."""
+    """Derivative by Coulomb's coefficient [1]; 0 if no contact law uses it."""
     mass_damping: float
     """Derivative by alpha [s]."""
     law: FloatArray
@@ -67,22 +67,22 @@ def gradient(
 ) -> Gradient:
     """Differentiate any function of the histories by all parameters and the whole material table at once.
 
-    One forward run in phases measures its steps and leaves a checkpoint every `checkpoint_every` of them;
-    then, from the end, every segment is run again onto a `warp.Tape` and carried backward. The cost does not
-    depend on the number of unknowns. It is the derivative of the discrete response: of the steps that were
-    taken, and of the decisions of contact that were made (README.md).
+    One forward run in phases measures its steps and stores a checkpoint every `checkpoint_every` steps. Then,
+    from the last to the first, every segment is recomputed on a `warp.Tape` and differentiated in reverse.
+    The cost does not depend on the number of unknowns. The result is the derivative of the discrete response,
+    with fixed time steps and fixed contact decisions (README.md).
 
     Parameters
     ----------
     model : Model
-        What to simulate.
+        The model to simulate.
     samples : Samples
         One sample: where to differentiate.
     sampling : Sampling
-        What is recorded.
+        The recorded times.
     objective : callable
-        ``objective(histories) -> (value, cotangent)``: a number and, in a bundle of the same shapes, its
-        derivative by every entry. `Histories.zeros` is where a cotangent begins.
+        ``objective(histories) -> (value, cotangent)``: a number and, as `Histories` of the same shapes, its
+        derivative by every entry. Begin a cotangent with `Histories.zeros`.
     stepping : Stepping, optional
         Numerical choices; fp64 only.
     steps : StepSequence, optional
@@ -126,7 +126,8 @@ def forward_run(
     stepping: Stepping | None = None,
     steps: StepSequence | None = None,
 ) -> tuple[Histories, StepSequence]:
-    """The forward run of `gradient` alone, with the same steps if they are given: for differences.
+    """The forward run of `gradient` without the reverse pass, with given steps if any: for difference
+    quotients.
 
     Raises
     ------
@@ -138,7 +139,8 @@ def forward_run(
 
 
 def _by_parameter(model: Model, samples: Samples, solid: NDArray[np.void]) -> dict[str, float]:
-    """Chain the derivatives by moduli and viscosities, as `explicit.arguments.batch_of` makes them."""
+    """Derivatives by the parameters from those by moduli and viscosities (chain rule of
+    `explicit.arguments.batch_of`)."""
     m, nu, beta = (float(getattr(samples, f.name)[0]) for f in fields(samples)[:3])
     at_rest = model.materials[int(samples.material[0])].initial_shear_modulus
     mu, chi, full = at_rest * m, model.hourglass, float(model.damping_kind == "full")
@@ -158,11 +160,12 @@ def _by_parameter(model: Model, samples: Samples, solid: NDArray[np.void]) -> di
 
 
 RELATIVE_STEP = 1e-7
-"""Step of the differences that carry a table back to its curve: measured error 1e-9 of a derivative."""
+"""Relative step of the differences of a table by its curve; the measured error is 1e-9 of a derivative."""
 
 
 def by_table(gradient: Gradient, law: MarlowLaw) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of the objective by the nodes of the law's table, quotients and slopes as independent.
+    """Derivatives of the objective by the knots of the law's table, with quotients and slopes as independent
+    variables.
 
     Parameters
     ----------
@@ -189,14 +192,15 @@ def by_table(gradient: Gradient, law: MarlowLaw) -> tuple[FloatArray, FloatArray
         raise ValueError(f"the gradient has {len(gradient.law)} constants of a law, this law has {n}")
     count = len(law.quotient)
     by_value, by_rise, by_square, by_cube = gradient.law[n - 5 * count : n - count].reshape(-1, 4).T.copy()
-    # An interval's square and cube follow from both its ends (`MarlowLaw.cubics`); past the data are none.
+    # An interval's square and cubic coefficients follow from both ends (`MarlowLaw.cubics`); beyond the data
+    # they are 0.
     square, cube = by_square[:-1], by_cube[:-1]
     by_value[:-1] -= 3.0 * square - 2.0 * cube
     by_value[1:] += 3.0 * square - 2.0 * cube
     by_rise[:-1] -= 2.0 * square - cube
     by_rise[1:] -= square - cube
     by_value[0] += gradient.shear_modulus
-    return by_value, by_rise * law.step  # the row holds slopes times the step
+    return by_value, by_rise * law.step  # the row stores slopes times the step
 
 
 def by_curve_stress(
@@ -204,8 +208,8 @@ def by_curve_stress(
 ) -> FloatArray:
     """Derivative of the objective by the stress of each point of the uniaxial curve.
 
-    The table is linear in the curve's stresses but for the slopes of the monotone cubic; it is carried back
-    by central differences of `marlow_from_curve` itself, which costs no simulation.
+    The table is linear in the stresses of the curve except for the slopes of the monotone cubic. Its
+    derivative is computed by central differences of `marlow_from_curve`, which needs no simulation.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """The forward run in phases with checkpoints, and the reverse pass over them.
 
-The forward run measures its steps or repeats recorded ones. In the reverse pass every segment is run again
-from its checkpoint onto a tape, and the tape backward; then the wave that returns from the far end of the
-bar.
+The forward run measures its steps or repeats recorded ones. The reverse pass recomputes every segment from
+its checkpoint on a tape and runs the tape backward. It then differentiates the wave that returns from the far
+end of the bar.
 """
 
 from dataclasses import dataclass, field
@@ -55,8 +55,8 @@ class StepSequence:
 class ForceSampling:
     """The linear map from the forces of the steps to force and impulse at the requested times.
 
-    The same interpolation as the time loop's: a force is linear between two steps, and an impulse grows
-    with the force of the step around it.
+    The interpolation is that of the time loop: a force is linear between two steps, and an impulse increases
+    with the force of the step that contains the time.
     """
 
     steps: StepSequence
@@ -65,7 +65,7 @@ class ForceSampling:
 
     @cached_property
     def _step(self) -> NDArray[np.intp]:
-        """The first step that does not begin before each requested time."""
+        """Index of the first step that begins at or after each requested time."""
         return np.searchsorted(self.steps.time, self.times, side="left")
 
     @cached_property
@@ -76,11 +76,11 @@ class ForceSampling:
 
     @cached_property
     def _since(self) -> FloatArray:
-        """Time from where the impulse is known to the requested time [s]."""
+        """Time between the last known impulse and the requested time [s]."""
         return self.times - (self.steps.time[self._step] - 0.5 * self.steps.before[self._step])
 
     def force(self, of_steps: FloatArray) -> FloatArray:
-        """Force at the requested times [N] from those of the steps."""
+        """Force at the requested times [N] from the forces of the steps."""
         with_start = np.concatenate([[0.0], of_steps])  # no force before the first step
         before, now = with_start[self._step], with_start[self._step + 1]
         return before + self._blend * (now - before)
@@ -99,40 +99,40 @@ class ForceSampling:
         np.add.at(of_steps, self._step + 1, self._blend * force)
         np.add.at(of_steps, self._step + (self._since >= 0.0), self._since * impulse)
         np.add.at(ends, self._step, impulse)
-        sums = np.cumsum(ends[::-1])[::-1][1:]  # an impulse sums the steps before its own
+        sums = np.cumsum(ends[::-1])[::-1][1:]  # an impulse sums the steps before its step
         return of_steps[1:] + sums * self.steps.interval
 
 
 class Source(NamedTuple):
-    """Source of a returned wave: two neighbours among the stored values."""
+    """Source of a returned value of the wave: two neighbouring stored values."""
 
     early: int
-    """The step in which the earlier one left; -1 if nothing returns yet."""
+    """The step in which the earlier value left; -1 before the first return."""
     following: int
-    """The step in which the later one left."""
+    """The step in which the later value left."""
     share: float
-    """Share of the later one [-]."""
+    """Weight of the later value [-]."""
 
 
 @dataclass
 class ReturnedWave:
-    """The wave that left in each step and, interpolated from it, the one that returned.
+    """The outgoing wave of each step and the returned wave, which is interpolated from it.
 
-    The time loop stores `BAR_HISTORY` values of the outgoing wave in a round trip, each that of the first
-    step at or after its time, and interpolates: each returned value is linear in two outgoing ones.
+    The time loop stores `BAR_HISTORY` values of the outgoing wave per round trip, each from the first step at
+    or after its time, and interpolates linearly: each returned value depends on two outgoing ones.
     """
 
     support: CharacteristicBar
     returned: list[float] = field(default_factory=list)
-    """Wave h that returned in each step [m/s]."""
+    """Returned wave h of each step [m/s]."""
     outgoing: list[float] = field(default_factory=list)
-    """Wave g that left in each step [m/s]."""
+    """Outgoing wave g of each step [m/s]."""
     sources: list[Source] = field(default_factory=list)
-    """What returned in each step."""
+    """Source of the returned wave of each step."""
     _stored: list[int] = field(default_factory=list)
 
     def arriving(self, elapsed: float) -> float:
-        """The wave that returns in the next step, whose end is `elapsed` [s] after the start [m/s]."""
+        """Returned wave [m/s] of the next step, which ends `elapsed` [s] after the start."""
         source, wave = Source(-1, -1, 0.0), 0.0
         late = elapsed - self.support.round_trip
         if late > 0.0:
@@ -146,13 +146,14 @@ class ReturnedWave:
         return wave
 
     def record_outgoing(self, wave: float, elapsed: float) -> None:
-        """Store the wave that left in that step [m/s]."""
+        """Store the outgoing wave of a step [m/s]."""
         self.outgoing.append(wave)
         while len(self._stored) * self.support.round_trip / BAR_HISTORY <= elapsed:
             self._stored.append(len(self.outgoing) - 1)
 
     def check_segments(self, n_steps: int) -> None:
-        """Refuse segments of `n_steps` steps if a wave returns within the segment that it left in."""
+        """Raise ValueError if, with segments of `n_steps` steps, a wave returns within the segment in which
+        it left."""
         last_step = np.array([source.following for source in self.sources], dtype=np.int64)
         inside = np.flatnonzero(
             (last_step >= 0) & (last_step >= np.arange(len(last_step)) // n_steps * n_steps)
@@ -164,7 +165,8 @@ class ReturnedWave:
             )
 
     def add_cotangent(self, first: int, cotangent: FloatArray, outgoing: FloatArray) -> None:
-        """Add what the return in steps from `first` on contributes to the cotangent of what left."""
+        """Add the contribution of the returned wave in the steps from `first` on to the cotangent of the
+        outgoing wave."""
         for k, by_returned in enumerate(cotangent, start=first):
             early, next_one, share = self.sources[k]
             if early >= 0:
@@ -177,13 +179,13 @@ class ForwardRun:
     """A finished forward run."""
 
     steps: StepSequence
-    """The steps it took."""
+    """Steps of the run."""
     histories: Histories
-    """What was recorded, without leading axes."""
+    """Recorded histories, without leading axes."""
     checkpoints: list[dict[str, NDArray[Any]]]
     """The state at the beginning of every segment."""
     wave: ReturnedWave
-    """What left and what returned in a moving support."""
+    """Outgoing and returned wave in a moving support."""
 
     @property
     def memory(self) -> int:
@@ -192,7 +194,7 @@ class ForwardRun:
 
 
 def run_forward(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None) -> ForwardRun:
-    """Run forward, segment by segment of as many steps as the plan's window holds.
+    """Run forward in segments; the plan's window determines their number of steps.
 
     ``steps``: the steps to take; default: measured as by `explicit.run`.
     """
@@ -267,7 +269,8 @@ def run_forward(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None 
 
 
 class _Outline:
-    """The side surface at the requested times, carried back from the end of the step that contains each."""
+    """The side surface at the requested times, extrapolated backward from the end of the step that contains
+    each time."""
 
     def __init__(self, plan: PhasePlan, times: FloatArray) -> None:
         mesh = plan.model.mesh
@@ -283,7 +286,7 @@ class _Outline:
         return self._done == len(self._times)
 
     def record(self, k: int, end: float) -> None:
-        """Record what lies before `end`, the time of row k."""
+        """Record the requested times before `end`, the time of row k."""
         view, side = self._view, self._side
         while not self.complete and self._times[self._done] <= end:
             late = end - self._times[self._done]
@@ -295,7 +298,7 @@ class _Outline:
 def _measured_step(plan: PhasePlan) -> float:
     omega_squared = float(plan.window.view["worst"][0])
     if not omega_squared > 0.0:
-        return inf  # what is no number leaves the largest bound at zero
+        return inf  # NaN leaves the largest bound at zero
     return min(plan.stepping.safety * 2.0 / sqrt(omega_squared), plan.stepping.largest_step)
 
 
@@ -325,12 +328,13 @@ def _check_finite(push: FloatArray, steps: StepSequence) -> None:
 def reverse(
     plan: PhasePlan, sampling: Sampling, forward: ForwardRun, cotangent: Histories
 ) -> dict[str, FloatArray]:
-    """Carry the cotangent of the histories back to what the kernels read.
+    """Cotangents of the kernels' inputs from the cotangent of the histories (reverse pass).
 
-    ``plan``: the simulation, in a window as long as a segment. ``sampling``: what was recorded. ``forward``:
-    the forward run of this plan. ``cotangent``: derivative of the objective by every entry of the histories,
-    without leading axes. Returns: derivatives by "solids" (a record per modulus and viscosity), "row" (the
-    law's constants) and "friction". Raises ValueError if the wave in the support returns within a segment.
+    ``plan``: the simulation, with a window as long as a segment. ``sampling``: the sampling of the forward
+    run. ``forward``: the forward run of this plan. ``cotangent``: derivative of the objective by every entry
+    of the histories, without leading axes. Returns: derivatives by "solids" (a record per modulus and
+    viscosity), "row" (the law's constants) and "friction". Raises ValueError if the wave in the support
+    returns within a segment.
     """
     window, steps = plan.window, forward.steps
     gradient, view = window.gradient, window.view
@@ -357,7 +361,7 @@ def reverse(
             view["returned"][:n] = forward.wave.returned[now]
         if tape is None or n != n_taped:
             tape, n_taped = plan.taped(n), n
-        else:  # the same launches on the same rows: only what is in them is new
+        else:  # the same launches on the same rows with other values
             for k in range(n):
                 plan.sweep_elements(k)
                 plan.sweep_nodes(k)
@@ -365,7 +369,7 @@ def reverse(
         for name in FIELDS:
             gradient[name][n] = carried[name]
         gradient["push"][:n] = push[now]
-        gradient["outgoing"][:n] = outgoing[now]  # it returns in later segments, which are done
+        gradient["outgoing"][:n] = outgoing[now]  # it returns in later segments, which are finished
         for i in np.flatnonzero((reached >= first) & (reached < first + n)):
             k = reached[i] - first + 1  # a surface is read from the row after its step
             gradient["u_r"][k, side] += cotangent.surface_r[i]

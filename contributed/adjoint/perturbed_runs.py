@@ -1,13 +1,13 @@
-"""Derivatives of a response by its parameters: one batch of perturbed runs, the step verified.
+"""Derivatives of a response by its parameters: one batch of perturbed runs with verified difference steps.
 
-A central difference is wrong by h^2 where the step h is wide and by round-off over h where it is narrow.
-Every derivative is taken at a ladder of steps in one batch; the step at the bottom of the V is chosen from
-the differences between neighbours on the ladder, and these are returned.
+The error of a central difference is proportional to h^2 for a large step h and to round-off over h for a
+small one. One batch computes every derivative with a series of steps (the ladder). The changes between
+neighbouring steps form a V; the step at its minimum is chosen, and the changes are returned.
 
-A difference compares two runs, so both must take the same time steps: a step that follows the deformation
-follows the parameter too, and the response then has a kink wherever a requested time passes from one step to
-the next. `same_steps` gives the cure. What remains is contact: whether a node lands in one step or the next
-is a decision, and between two decisions the discrete response is smooth (`README.md`).
+Both runs of a difference must take the same time steps. A step that depends on the deformation depends on the
+parameter too; the response then has a kink wherever a requested time moves from one step to the next.
+`same_steps` avoids this. Contact remains: a node lands in one step or in the next, and the discrete response
+is smooth only between two such changes (`README.md`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,8 +29,8 @@ from explicit.run_batch import run
 class Histories:
     """Forces, impulses and the side surface at the times of an `explicit.Sampling`.
 
-    Leading axes, if any, are said where the bundle is used: samples, parameters or none. Units are those of
-    the values; a derivative is per unit of its parameter, a cotangent is per unit of the value.
+    Leading axes, if any, depend on the use: samples, parameters or none. Units are those of the values; a
+    derivative is per unit of its parameter, a cotangent is per unit of the value.
     """
 
     force_flyer: FloatArray
@@ -53,7 +53,7 @@ class Histories:
 
     @classmethod
     def zeros(cls, n_force_times: int, n_surface_times: int, n_surface_nodes: int) -> "Histories":
-        """Nothing yet, without leading axes: where a cotangent begins."""
+        """Histories of zeros without leading axes, the initial value of a cotangent."""
         surface: tuple[int, ...] = (n_surface_times, n_surface_nodes)
         shapes = [(n_force_times,)] * 4 + [surface] * 2
         return cls(**{name: np.zeros(shape) for name, shape in zip(NAMES, shapes, strict=True)})
@@ -63,7 +63,7 @@ class Histories:
         return ((name, getattr(self, name)) for name in NAMES)
 
     def map(self, change: Callable[[FloatArray], FloatArray]) -> "Histories":
-        """The same bundle with every array changed."""
+        """Histories with a function applied to every array."""
         return Histories(**{name: change(values) for name, values in self.items()})
 
 
@@ -74,7 +74,7 @@ NAMES: tuple[str, ...] = tuple(field.name for field in fields(Histories))
 LADDER = tuple(10.0 ** (-0.5 * k) for k in range(2, 14))
 """Relative steps from 0.1 to 3e-7, two a decade."""
 STEP_MARGIN = 0.9
-"""Share of the smallest step of a trial batch that all runs take."""
+"""Time step of all runs over the smallest step of a trial batch [-]."""
 FORCES, IMPULSES, PROFILE = NAMES[:2], NAMES[2:4], NAMES[4:]
 
 
@@ -85,7 +85,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "friction": (0.0, inf),
     "mass_damping": (0.0, inf),
 }
-"""The parameters that can be varied, with the range of their values."""
+"""The parameters that can be varied, with their valid ranges."""
 
 
 @dataclass(frozen=True)
@@ -103,13 +103,13 @@ CENTRAL = Stencil(np.array([0.0, 1.0, -1.0]), np.array([0.0, 0.5, -0.5]))
 FORWARD = Stencil(np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))
 """(-3 f(p) + 4 f(p + h) - f(p + 2 h)) / 2 h."""
 BACKWARD = Stencil(-FORWARD.offsets, -FORWARD.weights)
-"""The same to the other side."""
+"""The same on the other side."""
 
 
 def stencil_for(name: str, value: float, widest: float) -> Stencil:
-    """The central formula, or a one-sided one where a step would leave the parameter's range.
+    """The central formula, or a one-sided one if a step would leave the parameter's range.
 
-    ``value``, ``widest``: its value and the widest step, in its unit.
+    ``value``, ``widest``: value of the parameter and largest step, in its unit.
     """
     low, high = BOUNDS[name]
     for stencil in (CENTRAL, FORWARD, BACKWARD):
@@ -125,10 +125,11 @@ def stencil_for(name: str, value: float, widest: float) -> Stencil:
 
 @dataclass(frozen=True)
 class StepStudy:
-    """The V: how much a derivative changes from one step of the ladder to the next smaller one.
+    """Change of a derivative from one step of the ladder to the next smaller one (the V).
 
-    Changes are root mean squares over both platens, or over radii and heights, over the derivative's own;
-    while the step is too wide they fall with its square, and where it is too narrow they rise.
+    Changes are root mean squares over both platens, or over radii and heights, relative to that of the
+    derivative. They decrease with the square of the step while it is too large, and increase when it is too
+    small.
     """
 
     step: FloatArray
@@ -138,15 +139,15 @@ class StepStudy:
     profile: FloatArray
     """Change of the side surface's derivatives [-], shape [n_parameters, n_steps - 1]."""
     chosen: NDArray[np.int64]
-    """Index of the step at the bottom, shape [n_parameters]."""
+    """Index of the step at the minimum, shape [n_parameters]."""
     smooth: NDArray[np.bool_]
-    """Whether the change falls faster than the step all the way to the bottom, shape [n_parameters]. If not,
-    decisions (landing, sticking) change within the wider steps: the derivative holds between two decisions,
-    and a difference over a wider range is another number."""
+    """Whether the change decreases faster than the step down to the minimum, shape [n_parameters]. If not,
+    contact decisions (landing, sticking) change within the larger steps. The derivative is then valid between
+    two such changes only, and a difference over a larger range has another value."""
 
     @property
     def change(self) -> FloatArray:
-        """The larger one of both changes [-], shape [n_parameters, n_steps - 1]."""
+        """The larger of both changes [-], shape [n_parameters, n_steps - 1]."""
         return np.maximum(self.force, self.profile)
 
 
@@ -163,9 +164,9 @@ class Jacobian:
     error: Histories
     """Estimated error of every entry, in the same shapes and units."""
     nominal: Histories
-    """The histories at the values themselves, without leading axes."""
+    """The histories at the unperturbed values, without leading axes."""
     study: StepStudy
-    """The steps that were tried and the one that was taken."""
+    """The steps that were tried and the one that was chosen."""
     stepping: Stepping
     """The numerical choices of all runs."""
     steps_shared: bool
@@ -224,7 +225,8 @@ def jacobian(
     response = run(model, batch, quick, stepping=stepping, device=device, threads=threads)
     _require_completed(response, batch, names)
     histories = Histories.of(response)
-    # Sample 0 is the point itself, the first place of every formula; then parameters, steps, other places.
+    # Sample 0 is the unperturbed point, the first point of every formula; then parameters, steps, other
+    # points.
     place = np.zeros((*step.shape, 3), dtype=np.intp)
     place[..., 1:] = 1 + np.arange(2 * step.size).reshape(*step.shape, 2)
     weight = np.array([s.weights for s in stencils])[:, None, :] / step[:, :, None]
@@ -258,7 +260,7 @@ def same_steps(
     device: str = "cpu",
     threads: int | None = None,
 ) -> Stepping:
-    """One constant time step for a whole batch, below every bound that a trial run of it meets."""
+    """One constant time step for a whole batch, smaller than every step of a trial run of the batch."""
     quick = replace(sampling, ledger_every=len(sampling.surface_times), all_nodes=False)
     trial = run(model, samples, quick, stepping=stepping, device=device, threads=threads)
     _require_completed(trial, samples, ())
@@ -283,7 +285,8 @@ def _check(model: Model, samples: Samples, names: tuple[str, ...], ladder: Float
 
 
 def _batch(samples: Samples, names: tuple[str, ...], stencils: list[Stencil], step: FloatArray) -> Samples:
-    """The point itself, then the other two places of every stencil: parameters, steps, places."""
+    """The unperturbed point, then the other two points of every stencil, in the order parameters, steps,
+    points."""
     n, each = 1 + 2 * step.size, 2 * step.shape[1]
     values = {}
     for p, (name, stencil) in enumerate(zip(names, stencils, strict=True)):
@@ -307,7 +310,7 @@ def _require_completed(response: Response, samples: Samples, names: tuple[str, .
 
 def _study(step: FloatArray, slopes: Histories) -> StepStudy:
     def change(names: tuple[str, ...]) -> FloatArray:
-        # Together: a platen that no wave has reached yet has nothing but round-off.
+        # Both platens together: a platen before the arrival of the wave has round-off only.
         slope = np.concatenate([getattr(slopes, name).reshape(*step.shape, -1) for name in names], axis=2)
         size = np.sqrt((slope[:, 1:] ** 2).mean(axis=2))
         difference = np.sqrt((np.diff(slope, axis=1) ** 2).mean(axis=2))
@@ -318,7 +321,7 @@ def _study(step: FloatArray, slopes: Histories) -> StepStudy:
     chosen = larger.argmin(axis=1)
     smooth = np.ones(len(step), dtype=bool)
     for p, k in enumerate(chosen):
-        # Near the bottom round-off flattens the fall; above it a change must fall faster than its step.
+        # Near the minimum round-off flattens the curve; above it a change must decrease faster than its step.
         fall = larger[p, 1:k] / larger[p, : max(k - 1, 0)]
         above = larger[p, 1:k] > 30.0 * larger[p, k]
         smooth[p] = not (above & (fall > step[p, 1:k] / step[p, : max(k - 1, 0)])).any()

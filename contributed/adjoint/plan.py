@@ -1,9 +1,9 @@
 """One simulation in phases: differentiable Warp kernels, constants, a window of rows, and their gradients.
 
 The kernels call the same functions of element, law and boundary as the time loop in one kernel
-(`explicit.time_loop.kernel`). Kernels of their own are needed because Warp does not differentiate a loop that
-carries state: here a launch is one phase of one step, and row k + 1 of every field follows from row k, so
-nothing is overwritten that the reverse pass still reads.
+(`explicit.time_loop.kernel`). Separate kernels are needed because Warp does not differentiate a loop with
+state. Here a launch is one phase of one step, and row k + 1 of every field follows from row k. No value that
+the reverse pass reads is overwritten.
 """
 
 from dataclasses import dataclass
@@ -120,7 +120,7 @@ def phase_kernels(
         n = wp.tid()
         dt, interval, flyer_next = timing[k, 0], timing[k, 1], timing[k, 2]
         solid = solids[0]
-        # The corners are unrolled, not looped over: an absent one reads a column that stays zero.
+        # The corners are unrolled instead of looped over: a missing one reads a column of zeros.
         f_r, f_y = real(0.0), real(0.0)
         for c in range(corners_met):
             f_r += corner_r[k, corner_of[c, n], element_of[c, n]]
@@ -181,26 +181,26 @@ def phase_kernels(
 FIELDS = ("u_r", "u_y", "v_r", "v_y", "lower_platen")
 """The fields of the state that carry a gradient: of the nodes, and position and speed of a moving support."""
 SUMS = ("push", "loaded")
-"""What the nodes add up in each step: impulses of both platens, and the mass that the support carries."""
+"""Sums over the nodes in each step: impulses of both platens, and the mass that the support carries."""
 
 
 @dataclass(frozen=True)
 class Window:
     """Rows of the fields for a number of consecutive steps: step k leads from row k to row k + 1.
 
-    Every entry is a Warp array; `view` is its memory as NumPy sees it.
+    Every entry is a Warp array; `view` is the same memory as a NumPy array.
     """
 
     arrays: dict[str, Any]
     """Warp arrays by name."""
     view: dict[str, NDArray[Any]]
-    """The same memory."""
+    """The same memory as NumPy arrays."""
     gradient: dict[str, FloatArray]
-    """The memory of their gradients, of those that have one."""
+    """Gradients, of the arrays that have one."""
 
     @property
     def n_steps(self) -> int:
-        """Steps that fit into the window."""
+        """Number of steps of the window."""
         return len(self.view["timing"])
 
     def state(self, k: int) -> dict[str, NDArray[Any]]:
@@ -215,7 +215,7 @@ class Window:
             self.view[name][:] = 0.0
 
     def clear_gradients(self) -> None:
-        """Zero the gradients of the rows; those of the parameters go on summing."""
+        """Set the gradients of the rows to zero; those of the parameters continue to accumulate."""
         for name in (*FIELDS, *SUMS, "corner_r", "corner_y", "returned", "outgoing"):
             self.gradient[name][:] = 0.0
 
@@ -231,7 +231,7 @@ class PhasePlan:
 
     model: Model
     samples: Samples
-    """With which parameters: one sample."""
+    """Its parameters: one sample."""
     stepping: Stepping
     """Numerical choices."""
     kernels: PhaseKernels
@@ -293,7 +293,7 @@ class PhasePlan:
             self._support.launch()
 
     def taped(self, n_steps: int) -> Any:
-        """A tape of steps 0 to `n_steps` - 1, which are taken meanwhile."""
+        """Run steps 0 to `n_steps` - 1 and return their tape."""
         tape = wp.Tape()
         with tape:
             for k in range(n_steps):
@@ -305,13 +305,13 @@ class PhasePlan:
 
 
 def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> PhasePlan:
-    """Bring one simulation to the CPU with room for `n_steps` steps.
+    """Prepare one simulation on the CPU with a window of `n_steps` steps.
 
     Raises
     ------
     ValueError
-        If there is not exactly one sample, it names a material or motion that the model does not have,
-        single precision is asked for, or the support or a contact law is one without an adjoint.
+        If there is not exactly one sample, it refers to a material or motion that the model does not have,
+        the precision is single, or the support or a contact law has no adjoint.
     """
     if len(samples) != 1:
         raise ValueError(f"samples must be one sample, the point to differentiate at, got {len(samples)}")
@@ -403,7 +403,7 @@ def _window(n_nodes: int, n_elements: int, n_steps: int, row: FloatArray, batch:
     for name in ("loaded", "returned", "outgoing"):
         arrays[name] = room(n_steps)
     for name in ("corner_r", "corner_y"):
-        arrays[name] = room(n_steps, 4, n_elements + 1)  # the last column stays zero
+        arrays[name] = room(n_steps, 4, n_elements + 1)  # the last column is zero
     arrays["push"] = room(n_steps, 2)
     arrays["row"] = wp.array(row, dtype=wp.float64, device="cpu", requires_grad=True)
     arrays["solids"], arrays["friction"] = batch.solids, batch.friction

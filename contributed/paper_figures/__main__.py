@@ -1,4 +1,4 @@
-"""Figs. 7 to 10 of Mates et al. (2012) in kind: `python -m contributed.paper_figures SHOT [FOLDER]`.
+"""Figures like Figs. 7 to 10 of Mates et al. (2012): `python -m contributed.paper_figures SHOT [FOLDER]`.
 
 Shape misfit and cost against Poisson's ratio, force for several dampings, misfits over friction and
 stiffness, runs and surrogates along the stiffness: pictures into FOLDER (default: SHOT/results/paper),
@@ -12,7 +12,7 @@ import kolsky
 from contributed.paper_figures.figures import TRENDS
 from contributed.paper_figures.trends import trends
 
-STIFFNESS = 1.12  # the known answer of open-01; the paper's Fig. 8 has 1, where its specimen turned out to be
+STIFFNESS = 1.12  # the known answer of open-01; in the paper's Fig. 8 it is 1, the value of its specimen
 
 shot = kolsky.load_shot(sys.argv[1])
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else shot.folder / "results" / "paper"

@@ -1,7 +1,7 @@
 """The trends of Mates et al. (2012), their Figs. 7 to 10, for any shot with an outline.
 
-What each parameter does to the misfit before any is identified: Poisson's ratio to the shape and to the cost
-of a run, damping to the force, friction and stiffness to both, and how well surrogates follow the runs.
+Effect of each parameter on the misfits before any identification: Poisson's ratio on the shape and on the
+cost of a run, damping on the force, friction and stiffness on both. Also the accuracy of surrogates.
 """
 
 from dataclasses import dataclass
@@ -24,16 +24,16 @@ POISSON = (0.49, 0.492, 0.494, 0.495, 0.496, 0.497, 0.498, 0.499, 0.4995, 0.4999
 DAMPING = (0.0, 2.5e-5, 1e-4, 4e-4)
 """Dampings of Fig. 8 [s]."""
 PLANE = {"friction": (0.0, 2.0), "stiffness_factor": (0.75, 1.25)}
-"""The box of Fig. 9, ten levels each as there."""
+"""The ranges of Fig. 9, with ten levels each as in the paper."""
 LEVELS = 10
 STIFFNESS = (0.75, 1.5)
 """The range of Fig. 10."""
 RUNS = 16
-"""Runs over it."""
+"""Number of runs over this range."""
 FINE = 301
-"""Places at which surrogates are shown along a parameter."""
+"""Number of points at which surrogates are shown along a parameter."""
 GRID = 101
-"""Places along each parameter of a plane."""
+"""Number of points along each parameter of a plane."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Along:
     """Runs along one parameter."""
 
     x: FloatArray
-    """Its values, in its unit, shape [n]."""
+    """Values of the parameter, in its unit, shape [n]."""
     phi_force: FloatArray
     """Phi_F of each run [N], shape [n]."""
     phi_shape: FloatArray
     """Phi_S of each run [-], shape [n]."""
     steps: NDArray[np.int64]
-    """Time steps of each run, which all cost the same, shape [n]."""
+    """Number of time steps of each run, a measure of its cost, shape [n]."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,10 @@ class Plane:
     """Likewise of Phi_S [-]."""
 
     def left_beyond(self, friction: float) -> tuple[float, float]:
-        """Range of Phi_F and Phi_S over the coefficients from one on, over their whole range [-].
+        """Range of Phi_F and Phi_S for friction coefficients of at least `friction`, over their full range
+        [-].
 
-        Means of the runs over the stiffness are compared: the force rings, and single runs scatter by it.
+        Means over the stiffness are compared, because oscillations of the force make single runs scatter.
         """
         f = np.unique(self.design.points[:, 0])
         shares = []
@@ -96,12 +97,12 @@ class Plane:
 
 @dataclass(frozen=True)
 class Surrogates:
-    """Misfits along the stiffness factor: runs, and what surrogates make of them."""
+    """Misfits along the stiffness factor: runs and predictions of surrogates."""
 
     runs: Along
     """The runs that surrogates are built from."""
     between: Along
-    """Runs in the middles between those, which no surrogate has seen."""
+    """Runs halfway between those, which no surrogate uses."""
     x: FloatArray
     """Values of the curves [-], shape [FINE]."""
     by_cost: tuple[FloatArray, FloatArray]
@@ -110,7 +111,8 @@ class Surrogates:
     """Phi_F [N] and Phi_S [-] of the histories that a surrogate of the response predicts."""
 
     def errors(self) -> dict[str, tuple[float, float]]:
-        """Largest error of each surrogate at the runs in between, over Phi there, of Phi_F and Phi_S [-]."""
+        """Largest error of Phi_F and Phi_S of each surrogate at the runs in between, relative to Phi there
+        [-]."""
         found = {}
         for name, curves in (("cost", self.by_cost), ("response", self.by_response)):
             pairs = zip(curves, (self.between.phi_force, self.between.phi_shape), strict=True)
@@ -148,7 +150,7 @@ def trends(
     numerics: Numerics | None = None,
     plane_mesh: tuple[int, int] = (16, 22),
 ) -> Trends:
-    """Run everything that the four figures show.
+    """Run the simulations of all four figures.
 
     Parameters
     ----------
@@ -251,7 +253,7 @@ def _surrogates(prepared: PreparedShot, numerics: Numerics) -> Surrogates:
 def _by_response(
     prepared: PreparedShot, box: Box, levels: FloatArray, prediction: Prediction, x: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Phi_F and Phi_S of predicted histories: force at every sample, outline where every run has it."""
+    """Phi_F and Phi_S of predicted histories: force at every sample, outline where all runs have it."""
     observations = prepared.observations
     inside = prediction.inside.all(axis=0)
     vectors = np.concatenate([prediction.force, prediction.Z[:, inside]], axis=1)
@@ -262,7 +264,7 @@ def _by_response(
     Z = np.full((len(x), inside.size), np.nan)
     Z[:, inside] = told[:, samples:]
     everywhere = np.broadcast_to(inside, Z.shape)
-    # Terms take the paper's misfits from forces and radii; the bins play no part in them.
+    # The terms compute the paper's misfits from forces and radii; they do not use the bins.
     bins = np.broadcast_to(observations.force_mean, (len(x), observations.n_force))
     found = _terms(Prediction(told[:, :samples], bins, Z, everywhere), observations)
     return np.array([t.phi_force for t in found]), np.array([t.phi_shape for t in found])

@@ -34,7 +34,7 @@ a single camera measures depth only by perspective, and warm air causes similar 
 NEAREST = 20
 """Number of frames seen by both cameras whose mean gives the lateral position of a body."""
 FEWEST_FRAMES = 10
-"""Fewest frames seen by both cameras for an estimate of the lateral velocity."""
+"""Smallest number of frames seen by both cameras for an estimate of the lateral velocity."""
 GATE = 5.0
 """Outlier threshold: a point this many robust standard deviations off the body's motion is left out [-]."""
 
@@ -51,7 +51,7 @@ class ObservedPoints:
     pixels: FloatArray
     """Observed pixels [px], shape [n, 2]."""
     covariance: FloatArray
-    """Of the pixels [px²], shape [n, 2, 2]."""
+    """Covariance of the pixels [px²], shape [n, 2, 2]."""
 
     @cached_property
     def noise(self) -> FloatArray:

@@ -229,7 +229,7 @@ def _step(
     D = np.linalg.inv(np.einsum("kja,kijb->iab", R, WR, optimize=True))
     pose = np.einsum("kija,kij->ka", WJ, e, optimize=True).ravel()
     point = np.einsum("kija,kij->ia", WR, e, optimize=True)
-    # B D Bᵀ of D's factors: a matrix times its own transpose is half the work
+    # B D Bᵀ from D's factors: a matrix times its transpose takes half the time
     root = np.linalg.cholesky(D)
     BL = np.einsum("rib,ibc->ric", B.reshape(6 * n, m, 3), root, optimize=True).reshape(6 * n, 3 * m)
     S = BL @ BL.T

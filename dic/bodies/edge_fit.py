@@ -208,15 +208,15 @@ def block_sigma(g: FloatArray, H: FloatArray) -> float:
 HALF = 6
 """Rows of a strip on either side of the edge [px]."""
 BLUR = (0.3, 1.6)
-"""Least and largest standard deviation of the blur [px]."""
+"""Smallest and largest standard deviation of the blur [px]."""
 LENGTH = (0.4, 10.0)
-"""Least and largest length of the paint's covariance [px]."""
+"""Smallest and largest length of the paint's covariance [px]."""
 SHAPE = (0.3, 20.0)
-"""Least and largest shape of the paint's covariance [-]."""
+"""Smallest and largest shape of the paint's covariance [-]."""
 NOISE = (0.03, 0.5)
 """Smallest and largest standard deviation of the noise, over the contrast [-]."""
 CONTRAST = (0.01, 3.0)
-"""Least and largest standard deviation of a body's paint, over that of the strip [-]."""
+"""Smallest and largest standard deviation of a body's paint, over that of the strip [-]."""
 GRID = 0.5
 """Distance of the start positions that are tried [px]."""
 AT_END = 0.05

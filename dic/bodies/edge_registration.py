@@ -24,7 +24,7 @@ EDGE_ROWS = 12
 
 
 FEWEST = 40
-"""Fewest pixels of both cameras that must show the body."""
+"""Smallest number of pixels of both cameras that must show the body."""
 LEAST_ZNCC = 0.9
 """Smallest ZNCC of a strip that is accepted as the body, independent of other frames."""
 UNLIKE, TIMES = 0.03, 6.0
@@ -180,9 +180,9 @@ LARGEST_EDGE = 0.1
 """Largest error of the row at the region's end, in frames with known translation, for which this row is used
 if no other row is in view [px]. A larger error is due to the blur of the body's edge."""
 FEWEST_ROW = 20
-"""Fewest pixels of a row that must show the body for an estimate of the row's offset."""
+"""Smallest number of pixels of a row that must show the body for an estimate of the row's offset."""
 FEWEST_FRAMES = 3
-"""Fewest frames in which a row must show the body."""
+"""Smallest number of frames in which a row must show the body."""
 SEARCH_STEP = 0.18
 """Step of the translations that are tried [px]: a fraction of a speckle."""
 MOST_STEPS, CONVERGED = 10, 2e-4
@@ -462,10 +462,11 @@ def consistent_frames(
 ) -> list[bool]:
     """True for frames that agree with the path of the later ones.
 
-    While a body enters the picture, a few of its points may agree on a wrong position. From the frame with
-    the most points back to rest, a frame is left out if it is farther than `distance` [m], or half a step,
-    from the line through the next frames. Because the body accelerates from rest, a static frame is left out
-    if it lies farther than `distance` beyond that line, or on the other side of the next frame.
+    While a body enters the picture, a few of its points may agree on a wrong position. Frames are checked
+    from the one with the most points back to rest. A frame is left out if its distance from the line through
+    the next frames exceeds `distance` [m], or half a step. Because the body accelerates from rest, a static
+    frame is left out if it lies farther than `distance` beyond that line, or on the other side of the next
+    frame.
     """
     fine = [True] * len(rows)
     if not rows:

@@ -18,15 +18,15 @@ from dic.images import PictureError, Pictures
 STRIP = 8
 """Rows at the border that are tracked first [px]."""
 FEWEST_ROWS = 4
-"""Fewest rows of the flyer in view for an estimate of its position [px]."""
+"""Smallest number of rows of the flyer in view for an estimate of its position [px]."""
 FEWEST_FRAMES = 5
-"""Fewest frames that must show a row for its standard deviation to be used."""
+"""Smallest number of frames that must show a row for its standard deviation to be used."""
 LEAST_TRAVEL = 3.0
 """Smallest travel of a body that is taken as the flyer [px]."""
 LARGEST_SPAN = 0.3
 """Largest travel over which pictures are compared, as a share of their rows."""
 LEAST_ZNCC = 0.85
-"""Least correlation of the flyer's rows from frame to frame."""
+"""Smallest correlation of the flyer's rows from frame to frame."""
 RIGID = 1.4
 """After the shift with the flyer, its rows vary by less than this many standard deviations of the noise,"""
 PLACED = 0.1
@@ -325,11 +325,11 @@ def _shifted(cost: FloatArray, step: int) -> FloatArray:
 BLOCKS = 8
 """Number of blocks of columns."""
 NARROWEST = 8
-"""Fewest columns of a block [px]."""
+"""Smallest number of columns of a block [px]."""
 RIM_CLEARANCE = 4
 """Rows between the approximate edge and the rows that certainly show the platen [px]."""
 FEWEST = 3
-"""Fewest rows of the platen for an estimate of its grey level."""
+"""Smallest number of rows of the platen for an estimate of its grey level."""
 SHARE = 0.5
 """The edge is placed where the difference from the platen's grey level is this share of that of the
 specimen's rows."""

@@ -40,7 +40,7 @@ class MatchedBody:
     pictures: tuple[Pictures, Pictures]
     """The series of camera 0 and camera 1."""
     points: FloatArray
-    """Places (x, y) in the material picture [px], shape [n_points, 2]."""
+    """Positions (x, y) in the material picture [px], shape [n_points, 2]."""
     cell: IntArray
     """Column and row of each point in the grid, shape [n_points, 2]."""
     mask: BoolArray
@@ -202,7 +202,7 @@ class TrackedBody:
     """One body through all frames of both cameras."""
 
     points: FloatArray
-    """Places (x, y) in the material picture [px], shape [n_points, 2]."""
+    """Positions (x, y) in the material picture [px], shape [n_points, 2]."""
     cell: IntArray
     """Column and row of each point in the grid, shape [n_points, 2]."""
     mask: BoolArray

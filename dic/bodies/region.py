@@ -121,7 +121,7 @@ MOST_STATIC_FRAMES = 20
 LOOKS = "rows of pixels that span the flyer's edge look like neither of its sides"
 """Explanation if the flyer could not be tracked."""
 SMALLEST = 20
-"""Fewest rows of a detected specimen [px]."""
+"""Smallest number of rows of a detected specimen [px]."""
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
     if first < len(mean):  # an even platen: where the contrast has fallen to half
         before, after = contrast[first - 1], contrast[first]
         edge = first - 1 + float((before - BAND * typical) / (before - after))
-        arc = end_arc(mean, edge)  # a camera beside the plane of the end sees it, or the rim before it, bent
+        arc = end_arc(mean, edge)  # a camera outside the plane of the end shows it, or the rim, as a curve
         if arc is not None:
             return int(np.floor(arc.min() - ARC_CLEAR)), float(arc[arc.size // 2])
     else:
@@ -316,13 +316,13 @@ def _back(place: tuple[float, float], shape: tuple[int, ...], toward: str) -> tu
 
 
 LEAST_ZNCC = 0.9
-"""Least correlation of the region's pixels with the declared picture."""
+"""Smallest correlation of the region's pixels with the declared picture."""
 FARTHEST = 6
 """Largest change of the body's motion from frame to frame, along either axis [px]."""
 ASIDE = 1
 """Largest such change across the axis [px]."""
 FEWEST = 400
-"""Fewest pixels of the region that must stay in view."""
+"""Smallest number of pixels of the region that must stay in view."""
 
 
 def carry_region(

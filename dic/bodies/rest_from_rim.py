@@ -25,11 +25,11 @@ large."""
 MOST_FRAMES = 24
 """Largest number of frames that are compared."""
 FEWEST_FRAMES = 6
-"""Fewest frames that must show the rim."""
+"""Smallest number of frames that must show the rim."""
 SHARE = 0.4
 """Half width of the strip across the axis, over the specimen's radius [-]."""
 FEWEST_COLUMNS = 16
-"""Fewest columns of the strip that must be in view [px]."""
+"""Smallest number of columns of the strip that must be in view [px]."""
 WITHIN, BEYOND = 16, 10
 """Rows around the region's end in which the specimen's side is searched, toward the flyer and beyond [px]."""
 CLEAR = 4.0

@@ -123,9 +123,9 @@ class _Window:
 
 
 def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, BoolArray]:
-    """Columns where each row of a mask holds, shape [n, m], and which of them are not mere filling.
+    """Columns at which each row of a mask is true, shape [n, m], padded, and a mask of the valid entries.
 
-    Of row i only every ``every[i]``-th is listed.
+    Of row i only every ``every[i]``-th one is listed.
     """
     n, flat = len(mask), np.flatnonzero(mask)
     count = mask.sum(axis=1)
@@ -142,7 +142,7 @@ def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArr
 
 
 def _quantile(values: FloatArray, used: BoolArray, share: float) -> FloatArray:
-    """Quantile of each row's values that are there, between neighbours linear, shape [n]; NaN of none."""
+    """Quantile of each row's valid values with linear interpolation, shape [n]; NaN without values."""
     ordered = np.sort(np.where(used, values, np.inf), axis=1)
     count = used.sum(axis=1)
     place = share * np.maximum(count - 1, 0)
@@ -181,14 +181,15 @@ CONVERGED = 1e-5
 """A dot has converged if a step moves its centre by less than this [px]; noise is about a hundred times
 larger."""
 EDGE_PIXELS_AT_ONCE = 250_000
-"""Pixels of the dots that are fitted in one go: many, so that pictures in other threads get on meanwhile."""
+"""Pixels of the dots that are fitted in one go: many, so that other threads can process pictures in
+between."""
 ROOT = float(np.sqrt(2.0 * np.pi))
 """√(2π)"""
 HASTINGS = (0.3275911, 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
-"""Of his approximation of the error function, p and a1 to a5."""
+"""Coefficients p and a1 to a5 of Hastings' approximation of the error function."""
 LARGEST = 25.0
-"""Dots up to this radius [px] are fitted: a larger one's centroid is known to a few mpx, and its printed
-outline is no better an ellipse than that."""
+"""Largest radius of a dot for the fit of its outline [px]. The centroid of a larger dot is accurate to a few
+mpx, and its printed outline deviates from an ellipse by as much."""
 
 
 def _fit_discs(
@@ -333,9 +334,9 @@ def quantiles(values: NDArray[np.generic], shares: Sequence[float]) -> FloatArra
 def noise_level(picture: NDArray[np.generic]) -> float:
     """Standard deviation of the grey values' noise, at least that of rounding.
 
-    From second differences along both axes, N = [1 -2 1; -2 4 -2; 1 -2 1], which no plane and no straight
-    edge along an axis passes [Immerkær1996]_; bright pixels away from dots count. Bands of rows
-    spread over the picture stand for all of it.
+    From second differences along both axes, N = [1 -2 1; -2 4 -2; 1 -2 1], which are 0 for a plane and for a
+    straight edge along an axis [Immerkær1996]_; only bright pixels away from dots are used. Bands of rows
+    distributed over the picture represent the whole picture.
 
     .. [Immerkær1996] J. Immerkær, Fast noise variance estimation, Computer Vision and Image
        Understanding 64 (1996) 300-302, doi:10.1006/cviu.1996.0060.
@@ -508,7 +509,7 @@ def _outlines(
 
 
 def _has_hole(contours: Sequence[Any], tree: NDArray[Any], k: int, ellipse: FloatArray, area: float) -> bool:
-    """True if a child outline lies in the middle and is large enough to be meant."""
+    """True if a child outline lies in the middle and is large enough for an intended hole."""
     child = tree[k, 2]
     while child >= 0:
         hole = contours[child]

@@ -24,7 +24,7 @@ from dic.stereo.geometry import Rays, epipolar_sigma, slopes_between
 from dic.stereo.match import match_stereo
 
 LEAST_POINTS = 40
-"""Fewest points for a refinement."""
+"""Smallest number of points for a refinement."""
 MOST_POINTS = 400
 """Largest number of points that are matched for it."""
 GATE = 5.0
@@ -215,9 +215,9 @@ def find_order(
     """Find the picture of camera 1 that belongs to each picture of camera 0.
 
     ``detections``: detections of each camera, one entry per picture, as for `dic.calibrate`; equal numbers
-    for both. ``targets``: the target of each pair. ``sensors``: columns and rows of the two cameras' pictures
-    [px]. Returns: the picture of camera 1 for each one of camera 0, each used once; pictures without a
-    detection get the remaining ones. None if no order fits `LEAST_SHARE` of them.
+    for both. ``sensors``: columns and rows of the two cameras' pictures [px]. Returns: the picture of camera
+    1 for each one of camera 0, each used once; pictures without a detection get the remaining ones. None if
+    no order fits `LEAST_SHARE` of them.
     """
     views = all_views(detections, targets)  # type: ignore[arg-type]
     by_camera: list[dict[int, View]] = [

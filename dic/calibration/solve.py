@@ -337,7 +337,7 @@ Z_POINT = 7.0
 REWEIGHTINGS = 4
 """Number of reweighting rounds before any pair is rejected."""
 LEAST_PAIRS = 4
-"""Fewest pairs for the rejection of bad pairs."""
+"""Smallest number of pairs for the rejection of bad pairs."""
 
 
 @dataclass(frozen=True)
@@ -360,7 +360,7 @@ def _solve_without_bad(
     bad: dict[int, str] = {}
     if reject:
         first = {pair: rms(rig, views) for pair, views in pairs.items()}
-        # The start is rough: only extreme outliers are left out now, and are tried again below.
+        # The start is rough: here only extreme outliers are left out; they are tried again below.
         limit = 10.0 * float(np.median(list(first.values()))) + 1.0
         bad = {pair: "" for pair, value in first.items() if value > limit}
     fit = _solve(rig, pairs, bad, columns[0])

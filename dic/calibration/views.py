@@ -49,9 +49,9 @@ def detect_in_background(
 ) -> Iterator[Callable[..., Views]]:
     """Detect a target in all pictures of several cameras in the background (`dic.processes.background_pool`).
 
-    ``series``: the pictures of each camera. ``targets``: the target for each camera. Yields: a function that
-    joins in the work and returns the detections for `calibrate`; they do not depend on the number of
-    processes. It takes a `progress`, see `dic.processes.run_parallel`.
+    ``targets``: the target for each camera. Yields: a function that joins in the work and returns the
+    detections for `calibrate`; they do not depend on the number of processes. It takes a `progress`, see
+    `dic.processes.run_parallel`.
     """
     jobs = [
         (camera, index)

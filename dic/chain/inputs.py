@@ -134,11 +134,11 @@ class Inspection:
     """Results of the inspection of the pictures, which does not need the cameras."""
 
     pictures: tuple[Pictures, Pictures]
-    """As of `Inputs`."""
+    """Pictures of both cameras, see `Inputs`."""
     health: tuple[IntArray, IntArray]
-    """As of `Inputs`."""
+    """Health of their frames, see `Inputs`."""
     grey: tuple[GreyNoise, GreyNoise]
-    """As of `Inputs`."""
+    """Noise of their grey values, see `Inputs`."""
     seconds: float
     """Wall time of the inspection [s]."""
 

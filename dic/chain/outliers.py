@@ -92,7 +92,7 @@ def visible_room(
 
     The end is taken at the point's distance from the axis. The rim lies in the plane of the end, where the
     plane through the point, the camera and the direction of the axis meets the rim on the camera's side. It
-    hides nothing of a point at the same or a larger distance from the axis.
+    does not hide points at the same or a larger distance from the axis.
     """
     y = np.full(len(places), end)
     at_end = np.column_stack([places[:, 0], y, places[:, 2]])
@@ -155,11 +155,11 @@ SIGMAS = 5.0
 BENDING = 0.035
 """Further allowance for the curvature of the surface between the points, over their spacing [-]."""
 FEWEST_CONFIRMING = 2
-"""Fewest neighbours of a valid point; a point with fewer is removed."""
+"""Smallest number of neighbours of a valid point; a point with fewer is removed."""
 FEWEST = 4
-"""Fewest neighbours for a check of a point against a plane."""
+"""Smallest number of neighbours for a check of a point against a plane."""
 BENT = 10
-"""Fewest neighbours for a check of a point against a quadratic surface."""
+"""Smallest number of neighbours for a check of a point against a quadratic surface."""
 ROUNDS = 12
 
 

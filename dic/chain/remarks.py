@@ -201,7 +201,7 @@ def of_travel(axial: AxialDisplacement | None, specimen: Body) -> list[Remark]:
     """Remarks if the flyer's displacement contradicts its own steps, the specimen's end or the specimen's
     points.
 
-    ``axial``: the displacement; None: nothing is checked. ``specimen``: the specimen's points.
+    ``axial``: the displacement; None: nothing is checked.
     """
     if axial is None:
         return []

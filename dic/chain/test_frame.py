@@ -31,9 +31,9 @@ LEAST_GAP = 0.5
 SHARE = 0.4
 """Half width of the strip across the axis in which an end is searched, over the radius [-]."""
 FEWEST_COLUMNS = 16
-"""Fewest columns of a strip that must be in view [px]."""
+"""Smallest number of columns of a strip that must be in view [px]."""
 LEAST_BEYOND = 2.0
-"""Fewest rows beyond the end that must be in view [px]."""
+"""Smallest number of rows beyond the end that must be in view [px]."""
 REACH = 3.5
 """Largest distance of the end from the declared position [px]."""
 RIM_SIGMA = 0.02
@@ -65,7 +65,7 @@ def refined_end(
     rim_sigma = OPEN_RIM * cylinder.radius if platen is None else RIM_SIGMA * rim
     zero = on_cylinder(rig.cameras[0], declared, cylinder)
     frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
-    if _slope(rig.cameras[0], frame, 0.0) < 0.0:  # the camera stands below the plane of the lower end
+    if _slope(rig.cameras[0], frame, 0.0) < 0.0:  # the camera is below the plane of the lower end
         zero = on_cylinder(rig.cameras[0], declared, replace(cylinder, radius=rim))
         frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
     y, sigma, count = 0.0, np.inf, 0
@@ -162,7 +162,7 @@ MOST_AVERAGED = 50
 """Largest number of static pictures that are averaged to find the specimen's edge."""
 
 FEWEST_POINTS = 10
-"""Fewest points of the flyer from which its radius is estimated."""
+"""Smallest number of points of the flyer from which its radius is estimated."""
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ class FullFieldSettings:
 
 
 FEWEST = 4
-"""Fewest valid points around an end."""
+"""Smallest number of valid points around an end."""
 THINNEST = 0.3
 """Smallest spread of these points in any direction [steps, root mean square]."""
 

@@ -266,7 +266,7 @@ def decode_once(pictures: Pictures) -> "DecodedPictures":
 class DecodedPictures:
     """A series that keeps decoded pictures in memory, for repeated use; see `dic.images.Pictures`.
 
-    ``pictures``: the series. ``most``: memory that its pictures may take up [bytes].
+    ``most``: memory that its pictures may take up [bytes].
     """
 
     def __init__(self, pictures: Pictures, *, most: int = MOST_DECODED) -> None:

@@ -146,7 +146,7 @@ def _fit(
 
 
 LEAST_SYNCHRONISATION_PAIRS = 100
-"""Fewest point pairs for a tested shift."""
+"""Smallest number of point pairs for a tested shift."""
 LEAST_MOTION = 0.05
 """Smallest motion across the epipolar lines that distinguishes successive frames [px/frame]: as large as the
 variation of a calibration error along a path."""
@@ -292,11 +292,11 @@ def _cauchy(values: FloatArray, used: NDArray[np.bool_]) -> FloatArray:
 
 
 LEAST_PAIRS = 20
-"""Fewest point pairs for a report."""
+"""Smallest number of point pairs for a report."""
 
 
 LEAST_FAINT_COUNTS = 3, 60
-"""Fewest frames and points for a report of an offset along the epipolar lines."""
+"""Smallest number of frames and points for a report of an offset along the epipolar lines."""
 
 
 class Fault(IntEnum):

@@ -161,9 +161,9 @@ def facet_geometry(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) ->
 def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
     """Normals rotated from the one that faces both cameras equally.
 
-    ``rig``: the cameras. ``X``: positions of the facets in the rig's frame [m], shape [..., 3]. ``turns``:
-    angles within the epipolar plane, which stretch one camera's view relative to the other, and out of it,
-    which shear it, shape [m, 2] [rad]. Returns: unit vectors toward the cameras, shape [..., m, 3].
+    ``X``: positions of the facets in the rig's frame [m], shape [..., 3]. ``turns``: angles within the
+    epipolar plane, which stretch one camera's view relative to the other, and out of it, which shear it,
+    shape [m, 2] [rad]. Returns: unit vectors toward the cameras, shape [..., m, 3].
     """
     to = [_unit(camera.centre - X) for camera in rig.cameras]
     middle = _unit(to[0] + to[1])
@@ -201,8 +201,8 @@ class FacetFit(NamedTuple):
 def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: FloatArray) -> FacetFit:
     """The facet that fits the gradient `A` of camera 1's pixel by camera 0's, and its misfit.
 
-    ``rig``: the cameras. ``pixels0``: pixels of the facets in camera 0 [px], shape [n, 2]. ``distance``:
-    along camera 0's rays [m], shape [n]. ``A``: measured gradients [-], shape [n, 2, 2].
+    ``pixels0``: pixels of the facets in camera 0 [px], shape [n, 2]. ``distance``: along camera 0's rays [m],
+    shape [n]. ``A``: measured gradients [-], shape [n, 2, 2].
     """
     facet = facet_geometry(rig, pixels0, distance)
     s = np.asarray(distance)[..., None]
@@ -251,7 +251,7 @@ class Pair:
     stacks: tuple[PictureStack, PictureStack]
     """The prepared pictures."""
     points: FloatArray
-    """Places in the material picture [px], shape [n, 2]."""
+    """Positions in the material picture [px], shape [n, 2]."""
     reference: FloatArray
     """Warps to camera 0's picture, shape [n, 12]."""
     mask: BoolArray | None
@@ -263,7 +263,7 @@ class Pair:
 
     @property
     def places(self) -> FloatArray:
-        """Places of the points in camera 0 [px], shape [n, 2]."""
+        """Positions of the points in camera 0 [px], shape [n, 2]."""
         return warps.apply(self.points, self.reference)
 
     def correlate(self, rows: IntArray, guess: FloatArray, **changed: object) -> Match:
@@ -327,7 +327,7 @@ class Subsets:
     """Templates, one per row."""
 
     points: FloatArray
-    """Places in the material picture [px], shape [n, 2]."""
+    """Positions in the material picture [px], shape [n, 2]."""
     reference: FloatArray
     """Their warps to camera 0's picture, shape [n, 12]."""
     xi: FloatArray
@@ -341,7 +341,7 @@ class Subsets:
 
     @property
     def places(self) -> FloatArray:
-        """Places of the points in camera 0 [px], shape [n, 2]."""
+        """Positions of the points in camera 0 [px], shape [n, 2]."""
         return warps.apply(self.points, self.reference)
 
     def take(self, rows: NDArray[np.int64]) -> "Subsets":

@@ -95,9 +95,9 @@ def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) 
     correct to first order in the distance: exact on the curve; elsewhere the error is due to the curvature of
     the curve and the variation of the lens's magnification within the distance.
 
-    ``rig``: the cameras. ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px],
-    shapes [..., 2]. Returns: shape [...]; NaN where a pixel is NaN. Raises ValueError if the cameras have the
-    same centre, or a lens distortion cannot be inverted.
+    ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px], shapes [..., 2]. Returns:
+    shape [...]; NaN where a pixel is NaN. Raises ValueError if the cameras have the same centre, or a lens
+    distortion cannot be inverted.
     """
     return epipolar_slopes(rig, pixels0, pixels1)[0]
 
@@ -205,8 +205,8 @@ class Triangulation(NamedTuple):
 def midpoint(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
     """Midpoint of the shortest segment between the two rays [m], shape [..., 3].
 
-    ``rig``: the cameras. ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px],
-    shapes [..., 2]. Raises ValueError if a lens distortion cannot be inverted.
+    ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px], shapes [..., 2]. Raises
+    ValueError if a lens distortion cannot be inverted.
     """
     first, second = rig.cameras
     return _middle(rig, directions(first, pixels0), directions(second, pixels1))

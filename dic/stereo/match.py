@@ -395,7 +395,7 @@ class StereoMatch:
     attempt."""
 
     points: FloatArray
-    """Places in the material picture (x, y) [px], shape [n, 2]."""
+    """Positions in the material picture (x, y) [px], shape [n, 2]."""
     warp: FloatArray
     """Total warps from the material picture to camera 1's, shape [n, 12]."""
     covariance: FloatArray

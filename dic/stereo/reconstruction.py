@@ -238,8 +238,7 @@ def _pixels(track: Track, part: slice, valid: NDArray[np.bool_], camera: int) ->
 def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
     """The rig with slightly changed parameters; camera 0's pose, which defines the frame, is unchanged.
 
-    ``rig``: the cameras. ``change``: changes in the order of `StereoRig.parameter_names` [px, -, rad, m],
-    shape [26].
+    ``change``: changes in the order of `StereoRig.parameter_names` [px, -, rad, m], shape [26].
     """
     n = len(PARAMETERS)
     first = _changed(rig.cameras[0], change[:n])
@@ -254,8 +253,8 @@ def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
 def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
     """Derivatives of positions with respect to the rig's parameters at fixed pixels, by central differences.
 
-    ``rig``: the cameras. ``points``: positions in the rig's frame, in front of both cameras [m], shape [...,
-    3]. Returns: S, in m per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
+    ``points``: positions in the rig's frame, in front of both cameras [m], shape [..., 3]. Returns: S, in m
+    per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
     """
     points = np.asarray(points, dtype=np.float64)
     pixels = [camera.project(points) for camera in rig.cameras]
@@ -322,7 +321,7 @@ def _steps(rig: StereoRig) -> FloatArray:
 MOST_POINTS = 200
 """Largest number of points that are compared with each other, evenly spaced over the grid."""
 FEWEST_POINTS, FEWEST_FRAMES = 6, 12
-"""Fewest points and frames for an estimate of the shared error."""
+"""Smallest number of points and frames for an estimate of the shared error."""
 NEAR = 2.0
 """Largest distance of point pairs for the estimate of the memory, in subsets [-]."""
 LAGS = 0.4

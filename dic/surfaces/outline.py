@@ -125,9 +125,9 @@ LATERAL = 1.5, 3.5
 """Range of distances from the centre plane for lateral points, in half widths of the strip [-]: outside the
 strip, and where the radius still points nearly toward the cameras."""
 FEWEST_POINTS = 2
-"""Fewest points of a row on one side for a lateral radius."""
+"""Smallest number of points of a row on one side for a lateral radius."""
 FEWEST_ROWS = 3
-"""Fewest rows on each side for an interpolated lateral radius."""
+"""Smallest number of rows on each side for an interpolated lateral radius."""
 
 
 def departures(
@@ -139,10 +139,10 @@ def departures(
     lateral radii are interpolated linearly between rows.
 
     ``surface``: the measured surface; its axis is that of its frame. ``points``: positions of its points in
-    the material picture, on a grid along the axis [px], shape [n_points, 2]. ``line``: the outline.
-    ``half_width``: half width of the outline's strip [m]. Returns: the difference for each row of the outline
-    [m], shape [n]; NaN where the lateral surface is not known. Returns: its standard deviation [m], shape
-    [n]: the lateral points of a row share their pixels and count as one.
+    the material picture, on a grid along the axis [px], shape [n_points, 2]. ``half_width``: half width of
+    the outline's strip [m]. Returns: the difference for each row of the outline [m], shape [n]; NaN where the
+    lateral surface is not known. Returns: its standard deviation [m], shape [n]: the lateral points of a row
+    share their pixels and count as one.
     """
     row = rows_of(surface, points)
     position = surface.position

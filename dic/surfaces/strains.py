@@ -134,7 +134,7 @@ class StrainHistory:
 
 
 FEWEST = {1: 4, 2: 8}
-"""Fewest points of a window by the order of its polynomial."""
+"""Smallest number of points of a window by the order of its polynomial."""
 
 
 class StrainOutcome(Outcome):

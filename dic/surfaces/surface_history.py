@@ -253,7 +253,7 @@ def to_surface(
 
 
 SMALLEST_SERIES = 3
-"""Fewest static frames for a noise floor."""
+"""Smallest number of static frames for a noise floor."""
 
 
 @dataclass(frozen=True)
@@ -286,8 +286,8 @@ class NoiseFloor:
 def noise_floor(surface: SurfaceHistory, static: NDArray[np.bool_]) -> NoiseFloor:
     """Noise floor of displacements from static frames.
 
-    ``surface``: points of a specimen. ``static``: which frames show it at rest, shape [n_frames]. Raises
-    ValueError: fewer than three static frames with points, or no point that is valid in all of them.
+    ``static``: which frames show it at rest, shape [n_frames]. Raises ValueError: fewer than three static
+    frames with points, or no point that is valid in all of them.
     """
     frames = np.flatnonzero(static & surface.valid.any(axis=1))
     if frames.size < SMALLEST_SERIES:

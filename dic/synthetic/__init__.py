@@ -1,1 +1,1 @@
-"""Synthetic pictures with known motion, for tests of the measurement."""
+"""Synthetic pictures with known motion, for verification of the measurement."""

@@ -12,14 +12,14 @@ from dic.calibration.targets import Charuco, Chessboard, FiducialDots
 
 @dataclass(frozen=True)
 class Texture:
-    """Reflectance of a surface on a grid, which is the pattern itself: all pictures read the same one."""
+    """Reflectance of a surface on a grid; all pictures of a series read the same grid."""
 
     grey: NDArray[np.float32]
     """Reflectance of the texels [-], 0 to 1; rows along the generator, columns around: [rows, columns]."""
     pitch: float
-    """Distance of texels [m]."""
+    """Distance between texels [m]."""
     origin: tuple[float, float]
-    """Place of texel [0, 0]: around and along [m]."""
+    """Position of texel [0, 0]: around and along [m]."""
 
     def __post_init__(self) -> None:
         if self.grey.ndim != 2 or min(self.grey.shape) < 2:
@@ -28,7 +28,7 @@ class Texture:
             raise ValueError(f"pitch must be a positive length in metres, got {self.pitch}")
 
     def at(self, around: FloatArray, along: FloatArray) -> FloatArray:
-        """Reflectance at places [m], bilinear; beyond the grid that of the nearest texel."""
+        """Reflectance at positions [m], bilinear; outside the grid the value of the nearest texel."""
         rows, columns = self.grey.shape
         u = np.clip((np.asarray(around) - self.origin[0]) / self.pitch, 0.0, columns - 1.001)
         v = np.clip((np.asarray(along) - self.origin[1]) / self.pitch, 0.0, rows - 1.001)
@@ -45,9 +45,9 @@ class Area:
     """Part of a surface that a texture covers."""
 
     around: tuple[float, float]
-    """First and last place around [m]."""
+    """First and last position around [m]."""
     along: tuple[float, float]
-    """First and last place along the generator [m]."""
+    """First and last position along the generator [m]."""
 
     def __post_init__(self) -> None:
         for name, (low, high) in (("around", self.around), ("along", self.along)):
@@ -62,7 +62,7 @@ class Area:
         return (self.around[1] - self.around[0]) * (self.along[1] - self.along[0])
 
     def grid(self, pitch: float) -> tuple[FloatArray, FloatArray]:
-        """Places of texels around and along [m], shapes [columns] and [rows]."""
+        """Positions of the texels around and along [m], shapes [columns] and [rows]."""
 
         def places(low: float, high: float) -> FloatArray:
             return np.asarray(low + pitch * np.arange(int(np.ceil((high - low) / pitch)) + 2))
@@ -71,7 +71,7 @@ class Area:
 
 
 def plain(area: Area, pitch: float, *, level: float, grain: float = 0.0, seed: int = 0) -> Texture:
-    """Bare material: one reflectance, with a fine grain of that standard deviation [-]."""
+    """Unpainted material: mean reflectance `level` with a fine grain of standard deviation `grain` [-]."""
     across, along = area.grid(pitch)
     noise = np.random.default_rng(seed).standard_normal((len(along), len(across)))
     grey = np.clip(level + grain * noise, 0.0, 1.0).astype(np.float32)
@@ -83,7 +83,7 @@ def waves(
 ) -> Texture:
     """Sum of cosines ``level + height Σ cos(2π (kx around + ky along) + φ)``, with a known integral.
 
-    ``area``: what it covers. ``pitch``: of the texels [m]. ``vectors``: (kx, ky) [1/m], shape [n, 2].
+    ``area``: covered area. ``pitch``: distance between texels [m]. ``vectors``: (kx, ky) [1/m], shape [n, 2].
     ``phases``: φ [rad], shape [n]. ``level``, ``height``: mean and amplitude [-].
     """
     across, along = area.grid(pitch)
@@ -95,17 +95,17 @@ def waves(
 
 @dataclass(frozen=True)
 class Paint:
-    """Reflectances of drops and ground, and how sharp a drop's rim is.
+    """Reflectances of drops and ground, and the width of a drop's rim.
 
     Raises ValueError: a reflectance outside 0 to 1, a softness outside 0 to 1.
     """
 
     dark: float = 0.16
-    """Of a drop [-]."""
+    """Reflectance of a drop [-]."""
     bright: float = 0.97
-    """Of the ground [-]."""
+    """Reflectance of the ground [-]."""
     softness: float = 0.3
-    """Width of the rim, from ground to drop, over the drop's diameter [-]; at least 1.5 texels."""
+    """Width of the rim between ground and drop over the drop's diameter [-]; at least 1.5 texels are used."""
 
     def __post_init__(self) -> None:
         for name in ("dark", "bright", "softness"):
@@ -116,15 +116,14 @@ class Paint:
 def sprayed_drops(
     area: Area, *, size: float, spread: float, coverage: float, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Centres (around, along) and diameters of drops that cover that share of an area [m], [n, 2] and [n].
+    """Centres (around, along) and diameters of random drops [m], shapes [n, 2] and [n].
 
-    Drops fall independently of each other, so that n drops of mean area A leave a share exp(-n A / area)
-    bare:
-    ``n = -ln(1 - coverage) area / A``, with ``A = π/4 size² (1 + spread²)``. Diameters are log-normal.
+    The drops are independent of each other: n drops of mean area A leave a share exp(-n A / area) uncovered.
+    Hence ``n = -ln(1 - coverage) area / A``, with ``A = π/4 size² (1 + spread²)``. Diameters are log-normal.
 
-    ``area``: where they fall; also half of the largest ones beside it. ``size``: mean diameter [m].
-    ``spread``: standard deviation of the diameters over their mean [-]. ``coverage``: share of the area that
-    is covered in the end [-]. ``rng``: random numbers.
+    ``area``: area of the pattern; the centres also lie on a margin around it. ``size``: mean diameter [m].
+    ``spread``: standard deviation of the diameters over their mean [-]. ``coverage``: expected covered share
+    of the area [-].
     """
     if not (0.0 < coverage < 1.0 and size > 0.0 and spread >= 0.0):
         raise ValueError(
@@ -143,9 +142,9 @@ def sprayed_drops(
 def printed_dots(
     area: Area, *, size: float, coverage: float, jitter: float, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Centres and diameters of even dots close to a hexagonal lattice [m], [n, 2] and [n].
+    """Centres and diameters of equal dots near the points of a hexagonal lattice [m], shapes [n, 2] and [n].
 
-    A dot's own share of the lattice is √3/2 step²: ``step = size √(π / (2 √3 coverage))``, as long as no dots
+    The area of the lattice per dot is √3/2 step²: ``step = size √(π / (2 √3 coverage))``, as long as no dots
     overlap.
     """
     if not (0.0 < coverage < 0.95 and size > 0.0 and 0.0 <= jitter <= 0.5):
@@ -167,10 +166,10 @@ def printed_dots(
 def painted(
     area: Area, pitch: float, centres: FloatArray, diameters: FloatArray, paint: Paint | None = None
 ) -> Texture:
-    """Texture of drops on a ground; where drops overlap the surface is as dark as one.
+    """Texture of drops on a ground; overlapping drops are as dark as one drop.
 
-    ``area``, ``pitch``: what it covers, and the distance of its texels [m]. ``centres``, ``diameters``: of
-    the drops [m], shapes [n, 2] and [n]. ``paint``: reflectances and rims.
+    ``area``, ``pitch``: covered area, and distance between texels [m]. ``centres``, ``diameters``: of the
+    drops [m], shapes [n, 2] and [n]. ``paint``: reflectances and rims.
     """
     paint = paint or Paint()
     across, along = area.grid(pitch)
@@ -194,7 +193,8 @@ def painted(
 def scratched(
     texture: Texture, *, start: tuple[float, float], end: tuple[float, float], width: float, level: float
 ) -> Texture:
-    """A texture with a scratch of that width [m] from `start` to `end` (around, along), down to `level`."""
+    """A texture with a scratch of a width [m] and reflectance `level` from `start` to `end` (around, along)
+    [m]."""
     u, v = _places(texture)
     (x0, y0), (x1, y1) = start, end
     length = np.hypot(x1 - x0, y1 - y0)
@@ -206,7 +206,8 @@ def scratched(
 def flaked(
     texture: Texture, *, middle: tuple[float, float], radius: float, level: float, rng: np.random.Generator
 ) -> Texture:
-    """A texture with a patch about `middle` (around, along) whose paint is gone; its rim is ragged."""
+    """A texture whose paint is missing within about `radius` [m] of `middle` (around, along) [m]; the rim is
+    irregular."""
     u, v = _places(texture)
     angle = np.arctan2(v - middle[1], u - middle[0])
     ragged = np.ones(angle.shape)
@@ -223,7 +224,7 @@ def _places(texture: Texture) -> tuple[FloatArray, FloatArray]:
 
 
 def _bared(texture: Texture, depth: FloatArray, level: float) -> Texture:
-    """The texture at `level` where `depth` [m] is positive, over a rim of two texels."""
+    """The texture with reflectance `level` where `depth` [m] is positive, with a rim of two texels."""
     share = np.clip(0.5 + depth / (2.0 * texture.pitch), 0.0, 1.0)
     grey: NDArray[np.float32] = (texture.grey * (1.0 - share) + level * share).astype(np.float32)
     return Texture(grey, texture.pitch, texture.origin)
@@ -232,11 +233,11 @@ def _bared(texture: Texture, depth: FloatArray, level: float) -> Texture:
 BLACK, WHITE = 0.06, 0.97
 """Reflectances of a board [-]."""
 HOLE = 0.45
-"""Diameter of the hole in a hollow dot over the dot's, where the target does not say it [-]."""
+"""Diameter of the hole in a hollow dot over the dot's diameter, if the target does not define it [-]."""
 
 
 def board_texture(target: Any, pitch: float) -> tuple[Texture, FloatArray]:
-    """Paint of a target, in the frame that its points are numbered in, and the corners of the board.
+    """Paint of a target in the frame of its points, and the corners of the board.
 
     ``target``: a `FiducialDots`, `Chessboard` or `Charuco`. ``pitch``: largest distance of texels [m]; x is
     around, y along. Returns: the paint. Returns: of the board [m], shape [4, 2].
@@ -281,7 +282,7 @@ def _chessboard(target: Chessboard, pitch: float) -> Texture:
 
 
 def _alternating(x: FloatArray, n: int, p: float, pitch: float) -> FloatArray:
-    """1 and -1 that change sign at 0, p, ..., (n - 1) p, over a rim of 1.5 texels."""
+    """Alternating 1 and -1 with sign changes at 0, p, ..., (n - 1) p, over a rim of 1.5 texels."""
     nearest = np.clip(np.rint(x / p), 0, n - 1)
     sign = np.where(nearest % 2 == 0, 1.0, -1.0)
     return np.asarray(sign * np.clip((x - nearest * p) / (0.75 * pitch), -1.0, 1.0))
@@ -293,7 +294,7 @@ def _within(x: FloatArray, n: int, p: float, pitch: float) -> FloatArray:
 
 
 def _charuco(target: Charuco, pitch: float) -> Texture:
-    """OpenCV's own drawing of the board, its squares a whole number of texels wide."""
+    """The board as OpenCV draws it, with squares of a whole number of texels."""
     square = int(np.ceil(target.pitch / pitch))
     margin = square // 3
     size = (target.columns * square + 2 * margin, target.rows * square + 2 * margin)

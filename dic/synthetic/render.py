@@ -17,10 +17,10 @@ from dic.synthetic.kernels.launch import frames, rays_of_board, rays_of_bodies, 
 from dic.synthetic.scene import Lamp, Lens, RevolvedBody, Scene, weight_table
 
 Light = NDArray[np.float32]
-"""Light on the pixels; 1 is white paint under the whole light, shape [n_frames, rows, columns]."""
+"""Light on the pixels; 1 is fully lit white paint, shape [n_frames, rows, columns]."""
 
 WIDEST = 10.0
-"""Largest standard deviation of a lens out of focus [px]."""
+"""Largest allowed standard deviation of the point spread of a lens out of focus [px]."""
 
 
 def picture_series(
@@ -34,17 +34,17 @@ def picture_series(
     device: str = "cpu",
     threads: int = 1,
 ) -> Iterator[Light]:
-    """Light on the pixels of one camera, some frames at a time.
+    """Light on the pixels of one camera, in blocks of a few frames.
 
-    Every ray is undone through the lens and cut with each body's generator, a polyline turned about its axis,
-    in closed form; the nearest place is read in the body's texture at its material coordinates. A pixel is
-    the
-    integral over its square of the rays, smeared by the lens.
+    The distortion of the lens is removed from every ray. The intersection with each body, a polyline rotated
+    about an axis, is computed in closed form; the nearest one gives the material coordinates at which the
+    body's texture is read. The light on a pixel is the integral of the rays over its square, blurred by the
+    lens.
 
     ``scene``: bodies at the instants of the frames. ``shape``: rows and columns [px]. ``lens``: point spread
-    and rays a pixel; default `Lens()`. ``haze``: displacements of the picture by the air [px], as
-    `dic.synthetic.scene.haze` makes them; None: none. ``haze_pitch``: distance of its nodes [px]. ``device``:
-    "cpu" or a GPU, "cuda:0". Yields: the next frames, in their order.
+    and rays per pixel; default `Lens()`. ``haze``: displacements of the picture by the air [px], from
+    `dic.synthetic.scene.haze`; None: none. ``haze_pitch``: distance between its nodes [px]. ``device``: "cpu"
+    or a GPU, "cuda:0". Yields: the next frames, in their order.
     """
     lens = lens or Lens()
     start = select_device(device)
@@ -66,10 +66,10 @@ def board_series(
     device: str = "cpu",
     threads: int = 1,
 ) -> Iterator[Light]:
-    """Light on the pixels of one camera of a flat board, one pose a frame; see `picture_series`.
+    """Light on the pixels of one camera that looks at a flat board, one pose per frame; see `picture_series`.
 
-    ``board``: its texture, by x (around) and y (along) of the board's frame; of the rest nothing is used.
-    ``poses``: R and t of each frame, from the board's frame to the rig's, `X = R x + t`.
+    ``board``: only its texture is used, by x (around) and y (along) of the board's frame. ``poses``: R and t
+    of each frame, from the board's frame to the rig's, `X = R x + t`.
     """
     lens = lens or Lens()
     start = select_device(device)
@@ -85,7 +85,7 @@ def board_series(
 def _weights(
     camera: Camera, lens: Lens, depths: tuple[float, float]
 ) -> tuple[tuple[NDArray[np.float32], float, float], int]:
-    """Weights of the lens at all distances of a scene, the first spread, the step [px]; pixels they reach."""
+    """Weights of the lens at all distances of a scene, first spread and step [px], and their reach [px]."""
     widest = float(max(np.max(lens.total(camera.fx, np.array(depths))), lens.spread))
     if widest > WIDEST:
         raise ValueError(
@@ -97,7 +97,7 @@ def _weights(
 
 
 def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
-    """Least and largest distance of the bodies' nodes along the view [m]."""
+    """Smallest and largest distance of the bodies' nodes along the optical axis [m]."""
     depths = []
     for body in scene.bodies:
         widest = float(body.r.max())
@@ -121,7 +121,7 @@ class Sensor:
     """
 
     bits: int = 12
-    """Of a grey value."""
+    """Bits of a grey value."""
     full_well: float = 15_000.0
     """Electrons of the largest grey value."""
     read_noise: float = 30.0
@@ -135,7 +135,7 @@ class Sensor:
     flicker: float = 0.0
     """Standard deviation of the light's brightness from frame to frame [-]."""
     gradient: float = 0.0
-    """Light at the right edge of the picture over that at its left, less 1, linear between [-]."""
+    """Light at the right edge of the picture over that at the left edge, minus 1; linear between [-]."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.bits <= 16:
@@ -177,8 +177,8 @@ class Sensor:
 
         Photons are Poisson's, read noise is Gaussian; the sum is rounded, and clipped at 0 and the largest.
 
-        ``light``: light on the pixels, 1 of white paint, shape [rows, columns]. ``pattern``: what `pattern`
-        gave for this camera. ``brightness``: of the lamp in this frame, 1 on average.
+        ``light``: light on the pixels, 1 for white paint, shape [rows, columns]. ``pattern``: result of
+        `pattern` for this camera. ``brightness``: brightness of the lamp in this frame, 1 on average.
         """
         mean = np.maximum(self.electrons(light) * pattern * brightness, 0.0)
         caught = rng.poisson(mean) + self.read_noise * rng.standard_normal(mean.shape)
@@ -200,7 +200,7 @@ def _write_tiff(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.flo
 
 
 def _write_png(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
-    """Write a folder with a numbered series of 8-bit files; further bits are cut off."""
+    """Write a folder with a numbered series of 8-bit files; lower bits are dropped."""
     path.mkdir()
     shift = max(bits - 8, 0)
     for number, picture in enumerate(pictures):
@@ -217,7 +217,7 @@ def write_numbered(path: Path, picture: NDArray[np.uint16], *, bits: int) -> Non
 def _write_cine(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
     """Write a Phantom cine of 16-bit values, with time stamps from its trigger at t = 0 on."""
     n, rows, columns = pictures.shape
-    trigger = 1 << 31  # half a second: stamps before it need no borrowing from the seconds
+    trigger = 1 << 31  # half a second: the fraction does not become negative before the trigger
     setup = bytearray(_SETUP)
     struct.pack_into("<H", setup, 0, min(round(rate), 65535))  # FrameRate16
     struct.pack_into("<2sH", setup, 140, b"ST", _SETUP)
@@ -248,7 +248,7 @@ def _write_cine(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.flo
 
 
 def _write_mraw(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
-    """Write a Photron recording of 16-bit values: `path` (.mraw) and its .cihx beside it."""
+    """Write a Photron recording of 16-bit values: `path` (.mraw) and the .cihx file in the same folder."""
     n, rows, columns = pictures.shape
     start = int(np.rint(times[0] * rate))
     text = (

@@ -1,7 +1,4 @@
-"""A scene: bodies of revolution at the instants of the exposures, a lamp, the air, and the lens.
-
-The lens gives the weights of a pixel's rays and the defocus with distance.
-"""
+"""A scene: bodies of revolution at the instants of the exposures, a lamp, the air, and the lens."""
 
 from dataclasses import dataclass, field
 
@@ -19,11 +16,11 @@ class Instants:
     """Instants at which a series of frames is computed: each frame is a weighted mean over some of them."""
 
     begin: np.ndarray
-    """First instant of each frame, and the number of all behind the last, shape [n_frames + 1]."""
+    """Index of the first instant of each frame, followed by the number of instants, shape [n_frames + 1]."""
     time: FloatArray
     """Times [s], shape [n_instants]."""
     weight: FloatArray
-    """Shares of their frame, which sum to 1, shape [n_instants]."""
+    """Weights, whose sum is 1 in each frame, shape [n_instants]."""
 
     @property
     def n_frames(self) -> int:
@@ -36,8 +33,8 @@ def exposures(times: FloatArray, exposure: float, points: np.ndarray | int = 1) 
 
     Gauss-Legendre points: n of them integrate motion blur of a polynomial of degree 2 n - 1 exactly.
 
-    ``times``: middle of each exposure [s], shape [n_frames]. ``exposure``: how long the shutter is open [s];
-    0 freezes all motion. ``points``: how many instants a frame gets, one number or one a frame. Raises
+    ``times``: middle of each exposure [s], shape [n_frames]. ``exposure``: time for which the shutter is open
+    [s]; 0: no motion blur. ``points``: number of instants per frame, one number or one for each frame. Raises
     ValueError: a negative exposure or a number of points below 1.
     """
     counts = np.broadcast_to(np.asarray(points, dtype=np.int64), (len(times),))
@@ -56,28 +53,30 @@ def exposures(times: FloatArray, exposure: float, points: np.ndarray | int = 1) 
 
 @dataclass(frozen=True)
 class RevolvedBody:
-    """A body of revolution about y of its own frame; its generator is a polyline that may move."""
+    """A body of revolution about the y axis of its frame; its generator is a polyline that may move."""
 
     y: FloatArray
     """Nodes of the generator along the axis [m], shape [n_instants or 1, n_nodes]."""
     r: FloatArray
     """Their radii [m], shape [n_instants or 1, n_nodes]."""
     along: FloatArray
-    """Material place of the nodes along the generator, where the texture is read [m], shape [n_nodes]."""
+    """Material coordinate of the nodes along the generator, at which the texture is read [m], shape
+    [n_nodes]."""
     radius: float
-    """Radius at which an angle becomes a material place around, θ radius [m]."""
+    """Radius that converts an angle to a material coordinate around, θ radius [m]."""
     texture: Texture
     """Its paint; θ = 0 faces +z."""
     place: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
-    """Origin of its frame in the scene's [m], shape [n_instants or 1, 3]."""
+    """Origin of its frame in the scene's frame [m], shape [n_instants or 1, 3]."""
     turn: FloatArray = field(default_factory=lambda: np.eye(3))
-    """Rotation from the scene's frame to its own, shape [3, 3] or [n_instants, 3, 3]."""
+    """Rotation from the scene's frame to its frame, shape [3, 3] or [n_instants, 3, 3]."""
     shine: float = 0.0
     """Height of a highlight over white paint [-]."""
     patch: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Middle (around, along) and radius [m] of paint that has come off and slides; radius 0: none."""
+    """Centre (around, along) and radius [m] of a patch of paint that has detached and slides; radius 0:
+    none."""
     slip: FloatArray = field(default_factory=lambda: np.zeros((1, 2)))
-    """How far its middle has slid around and along [m], shape [n_instants or 1, 2]."""
+    """Displacement of the patch's centre around and along [m], shape [n_instants or 1, 2]."""
 
     def __post_init__(self) -> None:
         n = len(self.along)
@@ -88,9 +87,9 @@ class RevolvedBody:
 
     @property
     def slope(self) -> FloatArray:
-        """dr/dy at the nodes, a mean over the two sides of smooth places, shape [n_instants or 1, n_nodes].
+        """dr/dy at the nodes, the weighted mean of the two segments there, shape [n_instants or 1, n_nodes].
 
-        Where a segment is a disc across the axis, its other neighbour alone counts.
+        If one of the segments is a disc normal to the axis, only the other one counts.
         """
         rise, run = np.diff(self.r, axis=1), np.diff(self.y, axis=1)
         flat = np.abs(run) < 1e-12
@@ -118,7 +117,7 @@ def cylinder(
     radius: float, length: float, texture: Texture, *, place: FloatArray, turn: FloatArray | None = None,
     shine: float = 0.0,
 ) -> RevolvedBody:  # fmt: skip
-    """A rigid right cylinder from y = 0 to y = length of its own frame, material place 0 at y = 0."""
+    """A rigid right cylinder from y = 0 to y = length of its frame, with material coordinate 0 at y = 0."""
     y, r, along = closed(np.array([[0.0, length]]), np.array([[radius, radius]]), np.array([0.0, length]))
     return RevolvedBody(
         y=y, r=r, along=along, radius=radius, texture=texture, place=place,
@@ -131,11 +130,11 @@ class Lamp:
     """Light on the scene."""
 
     direction: tuple[float, float, float] = (0.0, 0.3, 1.0)
-    """Toward the lamp, of any length."""
+    """Direction toward the lamp, of any length."""
     ambient: float = 1.0
-    """Share of the light that comes from everywhere; 1 shades nothing."""
+    """Share of the light that comes from all directions; 1: no shading."""
     gloss: float = 60.0
-    """Exponent of the highlights: the larger, the smaller."""
+    """Exponent of the highlights [-]; a larger one gives smaller highlights."""
 
 
 @dataclass(frozen=True)
@@ -143,18 +142,18 @@ class Scene:
     """Bodies, lamp and background of a series of frames."""
 
     instants: Instants
-    """When the frames are taken."""
+    """Instants of the frames."""
     bodies: tuple[RevolvedBody, ...]
-    """Every body that may be in view."""
+    """All bodies of the scene."""
     lamp: Lamp = field(default_factory=Lamp)
     background: float = 0.05
     """Reflectance where there is no body [-]."""
 
 
 SPREADS = 4.0
-"""Reach of a lens in its standard deviations; 6e-5 of a point's light is left outside."""
+"""Reach of a lens in standard deviations of its point spread; 6e-5 of a point's light is neglected."""
 LEVELS = 65
-"""Lenses of different defocus whose weights are tabulated."""
+"""Number of defocus levels for which weights are tabulated."""
 
 
 @dataclass(frozen=True)
@@ -166,11 +165,11 @@ class Lens:
     """
 
     spread: float = 0.45
-    """Standard deviation of its point spread in focus [px]."""
+    """Standard deviation of the point spread in focus [px]."""
     aperture: float = 0.0
-    """Diameter of its entrance pupil [m]; 0: sharp at every distance."""
+    """Diameter of the entrance pupil [m]; 0: sharp at every distance."""
     focus: float = 0.3
-    """Distance along the view at which it is in focus [m]."""
+    """Distance of the focal plane along the optical axis [m]."""
     rays: int = 4
     """Rays of a pixel along each axis."""
 
@@ -185,19 +184,20 @@ class Lens:
             raise ValueError(f"rays must be 2 to 16 along an axis, got {self.rays}")
 
     def disc(self, focal: float, depth: FloatArray | float) -> FloatArray:
-        """Diameter of the circle of confusion [px] of points at `depth` [m] along the view."""
+        """Diameter of the circle of confusion [px] of points at `depth` [m] along the optical axis."""
         return np.asarray(focal * self.aperture * np.abs(1.0 / self.focus - 1.0 / np.asarray(depth)))
 
     def total(self, focal: float, depth: FloatArray | float) -> FloatArray:
-        """Standard deviation of the point spread at `depth` [px]: an even disc has a variance of d²/16."""
+        """Standard deviation of the point spread at `depth` [px]; a uniform disc of diameter d has a variance
+        of d²/16."""
         return np.asarray(np.hypot(self.spread, self.disc(focal, depth) / 4.0))
 
 
 def weights(spread: float, reach: int, rays: int) -> FloatArray:
-    """Weights of rays along one axis, from `reach` pixels before a pixel's own to `reach` behind it, sum 1.
+    """Weights of rays along one axis, from `reach` pixels before a pixel to `reach` pixels after it, sum 1.
 
-    The light of a ray at x reaches the pixel with the integral of the point spread over the pixel,
-    ``(Φ((x + ½)/s) - Φ((x - ½)/s))``.
+    The weight of a ray at x is the integral of the point spread over the pixel, ``(Φ((x + ½)/s) - Φ((x -
+    ½)/s))``.
     """
     x = (np.arange((2 * reach + 1) * rays) + 0.5) / rays - 0.5 - reach
     if spread < 1e-3:
@@ -209,7 +209,7 @@ def weights(spread: float, reach: int, rays: int) -> FloatArray:
 
 
 def reach_of(spread: float) -> int:
-    """Pixels on each side that a lens of this standard deviation [px] gathers light from."""
+    """Number of pixels on each side from which a lens of this standard deviation [px] gathers light."""
     return int(np.ceil(SPREADS * spread))
 
 
@@ -234,13 +234,12 @@ def haze(
 ) -> NDArray[np.float32]:
     """Displacements of the picture by warm air [px], shape [n_frames, n_down, n_across, 2].
 
-    A Gaussian field, smooth over `length`, that forgets itself over `memory` frames (an autoregression);
-    its nodes
-    are `length` apart.
+    A Gaussian random field with correlation length `length` and correlation time `memory` (an
+    autoregression); the distance between its nodes is `length`.
 
     ``n_frames``, ``shape``: frames, and rows and columns of the pictures [px]. ``size``: standard deviation
-    of a displacement [px]. ``length``: distance over which it is smooth [px]. ``memory``: frames after which
-    1/e of it is left. ``rng``: random numbers.
+    of a displacement [px]. ``length``: correlation length [px]. ``memory``: number of frames after which the
+    correlation is 1/e. ``rng``: random numbers.
     """
     nodes = tuple(int(np.ceil(n / length)) + 3 for n in shape)
     keep = np.exp(-1.0 / memory) if memory > 0.0 else 0.0

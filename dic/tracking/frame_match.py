@@ -63,7 +63,7 @@ class Predictor:
             for k, part in enumerate(PARTS):
                 self.order[k] = int(np.argmin(median(off[..., part].max(axis=-1), axis=-1)))
         self._foretold = {}
-        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
+        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess that was found
         advanced = rows[~repeated]
         for history in (self.frame, self.warp):
             for place in (2, 1):
@@ -96,7 +96,7 @@ RATIO = 0.8
 NEAREST_FEATURES = 16
 """Number of features around a point from which an affine motion is estimated."""
 CONSENSUS = 6
-"""Fewest features that must agree with the affine motion within `AGREE`."""
+"""Smallest number of features that must agree with the affine motion within `AGREE`."""
 AGREE = 2.0
 """Distance within which a feature agrees with the affine motion [px]."""
 FEATURES = 4000

@@ -182,15 +182,14 @@ class Block:
 class FramesAhead:
     """Frames of a series, read and prepared on request or one block in advance.
 
-    On a GPU the pictures of a block are sent and filtered together, and a thread reads, decodes and sends the
-    next block while the frames of this one are searched. On a CPU the thread would only compete with the
-    search for cores.
+    On a GPU the pictures of a block are sent and filtered together. A thread reads, decodes and sends the
+    next block while the frames of the present block are searched. On a CPU the thread would only compete with
+    the search for cores.
 
-    ``pictures``: the series. ``noise``: standard deviation of a grey value, or `dic.correlation.Noise`
-    [grey]. ``prefilter``: standard deviation of the Gaussian before the match [px]. ``device``: device on
-    which the matches are computed. ``border``: width of the border that is cut off before the preparation
-    [px]. ``together``: size of the coefficients of a block [bytes]; 0: no blocks; None: `TOGETHER` on a GPU,
-    else 0.
+    ``noise``: standard deviation of a grey value, or `dic.correlation.Noise` [grey]. ``prefilter``: standard
+    deviation of the Gaussian before the match [px]. ``border``: width of the border that is cut off before
+    the preparation [px]. ``together``: size of the coefficients of a block [bytes]; 0: no blocks; None:
+    `TOGETHER` on a GPU, else 0.
     """
 
     def __init__(

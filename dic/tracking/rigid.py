@@ -18,7 +18,7 @@ APART = 0.5
 SIGMAS = 6.0
 """Allowed distance due to noise, in standard deviations of the point's match [-]."""
 FEWEST = 5
-"""Fewest points that must agree on a motion; fewer may agree by chance."""
+"""Smallest number of points that must agree on a motion; fewer may agree by chance."""
 BORDER = 1
 """Width of the border that is not matched [px], because the camera's filters are one-sided there. A first row
 that is shifted by a tenth of a pixel shifts a subset with five visible rows by a fiftieth."""

@@ -19,7 +19,7 @@ from doe.designs.design import Design, Rng, count_of, seed_of
 IntArray = NDArray[np.intp]
 
 STARTS = 10
-"""Random starts."""
+"""Number of random starts."""
 GAIN = 1e-9
 """An exchange must raise the determinant by at least this relative gain; round-off is far smaller."""
 
@@ -110,8 +110,8 @@ def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
 def keep(design: Design, *constraints: Callable[[FloatArray], ArrayLike]) -> Design:
     """The points of a design that meet all constraints; ``settings["refused"]`` is the number of the others.
 
-    A constraint takes points in parameter units, shape [n, d], and returns True where one may be run, shape
-    [n]. Raises ValueError if it returns another shape, or no point meets them.
+    A constraint is a function of points in parameter units, shape [n, d], that returns True for valid points,
+    shape [n]. Raises ValueError if its result has another shape, or no point is valid.
     """
     mask = np.ones(len(design), dtype=bool)
     for constraint in constraints:

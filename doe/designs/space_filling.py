@@ -133,7 +133,7 @@ def from_points(box: Box, points: ArrayLike) -> Design:
     Parameters
     ----------
     box
-        Where the points lie.
+        The box of the points.
     points
         In parameter units, shape [n, d].
 
@@ -148,7 +148,7 @@ def from_points(box: Box, points: ArrayLike) -> Design:
 def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
     """The first n >= 2 points of a Halton sequence; more points can follow without moving these.
 
-    Options as of `sobol`; unscrambled it is the radical inverse in the first d primes.
+    Options as in `sobol`; unscrambled it is the radical inverse in the first d primes.
     """
     n, seed = count_of(n), seed_of(rng)
     sampler = scipy.stats.qmc.Halton(box.dimension, scramble=scramble, rng=seed)
@@ -157,8 +157,8 @@ def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
 
 
 def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
-    """Of ``tries`` Latin hypercubes of n >= 2 points the one whose two nearest points are farthest apart in
-    the unit box.
+    """The Latin hypercube of n >= 2 points with the largest minimum distance of two points in the unit box,
+    of ``tries`` random ones.
     """
     n, seed = count_of(n), seed_of(rng)
     if tries < 1:

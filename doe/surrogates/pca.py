@@ -87,5 +87,5 @@ def _count_by_variance(singular: FloatArray, variance: float) -> int:
     # lost[q] = variance lost with q components; summed from the small end, where 1 - share would round.
     remainder = np.append(np.cumsum(singular[::-1] ** 2)[::-1], 0.0)
     enough = np.flatnonzero(remainder <= (1.0 - variance) * remainder[0])
-    # At least one component, so that a response that depends on nothing needs no special case.
+    # At least one component, so that a constant response needs no special case.
     return max(1, int(enough[0]))

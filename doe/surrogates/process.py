@@ -41,7 +41,7 @@ CORRELATIONS: dict[str, Correlation] = {
     "squared exponential": _squared_exponential,
     "matern 5/2": _matern52,
 }
-"""By name; the likelihood of the runs chooses among them."""
+"""Correlation functions by name; the likelihood of the runs selects one."""
 
 
 def squared_differences(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -113,11 +113,11 @@ class GaussianProcess:
     condition: float
     """Condition number of the correlation matrix [-]."""
     loo_residuals: FloatArray
-    """Value minus what the other runs predict there, shape [n, q]."""
+    """Value of each run minus its prediction from the other runs, shape [n, q]."""
     loo_sigma: FloatArray
     """Standard deviation of that prediction, shape [n, q]."""
     weights: FloatArray
-    """Of the runs' correlations, shape [n, q]."""
+    """Weights of the correlations with the runs, shape [n, q]."""
     trend: FloatArray
     """Coefficients of 1, u_1, ... u_d, shape [d + 1, q]."""
     factor: FloatArray
@@ -282,7 +282,7 @@ class ProcessSurrogate:
     """
 
     box: Box
-    """Where it holds."""
+    """Range of validity."""
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     components: PrincipalComponents

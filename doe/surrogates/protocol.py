@@ -24,7 +24,7 @@ SCALE_FREE = ("thin_plate_spline", "cubic", "quintic")
 
 
 class SurrogateError(ValueError):
-    """A surrogate cannot be built from these runs; the message says what is missing."""
+    """A surrogate cannot be built from these runs; the message names the reason."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Kernel:
         return comb(dimension + self.degree, dimension)
 
     def n_needed(self, dimension: int) -> int:
-        """Fewest runs: one more than the tail's terms, so that a run can be left out."""
+        """Smallest number of runs: one more than the tail's terms, so that a run can be left out."""
         return self.n_terms(dimension) + 1
 
     def matrix(self, unit_points: FloatArray) -> FloatArray:

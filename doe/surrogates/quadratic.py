@@ -1,8 +1,8 @@
 """A smoothing surrogate: a least-squares quadratic through many runs, and the roughness of its residuals.
 
-Contact can make a response jump slightly from point to point. An interpolant follows every jump, and its
-slope is that of the jumps. A quadratic through more runs than it has terms has the slope of the response; its
-residuals measure the roughness (Box and Draper, Response Surfaces).
+Contact can make a response jump slightly from point to point. An interpolant reproduces every jump, and its
+slope is dominated by the jumps. A least-squares quadratic through more runs than terms has the slope of the
+response; its residuals measure the roughness (Box and Draper, Response Surfaces).
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class QuadraticSurrogate:
     """Predicts the response vector, each entry a quadratic of the unit coordinates."""
 
     box: Box
-    """Where it holds."""
+    """Range of validity."""
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     coefficients: FloatArray
-    """Of the terms, in response units, shape [`terms`, k]."""
+    """Coefficients of the terms, in response units, shape [`terms`, k]."""
     residuals: FloatArray
     """Run minus quadratic, in response units, shape [n, k]."""
     leverage: FloatArray

@@ -21,14 +21,14 @@ from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.protocol import DEFAULT_KERNELS, Kernel, SurrogateError, checked_runs, unit_points
 
 LARGEST_CONDITION = 1e12
-"""Largest condition number of the reduced kernel matrix: beyond it fewer than four digits of the
-leave-one-out operator are left in float64."""
+"""Largest condition number of the reduced kernel matrix: above it the leave-one-out operator has fewer than
+four correct digits in float64."""
 
 SMALLEST_DISTANCE = 1e-9
 """Smallest distance of two runs in the unit box; closer runs count as duplicates."""
 
 LARGEST_MISFIT = 1e-8
-"""Largest error at the runs themselves over the largest |value|: an interpolant has round-off there."""
+"""Largest error at the runs over the largest |value|: the error of an interpolant there is round-off."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class RadialBasis:
     unit_points: FloatArray
     """The runs in the unit box [-], shape [n, d]."""
     loo_residuals: FloatArray
-    """Value minus what the interpolant of the other runs predicts there, shape [n, q]."""
+    """Value of each run minus its prediction by the interpolant of the other runs, shape [n, q]."""
     condition: float
     """Condition number of the reduced kernel matrix [-]."""
     interpolator: RBFInterpolator
@@ -166,7 +166,7 @@ class ResponseSurrogate:
     """
 
     box: Box
-    """Where it holds."""
+    """Range of validity."""
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     components: PrincipalComponents
@@ -185,13 +185,13 @@ class ResponseSurrogate:
         variance: float = 1.0 - 1e-8,
         kernels: Sequence[Kernel] = DEFAULT_KERNELS,
     ) -> ResponseSurrogate:
-        """Build it from runs, shapes [n, d] and [n, k]; the kernel with the smallest leave-one-out error
-        wins.
+        """Build it from runs, shapes [n, d] and [n, k], with the kernel of the smallest leave-one-out error.
 
-        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``kernels``: candidates; one only fixes the
-        choice. Raises ValueError if a point is outside the box, shapes do not match, or an option is outside
-        its range. Raises SurrogateError if a response is not finite, or no kernel can be used: too few runs
-        (the message says how many it takes), coinciding runs, an ill-conditioned system.
+        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``kernels``: candidates; a single one is
+        used without comparison. Raises ValueError if a point is outside the box, shapes do not match, or an
+        option is outside its range. Raises SurrogateError if a response is not finite, or no kernel can be
+        used: too few runs (the message gives the required number), coinciding runs, an ill-conditioned
+        system.
         """
         x, y = checked_runs(box, points, responses)
         components = PrincipalComponents.fit(y, scale=scale, variance=variance)
@@ -241,7 +241,7 @@ class CostSurrogate:
     """
 
     box: Box
-    """Where it holds."""
+    """Range of validity."""
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     basis: RadialBasis
@@ -263,12 +263,12 @@ class CostSurrogate:
         return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
 
     def cost(self, point: ArrayLike) -> float:
-        """The cost at one point of the box in parameter units, shape [d]: what a search calls."""
+        """The cost at one point of the box in parameter units, shape [d]; the function for a search."""
         return float(self.predict(np.asarray(point, dtype=np.float64)[None, :])[0, 0])
 
     @property
     def loo_residuals(self) -> FloatArray:
-        """Run minus what the other runs predict for it, in cost units, shape [n, 1]."""
+        """Value of each run minus its prediction from the other runs, in cost units, shape [n, 1]."""
         return self.basis.loo_residuals
 
     @property

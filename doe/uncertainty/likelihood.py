@@ -57,7 +57,7 @@ class Channel:
         return np.asarray(residual / np.sqrt(self.sigma**2 + tau**2))
 
     def deviance(self, residual: FloatArray, tau: float) -> float:
-        """-2 ln L of a residual, shape [k_c], less its value for residual 0 and tau 0."""
+        """-2 ln L of a residual, shape [k_c], minus its value for residual 0 and tau 0."""
         spread = float(np.log1p((tau / self.sigma) ** 2).sum())
         return float((self.whitened(residual, tau) ** 2).sum()) + spread
 
@@ -82,7 +82,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Fit:
-    """A maximum of the likelihood over some parameters, the others held."""
+    """A maximum of the likelihood over some parameters, with the others fixed."""
 
     unit_point: FloatArray
     """Point in the unit box [-], shape [d]."""
@@ -115,7 +115,7 @@ class Likelihood:
     channels: Sequence[Channel]
     """Channels of the data vector, in its order."""
     slices: tuple[slice, ...] = field(init=False, repr=False)
-    """Slice of the data vector that holds each channel's entries."""
+    """Slice of the data vector for the entries of each channel."""
 
     def __post_init__(self) -> None:
         data = np.asarray(self.data, dtype=np.float64)

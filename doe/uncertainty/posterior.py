@@ -17,8 +17,8 @@ Indices = NDArray[np.intp]
 WALKERS = 32
 """Walkers of the ensemble: at least twice as many as coordinates."""
 LENGTHS = 50.0
-"""Fewest steps, in multiples of the longest autocorrelation time, for which that time is trusted (Sokal;
-emcee)."""
+"""Smallest number of steps, in multiples of the longest autocorrelation time, for which that time is trusted
+(Sokal; emcee)."""
 STEADY = 0.05
 """Largest relative change of the autocorrelation times between two checks that counts as converged."""
 CHECK = 250
@@ -36,7 +36,7 @@ class Posterior:
     discrepancies: FloatArray
     """tau of the channels that have a prior, shape [n, number of priors]; empty without."""
     discrepancy_names: tuple[str, ...]
-    """Those channels."""
+    """Names of the channels with a sampled discrepancy."""
     converged: bool
     """True if the chains are long compared with the autocorrelation time, and that time is steady."""
     autocorrelation: FloatArray

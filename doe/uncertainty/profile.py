@@ -32,7 +32,7 @@ RESTARTS = 5
 """Largest number of restarts from better optima."""
 
 Interval = tuple[float | None, float | None]
-"""Ends in parameter units; None where the box ends before the level is reached."""
+"""Ends in parameter units; None if the level is not reached inside the box."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Profile:
     values: FloatArray
     """Values at which the parameter was fixed, ascending, in its units, shape [n]."""
     rise: FloatArray
-    """Deviance less that of the optimum, shape [n]."""
+    """Deviance minus that of the optimum, shape [n]."""
     points: FloatArray
     """Most likely point at each of these values, in parameter units, shape [n, d]."""
     discrepancies: FloatArray
@@ -51,10 +51,10 @@ class Profile:
     interval: Interval
     """Interval around the optimum in which the rise stays below the level."""
     conditional: Interval
-    """The same with all other parameters held at the optimum: what the data would say of this parameter
-    if the others were known."""
+    """The same with all other parameters fixed at the optimum: the interval if the others were known
+    exactly."""
     other_optima: tuple[float, ...]
-    """Values beyond the interval whose rise is below the level again: another optimum."""
+    """Values outside the interval at which the rise is below the level again: another optimum."""
     not_converged: int
     """Number of fits that did not converge; their rise is an upper bound."""
     level: float = LEVEL
@@ -82,7 +82,7 @@ class Profiles:
     def __getitem__(self, name: str) -> Profile:
         """The profile of a parameter.
 
-        Raises KeyError if there is none of that name.
+        Raises KeyError for an unknown name.
         """
         for profile in self.profiles:
             if profile.name == name:
@@ -211,7 +211,7 @@ class _Walk:
         return None, len(fits)
 
     def interval(self, fits: list[Fit], level: float) -> tuple[Interval, tuple[float, ...]]:
-        """Ends in parameter units, and values beyond them whose rise is below the level again."""
+        """Ends in parameter units, and values outside them at which the rise is below the level again."""
         centre = next(i for i, fit in enumerate(fits) if fit is self.best)
         ends, beyond_ends = [], []
         for side in (list(reversed(fits[: centre + 1])), fits[centre:]):
@@ -248,7 +248,7 @@ class Partner:
     """A parameter that compensates for a change of another one."""
 
     name: str
-    """Which."""
+    """Name of the parameter."""
     change: float
     """Its change along the profile, in its units."""
     per: float
@@ -314,7 +314,7 @@ class Verdict:
     kind: VerdictKind
     """The kind of verdict."""
     interval: Interval
-    """From the profile likelihood; None where it is open."""
+    """Interval of the profile likelihood; None at an open end."""
     inflation: float | None
     """Length of the interval over its length with the others known [-]; None if one of them is open."""
     partners: tuple[Partner, ...]

@@ -92,7 +92,7 @@ def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
 
 
 def _lines(fixed: FloatArray, size: float) -> FloatArray:
-    """Lines through fixed places, equally spaced between neighbours, not more than `size` apart."""
+    """Grid lines through fixed positions, equally spaced between these, at most `size` apart."""
     spans = [
         np.linspace(a, b, max(1, int(np.ceil((b - a) / size * (1.0 - 1e-9)))) + 1)[1:]
         for a, b in pairwise(fixed)
@@ -197,8 +197,8 @@ class ElasticHistory:
     section_force: FloatArray
     """Compressive force through each cross-section [N], shape [n_times, n_depths]."""
     path: FloatArray
-    """Mean displacement of the pressed patch, into the parts [m], shape [n_times]. The mean is the one that
-    does the force's work."""
+    """Mean displacement of the loaded patch, into the parts [m], shape [n_times]. Force times this mean is
+    the work."""
     seen: FloatArray
     """Axial displacement of the outer surface at each mark, into the parts [m], shape [n_times, n_marks]."""
     external: FloatArray
@@ -347,8 +347,8 @@ def elastic_bar(
 
 
 FINEST = 1e-7
-"""Longest time step of the one-dimensional waves under a pulse [s]; travel times are rounded to one between
-this and a quarter of it, the one that fits them best."""
+"""Longest time step of the one-dimensional waves under a pulse [s]; the step used is between this and a
+quarter of it, with the smallest rounding of the travel times."""
 
 
 @dataclass(frozen=True)
@@ -439,10 +439,10 @@ def pulse_on_mesh(
 ) -> PulseResponse:
     """The response of elastic parts as an axisymmetric mesh.
 
-    ``sections``, ``step``, ``n``, ``sensor``, ``seen``: as of `pulse_on_bars`; `observed` lies on the outer
-    surface. A sensor at 0 is the face itself. ``size``: largest side of an element [m]. ``radius``: radius
-    within which the force presses on the face, evenly [m]. Raises ValueError if a distance is outside the
-    parts or on their far end, or a size is not positive.
+    ``sections``, ``step``, ``n``, ``sensor``: as in `pulse_on_bars`; `observed` is on the outer surface. A
+    sensor at 0 is the face. ``size``: largest side of an element [m]. ``radius``: radius of the uniformly
+    loaded part of the face [m]. Raises ValueError if a distance is outside the parts or on their far end, or
+    a size is not positive.
     """
     depths = [] if sensor == 0.0 else [sensor]
     parts = elastic_bar(sections, size=size, depths=depths, marks=[observed])

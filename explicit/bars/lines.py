@@ -1,8 +1,8 @@
 """One-dimensional bars by the method of characteristics, and the whole impact test made of them.
 
 With the compressive force F and the particle velocity v to the right, F = R + L and v = (R - L) / Z: R runs
-to the right and L to the left, unchanged. Between the ends of a section nothing is discretised; where
-sections meet, forces and velocities agree. Only the travel times are rounded, to whole time steps.
+to the right and L to the left, unchanged. A section has no nodes between its ends; at the interfaces of
+sections forces and velocities are continuous. Only the travel times are rounded, to whole time steps.
 
 The test has a striker, a pulse shaper, an incident bar, a joint that may break, a flyer and a transmission
 side. Its events are features of the signals (Mates et al. 2012, Fig. 5).
@@ -137,7 +137,7 @@ class WaveLine:
     def __init__(
         self, sections: Sequence[Section], *, step: float, n_times: int, velocity: float = 0.0
     ) -> None:
-        """Sections that move with one velocity [m/s] and carry no force.
+        """Sections with a common velocity [m/s] and without force.
 
         Raises ValueError if there is no section, or one is shorter than half the way of a wave in a step.
         """
@@ -156,7 +156,7 @@ class WaveLine:
             self.left.append([-half] * delay + [0.0] * n_times)
 
     def meet_inside(self, n: int) -> None:
-        """Let the waves of time n pass from section to section: 2 R / Z1 + 2 L / Z2 = F (1 / Z1 + 1 / Z2)."""
+        """Transmit the waves of time n between the sections: 2 R / Z1 + 2 L / Z2 = F (1 / Z1 + 1 / Z2)."""
         for k in range(len(self.sections) - 1):
             first, second = self.impedances[k], self.impedances[k + 1]
             rightward, leftward = self.right[k][n], self.left[k + 1][n]
@@ -178,7 +178,7 @@ class WaveLine:
         return self.free_velocity(n, -1) - force / self.impedances[-1]
 
     def history(self) -> LineHistory:
-        """History up to now."""
+        """History up to the present time."""
         rightward, leftward = (tuple(np.array(wave) for wave in waves) for waves in (self.right, self.left))
         return LineHistory(self.sections, self.step, self.n_times, tuple(self.delays), rightward, leftward)
 
@@ -252,8 +252,7 @@ class PulseShaper:
 
 @dataclass(frozen=True)
 class Joint:
-    """A low-tack adhesive between two faces: it holds until its strength is reached, then fails
-    permanently."""
+    """A low-tack adhesive between two faces, which fails permanently when its strength is reached."""
 
     strength: float
     """Tensile force at which it begins to fail [N]; 0: no adhesive."""

@@ -2,8 +2,8 @@
 
 Contact is kinematic ("hard") unless a law states otherwise. After the unconstrained update of a step, each
 node on a platen is moved onto it exactly; the impulse needed is the contact force. A law only determines
-which part of the predicted velocity remains. Nothing is regularised: a node sticks with velocity 0 or slides
-with full friction, without a penalty or a velocity threshold between the two.
+which part of the predicted velocity remains. There is no regularisation: a node sticks with velocity 0 or
+slides with full friction, without a penalty or a velocity threshold between the two.
 """
 
 from functools import cache
@@ -49,15 +49,15 @@ class ContactLaw(Protocol):
 
 @cache
 def touch_struct(precision: Precision) -> Any:
-    """Generate the struct of a node that meets a platen, as a law sees it.
+    """Generate the struct with the contact data of a node, the argument of a law.
 
     ``v_r``, ``v_y``: predicted velocity [m/s]. ``target``: axial velocity that puts the node exactly on the
     platen at the end of the step [m/s]. ``normal``: the platen's outward normal, +1 transmission, -1 flyer.
-    ``status``: `FREE`, `TOUCHED`, `RELEASED`. ``slip``: the slip that the law returned in the step before; 0
-    at first and after a step without contact [m]. ``friction``, ``release_stress`` [Pa], ``stiffness``
+    ``status``: `FREE`, `TOUCHED`, `RELEASED`. ``slip``: the slip that the law returned in the previous step;
+    0 at first and after a step without contact [m]. ``friction``, ``release_stress`` [Pa], ``stiffness``
     [Pa/m]: the sample's parameters. ``density``: mass of the node over its undeformed contact area [kg/m^2].
-    ``interval``: time over which the forces changed the velocity [s]; ``step``: time over which it will act
-    [s].
+    ``interval``: time over which the forces changed the velocity [s]; ``step``: time over which the velocity
+    acts [s].
     """
     real = precision.real
 

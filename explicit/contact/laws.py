@@ -32,11 +32,11 @@ class BondedRelease(ContactLaw):
     """A node that has touched moves with the platen until its tensile stress reaches the release stress.
 
     The contact stress is the normal impulse of the step over its interval and over the node's undeformed
-    contact area. A bonded face does not slip, so its area stays the undeformed one and the stress is the true
-    one. From then on the node is `rough` and bonds no more: soft, tacky specimens slide on polished steel no
-    more easily than they stick (friction hardly matters above f = 0.5, Mates et al. 2012), they only no
-    longer pull. At the edge of a face the stress of the continuum is singular, so where the edge begins to
-    let go depends on the mesh.
+    contact area. A bonded face does not slip, so its area remains undeformed and the stress is the true
+    stress. After the release the node is `rough` and does not bond again: soft, tacky specimens still stick
+    to polished steel in compression (friction has little effect above f = 0.5, Mates et al. 2012), but do not
+    transmit tension. At the edge of a face the stress of the continuum is singular, so the beginning of the
+    release at the edge depends on the mesh.
     """
 
     name = "bonded_release"
@@ -135,9 +135,9 @@ class Penalty(ContactLaw):
 
         normal  (target - v_y) c / (1 + c),   tangential  (v_r + s / h) c / (1 + c),
 
-    for c towards infinity those of `coulomb`. What the springs hold is in the ledger's entries `impact` and
-    `friction`, and comes back from there. The platen must be rigid or a bar whose impedance is far above
-    k times the area times the step: it answers one step late.
+    for c towards infinity those of `coulomb`. The energy of the springs is part of the entries `impact` and
+    `friction` of the energy balance and is returned there. The platen must be rigid or a bar whose impedance
+    is far above k times the area times the step: it responds one step late.
     """
 
     name = "penalty"

@@ -1,4 +1,4 @@
-"""Elements, one file each; a new element is one file and one line of `ELEMENTS`."""
+"""Elements, one file each; a further element takes one file and one entry of `ELEMENTS`."""
 
 from explicit.elements.base import Element, ElementFunctions
 from explicit.elements.fbar import FBar
@@ -10,7 +10,7 @@ __all__ = ["ELEMENTS", "Element", "ElementFunctions", "element"]
 
 
 def element(name: str) -> Element:
-    """Look an element up by name; a ValueError lists those there are if it is none."""
+    """The element of a name; raises ValueError with the valid names if there is none."""
     if name not in ELEMENTS:
         raise ValueError(f"element must be one of {sorted(ELEMENTS)}, got {name!r}")
     return ELEMENTS[name]

@@ -1,7 +1,7 @@
 """The interface of an element, and the Warp functions that elements share.
 
 An element gives Warp functions for the forces and the energy of one quadrilateral, and the array of
-reference-configuration constants that they read. The sweeps know neither its points nor its strains.
+reference-configuration constants that they read. The sweeps do not depend on its stress points or strains.
 
 Stable step: the volumetric part has a sharp bound (rank one). Stiffness and damping of the rest are bounded
 by moduli times |grad v|^2; over the corners' masses this form is a sum of squares (b . v)^2 of a few vectors
@@ -22,7 +22,7 @@ from explicit.mesh import Mesh
 from explicit.precision import Precision
 
 INVERTED = 1.0e30
-"""Step bound that an element with J <= 0 reports; no real omega^2 comes near (1e14 at most)."""
+"""Step bound of an element with J <= 0 [1/s^2]; a real omega^2 is far smaller (1e14 at most)."""
 
 
 @dataclass(frozen=True)
@@ -34,26 +34,26 @@ class ElementFunctions:
     [m^3] among them. `Element.shapes` fills an array of it."""
     read_shape: Any
     """``read_shape(constants, e, measure) -> Shape``: one element's constants from a grouped table
-    (`explicit.layout.structs.grouped`), which only `entry_function` and `entries_function` of that
-    module read; what only the step bound needs is not read unless `measure` is 1."""
+    (`explicit.layout.structs.grouped`), which only `entry_function` and `entries_function` of that module
+    read. Constants that only the step bound needs are read only if `measure` is 1."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any
     """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power, artificial)``:
     corner forces [N], the bound for the stable step [1/s^2] (0 unless `measure` is 1, `INVERTED` if the
-    element has turned inside out), the powers dissipated by the solid's damping and by hourglass
-    control [W], from the corners' displacements and velocities."""
+    element is inverted), the powers dissipated by the solid's damping and by hourglass control [W], from the
+    corners' displacements and velocities."""
     energies: Any
     """``energies(shape, solid, row, ur, uy) -> (elastic, hourglass, s)``: stored energies [J], and the
     largest s = sqrt(I1_bar - 3) of the element's stress points [-]."""
     strains: Any
     """``strains(shape, ur, uy) -> (J, s)``: the smallest of det F and its planar part over the stress points
-    [-], above 0 in an element that has not turned inside out, and the largest s [-]."""
+    [-], positive unless the element is inverted, and the largest s [-]."""
     stress_point: Any
     """``stress_point(shape, g) -> (weight, gradient_r, gradient_y, hoop)``: volume of the g-th stress point
-    [m^3], and what gives the deformation gradient there from the corners' displacements [1/m]."""
+    [m^3], and the vectors that give the deformation gradient there from the corners' displacements [1/m]."""
     n_points: int
-    """Stress points."""
+    """Number of stress points."""
 
 
 class Element(Protocol):
@@ -61,7 +61,7 @@ class Element(Protocol):
 
     @property
     def name(self) -> str:
-        """The name that `explicit.Model.element` chooses it by."""
+        """Its name in `explicit.Model.element`."""
         ...
 
     def functions(
@@ -124,8 +124,8 @@ def solid_struct(precision: Precision) -> Any:
 
 @cache
 def isochoric_factor_function(precision: Precision) -> Any:
-    """Generate ``f(J, J - 1) -> (J^(-2/3), 1 / J)`` [-], the factor that makes b isochoric, and what comes
-    with it for less than a division.
+    """Generate ``f(J, J - 1) -> (J^(-2/3), 1 / J)`` [-]: the factor that makes b isochoric, and 1 / J, which
+    costs less here than a division.
 
     Near J = 1, the range of a nearly incompressible solid, J^(-1/3) comes from a series in J - 1, corrected
     by the series of (1 - e)^(-1/3) in its own error e.
@@ -133,7 +133,7 @@ def isochoric_factor_function(precision: Precision) -> Any:
     real = precision.real
     one, third = real(1.0), real(1.0 / 3.0)
     two_ninths, next_term = real(2.0 / 9.0), real(14.0 / 81.0)
-    near_one = real(0.05)  # e is below 7e-5 there, so what the corrected series leaves out is below 1e-17
+    near_one = real(0.05)  # e is below 7e-5 there, so the terms that are neglected are below 1e-17
 
     @wp.func
     def isochoric_factor(jacobian: real, dilatation: real):
@@ -149,9 +149,9 @@ def isochoric_factor_function(precision: Precision) -> Any:
 
 @cache
 def gradient_bounds_function(precision: Precision, bound: str) -> Any:
-    """Generate ``f(w_r, w_y, b_r, b_y, c) -> (radial, axial)``: the most that |grad v|^2 can be of
-    sum v^2 / w over the corners, in radial and in axial motion, which do not couple [1/(kg m^2)]; by the
-    "trace" or by the "eigenvalue"."""
+    """Generate ``f(w_r, w_y, b_r, b_y, c) -> (radial, axial)``: upper bounds of |grad v|^2 over sum v^2 / w
+    of the corners, in radial and in axial motion, which do not couple [1/(kg m^2)]; by the "trace" or by the
+    "eigenvalue"."""
     real, vec4 = precision.real, precision.vec4
 
     @wp.func
@@ -187,11 +187,11 @@ def gradient_bounds_function(precision: Precision, bound: str) -> Any:
 
 @cache
 def shear_bound_function(law_tangent: Any, precision: Precision) -> Any:
-    """Generate ``f(rr, yy, ry, tt, row)``: the most that the second variation of U(I1_bar) can be of
-    |grad v|^2 [Pa].
+    """Generate ``f(rr, yy, ry, tt, row)``: an upper bound of the second variation of U(I1_bar) over |grad
+    v|^2 [Pa].
 
-    It is 2U' [L b L + I1/3 tr L^2 - 4/3 tr L (dev b L) - 2/9 I1 tr^2 L] and a part with U''. The law bounds b
-    and the latter; the rest, at its worst in tr L, comes here.
+    The variation is 2U' [L b L + I1/3 tr L^2 - 4/3 tr L (dev b L) - 2/9 I1 tr^2 L] and a part with U''. The
+    law bounds the term with b and the part with U''; the other terms, at the worst tr L, are added here.
     """
     real = precision.real
     one, two, third, two_thirds = real(1.0), real(2.0), real(1.0 / 3.0), real(2.0 / 3.0)

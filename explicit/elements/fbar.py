@@ -4,11 +4,11 @@ The forces are the exact gradient of
 
     W = sum_g w_g U(I1_bar(F_g)) + V K / 2 (J_m - 1)^2,    J_m = (1 / V) sum_g w_g det F_g = v / V
 
-over the 2 x 2 Gauss points: each point's own F gives the isochoric part, which F_bar = (J_m / J)^(1/3) F does
-not change, and the volume v of the deformed ring gives the pressure (Nagtegaal, Parks and Rice 1974; Simo,
-Taylor and Pister 1985). See docs/theory/solver.md for why not J at the centre. Over a full turn (2 pi R dA)
-the integrands of the weak form are of degree 2 in each local coordinate, so that two points a direction are
-exact on distorted elements and on the axis as well.
+over the 2 x 2 Gauss points. The F of each point gives the isochoric part, which F_bar = (J_m / J)^(1/3) F
+does not change; the volume v of the deformed ring gives the pressure (Nagtegaal, Parks and Rice 1974; Simo,
+Taylor and Pister 1985). docs/theory/solver.md explains why J at the centre is not used. Over a full turn (2
+pi R dA) the integrands of the weak form are of degree 2 in each local coordinate. Two points in each
+direction are therefore exact, also on distorted elements and on the axis.
 """
 
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ def fbar_point_functions(law: type, precision: Precision, bound: str) -> PointFu
         h11, h12 = wp.dot(ur, gradient_r), wp.dot(ur, gradient_y)
         h21, h22 = wp.dot(uy, gradient_r), wp.dot(uy, gradient_y)
         h33 = wp.dot(ur, hoop)
-        # J - 1 from the displacement gradient keeps its digits where K multiplies it.
+        # J - 1 from the displacement gradient has no cancellation; K multiplies it.
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
         jacobian = one + dilatation
@@ -307,7 +307,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         )  # fmt: skip
         f_r, f_y = vec4(), vec4()
         omega_squared, power = real(inverted), real(0.0)
-        # det F is linear over the element, so the centre is upright where the four points are.
+        # det F is linear over the element, so it is positive at the centre if it is at the four points.
         if wp.min(wp.min(u0, u1), wp.min(u2, u3)) > zero:
             g_r, g_y = p0 + p1 + p2 + p3, q0 + q1 + q2 + q3
             dilatation = (j0 + j1 + j2 + j3) / shape.volume
@@ -333,7 +333,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
                 stiff += wp.max(bounds[0] + turning * bounds[2], bounds[1] + turning * bounds[3])
                 damp = two * solid.shear_viscosity * wp.max(bounds[2], bounds[3])
                 damp += viscosity * rank_one + solid.mass_damping
-                # As for one point: the omega^2 of an undamped element with the same limit.
+                # As in the one-point element: the omega^2 of an undamped element with the same limit.
                 xi = half * damp / wp.sqrt(stiff)
                 factor = wp.sqrt(one + xi * xi) + xi
                 omega_squared = stiff * factor * factor

@@ -103,7 +103,8 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
 
     @wp.func
     def pattern_viscosity(shape: Shape, solid: Solid):
-        """Viscosities of the two hourglass patterns [N s/m]: of damped stiffness, and of viscous control."""
+        """Viscosities of the two hourglass patterns [N s/m]: stiffness-proportional damping plus viscous
+        control."""
         radial = shape.hourglass_r * solid.hourglass_viscosity + shape.impedance_r * solid.hourglass_impedance
         axial = shape.hourglass_y * solid.hourglass_viscosity + shape.impedance_y * solid.hourglass_impedance
         return radial, axial
@@ -132,7 +133,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         jacobian: real,
         dilatation: real,
     ):
-        """With the pressure's work on rotations, for which the trace leaves room."""
+        """Includes the pressure's work on rotations, which the trace bound covers without a separate term."""
         return (
             solid.scale * shear_bound(rr, yy, ry, tt, row)
             + wp.abs(volume_pressure(solid.bulk, jacobian, dilatation)) * jacobian
@@ -162,7 +163,8 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         dilatation: real,
         shear: real,
     ):
-        # The volumetric part is of rank one, so its bound is sharp; the rest has that of |grad v|^2.
+        # The volumetric part is of rank one, so its bound is sharp; the other parts are bounded by that of
+        # |grad v|^2.
         rank_one, hourglass, dissipated = real(0.0), real(0.0), real(0.0)
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
         for a in range(4):
@@ -205,17 +207,17 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         k33 = wp.dot(vr, shape.hoop)
         q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
         p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
-        # Hourglass: stiffness and viscosity of the part one point does not see.
+        # Hourglass control: stiffness and viscosity of the modes without strain at the stress point.
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
         g_r = shape.hourglass_r * solid.hourglass * q_r + viscous_r * p_r
         g_y = shape.hourglass_y * solid.hourglass * q_y + viscous_y * p_y
         artificial = viscous_r * p_r * p_r + viscous_y * p_y * p_y
-        # J - 1 from the displacement gradient keeps its digits where K multiplies it.
+        # J - 1 from the displacement gradient has no cancellation; K multiplies it.
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
         jacobian = one + dilatation
         omega_squared = real(0.0)
-        if jacobian <= zero or plane <= -one:  # turned inside out: it resists as if it stood at rest
+        if jacobian <= zero or plane <= -one:  # inverted: forces as in the undeformed element
             omega_squared = real(inverted)
             h11, h12, h21, h22, h33 = zero, zero, zero, zero, zero
             plane, dilatation, jacobian = zero, zero, one
@@ -246,7 +248,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         t22 = solid.scale * tau[1] + pressure + s22
         t12 = solid.scale * tau[2] + s12
         t33 = solid.scale * tau[3] + pressure + s33
-        # Corner forces from the first Piola-Kirchhoff stress, so that no gradient is pushed forward.
+        # Corner forces from the first Piola-Kirchhoff stress, with gradients in the reference configuration.
         volume = shape.volume
         w11, w12, w22 = volume * t11, volume * t12, volume * t22
         f_r = (w11 * i11 + w12 * i12) * shape.gradient_r + (w11 * i21 + w12 * i22) * shape.gradient_y

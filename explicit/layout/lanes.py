@@ -1,8 +1,7 @@
-"""Lanes of one simulation: their common operations, in native code.
+"""Lanes of one simulation: their common operations in native code.
 
-On a GPU the lanes are the threads of one block, or of the few blocks of a cluster, which may keep the
-simulation in their shared memories. On the CPU `explicit.simd` translates the lanes to those of SIMD
-registers.
+On a GPU the lanes are the threads of one block or of a cluster of a few blocks, whose shared memories may
+store the simulation. On the CPU `explicit.simd` translates the lanes to those of SIMD registers.
 """
 
 from collections.abc import Callable
@@ -28,7 +27,7 @@ MEET_IN_CLUSTER = (
 
 
 # The last warp of a GPU's block, the control warp, does the bookkeeping of each step while the others sweep
-# the elements. Totals are handed to it warp by warp and added in one order.
+# the elements. Each warp passes its totals to it; they are added in a fixed order.
 HAND_OVER = """
 #if defined(__CUDA_ARCH__)
     ACROSS
@@ -52,7 +51,8 @@ ADDED = """
     #pragma unroll
     for (int step = ALONE ? 8 : 16; step > 0; step >>= 1) x += __shfl_xor_sync(0xffffffffu, x, step);
 """
-# Numbers in the order of integers, compared upper half first: two instructions instead of five rounds.
+# Numbers are mapped to integers of the same order and compared upper half first: two instructions instead of
+# five rounds.
 LARGEST = """
     #if __CUDA_ARCH__ >= 800
     const long long bits = __double_as_longlong(x), order = bits ^ ((bits >> 63) & 0x7fffffffffffffffll);
@@ -99,12 +99,12 @@ BOUNDARY_TOTALS = """
 BLOCK = 384
 """Number of threads that share one simulation on a GPU; they divide its registers."""
 SMALL_BLOCK = 96
-"""The same if there are more simulations than multiprocessors. Four simulations share one multiprocessor:
-while the threads of one wait, those of the others continue."""
+"""The same if there are more simulations than multiprocessors. Four simulations then share one
+multiprocessor: while the threads of one wait, those of the others continue."""
 SHARING = 4
-"""How many those are."""
+"""Number of simulations that share one multiprocessor."""
 WARPS = BLOCK // 32
-"""Most warps of a block; its last one is the control warp."""
+"""Largest number of warps of a block; the last one is the control warp."""
 
 _INSIDE = f"((signed)blockDim.x - (blockDim.x < {BLOCK} ? 32 : 96))"
 _INSIDE_CLUSTER = "((signed)THREADS - 256)"
@@ -126,7 +126,7 @@ class LaneFunctions:
     enter: Any
     """``enter(control)``: every lane has started; the first function that a lane calls."""
     leave: Any
-    """``leave()``: the lanes no longer need each other; the last function that a lane calls."""
+    """``leave()``: no lane reads data of another one after this; the last function that a lane calls."""
     announce: Any
     """``announce(control, step)``: called by the control warp before it synchronises with the workers. They
     need the plan of the step, whether there is one, and the position of the support."""
@@ -134,18 +134,20 @@ class LaneFunctions:
     """``listen(control, step)``: called after synchronisation, once in every step, to read the announced
     data."""
     inform: Any
-    """``inform(control, first)``: called after synchronisation, to read the control record from a slot on."""
+    """``inform(control, first)``: called after synchronisation, to read the control record from slot
+    `first`."""
     empty_sum: Any
     """``empty_sum()``: initial value of a sum over elements or nodes."""
     add_to: Any
     """``add_to(sum, x, k)``: the sum with the share of the k-th element or node."""
     add_share: Any
-    """``add_share(sum, which, x, k)``: the same for a sum of every step over elements, the one of `Share`."""
+    """``add_share(sum, which, x, k)``: the same for a sum over elements that is made in every step; `which`
+    is a `Share`."""
     put_share: Any
     """``put_share(sum, which)``: called after the sweep over elements and before synchronisation."""
     joined: Any
-    """``joined(sum, which, n)``: the sum over n elements after synchronisation, in the order of one
-    thread."""
+    """``joined(sum, which, n)``: the sum over n elements after synchronisation, added in the order of a
+    single thread."""
     is_worker: Any
     """``is_worker(lane)``: 1 for a lane that sweeps elements."""
     n_workers: Any
@@ -153,9 +155,10 @@ class LaneFunctions:
     is_control: Any
     """``is_control(lane)``: 1 for a lane of the control warp."""
     is_writer: Any
-    """``is_writer(lane)``: 1 for the lane of the control warp that writes values written only once."""
+    """``is_writer(lane)``: 1 for the lane of the control warp that writes the values that one lane must
+    write."""
     put_total: Any
-    """``put_total(parts, k, x)``: hand over the k-th total, of every lane's x."""
+    """``put_total(parts, k, x)``: pass this lane's x to the k-th total."""
     put_largest: Any
     """``put_largest(parts, k, x)``: the same for the largest x."""
     get_total: Any
@@ -163,41 +166,40 @@ class LaneFunctions:
     get_largest: Any
     """``get_largest(parts, k)``: the k-th largest value."""
     boundary_totals: Any
-    """``boundary_totals(first, second, n)``: sums of n numbers each, over boundary nodes, on every lane of
-    the control warp."""
+    """``boundary_totals(first, second, n)``: sums of two arrays of n numbers over the boundary nodes, on
+    every lane of the control warp."""
     control_sync: Any
     """``control_sync()``: the control warp's lanes have read what they are about to write."""
     settle: Any
-    """``settle(latched)``: of a CPU's threads, who goes on with the next step; with the largest value that
-    each would leave to the others. Call it before the lanes meet at the end of a step."""
+    """``settle(latched)``: choose the CPU threads of the next step and store the largest value that each has
+    latched. Call it before the synchronisation at the end of a step."""
     regroup: Any
-    """``regroup(step, until_measured, latched)``: the same three to begin a step with. Threads of a CPU come
-    and go here (`explicit.simd.team`)."""
+    """``regroup(step, until_measured, latched)``: the same three values at the beginning of a step. CPU
+    threads join and leave here (`explicit.simd.team`)."""
     disband: Any
-    """``disband(latched)``: the loop is at its end, and what follows is done by one thread of a CPU: the
-    largest value that it and the others have latched."""
+    """``disband(latched)``: end of the loop; one CPU thread continues. Returns the largest value that any
+    thread has latched."""
     first_element: Any
     """``first_element(lane, n)``: the element of n at which a worker begins."""
     end_element: Any
-    """``end_element(n)``: the one before which it ends."""
+    """``end_element(n)``: the element before which it ends."""
     sum_first: Any
-    """``sum_first(lane)``: where a worker begins a sweep that is rare and adds up: of a CPU's threads the
-    last has all of it."""
+    """``sum_first(lane)``: where a worker begins an infrequent sweep that computes sums; on a CPU one thread
+    does all of it."""
     boundary_first: Any
     """``boundary_first(lane)``: the boundary node at which a worker begins."""
     first_inner: Any
-    """``first_inner(lane, n, adds)``: the node of n in the interior at which a worker begins. A whole block
-    keeps its last workers for the boundary, where a node takes several times as long. `adds` is 1 where the
-    sweep adds up."""
+    """``first_inner(lane, n, adds)``: the interior node, of n, at which a worker begins. In a full-size block
+    the last workers are reserved for the boundary, where a node takes several times as long. `adds` is 1 if
+    the sweep computes sums."""
     end_inner: Any
     """``end_inner(n, adds)``: the node before which it ends."""
     inner_stride: Any
-    """``inner_stride()``: how far a worker goes on there."""
+    """``inner_stride()``: distance to a worker's next interior node."""
     control_first: Any
-    """``control_first(lane)``: index at which a lane of the control warp begins a sweep of the control
-    warp."""
+    """``control_first(lane)``: index at which a lane begins a sweep of the control warp."""
     control_stride: Any
-    """``control_stride()``: how far it goes on."""
+    """``control_stride()``: distance to its next index."""
 
 
 @cache
@@ -223,7 +225,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     total, largest = native(HAND_OVER, ACROSS=DOWN), native(HAND_OVER, ACROSS=LARGEST)
     take = TAKE.replace(
         "FURTHER", "" if single_block else FURTHER
-    )  # a block has no more warps than a warp lanes
+    )  # a block has at most as many warps as a warp has lanes
     one = "1" if single_block else "0"
     take_total = native(take, ACROSS=ADDED, COMBINE=SUM, NOTHING="0.0", ALONE=one)
     take_largest = native(take, ACROSS=LARGEST, COMBINE=LARGER, NOTHING="-1e300", ALONE=one)
@@ -396,8 +398,8 @@ _MEET = f"""
 #endif
 """
 """Blocks exchange data only through their shared memories, so global memory needs no write-back and its cache
-no invalidation. After a block's threads have synchronised, their writes are complete; then one thread for
-each other block signals this. `whole` is the barrier of the hardware, which does more and takes longer."""
+no invalidation. When a block's threads have synchronised, their writes are complete, and one thread for each
+other block signals this. `whole` is the hardware's barrier, which orders more accesses and takes longer."""
 _RECORD = f"""
 #if defined(__CUDA_ARCH__)
     __shared__ unsigned long long barrier;
@@ -426,8 +428,8 @@ _RECORD = f"""
     }}
 #endif
 """
-"""Before synchronisation the last block sends the others the data they need from its record; afterwards they
-read it."""
+"""Before synchronisation the last block sends the other blocks the data that they need from its record; after
+it they read these data."""
 _BEGIN, _ANNOUNCE, _LISTEN = range(3)
 
 
@@ -474,7 +476,7 @@ _TAKE = f"""
 
 @cache
 def lanes_of_chips(blocks: int) -> LaneFunctions:
-    """The lane functions of this many blocks that have a simulation in their shared memories."""
+    """The lane functions of this many blocks that store a simulation in their shared memories."""
     parts_of: Any = wp.array(dtype=wp.float64)
 
     def native(snippet: str, **names: str) -> str:
@@ -538,15 +540,16 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
 
 
 CLUSTERS = (16, 4)
-"""Blocks that may share a simulation that does not fit into the shared memory of one, the most first."""
+"""Numbers of blocks that may share a simulation too large for the shared memory of one block, largest
+first."""
 CLUSTER_ARCH = 90
-"""Architecture from which blocks can share one."""
+"""Lowest GPU architecture on which blocks can share one."""
 CHIP_ARCHES = (90,)
-"""Architectures on which the shared memories of a cluster's blocks are known to lie as
-`explicit.layout.state` counts on; on others blocks share a simulation in global memory."""
+"""Architectures on which the shared memories of a cluster's blocks have the addresses that
+`explicit.layout.state` assumes; on others blocks share a simulation in global memory."""
 SPREAD = 0.8
-"""Share of the multiprocessors that clusters may use: each cluster lies within one group of the device, and
-the rest of a group stays free."""
+"""Share of the multiprocessors that clusters may use: a cluster lies within one group of multiprocessors, so
+a part of each group stays free."""
 
 
 def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
@@ -555,7 +558,7 @@ def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
 
 
 def supports_chip_memory(device: Any) -> bool:
-    """True if blocks can have a simulation in their shared memories on a Warp device."""
+    """True if blocks of a Warp device can store a simulation in their shared memories."""
     return bool(device.is_cuda) and device.arch in CHIP_ARCHES
 
 
@@ -569,7 +572,7 @@ def cluster_for(
     """Number of blocks that share a simulation of a batch on a Warp device: limited by the free blocks and by
     the work.
 
-    The fewest in whose shared memories it `fits`, if there are any.
+    If the shared memories of some of these numbers of blocks can store it (`fits`), the smallest of them.
     """
     if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH or n_elements <= BLOCK - 32:
         return 1

@@ -1,9 +1,9 @@
 """Layout of a simulation's state in memory, and the accessors of the time loop.
 
-On a GPU the state is in the shared memory of one block, or of the blocks of a cluster, where it fits. The
-blocks read each other's shared memory: equal places in neighbouring blocks have a constant distance in bytes,
-so that one offset reaches every node and corner force. The last block of a cluster has the boundary and the
-control record, the others a thread for every element and interior node.
+On a GPU the state is stored in the shared memory of one block, or of the blocks of a cluster, if it fits. The
+blocks of a cluster read each other's shared memory. Equal places in neighbouring blocks have a constant
+distance in bytes, so one index addresses every node and corner force. The last block of a cluster stores the
+boundary and the control record; the others have one thread for every element and interior node.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from explicit.layout.structs import CONTROL_SIZE, Structs, Total, simulation_str
 from explicit.precision import Precision
 
 ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY, ON_CHIP_CONTROL = 448, 384, 96, 272
-"""Slots in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
-elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
+"""Slots in shared memory for the state of a simulation in fp64; in fp32 there are twice as many for nodes and
+elements. Together with the memory of the reductions they fill the 48 KiB that a block has by default."""
 
 
 _FIELD = """
@@ -58,11 +58,11 @@ class StateLayout:
     """Accessors of the state of a simulation."""
 
     field: Any
-    """``field(rows, sample, offset)``: a simulation's row of an array of fields or corner forces; in shared
-    memory at an offset in numbers, where the state is on the chip."""
+    """``field(rows, sample, offset)``: a simulation's row of an array of fields or corner forces; if the
+    state is on the chip, in shared memory at `offset` numbers."""
     sums: Any
-    """``sums(rows, sample, offset)``: a simulation's row of sums of the boundary, of the control record or of
-    partial sums; in shared memory at an offset in numbers, where the state is on the chip."""
+    """``sums(rows, sample, offset)``: a simulation's row of boundary sums, of the control record or of
+    partial sums; if the state is on the chip, in shared memory at `offset` numbers."""
     remembered: Any
     """The same for the state variables of elements, which are too large for shared memory."""
     fields: Any
@@ -77,7 +77,7 @@ class StateLayout:
     element: Any
     """``element(e)``: index of the forces of an element's first corner."""
     corner_stride: Any
-    """``corner_stride(n)``: from the forces of one corner of the elements to those of the next."""
+    """``corner_stride(n)``: index distance between the forces of an element's successive corners."""
 
 
 @cache
@@ -133,7 +133,7 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
             surface.touched[b] = body.at_rest[b]
             b += wp.block_dim()
         k = lane
-        while k < n_partials:  # the control warp hands over no bound
+        while k < n_partials:  # the control warp passes no bound
             partials[k] = ZERO
             k += wp.block_dim()
         if lane == 0:  # nodes where fewer than four elements meet gather nothing from here
@@ -161,7 +161,7 @@ def on_chip_elements(precision: Precision) -> int:
 
 
 def row_function(dtype: Any, room: int, on_chip: bool) -> Any:
-    """Generate ``row(rows, sample, offset)``: a simulation's row, on the chip in a pool of so much room."""
+    """Generate ``row(rows, sample, offset)``: a simulation's row; on the chip in a pool of `room` numbers."""
     snippet = (_FIELD_ON_CHIP if on_chip else _FIELD).replace("TYPE", f"wp::{dtype.__name__}")
 
     @wp.func_native(snippet=snippet.replace("ROOM", str(room)))
@@ -187,18 +187,19 @@ def fits(n_nodes: int, n_elements: int, n_boundary: int, precision: Precision) -
 
 
 BLOCK_DISTANCE = 1 << 24
-"""Bytes from a place in the shared memory of one block of a cluster to the same in that of the next."""
+"""Distance in bytes between equal places in the shared memories of neighbouring blocks of a cluster."""
 BOUNDARY = 256
-"""Most boundary nodes: the last block has memory for them, and threads in addition to its control warp."""
+"""Largest number of boundary nodes: the last block has memory and, besides its control warp, threads for
+them."""
 
 
 def numbers_between_blocks(precision: Precision) -> int:
-    """Numbers from a place in one block's shared memory to the same in that of the next."""
+    """Distance, in real numbers, between equal places in the shared memories of neighbouring blocks."""
     return BLOCK_DISTANCE // int(precision.dtype().itemsize)
 
 
 def spread_nodes(nodes: IntArray, first_boundary: int, blocks: int, precision: Precision) -> IntArray:
-    """Index of nodes, by their place in `explicit.arguments.node_order`."""
+    """Index of nodes in the state's rows from their place in `explicit.arguments.node_order`."""
     inner = nodes // BLOCK * numbers_between_blocks(precision) + nodes % BLOCK
     return np.where(
         nodes < first_boundary,
@@ -208,7 +209,7 @@ def spread_nodes(nodes: IntArray, first_boundary: int, blocks: int, precision: P
 
 
 def spread_corners(element: IntArray, corner: IntArray, precision: Precision) -> IntArray:
-    """Index of the forces of elements' corners."""
+    """Index of the corner forces of elements in the state's rows."""
     return np.asarray(element // BLOCK * numbers_between_blocks(precision) + corner * BLOCK + element % BLOCK)
 
 

@@ -1,11 +1,11 @@
 """Arguments of the time loop as Warp structs, the control record with its slots, and grouped tables of
 constants.
 
-While the workers sweep the elements at one time, the control warp ends the step before
+While the workers sweep the elements, the control warp finishes the previous step
 (`explicit.time_loop.steps`); while they move the nodes, it plans the next one. The workers read the plan from
-the control record, which lies in shared memory on a GPU. On a CPU every lane is worker and control at once.
-Tables of the mesh's constants are grouped so that neighbouring elements or nodes lie side by side; their
-native accessors compute one address. `explicit.simd` defines them for packs.
+the control record, which is in shared memory on a GPU. On a CPU every lane is worker and control at once.
+Tables of the mesh's constants are grouped so that neighbouring elements or nodes are adjacent in memory;
+their native accessors compute one address. `explicit.simd` defines them for packs.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,8 @@ class Structs:
     State: Any
     """Fields that vary, each `[sample, node]`."""
     Output: Any
-    """Recorded histories, each `[sample, time, ...]`, and how each simulation ended, `[sample, Ending]`."""
+    """Recorded histories, each `[sample, time, ...]`, and final data of each simulation, `[sample,
+    Ending]`."""
 
 
 @cache
@@ -127,9 +128,9 @@ class SimulationStructs:
     Surface: Any
     """Contact data of its boundary nodes: contact status, impulses [N s], mass carried [kg]."""
     Step: Any
-    """The step under way: its size `dt` [s], the `interval` over which forces change the velocities [s], the
+    """The current step: its size `dt` [s], the `interval` over which forces change the velocities [s], the
     `rate` 1 / dt [1/s], the positions of the platens at its end [m] and their speeds, upwards [m/s], and
-    whether the `ledger` is due in it."""
+    whether the energies are recorded in it (`ledger`)."""
 
 
 @cache
@@ -173,13 +174,13 @@ class Control(IntEnum):
     """
 
     TIME = 0
-    """Time of the positions that the last finished step led to."""
+    """Time of the positions at the end of the last finished step."""
     STATUS = 1
-    """`explicit.response.Outcome` so far."""
+    """`explicit.response.Outcome`; 0 while no failure has occurred."""
     GOING = 2
     """1 until the simulation ends."""
     STEPS = 3
-    """Steps finished."""
+    """Number of finished steps."""
     SMALLEST_STEP = 4
     FIRST_STEP = 5
     PAST_DATA = 6
@@ -205,11 +206,11 @@ class Control(IntEnum):
     SURFACE_DUE = 18
     """Its time."""
     PLANNED = 19
-    """Row of the next record of positions, as the planned step will leave it."""
+    """Row of the next record of positions after the planned step."""
     PLANNED_DUE = 20
     """Its time."""
     FAULT = 21
-    """Outcome that ends the simulation with the step under way, or 0."""
+    """Outcome that ends the simulation with the current step, or 0."""
     VOID = 22
     """1 if the current step began after a failure and is not counted."""
     MOST_WORK = 23
@@ -225,7 +226,7 @@ class Plan(IntEnum):
     STEP = 0
     STEP_BEFORE = 1
     INTERVAL = 2
-    """Time over which the forces change the velocities: half of both steps."""
+    """Time over which the forces change the velocities: half the sum of the previous and this step."""
     PER_INTERVAL = 3
     RATE = 4
     """1 over the step [1/s]."""
@@ -239,8 +240,8 @@ class Plan(IntEnum):
 
 
 class Total(IntEnum):
-    """Numbers passed by the workers: totals of the ledger [J] first, then values monitored by the control
-    warp."""
+    """Slots of the numbers that the workers pass: totals of the energies [J] first, then values that the
+    control warp monitors."""
 
     ELASTIC = 0
     HOURGLASS = 1
@@ -272,7 +273,7 @@ class Total(IntEnum):
 
 
 class Share(IntEnum):
-    """Sums over elements of every step that threads of a CPU make together."""
+    """Slots of the sums over elements that the threads of a CPU make together in every step."""
 
     POWER = 0
     """Power lost to damping [W]."""
@@ -301,7 +302,7 @@ NO_TIME = 1.0e300
 
 
 GROUP = 32
-"""Elements or nodes whose constants lie side by side: those of a warp, or of a few packs."""
+"""Number of elements or nodes whose constants are adjacent: those of a warp, or of a few packs."""
 LOADED_BYTES = 16
 """Bytes that a thread of a GPU loads at once."""
 
@@ -355,8 +356,8 @@ def entries_function(dtype: Any) -> Any:
 
 @cache
 def entries_if_function(dtype: Any) -> Any:
-    """Generate ``entries_if(condition, table, k, e) -> vec4``: the same where `condition` is 1; elsewhere
-    they may be anything, and a GPU does not load them."""
+    """Generate ``entries_if(condition, table, k, e) -> vec4``: the same where `condition` is 1; elsewhere the
+    values are arbitrary, and a GPU does not load them."""
     Four = wp.types.vector(4, dtype)
     unwanted = f"if (condition != 1) return wp::vec_t<4, wp::{dtype.__name__}>();"
 
@@ -393,7 +394,7 @@ _FOUR_BACKWARD = """
 
 @cache
 def four_function(precision: Precision) -> Any:
-    """Generate ``four(row, place)``: four numbers that follow each other in a row without gaps.
+    """Generate ``four(row, place)``: four consecutive numbers of a row without gaps.
 
     A GPU loads them at once: `place` and the distance of rows are multiples of four.
     """
@@ -408,10 +409,10 @@ def four_function(precision: Precision) -> Any:
 
 
 def grouped(table: NDArray[Any], *, loaded: int = 0) -> NDArray[Any]:
-    """A table as `entry` and `entries` read it: from shape [constants, n] to [groups, constants * GROUP].
+    """A table of shape [constants, n] in the layout of `entry` and `entries`: [groups, constants * GROUP].
 
-    In a group every constant has those of its elements side by side, so that a pack is one load. A GPU's
-    thread loads `LOADED_BYTES` at once: with `loaded` bytes an element's next constants are adjacent.
+    In a group the values of one constant for all elements are adjacent, so that a pack is one load. A GPU's
+    thread loads `LOADED_BYTES` at once: with `loaded` bytes an element's successive constants are adjacent.
     """
     constants, n = table.shape
     groups, many = -(-n // GROUP), max(loaded // table.dtype.itemsize, 1)

@@ -1,4 +1,4 @@
-"""Material laws, one file each; `explicit.materials.law` says how one is added."""
+"""Material laws, one file each; `explicit.materials.law` explains how to add one."""
 
 from explicit.materials.law import MaterialLaw
 from explicit.materials.laws import LAWS, AnyLaw, law_class

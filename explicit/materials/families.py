@@ -20,7 +20,7 @@ b_1, b_2 in the plane, the stress
 
     (t(b_1) + t(b_2)) / 2 1 + (t(b_1) - t(b_2)) / (b_1 - b_2) (b - (b_1 + b_2) / 2 1),             (L.7)
 
-less the mean, and needs no eigenvectors. The quotient is smooth where both eigenvalues meet.
+minus the mean, and needs no eigenvectors. The quotient is smooth where both eigenvalues meet.
 """
 
 from dataclasses import dataclass

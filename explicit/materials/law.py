@@ -1,7 +1,7 @@
 """Material laws: the interface to the solver, closed-form laws, and how one is added.
 
-A law gives the isochoric part alone: the Kirchhoff stress of an isotropic hyperelastic solid. The
-volumetric part is in `explicit.materials.volumetric`, and the solver's stiffness factor multiplies both.
+A law gives the isochoric part only: the Kirchhoff stress of an isotropic hyperelastic solid. The volumetric
+part is in `explicit.materials.volumetric`, and the solver's stiffness factor multiplies both.
 
 To add a law write one file in `explicit.materials.laws` with
 
@@ -49,7 +49,7 @@ class MaterialLaw(Protocol):
 
     @property
     def data_limit(self) -> float:
-        """Largest s = sqrt(I1_bar - 3) the law has data for [-]; infinity for a closed-form law."""
+        """Largest s = sqrt(I1_bar - 3) of the law's data [-]; infinity for a closed-form law."""
         ...
 
     def parameters(self) -> FloatArray:
@@ -95,7 +95,7 @@ class ParameterSpec:
     example: float
     """A value of a soft rubber, in `unit`: a start for a fit, a number for a test."""
     meaning: str
-    """What it is, in words."""
+    """Its meaning, as text."""
     strict: bool = False
     """Whether the law is not defined, or never positive, outside: such a value is refused."""
 

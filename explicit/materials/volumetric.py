@@ -36,7 +36,7 @@ class VolumetricLaw:
     bulk: float
     """Bulk modulus K [Pa]."""
     form: Form = "quadratic"
-    """Which of the forms."""
+    """Name of the form."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.bulk < np.inf:

@@ -19,12 +19,11 @@ class PointFunctions:
 
     relax: Any
     """``relax(weight, gradient_r, gradient_y, hoop, inverse_mass_r, inverse_mass_y, scale, row, branches,
-    memory, first, stride, e, ur, uy, vr, vy, moved, interval, measure)
-    -> (f_r, f_y, done, omega_squared)``: corner forces to be added to those of the law at its instantaneous
-    stiffness `scale` [N], what was done on the branches since the last call beyond `branch_energy` [J], and
-    their share of the step bound [1/s^2]. The k-th number remembered is ``memory[(first + k) * stride + e]``,
-    0 at rest; `moved` is the step that led here, `interval` the time from the middle of that step to the
-    middle of the next [s]."""
+    memory, first, stride, e, ur, uy, vr, vy, moved, interval, measure) -> (f_r, f_y, done, omega_squared)``:
+    corner forces to be added to those of the law at its instantaneous stiffness `scale` [N], work done on the
+    branches since the last call in addition to `branch_energy` [J], and their share of the step bound
+    [1/s^2]. The k-th number remembered is ``memory[(first + k) * stride + e]``, 0 at rest; `moved` is the
+    step that led here, `interval` the time from the middle of that step to the middle of the next [s]."""
     branch_energy: Any
     """``branch_energy(weight, gradient_r, gradient_y, hoop, scale, row, branches, memory, first, stride, e,
     ur, uy)``: the part of the work done on the branches that follows from the present state [J]."""
@@ -58,7 +57,7 @@ class RateDependence(Protocol):
         ...
 
     def __len__(self) -> int:
-        """Branches."""
+        """Number of branches."""
         ...
 
     def row(self, n_branches: int) -> FloatArray:

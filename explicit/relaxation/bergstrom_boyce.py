@@ -250,7 +250,7 @@ class BergstromBoyce:
         return 1.0 + self.ratio
 
     def __len__(self) -> int:
-        """One network."""
+        """Number of networks: 1."""
         return 1
 
     def row(self, n_branches: int) -> FloatArray:

@@ -10,7 +10,7 @@ c_i are relative to the *long-term* law, which is the one a slow test measures:
 
     G(t) = G_inf [1 + sum_i c_i exp(-t / tau_i)].                                                      (V.2)
 
-The Warp functions of a stress point take the law at its instantaneous stiffness and subtract dev(F_bar q
+The Warp functions of a stress point use the law at its instantaneous stiffness and subtract dev(F_bar q
 F_bar^T), with g_i the share of that stiffness and H_i = g_i S - q_i, dq_i/dt + q_i / tau_i = g_i S / tau_i.
 The q_i are defined half a step before and after the positions, at the times of the velocities:
 
@@ -291,7 +291,7 @@ def prony_stress(law: Any, series: PronySeries, time: ArrayLike, stretch: ArrayL
 def checked_history(time: ArrayLike, stretch: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """A history as two float64 arrays.
 
-    Raises ValueError as of `prony_stress`.
+    Raises ValueError as `prony_stress`.
     """
     t, lam = np.asarray(time, dtype=float), np.asarray(stretch, dtype=float)
     if t.ndim != 1 or t.shape != lam.shape or t.size == 0:

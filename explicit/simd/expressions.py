@@ -1,7 +1,7 @@
-"""Expressions of the scalar source as C++ over lanes: values, arithmetic, Warp's functions.
+"""Translation of expressions of the scalar source to C++ over lanes: values, arithmetic, Warp's functions.
 
 A value is *uniform*, the same in every lane and a plain C++ scalar, or *varying*, one entry a lane and a C++
-vector ("pack"). Vectors of Warp are kept as their components, structs and arrays as references.
+vector ("pack"). A Warp vector is represented by its components, a struct or an array by a reference.
 """
 
 import ast
@@ -29,15 +29,16 @@ class Scalar:
     code: str
     """C++ expression without side effects: a name or a literal."""
     varying: bool = False
-    """Whether the lanes differ."""
+    """Whether its value may differ between lanes."""
     const: int | bool | None = None
-    """Its value if known to the translator."""
+    """Its value if the translator knows it, else None."""
     lane: bool = False
-    """Whether it counts up from lane to lane."""
+    """Whether it increases by one from lane to lane."""
     root: str = ""
-    """For a varying integer that is another plus a known number: the other, so that gathers share it."""
+    """For a varying integer that is another one plus a known number: name of the other one, which gathers
+    share."""
     shift: int = 0
-    """That number."""
+    """The known number."""
 
     @property
     def ctype(self) -> str:
@@ -57,12 +58,12 @@ class Vector:
     items: tuple[Scalar, ...]
     """Components, all of one kind."""
     bank: str = ""
-    """C++ array of the components where they are the partial sums over elements or nodes."""
+    """Name of the C++ array of the components if they are partial sums over elements or nodes."""
 
 
 @dataclass(frozen=True)
 class Struct:
-    """A Warp struct: a C++ reference where uniform, its loaded fields where varying."""
+    """A Warp struct: a C++ reference if uniform, its loaded fields if varying."""
 
     type: Any
     code: str = ""
@@ -73,7 +74,7 @@ class Struct:
 
 @dataclass(frozen=True)
 class Array:
-    """A Warp array of which some leading subscripts may be given already. Rows are contiguous."""
+    """A Warp array of which some leading subscripts may be known already. Rows are contiguous."""
 
     name: str
     """C++ name of the pointer to its first element; ``{name}_s{k}`` is the stride of subscript k."""
@@ -82,17 +83,17 @@ class Array:
     ndim: int
     """Number of dimensions of the whole array."""
     given: int = 0
-    """How many subscripts are given."""
+    """Number of known subscripts."""
     offset: Scalar | None = None
-    """Elements from the first one to what the given subscripts name."""
+    """Number of elements from the first one to the part with the known subscripts."""
     scratch: bool = False
-    """Whether it holds the rows of one pack only, so that the first subscript, the simulation, is implied."""
+    """Whether it holds the rows of one pack only; the first subscript, the simulation, is then implied."""
     lanes_inside: bool = False
-    """Whether the lanes of an entry of such an array lie side by side."""
+    """Whether the lanes of an entry of such an array are adjacent in memory."""
     spare: bool = False
-    """Whether a pack may be read from any of its entries on."""
+    """Whether a pack may be read beginning at any of its entries."""
     header: Any = None
-    """Entries of a row that were loaded where the row was named, by their subscript."""
+    """Entries of a row, by subscript, that were loaded where the row was assigned to a name."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class PythonObject:
 
 
 Value: TypeAlias = Scalar | Vector | Struct | Array | PythonObject | tuple
-"""Anything an expression can stand for; a tuple is what a function with several results returns."""
+"""Result of an expression; a tuple is the result of a function that returns several values."""
 Emit: TypeAlias = Callable[[str], None]
 
 
@@ -128,7 +129,7 @@ def is_struct(dtype: Any) -> bool:
 
 
 def literal(value: int | float | bool, kind: str) -> Scalar:
-    """A known number as C++ writes it."""
+    """A known number as a C++ literal."""
     if kind == "bool":
         return Scalar("bool", "true" if value else "false", const=bool(value))
     if kind == "i32":
@@ -142,26 +143,26 @@ def literal(value: int | float | bool, kind: str) -> Scalar:
 
 
 OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%"}
-"""C++ signs of the binary operations."""
+"""C++ operators of the binary operations."""
 LANE_BY_LANE = {
     **dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"), 1),
     **dict.fromkeys(("log2", "log10", "floor", "ceil", "round", "rint", "trunc"), 1),
     **dict.fromkeys(("pow", "atan2"), 2),
 }
-"""Functions of Warp that are called for one lane after the other, and how many numbers each takes."""
+"""Warp functions that are called separately for each lane, and their numbers of arguments."""
 CURES = {
     "%": "write x - y * wp.trunc(x / y)",
     "**": "write wp.pow(x, y) with real numbers of one kind",
     "select": "write wp.where(condition, if_true, if_false)",
 }
-"""What may be written instead of some that have no meaning over lanes."""
+"""Replacements of operators that are not defined over lanes, for error messages."""
 
 
 class Arithmetic:
-    """Emits one temporary an operation; a product that is added becomes a fused multiply-add.
+    """Emits one temporary for each operation; a product that is added becomes a fused multiply-add.
 
-    The compiler must not fuse operations, so all rounding is determined here and a sample gives the same bits
-    whatever shares its pack.
+    The compiler must not fuse operations: all rounding is determined here, so that a sample has the same bits
+    whichever samples share its pack.
     """
 
     lanes: int
@@ -181,12 +182,12 @@ class Arithmetic:
         self.lines.append(line)
 
     def name(self, stem: str) -> str:
-        """A fresh C++ name."""
+        """An unused C++ name."""
         self.serial += 1
         return f"{stem}_{self.serial}"
 
     def temporary(self, kind: str, code: str, varying: bool, *, lane: bool = False) -> Scalar:
-        """Name the value of an expression."""
+        """Assign an expression to a new C++ name."""
         name = self.name("t")
         self.emit(f"const {(PACK if varying else SCALAR)[kind]} {name} = {code};")
         return Scalar(kind, name, varying, lane=lane)
@@ -202,14 +203,15 @@ class Arithmetic:
         return self.pack(value) if varying else value.code
 
     def select(self, mask: Scalar, yes: Scalar, no: Scalar) -> Scalar:
-        """``yes`` where the mask holds, ``no`` elsewhere."""
+        """``yes`` where the mask is true, ``no`` elsewhere."""
         if not mask.varying and not yes.varying and not no.varying:
             return self.temporary(yes.kind, f"{mask.code} ? {yes.code} : {no.code}", False)
         code = f"op::sel({self.pack(mask)}, {self.pack(yes)}, {self.pack(no)})"
         return self.temporary(yes.kind, code, True)
 
     def refuse(self, node: ast.AST, why: str) -> TypeError:
-        """An error that names the source: file, line, what stands there, and why it cannot be translated."""
+        """An error with file and line of the source, the expression there, and why it cannot be
+        translated."""
         line = getattr(node, "lineno", None)
         place = ""
         if self.sources and line is not None:
@@ -219,13 +221,13 @@ class Arithmetic:
 
     @classmethod
     def known_functions(cls) -> list[str]:
-        """Names of the functions of Warp that have a meaning over lanes."""
+        """Names of the Warp functions that can be translated."""
         return sorted(name.removeprefix("wp_") for name in dir(cls) if name.startswith("wp_"))
 
     # ---- operations ----------------------------------------------------------------------------------
 
     def negated(self, value: Value) -> Value:
-        """Minus a number or vector."""
+        """The negative of a number or vector."""
         if isinstance(value, Vector):
             return Vector(tuple(self.negated(item) for item in value.items))  # type: ignore[misc]
         assert isinstance(value, Scalar)
@@ -280,7 +282,7 @@ class Arithmetic:
         if symbol in "/%" and right.varying and right.kind == "i32" and self.mask is not None:
             right = self.select(Scalar("bool", self.mask, True), right, literal(1, "i32"))  # idle lanes
         code = f"{self.operand(left, varying)} {symbol} {self.operand(right, varying)}"
-        # Adding anything uniform keeps the lanes in step.
+        # The sum of a lane counter and a uniform number is a lane counter.
         lane = symbol == "+" and left.lane != right.lane and (left.varying != right.varying)
         result = self.temporary(left.kind, code, varying, lane=lane)
         for one, addend in ((left, right), (right, left)):
@@ -291,11 +293,11 @@ class Arithmetic:
     # ---- functions of Warp ---------------------------------------------------------------------------
 
     def wp_max(self, a: Scalar, b: Scalar) -> Scalar:
-        """The larger; the other where one is not a number, as Warp and CUDA have it."""
+        """The larger of two numbers; if one is NaN the other one, as in Warp and CUDA."""
         return self._extreme(">", a, b)
 
     def wp_min(self, a: Scalar, b: Scalar) -> Scalar:
-        """The smaller; the other where one is not a number, as Warp and CUDA have it."""
+        """The smaller of two numbers; if one is NaN the other one, as in Warp and CUDA."""
         return self._extreme("<", a, b)
 
     def _extreme(self, sign: str, a: Scalar, b: Scalar) -> Scalar:
@@ -307,7 +309,7 @@ class Arithmetic:
         return self.temporary(a.kind, f"({y}) == ({y}) ? {extreme.code} : ({x})", varying)
 
     def wp_clamp(self, x: Scalar, low: Scalar, high: Scalar) -> Scalar:
-        """Between two bounds."""
+        """The number limited to two bounds."""
         return self.wp_min(self.wp_max(x, low), high)
 
     def wp_abs(self, x: Scalar) -> Scalar:
@@ -339,12 +341,13 @@ class Arithmetic:
         return self._of_packs("logarithm", x)
 
     def _of_packs(self, name: str, x: Scalar) -> Scalar:
-        """A function that is written for packs; of a uniform number it has the same bits."""
+        """A function that is defined for packs; a uniform number gives the same bits."""
         code = f"op::{name}({self.pack(x)})"
         return self.temporary(x.kind, code if x.varying else f"{code}[0]", x.varying)
 
     def lane_by_lane(self, name: str, *numbers: Scalar) -> Scalar:
-        """A function of Warp of real numbers, with the bits that it has of each."""
+        """A Warp function of real numbers, called for each lane, with the same bits as in the scalar
+        source."""
         if not all(x.is_float for x in numbers):
             raise self.refuse(ast.Name(f"wp.{name}"), "real numbers are wanted")
         kind = numbers[0].kind
@@ -357,18 +360,18 @@ class Arithmetic:
         return Scalar(kind, result, True)
 
     def wp_where(self, condition: Scalar, yes: Scalar, no: Scalar) -> Scalar:
-        """The first where a condition holds, the second elsewhere."""
+        """The first value where a condition is true, the second one elsewhere."""
         return self.select(condition, yes, no)
 
     def wp_isnan(self, x: Scalar) -> Scalar:
-        """True where it is not a number."""
+        """True where the value is NaN."""
         if not x.varying:
             return self.temporary("bool", f"{x.code} != {x.code}", False)
         whole = "i64v" if x.kind == "f64" else "i32v"
         return self.temporary("bool", f"op::to_mask(({whole})({x.code} != {x.code}))", True)
 
     def wp_isfinite(self, x: Scalar) -> Scalar:
-        """True where a number is neither infinite nor not a number."""
+        """True where the value is neither infinite nor NaN."""
         difference = self.temporary(x.kind, f"{x.code} - {x.code}", x.varying)
         if not x.varying:
             return self.temporary("bool", f"{difference.code} == 0", False)
@@ -377,14 +380,14 @@ class Arithmetic:
         return self.temporary("bool", f"op::to_mask(({whole})({difference.code} == {zero}))", True)
 
     def wp_dot(self, a: Vector, b: Vector) -> Value:
-        """Scalar product, from the first component on."""
+        """Scalar product, summed from the first component."""
         total: Value = self.arithmetic(ast.Mult(), a.items[0], b.items[0], ast.Constant(0))
         for x, y in zip(a.items[1:], b.items[1:], strict=True):
             total = self.fused(x, y, total, ast.Name("dot"))
         return total
 
     def wp_block_dim(self) -> Scalar:
-        """Lanes of one simulation; provided by the mapping."""
+        """Number of lanes of one simulation; provided by the mapping."""
         raise NotImplementedError
 
 
@@ -403,11 +406,11 @@ for _name, _count in LANE_BY_LANE.items():
 
 
 COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-"""C++ signs of the comparisons."""
+"""C++ operators of the comparisons."""
 
 
 class Expressions(Arithmetic):
-    """Translates a syntax tree's expressions to values, emitting what computes them."""
+    """Translates the expressions of a syntax tree to values and emits the C++ that computes them."""
 
     def expression(self, node: ast.expr) -> Value:
         """Translate any expression."""
@@ -420,31 +423,31 @@ class Expressions(Arithmetic):
         return method(node)  # type: ignore[no-any-return]
 
     def scalar(self, node: ast.expr) -> Scalar:
-        """Translate an expression that must be one number."""
+        """Translate an expression; raises TypeError unless it is one number."""
         value = self.expression(node)
         if not isinstance(value, Scalar):
             raise self.refuse(node, "a number is wanted here")
         return value
 
     def truth(self, node: ast.expr) -> Scalar:
-        """Translate an expression that must be true or false."""
+        """Translate an expression to a truth value."""
         value = self.scalar(node)
         if value.kind != "bool":
             raise self.refuse(node, "a truth value is wanted here")
         return value
 
     def lookup(self, name: str) -> Value:
-        """The value of a name; provided by the statements."""
+        """The value of a name; implemented by `explicit.simd.statements`."""
         raise NotImplementedError
 
     def call(self, thing: Any, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """The value of a call to a Warp function; provided by the statements."""
+        """The value of a call of a Warp function; implemented by `explicit.simd.statements`."""
         raise NotImplementedError
 
     # ---- leaves --------------------------------------------------------------------------------------
 
     def known(self, thing: Any) -> Value:
-        """A Python object from the source's surroundings as a value."""
+        """A Python object of the function's globals or closure as a value."""
         if isinstance(thing, bool):
             return literal(thing, "bool")
         if isinstance(thing, int):
@@ -491,11 +494,11 @@ class Expressions(Arithmetic):
         return self.temporary(kind_of(dtype), code, False)
 
     def struct_array(self, dtype: Any, code: str, owner: Struct) -> Array:
-        """An array that is a field of a struct; provided by the memory."""
+        """An array that is a field of a struct; implemented by `explicit.simd.memory`."""
         raise NotImplementedError
 
     lanes_inside = False
-    """Whether the state's entries are packs, a simulation a lane."""
+    """Whether the entries of the state are packs with one simulation in each lane."""
 
     # ---- arithmetic ----------------------------------------------------------------------------------
 
@@ -517,7 +520,7 @@ class Expressions(Arithmetic):
     def sum_or_product(
         self, operator: ast.operator, left: "ast.expr | Value", right: ast.expr, node: ast.AST
     ) -> Value:
-        """A binary operation; the left operand may be a value already (augmented assignment)."""
+        """A binary operation; in an augmented assignment the left operand is already a value."""
         if isinstance(operator, (ast.Add, ast.Sub)):
             minus = isinstance(operator, ast.Sub)
             factors = self._factors(right)
@@ -565,7 +568,7 @@ class Expressions(Arithmetic):
         return value
 
     def _and_then(self, first: Scalar, node: ast.expr, conjunction: bool) -> Scalar:
-        """The second is evaluated only where the first leaves it open: where it holds, or for `or` fails."""
+        """`and` or `or`: the second operand is evaluated only where the first does not decide the result."""
         if first.const is not None:
             return self.truth(node) if first.const == conjunction else first
         if first.varying and _is_harmless(node):
@@ -658,7 +661,7 @@ class Expressions(Arithmetic):
 
 
 def _is_harmless(node: ast.expr) -> bool:
-    """True if an expression may be evaluated where nobody asked for it: sums, products and comparisons."""
+    """True if an expression may be evaluated in lanes that do not need it: sums, products and comparisons."""
     plain = (
         ast.Compare, ast.BinOp, ast.UnaryOp, ast.Name, ast.Constant,
         ast.cmpop, ast.Add, ast.Sub, ast.Mult, ast.unaryop, ast.expr_context,

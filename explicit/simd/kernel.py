@@ -1,4 +1,4 @@
-"""From a kernel of the scalar source to a kernel that runs it in SIMD lanes on the CPU.
+"""Generates a CPU kernel that runs a kernel of the scalar source in SIMD lanes.
 
 The translated source is cached together with Warp's compiled kernels. The file's name carries the hash of
 everything the translation depends on: Warp's hash of the scalar kernel (all functions, constants and structs
@@ -119,7 +119,7 @@ _PRELUDE = """
     const i32v lane_numbers = {{{numbers}}};
     const mask everywhere = (mask)(-1);
 """
-# Neighbours in a mesh have neighbouring numbers: lanes whose places follow each other are one load.
+# Neighbours in a mesh have consecutive numbers: lanes with consecutive places need one load.
 _GATHER = """
         static inline {pack} gather(const {real}* p, i32v at, mask wanted) {{
             const i32v numbers = {{{numbers}}}, from = at - numbers;
@@ -137,7 +137,7 @@ _GATHER = """
 
 
 def prelude(lanes: int, kind: str) -> str:
-    """Types and operations for a number of lanes; masks are as wide as `kind`."""
+    """C++ types and operations for a number of lanes; masks are as wide as `kind`."""
     numbers = ", ".join(str(lane) for lane in range(lanes))
     gathers = [_GATHER.format(pack=PACK[k], real=SCALAR[k], numbers=numbers) for k in ("f64", "f32", "i32")]
     mask = "i64v" if kind == "f64" else "i32v"
@@ -157,10 +157,10 @@ TRANSLATION_FOLDER = "lanes"
 
 
 def cached_translation(time_loop: Any, choice: str, translate: Callable[[], str]) -> str:
-    """The source over lanes of a time loop: from its file, or translated and put there.
+    """The source of a time loop over lanes: read from its file, or translated and written there.
 
-    ``time_loop``: the scalar Warp kernel, alone in its module. ``choice``: mapping, lanes and precision in
-    words. ``translate``: makes the source.
+    ``time_loop``: the scalar Warp kernel, the only one of its module. ``choice``: mapping, lanes and
+    precision in words.
     """
     file = _translation_file(time_loop, choice)
     try:
@@ -172,7 +172,7 @@ def cached_translation(time_loop: Any, choice: str, translate: Callable[[], str]
 
 
 def _translation_file(time_loop: Any, choice: str) -> Path:
-    """Where the source of a time loop is kept; there is no such file before it was translated."""
+    """File of the translated source of a time loop, which need not exist yet."""
     name = sha256(time_loop.module.hash_module() + _package() + choice.encode()).hexdigest()
     return kernel_cache() / TRANSLATION_FOLDER / f"{name}.inc"
 
@@ -194,7 +194,7 @@ def _write_translation(file: Path, code: str) -> None:
 
 @cache
 def _package() -> bytes:
-    """Hash of the translator's and the time loop's source, and of Warp's version."""
+    """Bytes for the hash: the source of the translator and of the time loop, and Warp's version."""
     digest = sha256(wp.__version__.encode())
     root = Path(__file__).parents[1]
     for file in sorted(root.rglob("*.py")):
@@ -206,7 +206,7 @@ Mapping = Literal["simulation", "worker"]
 PACK_BYTES = 64
 """Bytes of a pack: one register of AVX-512, two of AVX2."""
 FLAGS = "-march=native -ffp-contract=off -mprefer-vector-width=512 -mstackrealign"
-"""Nothing is fused that the translator has not fused, so a simulation keeps its bits in any pack."""
+"""Only the translator fuses operations, so a simulation has the same bits in any pack."""
 
 
 @dataclass(frozen=True)
@@ -226,8 +226,8 @@ def lane_kernel(
 ) -> LaneKernel:
     """Generate the lanes of a time loop.
 
-    ``mapping``: "simulation": a lane is a simulation; "worker": the lanes share one simulation, which several
-    threads may. ``lanes``: lanes of a pack, a power of two.
+    ``mapping``: "simulation": each lane runs one simulation; "worker": the lanes share one simulation, and
+    several threads may share it. ``lanes``: lanes of a pack, a power of two.
     """
     arguments: dict[str, Any] = {
         name: Struct(kind, name)
@@ -277,7 +277,8 @@ def lane_kernel(
 
 
 def is_translated(time_loop: Any, precision: Precision, mapping: Mapping, lanes: int) -> bool:
-    """Whether this machine has translated a time loop, and compiled it then unless it was stopped."""
+    """Whether the translation of a time loop is cached; it is then compiled, too, unless that was
+    interrupted."""
     return _translation_file(time_loop, _choice(precision, mapping, lanes)).exists()
 
 

@@ -18,7 +18,7 @@ class Lanes(Control):
     """Common part of both mappings: a lane is worker and control at once."""
 
     side_by_side = 1
-    """Elements of one simulation that are at work at once in a thread."""
+    """Elements of one simulation that a thread processes at the same time."""
 
     def shared(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """The lane functions that are the same in both mappings."""
@@ -49,7 +49,8 @@ class Lanes(Control):
         raise self.refuse(node, "no meaning over lanes")
 
     def _boundary_total(self, numbers: Value, n: Value, node: ast.Call) -> Scalar:
-        """Sequentially, independent of the lanes, so that forces are bitwise repeatable."""
+        """Totals over boundary nodes, summed sequentially and independently of the lanes for bitwise
+        repeatable forces."""
         if not isinstance(numbers, Array) or not isinstance(n, Scalar) or n.varying:
             raise self.refuse(node, "numbers of boundary nodes and a count that all lanes share are wanted")
         name, counter, varying = self.name("sum"), self.name("c"), numbers.lanes_inside
@@ -60,16 +61,16 @@ class Lanes(Control):
         return Scalar("f64", name, varying)
 
     def hand_over(self, arguments: Sequence[Value], total: Value, node: ast.Call) -> Value:
-        """Keep a total where it is asked for."""
+        """Store a total at the requested place."""
         parts, k, _ = arguments
         self.store(self.part(parts, (k,), node), total, node)  # type: ignore[arg-type]
         return PythonObject(None)
 
 
 class LaneIsSimulation(Lanes):
-    """Every lane is a simulation; elements and nodes come one after the other.
+    """Every lane is a simulation; its elements and nodes are processed sequentially.
 
-    Fields of the state are laid out with the lanes of an entry side by side.
+    In the fields of the state the lanes of an entry are adjacent.
     """
 
     lanes_inside = True
@@ -83,7 +84,7 @@ class LaneIsSimulation(Lanes):
         return (Scalar("i32", "index", True), literal(0, "i32"))
 
     def wp_block_dim(self) -> Scalar:
-        """One worker a simulation."""
+        """One worker per simulation."""
         return literal(1, "i32")
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
@@ -155,7 +156,8 @@ class LaneIsWorker(Lanes):
         return literal(self.lanes, "i32")
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """What depends on the thread, sums and largest values over the lanes, in a fixed order."""
+        """Functions that depend on the thread, and sums and largest values over the lanes in a fixed
+        order."""
         if name == "is_control":
             return Scalar("i32", "keeps_books")
         if name == "sync":
@@ -212,7 +214,7 @@ class LaneIsWorker(Lanes):
     def _regrouped(
         self, code: str, keys: Sequence[str], arguments: Sequence[Value], node: ast.AST
     ) -> tuple[Scalar, ...]:
-        """With what this thread goes on where threads come and go."""
+        """Values with which this thread continues after threads have joined or left."""
         scalars = []
         for key, value in zip(keys, arguments, strict=True):
             number, name = self._number(value, node), self.name(key.lower())
@@ -227,20 +229,21 @@ class LaneIsWorker(Lanes):
 
     @staticmethod
     def _first_sum(which: Scalar) -> str:
-        """Where the first thread leaves its sum: behind the shares of the elements."""
+        """Place of the first thread's sum, after the shares of the elements."""
         return f"*(f64vu*)(shares + ({which.code} + 1) * shares_s0 - W)"
 
     @staticmethod
     def _share(which: Scalar, element: str) -> str:
-        """Where the shares of a pack of elements are kept."""
+        """Place of the shares of a pack of elements."""
         return f"*(f64vu*)(shares + {which.code} * shares_s0 + {element})"
 
     def _add_share(self, sofar: Scalar, which: Scalar, share: Scalar, place: Scalar, node: ast.Call) -> Value:
-        """The sum of this thread; behind the first, elements' shares are kept to be added in their order."""
+        """The sum of this thread; threads after the first store their elements' shares, which are added in
+        order later."""
         if not place.lane:
             raise self.refuse(node, "the share of an element is wanted")
         addend = share
-        if self.mask is not None:  # nothing is added where a sum began with 0
+        if self.mask is not None:  # no addition where a sum began with 0
             addend = self.select(Scalar("bool", self.mask, True), share, literal(0, "f64"))
         self.emit("if (member > 0) {")
         self.emit(f"{self._share(which, f'{place.code}[0]')} = {self.pack(addend)};")
@@ -248,7 +251,7 @@ class LaneIsWorker(Lanes):
         return self.arithmetic(ast.Add(), sofar, share, node)
 
     def _joined_sum(self, sofar: Scalar, which: Scalar, n: Scalar) -> Scalar:
-        """In the last thread the whole sum, in the order of one."""
+        """In the thread that does the control work the complete sum, in the order of a single thread."""
         total, at = self.name("sum"), self.name("c")
         self.emit(f"f64v {total} = {self.pack(sofar)};")
         self.emit("if (keeps_books && members > 1) {")
@@ -261,7 +264,7 @@ class LaneIsWorker(Lanes):
     # ---- what is handed over -------------------------------------------------------------------------
 
     def _hand_over(self, name: str, arguments: Sequence[Value], node: ast.Call) -> None:
-        """A total, which one thread knows, or the largest value of every thread."""
+        """Pass a total, which one thread computes, or the largest value of every thread."""
         parts, k, value = arguments
         if self.mask is not None or not isinstance(value, Scalar):
             raise self.refuse(node, "every lane must take part")

@@ -1,9 +1,9 @@
 """Reading and writing Warp arrays from lanes, and loops over tables in two passes.
 
-An element's chain of operations is longer than what a core looks ahead. A loop that looks up a table is
-therefore divided: a few elements together do first one half, to the place in the table, then the other. Each
-half is short enough that two elements overlap. Every operation is that of the loop in one pass, and so are
-the bits.
+The operations of one element form a chain that is longer than the instruction window of a core. A loop with a
+table lookup is therefore divided in two passes. For a few elements the first pass does the operations up to
+the place in the table, the second pass those after it. Each pass is short enough that two elements overlap.
+The operations are the same as in one pass, so the results are bitwise equal.
 """
 
 import ast
@@ -30,10 +30,10 @@ from explicit.simd.expressions import (
 )
 
 BLOCK = 8
-"""Turns of the loop that go together. Measured: 4 to 8 alike, 2 slower than one pass; what 16 and more keep
-(35 packs each) leaves no room for the state in a core's first cache."""
+"""Iterations of the loop in one block. Measured: 4 and 8 are equally fast, 2 is slower than one pass. With 16
+or more, the stored values (35 packs each) push the state out of a core's first-level cache."""
 LOOKED_UP = "// from here on the place in a table is known"
-"""A line of the generated source: where a loop may be divided."""
+"""Line of the generated source that marks where a loop may be divided."""
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _CONSTANT = re.compile(r"const (auto&|\w+) (\w+) = (.*);")
@@ -53,36 +53,36 @@ class Loop:
     """A generated loop over elements, ``while (true) { head; first; second; step }``."""
 
     head: Sequence[str]
-    """Its condition, and how it is left."""
+    """Lines with the condition and the exit."""
     first: Sequence[str]
-    """To the place in the table."""
+    """Lines up to the place in the table."""
     second: Sequence[str]
-    """From there on."""
+    """Lines after it."""
     step: Sequence[str]
-    """How the counter goes on."""
+    """Lines that increase the counter."""
     counter: str
     """C++ name of the counter."""
     kinds: Mapping[str, str]
-    """C++ types of the variables that outlive a turn."""
+    """C++ types of the variables that are kept after an iteration."""
 
 
 @dataclass
 class _FirstPass:
-    """What the first pass defines."""
+    """Names that the first pass defines."""
 
     kinds: dict[str, str] = field(default_factory=dict)
-    """C++ type of each name that it gives a value."""
+    """C++ type of each name that is assigned."""
     once: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """Line and value of each name that it gives one value, where all lanes are at work."""
+    """Line and value of each name that is assigned once, with all lanes active."""
     given: dict[str, int] = field(default_factory=dict)
-    """How often each gets a value."""
+    """Number of assignments of each name."""
 
 
 def divided(loop: Loop) -> tuple[list[str], list[str]] | None:
-    """Declarations and lines of a loop in two passes, or None where its turns depend on each other.
+    """Declarations and lines of a loop in two passes, or None if its iterations depend on each other.
 
-    They do not if the first half writes nothing but its own variables, reads none that the second half
-    assigns, and no array that it writes to.
+    They are independent if the first half writes only its own variables and reads no variable or array that
+    the second half writes.
     """
     first_pass = _first_pass(loop)
     if first_pass is None or _depend(loop, first_pass):
@@ -106,7 +106,7 @@ def divided(loop: Loop) -> tuple[list[str], list[str]] | None:
 
 
 def _first_pass(loop: Loop) -> _FirstPass | None:
-    """What the head and the first half define; None if they do anything else."""
+    """Names that the head and the first half define; None if these do anything but define names."""
     result, depth = _FirstPass(), 0
     for line in (*loop.head, *loop.first):
         if line.endswith(" break;"):
@@ -127,7 +127,7 @@ def _first_pass(loop: Loop) -> _FirstPass | None:
         if name == loop.counter:
             return None
         result.given[name] = result.given.get(name, 0) + 1
-        if depth == 0 or name in loop.kinds:  # others are not known outside their braces
+        if depth == 0 or name in loop.kinds:  # others are not defined outside their braces
             result.kinds[name] = kind
         if depth == 0 and value:
             result.once[name] = (line, value)
@@ -138,13 +138,13 @@ def _first_pass(loop: Loop) -> _FirstPass | None:
 
 
 def _depend(loop: Loop, first_pass: _FirstPass) -> bool:
-    """Whether the first half reads what the second half of a turn before has written."""
+    """Whether the first half reads something that the second half of the previous iteration has written."""
     written = {name for name in map(_written, loop.second) if name} - {loop.counter}
     return bool(written & _read_before_assignment((*loop.head, *loop.first)))
 
 
 def _written(line: str) -> str:
-    """The variable or the array that a line writes to, if it is not its own."""
+    """The variable or array outside this iteration that a line writes to."""
     if _CONSTANT.fullmatch(line) or _LOCAL.fullmatch(line) or _BRACES.fullmatch(line):
         return ""
     names = _NAME.findall(_LANES_OF.sub("", line).partition(" = ")[0])
@@ -152,7 +152,7 @@ def _written(line: str) -> str:
 
 
 def _read_before_assignment(lines: Sequence[str]) -> set[str]:
-    """Names that lines read and have not given a value before in every lane."""
+    """Names that lines read before they are assigned in every lane."""
     read: set[str] = set()
     assigned: set[str] = set()
     depth = 0
@@ -167,7 +167,8 @@ def _read_before_assignment(lines: Sequence[str]) -> set[str]:
 
 
 def _handed_over(loop: Loop, first_pass: _FirstPass) -> tuple[list[str], list[str]]:
-    """Names to be kept for the second half, in the order in which it reads them, and lines read again."""
+    """Names to be stored for the second half, in the order in which it reads them, and lines to be
+    repeated."""
     stored: list[str] = []
     repeated: list[str] = []
     visited: set[str] = {loop.counter}
@@ -192,7 +193,7 @@ def _handed_over(loop: Loop, first_pass: _FirstPass) -> tuple[list[str], list[st
 
 
 def _from_memory(name: str, loop: Loop, first_pass: _FirstPass) -> bool:
-    """Whether a value is a number from memory, at a place that is known without the first half."""
+    """Whether a value is a number in memory at a place that does not depend on the first half."""
     if name == loop.counter or name not in first_pass.kinds:
         return True
     if name not in first_pass.once:
@@ -205,7 +206,7 @@ def _from_memory(name: str, loop: Loop, first_pass: _FirstPass) -> bool:
 
 ZERO = literal(0, "i32")
 WITH_SPARE = ("Body", "State")
-"""Structs whose arrays hold at least as many further entries behind every row as a pack has lanes."""
+"""Structs whose arrays have at least as many unused entries after every row as a pack has lanes."""
 
 
 def _grouped(table: str, k: str, e: str) -> str:
@@ -213,7 +214,7 @@ def _grouped(table: str, k: str, e: str) -> str:
 
 
 class Memory(Expressions):
-    """Subscripts: uniform, side by side over the lanes, or gathered lane by lane."""
+    """Translates subscripts: uniform, adjacent over the lanes, or gathered lane by lane."""
 
     arrays: dict[str, str]
     written: set[str]
@@ -273,7 +274,7 @@ class Memory(Expressions):
         return self.load(array)
 
     def part(self, owner: Array, places: tuple[Any, ...], node: ast.AST) -> Array:
-        """An array with further subscripts given."""
+        """An array with further known subscripts."""
         if not all(isinstance(place, Scalar) and place.kind == "i32" for place in places):
             raise self.refuse(node, "a subscript is an integer")
         if owner.given + len(places) > owner.ndim:
@@ -281,7 +282,7 @@ class Memory(Expressions):
         offset = owner.offset
         for k, place in enumerate(places, start=owner.given):
             if k == 0 and owner.scratch:
-                continue  # there are only this pack's own rows
+                continue  # the array holds only the rows of this pack
             step = place
             if k < owner.ndim - 1:
                 stride = Scalar("i32", f"{owner.name}_s{k}")
@@ -299,7 +300,7 @@ class Memory(Expressions):
         """The k-th constant of element or node e of a grouped table
         (`explicit.layout.structs.entry_function`).
 
-        Lanes in step begin at a multiple of their number, so that a group holds them all.
+        Consecutive lanes begin at a multiple of their number, so they lie in one group.
         """
         table, row, column = arguments
         if not isinstance(table, Array) or not isinstance(row, Scalar) or not isinstance(column, Scalar):
@@ -321,9 +322,9 @@ class Memory(Expressions):
         return self.temporary(kind, f"{table.name}[{_grouped(table.name, row.code, column.code)}]", False)
 
     def four(self, arguments: Sequence[Value], node: ast.AST) -> Vector:
-        """Four numbers that follow each other in a row.
+        """Four consecutive numbers of a row.
 
-        Where the lanes differ, one load a lane and a transposition, which costs less than four gathers.
+        If the place varies: one load for each lane and a transposition, which costs less than four gathers.
         """
         row, place = arguments
         if not isinstance(row, Array) or not isinstance(place, Scalar) or row.lanes_inside:
@@ -339,7 +340,7 @@ class Memory(Expressions):
         self.emit(LOOKED_UP)
         for lane in range(self.lanes):
             self.emit(f"const {quad} {name}_{lane} = *(const {quad}*)({array.name} + {offset.code}[{lane}]);")
-        # Every fourth row side by side, then four by four numbers transposed in each quarter.
+        # Every fourth row is placed side by side, then each quarter is transposed as a 4 x 4 block.
         rows = [self._joined([f"{name}_{lane}" for lane in range(k, self.lanes, 4)]) for k in range(4)]
         firsts, pairs = range(0, self.lanes, 4), []
         for k in (0, 2):
@@ -355,7 +356,7 @@ class Memory(Expressions):
         return Vector(tuple(items))
 
     def _joined(self, parts: list[str]) -> str:
-        """Vectors of equal length one behind the other."""
+        """Concatenation of vectors of equal length."""
         width = 4
         while len(parts) > 1:
             width *= 2
@@ -364,14 +365,14 @@ class Memory(Expressions):
         return parts[0]
 
     def _shuffled(self, first: str, second: str, chosen: Sequence[int]) -> str:
-        """Chosen entries of two vectors, counted through both."""
+        """Chosen entries of two vectors, numbered through both."""
         name = self.name("p")
         places = ", ".join(map(str, chosen))
         self.emit(f"const auto {name} = __builtin_shufflevector({first}, {second}, {places});")
         return name
 
     def _further(self, offset: Scalar, step: Scalar, node: ast.AST) -> Scalar:
-        """The sum of two offsets, with what is known of it kept apart."""
+        """The sum of two offsets, with its known part stored separately."""
         root = replace(step, code=step.root, const=None, root="", shift=0) if step.root else step
         total = self.arithmetic(ast.Add(), offset, root, node)
         if step.root:
@@ -408,13 +409,13 @@ class Memory(Expressions):
         return Scalar(kind, name, True)
 
     def _harmless(self, offset: Scalar) -> str:
-        """A varying offset; that of idle lanes is 0."""
+        """A varying offset; 0 in idle lanes."""
         if self.mask is None:
             return offset.code
         return self.select(Scalar("bool", self.mask, True), offset, ZERO).code
 
     def _element(self, array: Array, size: int, component: int, *, write: bool = False) -> str:
-        """The element of lane l; idle lanes read a harmless one."""
+        """The element of lane l; idle lanes read a valid one."""
         offset = array.offset or ZERO
         root, shift = offset.root or offset.code, offset.shift if offset.root else 0
         if self.mask is not None and not write:
@@ -450,7 +451,7 @@ class Memory(Expressions):
     # ---- writing -------------------------------------------------------------------------------------
 
     def store(self, array: Array, value: Value, node: ast.AST) -> None:
-        """Write an element, in the lanes that are at work."""
+        """Write an element in the active lanes."""
         if not isinstance(value, Scalar):
             raise self.refuse(node, "one number is written at a time")
         if is_struct(array.dtype) or is_vector(array.dtype) or array.given < array.ndim:

@@ -1,7 +1,7 @@
-"""Statements of the scalar source over lanes: functions in place, assignments, branches and loops.
+"""Translation of statements of the scalar source over lanes: inlined functions, assignments, branches, loops.
 
 Input: the syntax tree of a Warp function. Output: lines of C++ over packs. Where lanes disagree on a branch
-or a loop, a mask says which of them are active.
+or a loop, a mask marks the active ones.
 """
 
 import ast
@@ -33,7 +33,7 @@ Path = tuple[str, ...]
 
 @dataclass
 class Variable:
-    """A name of the source that is assigned: one C++ variable for each component."""
+    """A variable of the source: one C++ variable for each component."""
 
     names: tuple[str, ...]
     kind: str
@@ -54,14 +54,14 @@ def source_of(function: Any) -> ast.FunctionDef:
 
 
 class Statements(Memory):
-    """Functions are put in place; a branch on which the lanes disagree runs under a mask.
+    """Translates statements: functions are inlined; a branch on which the lanes disagree runs under a mask.
 
-    A variable that is assigned where only some lanes are at work must be varying, which can turn
-    others varying. `translate` repeats the translation until no variable changes.
+    A variable that is assigned while only some lanes are active must be varying, which can make others
+    varying. `translate` repeats the translation until no variable changes.
     """
 
     own: frozenset[str] = frozenset()
-    """Lane functions that the mapping defines."""
+    """Names of the lane functions that the mapping defines."""
 
     def __init__(self, lanes: int) -> None:
         super().__init__()
@@ -74,7 +74,7 @@ class Statements(Memory):
         self.lane_loops: dict[str, Variable] = {}
 
     def translate(self, function: Any, arguments: dict[str, Value]) -> str:
-        """Translate a function of no result until the kinds of its variables change no more."""
+        """Translate a function without result; repeated until the kinds of its variables are stable."""
         sizes: tuple[int, ...] = ()
         while sizes != self._known_so_far():
             sizes = self._known_so_far()
@@ -101,7 +101,7 @@ class Statements(Memory):
     # ---- functions -----------------------------------------------------------------------------------
 
     def function(self, function: Any, arguments: Sequence[Value]) -> Value | None:
-        """Put a function's body here and return what it returns."""
+        """Inline the body of a function and return its result."""
         tree = source_of(function)
         closure = inspect.getclosurevars(function)
         self.instances += 1
@@ -122,7 +122,7 @@ class Statements(Memory):
         return result
 
     def call(self, thing: Any, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """Put a Warp function in place."""
+        """Inline a Warp function."""
         if not isinstance(thing, wp.Function) or thing.is_builtin():
             raise self.refuse(node, self._no_meaning(thing))
         name = thing.func.__name__ if thing.func is not None else ""
@@ -138,11 +138,11 @@ class Statements(Memory):
         return f"wp.{thing.key} has no meaning over lanes; {instead}"
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """Functions that the lanes of one simulation carry out together; provided by the mapping."""
+        """A function that the lanes of one simulation execute together; provided by the mapping."""
         raise NotImplementedError
 
     def block(self, body: Sequence[ast.stmt]) -> None:
-        """Statements in order; a return is only the last of a function."""
+        """Translate statements in order; a return must be the last statement of a function."""
         for statement in body:
             method = getattr(self, "_do_" + type(statement).__name__.lower(), None)
             if method is None:
@@ -152,11 +152,11 @@ class Statements(Memory):
     # ---- names ---------------------------------------------------------------------------------------
 
     def lookup(self, name: str) -> Value:
-        """A variable of this function, or what its surroundings call so."""
+        """A variable of this function, or an object of its globals or closure."""
         variable = self.scopes[-1].get(name)
         if isinstance(variable, Variable):
             if variable.birth != self.path[: len(variable.birth)]:
-                self.outliving.add(variable.key)  # lanes that went elsewhere since must keep theirs
+                self.outliving.add(variable.key)  # lanes that are inactive since then must keep theirs
             items = tuple(
                 Scalar(variable.kind, c, variable.varying, lane=variable.lane) for c in variable.names
             )
@@ -166,7 +166,7 @@ class Statements(Memory):
         return self.known(self.surroundings[-1][name])
 
     def assign_name(self, name: str, value: Value, node: ast.AST) -> None:
-        """Give a name a value."""
+        """Assign a value to a name."""
         scope = self.scopes[-1]
         if isinstance(value, Array):
             scope[name] = self._with_header(name, value)
@@ -189,12 +189,12 @@ class Statements(Memory):
             scope[name] = variable
         if items[0].kind != variable.kind or len(items) != len(variable.names):
             raise self.refuse(node, f"{name} changes from {variable.kind} to {items[0].kind}")
-        # Where fewer lanes are at work than when it got its first value, the others keep theirs.
+        # If fewer lanes are active than at the first assignment, the others keep their values.
         outside = variable.birth[: len(self.path)] != self.path
         if any(item.varying for item in items) or (self.mask is not None and outside):
             self.varying_names.add(key)
             variable.varying = True
-        # Lanes that stay behind are out of step, but for those that leave a loop over lanes.
+        # Inactive lanes break the count from lane to lane, except lanes that leave a loop over lanes.
         behind = self.mask is not None and outside and self.lane_loops.get(self.mask) is not variable
         if variable.lane and (behind or not all(item.lane for item in items)):
             self.out_of_step.add(key)
@@ -210,7 +210,7 @@ class Statements(Memory):
                 self.emit(f"{target} = {new};")
 
     def _with_header(self, name: str, array: Array) -> Array:
-        """Load the entries of a varying row that are asked for by known numbers, once, here."""
+        """Load once, here, the entries of a varying row that are read with known subscripts."""
         varying = array.offset is not None and array.offset.varying
         constant = not array.lanes_inside and array.name not in self.written
         if array.ndim - array.given != 1 or not varying or not constant or array.header is not None:
@@ -263,7 +263,7 @@ class Statements(Memory):
 
 
 class _Header(dict[int, Value]):
-    """Known entries of a row; asking for another notes it for the next round."""
+    """Loaded entries of a row; a missing one is noted and loaded in the next translation."""
 
     def __init__(self, rows: set[int]) -> None:
         super().__init__()
@@ -276,7 +276,8 @@ class _Header(dict[int, Value]):
 
 
 class Control(Statements):
-    """A branch that some lanes take, and a loop that some lanes leave early, run under a mask."""
+    """Translates branches that some lanes take and loops that some lanes leave early: both run under a
+    mask."""
 
     # ---- branches ------------------------------------------------------------------------------------
 
@@ -292,12 +293,12 @@ class Control(Statements):
                 self.block(node.orelse)
             self.emit("}")
         else:
-            branch = self._under(condition.code, node.body)  # the body may change what the condition reads
+            branch = self._under(condition.code, node.body)  # the body may change the condition
             if node.orelse:
                 self._under(f"~{branch}", node.orelse)
 
     def _under(self, condition: str, body: Sequence[ast.stmt]) -> str:
-        """A body in the lanes where a condition holds, if there are any; returns their mask."""
+        """Execute a body in the lanes where a condition is true, if there are any; returns their mask."""
         self.masks += 1
         mask, outer = f"m{self.masks}", self.mask
         self.emit(f"const mask {mask} = {condition if outer is None else f'{outer} & {condition}'};")
@@ -334,7 +335,7 @@ class Control(Statements):
             self.block(node.body[-1:])
             self.mask, self.path = outer, self.path[:-1]
             if counter is not None:
-                counter.lane = False  # lanes that left stayed behind
+                counter.lane = False  # lanes that left the loop remained inactive
         else:
             start = len(self.lines)
             self.emit("while (true) {")
@@ -351,7 +352,7 @@ class Control(Statements):
             self._divide(start, body, step, node)
 
     def _counts(self, node: ast.While) -> bool:
-        """Whether a loop is ``while k < n`` and its last statement takes k on."""
+        """Whether a loop is ``while k < n`` and its last statement increases k."""
         test, last = node.test, node.body[-1]
         if not (isinstance(test, ast.Compare) and isinstance(test.left, ast.Name)):
             return False
@@ -360,7 +361,7 @@ class Control(Statements):
         return last.target.id == test.left.id
 
     def _divide(self, start: int, body: int, step: int, node: ast.While) -> None:
-        """Put a loop that looks up one table in two passes."""
+        """Divide a loop with one table lookup into two passes."""
         lines, depth, places = self.lines, 0, []
         for k in range(body, step):
             if depth == 0 and lines[k] == LOOKED_UP:
@@ -383,7 +384,8 @@ class Control(Statements):
             self.arrays.update((line, line) for line in declared)
 
     def _lane_counter(self, test: ast.expr) -> Variable | None:
-        """The variable of a loop ``while k < n``: the first lane, where it begins, is the last to leave."""
+        """The counter of a loop ``while k < n`` over lanes; the first lane is the last one to leave the
+        loop."""
         if not (isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Lt)):
             return None
         if not isinstance(test.left, ast.Name) or self.scalar(test.comparators[0]).varying:
@@ -397,7 +399,7 @@ class Control(Statements):
             raise self.refuse(call, "a loop goes over a range")
         if len(call.args) > 2 or call.keywords or node.orelse or not isinstance(node.target, ast.Name):
             raise self.refuse(node, "a range has one or two bounds, and its loop no else")
-        # Held: the body may change what the bounds were made of.
+        # Stored, because the body may change the operands of the bounds.
         bounds: list[Scalar] = [self._in_temporary(self.scalar(argument)) for argument in call.args]  # type: ignore[misc]
         if any(bound.kind != "i32" for bound in bounds):
             raise self.refuse(call, "bounds are integers")

@@ -20,31 +20,31 @@ from explicit.arguments import SPARE
 from explicit.layout.structs import Share, Total
 
 MOST_SEATS = 8
-"""Most threads that share a simulation. There is room for the largest values of `lanes.WARPS`."""
+"""Largest number of threads that share a simulation. There is memory for the largest values of
+`lanes.WARPS`."""
 LINE = 32
-"""Words from one to the next: two lines of a cache, for they are fetched in pairs."""
+"""Distance between words: two cache lines, which a processor fetches in pairs."""
 MET, LATE, STATE, RANK, ALL, FINISHED, WORDS = (row * MOST_SEATS * LINE for row in range(7))
-"""Places of words. By a thread's rank in the team: how often it has met the others, and whether it was late.
-By its seat: whether it is away (0), ready (1), chosen (2) or in the team (3), and its rank. Of all: how many
-they are, for one that comes the step, the steps until the bound is measured and the meetings so far, and
-whether one has to leave. Then whether the simulation is at its end."""
+"""Positions of words. By a thread's rank in the team: number of its synchronisations, and whether it was
+late. By its seat: state, which is away (0), ready (1), chosen (2) or in the team (3), and rank. For all
+threads: size of the team; for a joining thread the step, the steps until the bound is measured and the number
+of synchronisations; whether a thread must leave. The last word marks the end of the simulation."""
 SIZE, STEP, UNTIL, COUNT, LEAVING = (ALL + k for k in range(5))
 PATIENCE, READY = 1000, 5000
-"""Looks at another thread's word before it is late, and of a thread that waits for a call before it gives its
-core away: 10 to 40 ns each."""
+"""Polls of another thread's word after which that thread is late, and polls of a waiting thread after which
+it releases its core: 10 to 40 ns each."""
 PATIENCE_EACH, READY_EACH = 1, 4
-"""More of them for each element of the mesh, which takes one thread as long as a look: a thread is late when
-it takes longer than one alone would, and some steps pass while it waits for a call."""
+"""Additional polls for each element of the mesh; an element takes about as long as a poll. A thread is
+therefore late if it needs longer than a single thread would, and it waits some steps for a call."""
 MOST_LOOKS = 1 << 22
-"""Most of either, some 50 ms."""
+"""Largest number of polls, about 50 ms."""
 NAP, LONGEST_NAP, PIECE, WAIT = 5000, 160000, 500, 20
 """First and largest time for which a thread leaves, while it occasionally checks for the end of the
 simulation, and the time between two checks of a late thread [us]."""
 UNIT = 1000 if sys.platform == "win32" else 1
-"""Unit of the system's naps [us]."""
+"""Unit of the system's sleep times [us]."""
 PAYS = 1000
-"""Number of synchronisations after which membership in the team has paid off, and the next absence is short
-again."""
+"""Number of synchronisations in the team after which a thread's next absence is short again."""
 
 
 @wp.struct
@@ -54,13 +54,13 @@ class Team:
     seat: int
     """0 for the thread that does the control work."""
     seats: int
-    """How many there are."""
+    """Number of seats."""
     room: int
-    """Numbers of each sum in `shares`."""
+    """Size of each sum in `shares` [numbers]."""
     patience: int
-    """Looks at another thread's word before it is late."""
+    """Polls of another thread's word after which that thread is late."""
     ready: int
-    """Looks of a thread that waits for a call before it gives its core away."""
+    """Polls of a waiting thread after which it releases its core."""
     nap: wp.uint64
     """Address of a function that yields the core to other threads for a time [us]."""
     words: wp.array(dtype=wp.int32)  # type: ignore[valid-type]
@@ -168,12 +168,12 @@ TEAM_CODE = f"""
 """
 """C++ code at the beginning of a time loop whose lanes share a simulation."""
 MEET = "if (members > 1) team_op::meet(words, member, members, ++meetings, team.patience, nap);"
-"""C++ of a meeting."""
+"""C++ code of a synchronisation."""
 SETTLE = """
     if (keeps_books && seats > 1) team_op::choose(words, seats, members);
     if (!keeps_books) latched_of[member * 16] = op::most(LATCHED);
 """
-"""C++ before the meeting that ends a step."""
+"""C++ code before the synchronisation at the end of a step."""
 INHERIT = """
     for (int rank = 0; rank < members - 1; ++rank) { // what those that leave have latched
         const f64v other = (f64v)(latched_of[rank * 16]);
@@ -205,7 +205,7 @@ REGROUP = f"""
         member = words[{RANK} + seat * {LINE}];
     }}
 """
-"""C++ of the beginning of a step, where threads come and go."""
+"""C++ code at the beginning of a step, where threads join and leave."""
 DISBAND = f"""
     if (!keeps_books) return;
     {INHERIT}
@@ -215,7 +215,7 @@ DISBAND = f"""
 """
 """C++ code at the end of the loop: one thread completes the work."""
 TOTALS = int(Total.COUNT)
-"""Values from those that one thread has handed over to those of the next."""
+"""Distance between the values that successive threads pass."""
 
 
 class Seats:
@@ -240,7 +240,7 @@ class Seats:
         return team
 
     def close(self) -> None:
-        """Dismiss the threads that wait for a call."""
+        """End the threads that wait for a call."""
         self.words.numpy()[FINISHED] = 1
 
 
@@ -265,15 +265,15 @@ def nap_function() -> int:
 
 
 ELEMENTS_EACH = 768
-"""Fewest elements of a thread: with fewer, synchronisation is too frequent."""
+"""Smallest number of elements of a thread: with fewer, synchronisation is too frequent."""
 
 
 class SharedRun:
-    """One launch, of one simulation or of a pack.
+    """One launch: a simulation or a pack of simulations.
 
-    ``begin``: makes the launch when it is its turn: to be called with the argument of each thread, see
-    `explicit.simd.team`. ``count``: simulations of the launch. ``n_elements``: elements of a simulation that
-    several threads can share, 0 for others. ``where``: the Warp device.
+    ``begin``: called when the launch begins; returns the function to call with the argument of each thread.
+    ``count``: simulations of the launch. ``n_elements``: elements of a simulation that several threads can
+    share, 0 for others. ``where``: the Warp device.
     """
 
     def __init__(
@@ -285,12 +285,13 @@ class SharedRun:
         self._begun: Future[tuple[Callable[[Any], None], Seats] | None] = Future()
 
     def offer(self, threads: int) -> Sequence[Callable[[], None]]:
-        """Let this many threads share it: what those do that join, before or after it begins."""
+        """Allow a number of threads to share the launch; returns the functions of the joining threads, which
+        may be called before or after it begins."""
         self._seats = max(1, min(threads, self._n_elements // ELEMENTS_EACH, MOST_SEATS))
         return [lambda seat=seat: self._join(seat) for seat in range(1, self._seats)]  # type: ignore[misc]
 
     def run(self) -> int:
-        """Run it whole; how many simulations these were."""
+        """Run the launch completely; returns its number of simulations."""
         try:
             launch = self._begin()
             if self._seats == 1:

@@ -1,1 +1,1 @@
-"""The time loop of one simulation, whole, inside one kernel; `explicit.time_loop.kernel` is its story."""
+"""The complete time loop of one simulation inside one kernel; begin with `explicit.time_loop.kernel`."""

@@ -1,14 +1,14 @@
-"""Sweeps over a simulation's elements: corner forces, relaxation, energies, and the signs of failure.
+"""Sweeps over a simulation's elements: corner forces, relaxation, energies, and the detection of failure.
 
-A relaxing law enters at its instantaneous stiffness; the relaxation functions subtract what the branches have
-relaxed since. Every `CHECK_EVERY` steps the specimen's motion is checked: a run has *diverged* when the
-specimen moves with more energy than the platens ever gave it. It starts at rest and stores no less than
-nothing, so
+The corner forces of a relaxing law use its instantaneous stiffness; the relaxation functions subtract the
+stress that the branches have relaxed. Every `CHECK_EVERY` steps the specimen's motion is checked: a run has
+*diverged* when the kinetic energy exceeds the largest work that the platens have done so far. The specimen
+starts at rest and its stored energy is never negative, so
 
     E_kin(t) <= max over t' <= t of W(t')
 
-whatever the material, the mesh and the contact; `MOTION_LIMIT` leaves room for the error of the time step.
-After a failure the element is searched once.
+for every material, mesh and contact; `MOTION_LIMIT` leaves a margin for the error of the time step. After a
+failure one search finds the element that caused it.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class CornerFunctions:
     nodes: Any
     """``nodes(body, e) -> vec4i``: the corner nodes of element e."""
     values: Any
-    """``values(field, corners) -> vec4``: a field there."""
+    """``values(field, corners) -> vec4``: a field at the corner nodes."""
 
 
 @cache
@@ -102,7 +102,8 @@ def sweep_functions(
         lane: int,
         measure: int,
     ):
-        """Corner forces of this lane's elements; the largest omega^2; powers lost, as of the element."""
+        """Corner forces of this lane's elements, their largest omega^2, and the sums of
+        `ElementFunctions.forces`' powers."""
         worst, power, artificial = real(0.0), empty_sum(), empty_sum()
         stride = corner_stride(body.n_elements)
         e = first_element(lane, body.n_elements)
@@ -169,13 +170,13 @@ class RelaxationFunctions:
 
     sweep: Any
     """``sweep(body, solid, row, branches, memory, control, step, fields, lane, measure)``: subtract the
-    forces of what has relaxed from the corners; returns the largest omega^2 of theirs [1/s^2], 0 unless
-    `measure` is 1."""
+    forces of the relaxed stress from the corner forces; returns the largest omega^2 of the branches [1/s^2],
+    0 unless `measure` is 1."""
     energies: Any
-    """``energies(body, solid, row, limit_s, branches, memory, fields, lane)``: as of the sweep over energies,
-    of the long-term law, and what was done on the branches [J]."""
+    """``energies(body, solid, row, limit_s, branches, memory, fields, lane)``: the results of
+    `SweepFunctions.energies` for the long-term law, and the work done on the branches [J]."""
     memory: int
-    """Numbers that an element remembers."""
+    """Number of state variables of an element."""
 
 
 @cache
@@ -190,7 +191,7 @@ def relaxation_functions(
     sweeps: SweepFunctions,
     lanes: LaneFunctions,
 ) -> RelaxationFunctions:
-    """Generate the functions of a kind of branches, or those of none."""
+    """Generate the functions of a kind of branches; without branches they do nothing."""
     if kind is None:
         return _nothing(precision, element, structs, sweeps, lanes)
     real = precision.real
@@ -220,7 +221,7 @@ def relaxation_functions(
         lane: int,
         measure: int,
     ):
-        # The step that led here, and the time between the velocities before and after.
+        # The last step, and the time between the velocities before and after the positions.
         previous_step, interval = real(0.0), real(0.0)
         if step >= 0:
             plan = Control.PLANS + Plan.SIZE * (step % 2)
@@ -336,30 +337,30 @@ def _nothing(
 
 
 CHECK_EVERY = 8
-"""Steps between two checks of a simulation: a divergence or a turned element is noticed at most so many steps
-late."""
+"""Steps between two checks of a simulation: the largest delay until a divergence or an inverted element is
+detected."""
 MOTION_LIMIT = 2.0
-"""Kinetic energy over the largest work of the platens so far at which a simulation has diverged [-]; energy
-is kept to 0.1 % (verification manual), so that no sound run comes near."""
+"""Ratio of the kinetic energy to the largest work of the platens so far above which a simulation has diverged
+[-]. Energy is conserved to 0.1 % (verification manual), so a valid run stays far below."""
 STRAY_ENERGY = 1e-6
-"""Kinetic energy that is never called motion, over mu_0 V [-]: that of a strain of 1e-3. A specimen that
-waits for the flyer may tremble with round-off though no platen has worked on it yet."""
+"""Kinetic energy over mu_0 V that the check for divergence ignores [-]: that of a strain of 1e-3. Before the
+flyer arrives no platen has done work, but round-off may move the specimen slightly."""
 
 
 @dataclass(frozen=True)
 class FailureFunctions:
-    """Checks of the time loop in addition to its steps."""
+    """Functions that detect a failure and find its element."""
 
     motion: Any
-    """``motion(body, fields, lane)``: this worker's share of the kinetic energy [J], a sum that begins with
+    """``motion(body, fields, lane)``: kinetic energy of this worker's nodes [J], a sum that begins with
     ``empty_sum``."""
     strain: Any
-    """``strain(body, limit, fields, lane)``: the largest s of this worker's elements past the data limit of
-    their law, or 0 [-]."""
+    """``strain(body, limit, fields, lane)``: the largest s of this worker's elements [-] if it exceeds the
+    data limit of their law, else 0."""
     failed_element: Any
-    """``failed_element(body, solid, row, fields, partials, lane, status)``: the element that answers most for
-    a failure, of equal ones the first; one whose number is not finite beats all others. Every lane calls
-    it."""
+    """``failed_element(body, solid, row, fields, partials, lane, status)``: the element that most likely
+    caused a failure, the first of equal ones; an element whose number is not finite comes before all others.
+    Every lane calls it."""
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The time loop of one simulation, whole, inside one kernel: central differences with kinematic contact.
+"""The complete time loop of one simulation inside one kernel: central differences with kinematic contact.
 
 One launch index is one simulation; its `lane`s share the elements and nodes (one lane on the CPU, one
 block of threads on a GPU). Corner forces are stored per element and gathered per node in a fixed order,
@@ -30,7 +30,7 @@ from explicit.time_loop.steps import end_of_step_function, next_step_functions, 
 
 @dataclass(frozen=True)
 class TimeLoopKernel:
-    """A generated time loop with the structs its arguments have."""
+    """A generated time loop and the struct types of its arguments."""
 
     kernel: Any
     """The Warp kernel; launch with dim = (n_samples, n_lanes)."""
@@ -41,7 +41,7 @@ class TimeLoopKernel:
     block: int
     """Threads of a block of a GPU."""
     cluster: int
-    """Blocks that share a simulation there."""
+    """Blocks of a GPU that share one simulation."""
     memory: int
     """Number of state variables of an element for the relaxation; 0 without relaxation."""
 
@@ -63,10 +63,9 @@ def time_loop_kernel(
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.layout.state.fits`). It is compiled for `block` threads there, `cluster` blocks of
-    which share a simulation where its state is not on the chip;
-    `bound` is that of `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` its
-    `relaxation_kind`.
+    (`explicit.layout.state.fits`). On a GPU the kernel is compiled for blocks of `block` threads; `cluster`
+    blocks share one simulation. `bound` is that of `explicit.model.Stepping`, `volumetric` that of
+    `explicit.Model`, `relaxation` its `relaxation_kind`.
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
@@ -131,9 +130,9 @@ def time_loop_kernel(
         landed, worked = empty_sum(), empty_sum()
         going, step, until_measured, latched = int(1), int(-1), int(0), wp.float64(0.0)
 
-        while going == 1:  # before the first step the elements only say how large it may be
+        while going == 1:  # before the first step the elements only give its bound
             step, until_measured, latched = regroup(step, until_measured, latched)
-            # While the workers sweep the elements, the control warp ends the step before.
+            # While the workers sweep the elements, the control warp finishes the previous step.
             measure = int(0)
             if until_measured == 0:
                 measure = 1
@@ -143,7 +142,7 @@ def time_loop_kernel(
             put_share(power, viscous_power)
             put_share(artificial, restraint_power)
             stiffer = relaxed_forces(body, solid, row, branches, memory, control, step, fields, lane, measure)
-            latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
+            latched = wp.max(latched, worst)  # keeps an element that inverts between two measurements
             if is_worker(lane) == 1:
                 if step % check_every == 0:
                     put_total(partials, Total.MOTION, motion(body, fields, lane))
@@ -182,8 +181,8 @@ def time_loop_kernel(
                             body, solid, row, limit_s, branches, memory, fields, lane
                         )
                     put_stored(partials, elastic, hourglass, viscous, past, most)
-                    sync()  # the node sweep below moves what other lanes may still be reading
-                # Half of this step's work belongs to the time of the positions, half to what follows.
+                    sync()  # the node sweep below changes data that other lanes may still read
+                # Half of this step's work is done before the time of the positions, half after it.
                 damp_step, hold_step = power * now.interval, artificial * now.interval
                 kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
                 kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
@@ -206,12 +205,12 @@ def time_loop_kernel(
             settle(latched)
             step += 1
             sync()
-            if relaxes == 1:  # what relaxes reads the plan of the step in the sweep over elements
+            if relaxes == 1:  # the relaxation reads the plan of the step in the sweep over elements
                 inform(control, plans)
 
         inform(control, 0)
         latched = disband(latched)
-        if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
+        if int(control[Control.STATUS]) == 0:  # a last check of the steps since the previous check
             if is_worker(lane) == 1:
                 put_total(partials, Total.MOTION, motion(body, fields, lane))
                 put_total(partials, Total.WORK_DONE, worked)

@@ -1,7 +1,8 @@
-"""The motion of the nodes: corner forces gathered, the boundary's conditions, and where a node goes.
+"""The motion of the nodes: gathering of corner forces, boundary conditions, and update of the positions.
 
-Interior nodes move freely; a boundary node first meets its platen: the flyer's motion, or the support's wave.
-Both come in sweeps of their own, so that only boundary nodes pay for contact.
+Interior nodes move freely. A boundary node may touch a platen: the flyer with its motion, or the support with
+its wave. Interior and boundary nodes have separate sweeps, so that contact costs time for boundary nodes
+only.
 """
 
 from dataclasses import dataclass
@@ -18,8 +19,8 @@ from explicit.layout.structs import Control, Structs, entries_function, simulati
 from explicit.precision import Precision
 
 INTERIOR, LOWER, UPPER, SIDE = 0, 1, 2, 3
-"""Node kinds: which platen a node can meet. LOWER and UPPER also mark the platen that a node has touched,
-with UPPER added where it has been let go again."""
+"""Node kinds: which platen a node can touch. LOWER and UPPER also mark the platen that a node has touched;
+UPPER is added to the mark when the node has been released."""
 
 BAR_HISTORY = 1024
 """Samples per round trip of the wave stored for a characteristic bar."""
@@ -27,7 +28,7 @@ BAR_HISTORY = 1024
 
 @dataclass(frozen=True)
 class BoundaryFunctions:
-    """The boundary of one pair of contact laws and precision."""
+    """Functions of the boundary for one pair of contact laws and one precision."""
 
     platen_position: Any
     """``platen_position(batch, motion, time)``: displacement of a platen whose motion is tabulated [m]."""
@@ -104,7 +105,7 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
         interval: real,
         step: real,
     ):
-        """Admissible velocity of a boundary node, the platen it met (or 0) and its new touch mark."""
+        """Admissible velocity of a boundary node, the platen it touches (or 0) and its new touch mark."""
         new, platen, mark = vec2(free), int(0), int(touched)
         before, status, slip = int(touched), int(touched > 0), real(0.0)
         if touched > upper:
@@ -141,7 +142,7 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
 
 
 VALENCE = 4
-"""Elements that meet at a node, at most."""
+"""Largest number of elements at a node."""
 
 
 @dataclass(frozen=True)
@@ -150,11 +151,12 @@ class NodeSweeps:
 
     interior: Any
     """``interior(body, fields, step, alpha, lane, kinetic, damped) -> (kinetic, damped)``: move this worker's
-    interior nodes; sums of kinetic energy and of what mass-proportional damping `alpha` takes [J]."""
+    interior nodes and add to the sums of kinetic energy and of energy lost to mass-proportional damping
+    `alpha` [J]."""
     boundary: Any
     """``boundary(body, batch, state, sample, fields, surface, control, step, friction, alpha, lane, kinetic,
-    damped) -> (kinetic, damped, rubbed, landed, worked)``: the same for its boundary nodes, with the work of
-    friction, of landing and of the platens [J]."""
+    damped) -> (kinetic, damped, rubbed, landed, worked)``: the same for its boundary nodes, with the energies
+    lost to friction and to landing and the work of the platens [J]."""
 
 
 @cache
@@ -180,16 +182,16 @@ def node_sweeps(
 
     @wp.func
     def free_velocity(body: Body, fields: Fields, n: int, at: int, interval: real, alpha: real):
-        """Velocity before, velocity after an interval without contact, and the node's mass; its fields are
-        `at` a place of their own."""
+        """Velocity before, velocity after an interval without contact, and mass of node `n`, whose fields are
+        stored at index `at`."""
         f_r, f_y = real(0.0), real(0.0)
         corners, masses = corners_at(body.corners, 0, n), numbers(body.masses, 0, n)
         for c in range(valence):
             f_r += fields.corner_r[corners[c]]
             f_y += fields.corner_y[corners[c]]
         old = vec2(fields.v_r[at], fields.v_y[at])
-        # Forces resist, so they enter with a minus; the drag of alpha acts on the old velocity. On the axis
-        # the radial inverse mass is zero.
+        # Internal forces resist the motion, so their sign is negative; the drag of alpha acts on the old
+        # velocity. On the axis the radial inverse mass is zero.
         push = vec2(f_r * masses[1], f_y * masses[2])
         return old, old - interval * (push + alpha * old), masses[0]
 
@@ -268,7 +270,7 @@ def node_sweeps(
                 kind, touched, free, to_lower, to_upper, friction, interval, dt,
             )  # fmt: skip
             surface.touched[b] = mark
-            # Impulses of the platen on the node, and where their work goes.
+            # Impulses of the platen on the node, and the energies of their work.
             push = wp.float64(mass) * wp.float64(new[1] - free[1])
             rub = wp.float64(mass) * wp.float64(new[0] - free[0])
             speed = wp.float64(half * (old[1] + new[1]))

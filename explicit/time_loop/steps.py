@@ -34,18 +34,19 @@ class RecordFunctions:
     """Recorders of the time loop."""
 
     is_due: Any
-    """``is_due(row, n, every)``: whether a surface time has an entry in the ledger."""
+    """``is_due(row, n, every)``: whether the energies are recorded at a surface time."""
     force: Any
-    """``force(output, sample, row, value, sofar)``: forces [N] and impulses [N s], flyer and transmission."""
+    """``force(output, sample, row, value, sofar)``: record forces [N] and impulses [N s] of the flyer's and
+    the transmission platen."""
     positions: Any
-    """``positions(body, output, sample, lane, row, late, fields)``: where the nodes were a time
-    `late` before they came to `u` with the velocity `v`."""
+    """``positions(body, output, sample, lane, row, late, fields)``: record the positions of the nodes at a
+    time `late` [s] before they reached `u` with the velocity `v`."""
     put_stored: Any
-    """``put_stored(partials, elastic, hourglass, viscous, past, most)``: the workers hand the elements' sums
-    of the ledger to control."""
+    """``put_stored(partials, elastic, hourglass, viscous, past, most)``: the workers pass the elements'
+    energies to the control warp."""
     put_exchanged: Any
     """``put_exchanged(partials, kinetic, external, damping, friction, impact, hourglass_damping)``: the same
-    for what the nodes' sweep and the platens' work have added up."""
+    for the energies that the node sweeps have summed."""
     ledger: Any
     """``ledger(output, sample, row, external, kinetic, elastic, hourglass, damping, friction, impact,
     hourglass_damping, viscous)``."""
@@ -170,24 +171,26 @@ def record_functions(
 
 @dataclass(frozen=True)
 class NextStepFunctions:
-    """From rest to the last check; all but `read` are for the control warp."""
+    """Planning of the steps, from the initial state to the last check; all but `read` are for the control
+    warp."""
 
     start: Any
-    """``start(batch, output, sample, control)``: the control record at rest."""
+    """``start(batch, output, sample, control)``: set the control record to the initial state."""
     first_step: Any
-    """``first_step(control)``: begin the first step, if it can be taken."""
+    """``first_step(control)``: begin the first step, or end the simulation if its plan has failed."""
     check: Any
-    """``check(batch, sample, control, partials)``: the outcome of a failure that the workers' totals show, or
-    0."""
+    """``check(batch, sample, control, partials)``: the outcome of a failure that the workers' totals
+    indicate, or 0."""
     next_step: Any
-    """``next_step(batch, output, sample, step, measured, control, partials)``: plan a step to come, with
-    a new size where the bound was `measured`."""
+    """``next_step(batch, output, sample, step, measured, control, partials)``: plan the given step, with a
+    new size if the bound was `measured`."""
     read: Any
-    """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
+    """``read(control, step) -> Step``: the plan of the current step, for every lane."""
     reload_step: Any
-    """``reload_step(planned, control, step) -> Step``: read again, where the record has come since."""
+    """``reload_step(planned, control, step) -> Step``: read the plan after synchronisation, when the record
+    has arrived from another block."""
     keep_step: Any
-    """``keep_step(planned, control, step) -> Step``: what was read before."""
+    """``keep_step(planned, control, step) -> Step``: the plan that was read before."""
 
 
 @cache
@@ -243,7 +246,7 @@ def next_step_functions(
         control[Control.MOST_WORK] = most_work
         allowed = motion_limit * most_work + batch.stray_energy[sample]
         fault = int(0)
-        if not (get_total(partials, Total.MOTION) <= allowed):  # nor where it is no number
+        if not (get_total(partials, Total.MOTION) <= allowed):  # also true for NaN
             fault = diverged
         elif get_largest(partials, Total.TURNED) >= inverted:
             fault = turned
@@ -267,7 +270,7 @@ def next_step_functions(
         time = wp.float64(control[Control.TIME]) + dt_before
         dt = wp.float64(dt_before)
         control_sync()
-        # The bound was measured one step ago, where the specimen stood before the step that is under way.
+        # The bound was measured one step ago, in the configuration before the current step.
         if measured == 1:
             omega_squared = get_largest(partials, Total.STIFFEST + step % 2)
             if branches == 1:
@@ -314,7 +317,7 @@ def next_step_functions(
             control[Control.LOWER_NEXT] = platen_position(batch, batch.support_motion[sample], following)
             control[Control.LOWER_SPEED] = control[Control.LOWER_NEXT] * rate
         flyer_next = platen_position(batch, batch.motion[sample], following)
-        interval = HALF * (dt + dt_before)  # the velocity lives between the positions
+        interval = HALF * (dt + dt_before)  # velocities are defined between the positions
         control[this + Plan.STEP] = dt
         control[this + Plan.STEP_BEFORE] = dt_before
         control[this + Plan.INTERVAL] = interval
@@ -392,7 +395,7 @@ def end_of_step_function(
                 if dt_before > ZERO:
                     blend = (due - (time - dt_before)) / dt_before
                 value = force_before + blend * (force - force_before)
-                # `impulse` is known half a step behind `time`; the force holds over its interval.
+                # `impulse` is known up to half a step before `time`; the force is constant over its interval.
                 since = due - (time - HALF * dt_before)
                 sofar = impulse + force * since
                 if since < ZERO:
@@ -473,9 +476,10 @@ def end_of_step_function(
         interval: wp.float64,
         elapsed: wp.float64,
     ):
-        """The support's speed under the force it just felt: v = F / Z + 2 h, away from the specimen.
+        """Speed of the support under the force of this step: v = F / Z + 2 h, away from the specimen.
 
-        The mass it carries answers with it: a light bar would overshoot one step later without it.
+        It includes the inertia of the mass that the support carries: without it the speed of a light bar
+        would overshoot one step later.
         """
         recorded = int(control[Control.RECORDED])
         returned = wp.float64(0.0)

@@ -36,10 +36,7 @@ _VALUES: dict[str, Callable[[float], str]] = {
 
 
 def changed_value(cause: CauseFinding, content: Mapping[str, Any]) -> str | None:
-    """The value estimated from the data in place of the declared one, as TOML; None if it is not one value.
-
-    ``content``: the content of the shot file.
-    """
+    """The value estimated from the data, as TOML, for the declared one; None if it is not one value."""
     table, _, key = cause.key.partition(".")
     declared = content.get(table, {}).get(key)
     if cause.key in _VALUES:

@@ -49,7 +49,7 @@ class Stage:
     total: int
     """Total number of runs or frames."""
     time: str
-    """Time since the run's start, or the time that is left."""
+    """Time since the run's start, or remaining time."""
 
 
 @dataclass(frozen=True)

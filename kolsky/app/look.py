@@ -34,7 +34,7 @@ from kolsky.shot.optical_data import measured
 from kolsky.shot.records import Shot
 
 LEAST_EXPLAINED = 0.05
-"""Least share of the misfit that an input must explain to be listed [-]; less is within the noise."""
+"""Smallest share of the misfit that an input must explain to be listed [-]; less is within the noise."""
 SECONDS_OF_PLAY = 0.12
 """Time between two pictures of the playback [s]."""
 PICTURE_WIDTH = 640
@@ -51,7 +51,7 @@ class Result:
     found: Identification
     shot: Shot | None
     why: str
-    """Why the shot is missing; empty if it is not."""
+    """Reason why the shot is missing; empty if it is not."""
     pictures: PictureSet | None = None
     """The shot's pictures; None if it has none, or they cannot be opened."""
 
@@ -327,7 +327,7 @@ class LookView:
         series[0]["data"] = frame.points(1e3 * c.centre_line.Z[points], y)
         series[1]["data"] = frame.points(1e3 * np.where(c.inside[points], c.Z_model[points], np.nan), y)
         if self.tried is not None and self.what_if is not None:
-            line = self.what_if.prepared.observations.centre_line  # of the shot's files as they are now
+            line = self.what_if.prepared.observations.centre_line  # of the present files of the shot
             points = np.flatnonzero(line.time == line.time[np.argmin(np.abs(line.time - now))])
             points = points[np.argsort(line.y[points])]
             Z = np.where(self.tried.prediction.inside[0, points], self.tried.prediction.Z[0, points], np.nan)

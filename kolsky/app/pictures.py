@@ -57,7 +57,7 @@ class OpenPictures:
     surfaces: tuple[MeasuredPoints, ...] = ()
     """Surfaces measured by `kolsky dic`; empty if it has not run."""
     remark: str = ""
-    """Why there are none, or why they may be out of date."""
+    """Reason why there are none, or why they may be out of date."""
     shot: PictureSet | None = None
     """The pictures of a shot, whose regions can be detected."""
 

@@ -66,7 +66,7 @@ class Door:
         return f"http://{self.hosts[0]}{first}{joint}{urlencode({'token': self.token})}"
 
     def objection(self, scope: Scope) -> str:
-        """Why a request is rejected; empty if it is accepted or has the secret in its address."""
+        """Reason why a request is rejected; empty if it is accepted or has the secret in its address."""
         headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
         host = headers.get("host", "")
         if host not in self.hosts:  # a page whose host name was redirected to this computer sends another
@@ -186,23 +186,10 @@ def free_port(number: int | None) -> int:
 
 
 def serve(folder: Path, *, port: int | None = None, browser: bool = True, first: str = "/") -> None:
-    """Serve the pages until the program is interrupted.
+    """Serve the shots below a folder until the program is interrupted.
 
-    Parameters
-    ----------
-    folder
-        Folder that contains the shots.
-    port
-        Port; the first free one from 8420 on if left out.
-    browser
-        Whether to open a browser.
-    first
-        Address of the page to open.
-
-    Raises
-    ------
-    InputError
-        If the port is in use.
+    ``port``: the first free one from 8420 on if left out; InputError if it is in use. ``first``: address of
+    the page to open.
     """
     door = Door(free_port(port))
     app.add_middleware(Gate, door=door)

@@ -164,7 +164,7 @@ class SetupView:
         return frame.address(view, ui.context.client.request.query_params.get("shot", root.name))
 
     def show(self) -> None:
-        """Show form, text and problems as the file is now."""
+        """Show form, text and problems of the present file."""
         self.text.value = self.draft.text
         self.form.clear()
         for group in (self.labels, self.plots, self.inputs):
@@ -310,7 +310,7 @@ class SetupView:
         try:
             found = signals.assigned(e.table, signals.entry(self.folder, name))
             values |= {key: value for key, value in found.items() if value is not None}
-            values[e.dotted] = f'"{name}"'  # also in a folder of its own
+            values[e.dotted] = f'"{name}"'  # also in a separate folder
         except InputError as error:
             ui.notify(str(error), type="warning")
         self._change(lambda: self.draft.set_values(values), rebuild=True)
@@ -318,7 +318,7 @@ class SetupView:
     def _units(self, table: str) -> dict[str, str]:
         """The columns of a table's file with their units; empty while no file is selected."""
         section = self.draft.content().get(table, {})
-        with suppress(InputError):  # the file's own field says why
+        with suppress(InputError):  # the file's field shows the reason
             return {c.name: c.unit for c in signals.entry(self.folder, str(section.get("file", ""))).columns}
         return {}
 
@@ -591,7 +591,7 @@ class SetupView:
                 return None if self.changes is None else signals.change_signal(self.changes)
             return PLOTTED[table](self.folder, content)
         except (InputError, ValueError, OSError):
-            return None  # the field of its file says why
+            return None  # the field of its file shows the reason
 
     def _motion(self, content: dict[str, Any]) -> signals.Signal | None:
         """The flyer's motion on the shot's clock, for the plot of the force."""

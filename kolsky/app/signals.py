@@ -39,7 +39,7 @@ class Signal:
     x: FloatArray
     """Shape [n], in the unit of the axis."""
     y: FloatArray
-    """Shape [n]."""
+    """Values, shape [n]."""
     x_name: str
     """Quantity and unit along x."""
     y_name: str

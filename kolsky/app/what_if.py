@@ -24,7 +24,7 @@ GRID = 13
 AROUND = 6.0
 """Half the range of a slider in standard uncertainties of an identified parameter: three times U (k = 2)."""
 LEAST_SHARE = 0.06
-"""Least half range of a slider relative to its value [-]; lets well-constrained parameters be moved."""
+"""Smallest half range of a slider relative to its value [-]; lets well-constrained parameters be moved."""
 _ONE_AT_A_TIME = Lock()
 """Allows one simulation at a time, because a simulation uses all threads of the solver."""
 
@@ -34,9 +34,9 @@ class Misfit:
     """Residual of each channel over the residual of a correct model."""
 
     force: float
-    """Of the force [-]."""
+    """Misfit of the force [-]."""
     outline: float
-    """Of the outline [-]; NaN if none was measured."""
+    """Misfit of the outline [-]; NaN if none was measured."""
 
     @property
     def joint(self) -> float:
@@ -94,7 +94,7 @@ class WhatIf:
         value, (low, high) = self.start[name], PARAMETERS[name].allowed
         estimate = self.found.estimates.get(name)
         known = AROUND * estimate.sigma if estimate is not None and np.isfinite(estimate.sigma) else 0.0
-        if name == "poisson":  # what acts is the distance from 0.5
+        if name == "poisson":  # the effect depends on the distance from 0.5
             half = max(known, 5.0 * LEAST_SHARE * (0.5 - value))
         else:
             span = 0.1 * (PARAMETERS[name].upper - PARAMETERS[name].lower)

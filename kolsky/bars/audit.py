@@ -174,7 +174,8 @@ class AuditLog:
         reason: str,
         over: BoolArray | slice | None = None,
     ) -> FloatArray:
-        """The corrected signal if its switch is on, else the other; listed with its size either way."""
+        """The corrected signal if its switch is on, else the uncorrected one; the correction is listed with
+        its size in both cases."""
         on = self.switches[key]
         why = f"{reason}; {self.switches.state(key)}"
         self.compare(name, key, before, after, applied=on, unit=unit, reason=why, over=over)

@@ -88,7 +88,7 @@ class Budget:
     """Outputs of a model, and the contribution of each quantity to the uncertainty of each sample."""
 
     quantities: tuple[Quantity, ...]
-    """Inputs."""
+    """Input quantities."""
     correlation: FloatArray
     """Their correlation coefficients, shape [n_quantities, n_quantities]."""
     value: Mapping[str, FloatArray]
@@ -245,7 +245,8 @@ def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, st
 
 
 Model = Callable[[Mapping[str, float]], Mapping[str, ArrayLike]]
-"""From values of the quantities, by name, to named outputs: scalars or arrays of fixed shapes."""
+"""Function of the values of the quantities, by name, that returns named outputs: scalars or arrays of fixed
+shapes."""
 
 
 def propagate(

@@ -89,11 +89,11 @@ class FaceWaves:
     time: FloatArray
     """Times at the specimen's faces, from the arrival of the incident wave [s], shape [n], uniform."""
     incident: FloatArray
-    """Toward the specimen, in the incident bar [-], shape [n]."""
+    """Incident wave, toward the specimen, in the incident bar [-], shape [n]."""
     reflected: FloatArray
-    """From the specimen, in the incident bar [-], shape [n]; a tensile pulse is negative."""
+    """Reflected wave, from the specimen, in the incident bar [-], shape [n]; a tensile pulse is negative."""
     transmitted: FloatArray
-    """From the specimen, in the transmission bar [-], shape [n]."""
+    """Transmitted wave, from the specimen, in the transmission bar [-], shape [n]."""
     sigma: Mapping[str, float]
     """Standard deviation of a sample's noise of "incident", "reflected", "transmitted" [-]."""
     incident_bar: Bar

@@ -7,9 +7,9 @@ from math import inf, pi, sqrt
 from typing import Literal
 
 HOLDING_LAW = "bonded"
-"""Contact law of faces that neither slide nor let go."""
+"""Contact law of faces that neither slide nor separate."""
 LIFTING_LAW = "rough"
-"""Contact law of faces that neither slide nor hold what moves away."""
+"""Contact law of faces that do not slide but can separate."""
 SLIDING_LAW = "coulomb"
 """Contact law of faces that slide."""
 LARGEST_POISSON = 0.49999
@@ -130,7 +130,8 @@ class Interface:
 RelaxationKind = Literal["prony", "bergstrom_boyce"]
 
 MOST_BRANCHES = 3
-"""Most branches of a Prony series with individual parameters: a few strain rates do not constrain more."""
+"""Largest number of branches of a Prony series with individual parameters: a few strain rates do not
+constrain more."""
 NETWORK_CONSTANTS = (
     "creep_ratio",
     "creep_resistance",

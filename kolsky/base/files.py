@@ -145,7 +145,7 @@ def _cell(value: Any) -> str:
 
 
 def usable_folder(folder: Path) -> Path:
-    """The folder, after a check that results can be written there; nothing is created yet.
+    """The folder, after a check that results can be written there; it is not created.
 
     Raises InputError if it is a file, or if it or the nearest folder above it that exists cannot be written
     to.

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
 """Kind of a dataset -> its type in the file: float64, int64, bool, small unsigned integer."""
 IN_MEMORY: dict[str, Any] = {"driver": "core", "backing_store": False}
-"""A file is built in memory and then written at once: on a full disk, HDF5 prints a traceback for every open
-object, which cannot be caught."""
+"""A file is built in memory and then written in one step: on a full disk, HDF5 prints a traceback for every
+open object, which cannot be caught."""
 OpenGroup: TypeAlias = "h5py.Group"
 """A group of an open file."""
 COMPRESSED_FROM = 4096
@@ -139,10 +139,10 @@ def adding_to(path: Path) -> Iterator[OpenGroup]:
 
 @contextmanager
 def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
-    """The place "entry" of a file of a format, nothing of it read yet.
+    """Context with the group "entry" of a file of a format, before any data are read.
 
     Raises InputError if the file is missing, damaged or of another format or version, or if something inside
-    the block is refused. The message is one line and ends in `cure`.
+    the block is rejected. The message is one line and ends with `cure`.
     """
     import h5py
 

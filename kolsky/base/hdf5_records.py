@@ -17,7 +17,7 @@ from kolsky.base import hdf5
 from kolsky.base.hdf5 import Place, Refused, opened_group, shape_problem, take
 
 RECORD_UNIT = "unit of the record"
-"""Stands for the unit that the record's own field `unit` names."""
+"""Placeholder for the unit given by the record's field `unit`."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ class Pairs(Item):
     keys: Item
     """The keys; its `at` names the dataset."""
     values: Item
-    """The values, likewise."""
+    """The values, in the same form."""
     group: Group | None = None
     """Group that holds the two; None for the record's own, then `at` is "."."""
     as_key: Callable[[Any], Any] | None = None

@@ -25,7 +25,7 @@ class Option:
     metavar: str | None = None
     """Placeholder of the value in the help; the type if None."""
     min: float | None = None
-    """Least number."""
+    """Smallest number."""
     max: float | None = None
     """Largest number."""
     show_default: str | None = None

@@ -43,9 +43,10 @@ GC_THRESHOLD_OF_COMMAND = 20_000
 def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
     """Search for reference cycles rarely: each search visits all young objects, and some visit all objects.
 
-    A page of figures took an eighth of its time for it. Objects that no cycle holds go at once, as ever.
+    A page of figures spent an eighth of its time on these searches. Objects outside cycles are freed
+    immediately.
 
-    ``threshold``: objects made, less those gone, from one look to the next.
+    ``threshold``: net number of new objects between two searches.
     """
     before = gc.get_threshold()
     gc.set_threshold(max(threshold, before[0]), *before[1:])
@@ -92,7 +93,7 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREA
 
 
 def set_blas_threads() -> None:
-    """One thread for each call of BLAS from here on, unless the environment says otherwise.
+    """Use one thread for each later call of BLAS, unless the environment sets another number.
 
     It has an effect only before NumPy is loaded. The matrices of an identification are small: several threads
     take longer for them than one, and they wait in busy loops on cores that have other work.
@@ -134,8 +135,6 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     If the block ends by an exception, they are stopped at once, because their results are not needed. They
     are not forked: a copy of a process that has started threads may hang. Each has its number in the
     environment (`WORKER`); workers with device "cuda" use it to share the GPUs.
-
-    ``workers``: number of processes.
     """
     context = get_context("spawn")
     started = context.Value("i", 0)

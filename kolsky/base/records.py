@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Recording:
-    """One channel of an instrument as it was recorded, on the instrument's own clock."""
+    """One recorded channel of an instrument, on the instrument's clock."""
 
     time: FloatArray
     """Sample times on the instrument's clock [s], shape [n]."""

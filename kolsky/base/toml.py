@@ -2,7 +2,7 @@
 else.
 
 A problem that a schema finds is reported with line, key, value, allowed range and cure. An edit replaces
-single values as text: comments and order stay.
+single values as text; comments and order are kept.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _of_blank(location: list[str], found: set[str]) -> str | None:
 
 
 _SHOULD_BE = "Input should be "
-"""How pydantic says what is allowed."""
+"""Beginning of pydantic's messages on allowed values."""
 _CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-strict)\[")
 """Parts of pydantic's place of an error that are no keys: the alternatives of a value of several kinds."""
 
@@ -54,12 +54,8 @@ _CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-str
 def _translate(
     details: Any, model: type[BaseModel], path: Path, lines: dict[str, int], empty: set[str]
 ) -> InputError:
-    """One pydantic error as an `InputError`.
-
-    ``details``: the error, an item of `pydantic.ValidationError.errors`. ``model``: the schema that was not
-    met. ``path``, ``lines``: the file, and the lines of its keys, as `key_lines` gives them. ``empty``: keys
-    that are not filled in.
-    """
+    """One error of `pydantic.ValidationError.errors` as an `InputError`; `lines` are those of `key_lines`,
+    `empty` the keys that are not filled in."""
     location = [str(part) for part in details["loc"] if not _CHOICE.match(str(part))]
     context = details.get("ctx", {})
     kind, value = details["type"], details["input"]
@@ -165,7 +161,7 @@ class Statement:
     start: int
     """Index of the first character of that line."""
     value: int
-    """Index behind the equals sign; of a header as `end`."""
+    """Index after the equals sign; for a header equal to `end`."""
     end: int
     """Index behind the value, remark not counted."""
 
@@ -213,13 +209,13 @@ TOML_LIMIT = 1_000_000
 """Largest shot.toml that is read [bytes]."""
 
 LONGEST_LINE = 20_000
-"""Most characters of a line: a key of a hundred thousand parts would take a minute to parse."""
+"""Largest number of characters of a line: a key of a hundred thousand parts would take a minute to parse."""
 DEEPEST = 30
 """Largest nesting depth of tables and lists."""
 END = " (at end of document)"
 """Message of `tomllib` for a file that ends inside a value."""
 LINE_SHOWN = 60
-"""Most characters of a line that a message shows."""
+"""Largest number of characters of a line that a message shows."""
 
 
 Schema = TypeVar("Schema", bound=BaseModel)
@@ -227,7 +223,7 @@ Schema = TypeVar("Schema", bound=BaseModel)
 
 @dataclass(frozen=True)
 class TomlFile:
-    """A parsed file with what is needed to point at its lines."""
+    """A parsed file with the line numbers of its entries."""
 
     path: Path
     """The file."""
@@ -312,7 +308,7 @@ def parse_toml(path: Path) -> TomlFile:
         )
     try:
         content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # besides its own errors, tomllib raises these two
+    except (ValueError, RecursionError) as error:  # in addition to its errors, tomllib raises these two
         raise _syntax_error(path, text, str(error)) from None
     if _depth(content) > DEEPEST:
         raise InputError(
@@ -337,7 +333,7 @@ def _depth(content: object) -> int:
 
 
 def read_toml(path: Path, schema: type[Schema]) -> tuple[TomlFile, Schema]:
-    """A file, and what it declares by a schema, in SI.
+    """A file, and its declarations according to a schema, in SI units.
 
     Raises InputError as `parse_toml` and `TomlFile.validated`.
     """

@@ -68,9 +68,10 @@ _SPELLINGS = {
     "psi": "psi", "ksi": "ksi", "bar": "bar", "mbar": "mbar", "kpa": "kPa", "gpa": "GPa",
     "pascal": "Pa", "pascals": "Pa", "strain": "strain",
 }  # fmt: skip
-"""Units in small letters -> as Pint writes them; only those that mean one thing in any case. Not "mpa"."""
+"""Pint's spelling of units in lower case; only units whose meaning does not depend on the case, so not
+"mpa"."""
 _CAPITALS = {"MPA": "MPa", "MM": "mm", "ε": "strain", "µε": "microstrain", "με": "microstrain"}
-"""Units in exactly these letters -> as Pint writes them."""
+"""Pint's spelling of units that are case-sensitive."""
 _WORD = re.compile(r"[A-Za-zµμε]+")
 
 
@@ -138,7 +139,7 @@ def _pint_text(text: str) -> str:
 
 
 SHOT_KINDS = ("s", "m", "V", "Pa", "N", "1")
-"""SI units of what the tables of a shot hold."""
+"""SI units of the values in the tables of a shot."""
 
 
 def dimension_of(unit: str, kinds: Iterable[str] = SHOT_KINDS) -> str:
@@ -157,10 +158,10 @@ def dimension_of(unit: str, kinds: Iterable[str] = SHOT_KINDS) -> str:
 def quantity(text: str, unit: str) -> float:
     """A written-out quantity in SI.
 
-    ``text``: number and unit, e.g. "9.5 mm"; one number, one unit, nothing to be evaluated. ``unit``: the SI
-    unit expected, a key of `DIMENSIONS`. Returns: the value in `unit`. Raises UnitError if the text is not a
-    number with a unit of that dimension, is not finite, or is larger than `LARGEST` or closer to zero than
-    its inverse and not zero.
+    ``text``: number and unit, e.g. "9.5 mm"; one number and one unit; expressions are not evaluated.
+    ``unit``: the SI unit expected, a key of `DIMENSIONS`. Returns: the value in `unit`. Raises UnitError if
+    the text is not a number with a unit of that dimension, is not finite, or is larger than `LARGEST` or
+    closer to zero than its inverse and not zero.
     """
     if not isinstance(text, str):
         raise UnitError(text, "has no unit", unit)
@@ -195,7 +196,7 @@ def _times(number: float, factor: float) -> float:
 
 
 def _in_words(written: "pint.Quantity[float]") -> str:
-    """The dimension of a quantity: in words if this package knows it, else in base units."""
+    """The dimension of a quantity: its name if known to this package, else base units."""
     for unit, (words, _) in DIMENSIONS.items():
         if written.is_compatible_with("dimensionless" if unit == "1" else unit):
             return words

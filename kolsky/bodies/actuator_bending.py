@@ -40,7 +40,7 @@ from kolsky.equilibrium.solid import Solid
 OVERLAP = 0.1
 """With contact, a larger overlap of facing points gives a warning; share of the gap at rest [-]."""
 _FILM_STEPS = 8
-"""Least number of steps to the largest pressure."""
+"""Smallest number of steps to the largest pressure."""
 
 
 @dataclass(frozen=True)
@@ -285,9 +285,9 @@ def pressure_for(
 ) -> Inversion:
     """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
 
-    ``actuator``: the actuator. ``gravity``: acceleration of free fall [m/s^2]. ``angle``: target angle [rad].
-    ``most``: largest pressure, or suction if below 0 [Pa]. Suction bends the other way; the search then
-    reverses the signs of angle and pressure, so that its function increases.
+    ``gravity``: acceleration of free fall [m/s^2]. ``angle``: target angle [rad]. ``most``: largest pressure,
+    or suction if below 0 [Pa]. Suction bends the other way; the search then reverses the signs of angle and
+    pressure, so that its function increases.
     """
     rest = actuator.simulate(gravity, np.zeros(1))
     way = -1.0 if most < 0.0 else 1.0

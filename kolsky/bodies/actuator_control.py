@@ -254,7 +254,7 @@ class Controller:
             if not near.slope > 0.0:
                 return False
             following = float(np.clip(pressure + left / near.slope, 0.0, self.most))
-            # the path goes on along dq/dp
+            # the path continues along dq/dp
             start = near.state.q + near.state.slopes[:, 0] * (following - pressure)
             near = self.model.bend(following, start=start, tolerance=_EQUILIBRIUM)
             pressure = following
@@ -288,7 +288,7 @@ class Closed:
     """A run of the closed loop."""
 
     time: FloatArray
-    """Of the ticks [s], shape [n]."""
+    """Times of the ticks [s], shape [n]."""
     wanted: FloatArray
     """Target angle [rad], shape [n]."""
     measured: FloatArray

@@ -81,13 +81,13 @@ class StiffnessFit:
     """The factor of all moduli, fitted to the markers."""
 
     factor: float
-    """m [-]."""
+    """Stiffness factor m [-]."""
     sigma: float
     """Its standard deviation, Eq. (A.6) [-]."""
     low: float
     """Lower end of the 95 % interval [-]."""
     high: float
-    """Upper end."""
+    """Upper end of the 95 % interval [-]."""
     chi2: float
     """Sum of squares over sigma^2 there [-]."""
     degrees: int

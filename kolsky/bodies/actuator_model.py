@@ -81,7 +81,7 @@ class Actuator:
     mixed: bool = False
     """Whether volume ratio and pressure are separate fields (for nearly incompressible materials)."""
     device: str = "cpu"
-    """Where the element kernels run."""
+    """Device of the element kernels."""
     contacts: tuple[SelfContact, ...] = ()
     """Walls of neighbouring chambers that may touch."""
     parts: tuple[Part, ...] = ()
@@ -273,9 +273,9 @@ class Pneunet:
     cell: float = 4.0e-3
     """Requested size of the cells [m]."""
     through_wall: int = 1
-    """Least number of cells through a wall."""
+    """Smallest number of cells through a wall."""
     element: str = "hex27"
-    """hex27, hex8, tet10 or tet4."""
+    """Element: "hex27", "hex8", "tet10" or "tet4"."""
     half: bool = True
     """Whether to model half of it, with y = 0 as the symmetry plane."""
     separate: bool = False

@@ -36,12 +36,12 @@ NEIGHBOURS = 9
 LEAST_WEIGHT = 1e-4
 """Weight e of the farthest point."""
 _CONDITION = 1e-6
-"""Least determinant of the normal matrix over the product of its diagonal. Below it the points lie on a
+"""Smallest determinant of the normal matrix over the product of its diagonal. Below it the points lie on a
 conic, and the weighted mean is used instead."""
 _GATE_NEIGHBOURS = 20
 """Number of neighbours that predict one point in the outlier test."""
 NOISE_POINTS = _GATE_NEIGHBOURS + 1
-"""Least number of points for an estimate of the noise: one point and its neighbours."""
+"""Smallest number of points for an estimate of the noise: one point and its neighbours."""
 GATE = 6.0
 """Largest deviation from the prediction, in robust standard deviations of all points."""
 _GATE_PASSES = 5
@@ -149,7 +149,7 @@ class Sheet:
     kinematics: Literal["plane_stress", "plane_strain"]
     """Kinematics across the thickness."""
     thickness: float
-    """[m]."""
+    """Thickness of the sheet [m]."""
     moving: str
     """Set of the moving pad."""
     fixed: str
@@ -161,7 +161,7 @@ class Sheet:
     held: Mapping[int, Solid] = field(default_factory=dict)
     """Materials of the regions whose constants are not fitted."""
     device: str = "cpu"
-    """Where the element kernels run."""
+    """Device of the element kernels."""
     turned: int = 0
     """Number of cells with clockwise node order in the mesh file, which was reversed."""
 

@@ -50,7 +50,7 @@ _NEWTON_STEPS = 8
 _PASSES = 4
 """Maximum number of fits with readmitted points."""
 STANDARD_GRAVITY = 9.80665
-"""[m/s^2]."""
+"""Standard acceleration of free fall [m/s^2]."""
 FORCE_FACTORS = {
     -1.0: "its sign is reversed",
     1e3: "its unit is 1000 times larger, as N for mN",
@@ -162,7 +162,7 @@ class LackingFactor:
     """The factor missing in measured values, Eq. (P.2)."""
 
     value: float
-    """[-]."""
+    """Value of the factor [-]."""
     sigma: float
     """Its standard uncertainty [-]."""
 
@@ -268,10 +268,8 @@ def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
 
 
 def _explains_again(measured: MeasuredField, found: FieldFit | None = None) -> bool:
-    """Whether a sheet with other points or another mesh is explained.
-
-    ``found``: the fit of the same mesh; a new fit is made only if its simulation is closer to these points.
-    """
+    """Whether a sheet with other points or another mesh is explained; after a fit of the same mesh (`found`)
+    a new one is made only if its simulation is closer to these points."""
     try:
         problem = keeping(measured, measured.left_out).problem
     except ValueError:

@@ -83,7 +83,7 @@ class Cost:
     force: FloatArray
     """1/2 (f - f_msr)^2 of each step [N^2], shape [n]."""
     value: float
-    """J [m^4]."""
+    """Cost J [m^4]."""
     gradients: FloatArray
     """dJ/dm of each step, shape [n, p]."""
     curvature_displacement: FloatArray
@@ -131,7 +131,7 @@ class FieldProblem:
         return FieldProblem(self.sheet, self.data.only(len(self.data.pad) - 1), self.constants)
 
     def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or why it failed; `near`: a state to start from."""
+        """Eqs. (K.3-K.6) with derivatives from du/dm, or the reason of a failure; `near`: a start state."""
         state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
         return state if isinstance(state, str) else self._cost_of(state)
 
@@ -192,7 +192,7 @@ class FieldProblem:
         chain, bent = self.constants.chain(free), self.constants.chain_changes(free)
         own = len(chain)  # the fitted regions come first
         twice = second(state.slopes, first=own)
-        # of u and f by the energy's constants, then by what is fitted
+        # of u and f by the energy's constants, then by the fitted ones
         u_pq, u_p = twice.displacements, state.slopes.displacements[:, :own]
         u_ij = np.einsum("npqad,pi,qj->nijad", u_pq, chain, chain, optimize=True)
         u_ij += np.einsum("npad,pij->nijad", u_p, bent)
@@ -309,18 +309,19 @@ away from the result."""
 LONGEST = 0.5
 """Longest step of a constant over its size [-]."""
 LEAST_SIZE = {"1": 0.5, "Pa": 1e-2}
-"""Least size of a constant over its scale, by unit [-]. Numbers may pass through 0; a modulus decreases by
+"""Smallest size of a constant over its scale, by unit [-]. Numbers may pass through 0; a modulus decreases by
 halves, because no sheet has an equilibrium near 0."""
 OTHER_PLACES = (0.1, 0.9)
 """Positions of other starts in the range of a constant with two bounds [-]."""
 APART = 0.05
-"""Least distance of two different minima over the size of a constant [-]; rough searches scatter by less."""
+"""Smallest distance of two different minima over the size of a constant [-]; rough searches scatter by
+less."""
 Progress = Callable[[int, int], None]
 """Called with the number of runs done and their maximum."""
 
 
 def SILENT(done: int, most: int) -> None:
-    """No progress."""
+    """Progress function that does nothing."""
 
 
 EXPLAINED_SHARE = 0.05
@@ -521,7 +522,7 @@ class _Search:
 
     @property
     def gradient(self) -> FloatArray:
-        """Of all steps, shape [p]."""
+        """Gradient of the cost of all steps, shape [p]."""
         return np.asarray(self.cost.gradients.sum(axis=0))
 
 
@@ -540,7 +541,7 @@ def fit_field(problem: FieldProblem, *, progress: Progress = SILENT) -> FieldFit
     remainder = first.remainder / first.cost.gauss_newton[0, 0]
     try:
         ended = _search(problem, first.free, tolerance=STEP_TOLERANCE, remainder=remainder, progress=progress)
-    except ValueError:  # wrong data may lead the last step alone to where the others have no equilibrium
+    except ValueError:  # wrong data may lead the last step to a point where the others have no equilibrium
         ended = _search(problem, start, tolerance=STEP_TOLERANCE, progress=progress)
     return _fit_at(problem, ended, first.runs + ended.runs, (first.free, first.cost.value))
 

@@ -71,7 +71,7 @@ class ConstantEstimate:
     name: str
     """Name, as in the specification."""
     value: float
-    """SI."""
+    """Value in SI units."""
     sigma: float | None
     """Standard uncertainty, SI; None if there is none."""
     low: float | None
@@ -127,7 +127,7 @@ class Intervals:
 
     @property
     def correlation(self) -> FloatArray:
-        """Of the constants, shape [p, p]; 0 with a constant at a bound."""
+        """Correlation of the constants, shape [p, p]; 0 for a constant at a bound."""
         return correlation_of(self.covariance)
 
 
@@ -223,9 +223,9 @@ def _estimate(
 
 
 LIMIT = 5.0
-"""Least z, over all samples, that indicates a peeling bond."""
+"""Smallest z, over all samples, that indicates a peeling bond."""
 LEAST_SHARE = 1e-6
-"""Least share of a template that the constants cannot reproduce; below it the check is inconclusive."""
+"""Smallest share of a template that the constants cannot reproduce; below it the check is inconclusive."""
 FIRST, LAST = 0.15, 0.85
 """Range of the series in which an opening is searched, as shares of its length."""
 
@@ -336,7 +336,7 @@ class SpecimenFit(ResultViews):
     constants: Constants
     """The law with the fitted values in place."""
     intervals: Intervals
-    """Of the free constants."""
+    """Intervals of the free constants."""
     tests: tuple[TestFit, ...]
     """Fitted tests, then predicted ones."""
     found: SearchOptimum

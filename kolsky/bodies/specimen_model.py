@@ -43,11 +43,11 @@ class Shape:
     arm: float | None = None
     """Width of the arms of a cross [m]."""
     waist: float | None = None
-    """Least width of a dog-bone [m]."""
+    """Smallest width of a dog-bone [m]."""
     straight: float | None = None
     """Length over which it has that width [m]."""
     element: str = "hex27"
-    """Hexahedron."""
+    """Kind of the hexahedral elements."""
     gauss: int | None = None
     """Gauss points a direction; None: the element's own."""
     gravity: tuple[float, float, float] | None = None
@@ -310,7 +310,7 @@ class SpecimenModel:
     shape: Shape
     """Form, bonds and mesh."""
     device: str = "cpu"
-    """Where the element kernels run."""
+    """Device of the element kernels."""
 
     def simulate(self, solid: Solid, displacement: FloatArray) -> Solution:
         """Equilibria at the displacements of the ends.

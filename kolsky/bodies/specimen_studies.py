@@ -26,11 +26,11 @@ class StudyRow:
     """One fit of a study."""
 
     label: str
-    """What was varied, in words."""
+    """Description of the variation."""
     values: dict[str, float]
     """All constants, SI."""
     rmse: float
-    """Of the force over all tests [N]."""
+    """Root mean square residual of the force over all tests [N]."""
     unknowns: int
     """Displacement components of the mesh of the first test."""
     simulations: int
@@ -54,9 +54,9 @@ def resolution_study(
 ) -> list[StudyRow]:
     """Constants over the mesh and the order of its elements (their Fig. 6).
 
-    ``test``: one test. ``constants``: the law, its start and what is free. ``factors``: factors of the
-    numbers of elements. ``orders``: elements: "hex8" (linear) and "hex27" (quadratic). ``base``: elements
-    along each edge at the factor 1, as 20 x 5 x 1. Raises ValueError if a fit fails.
+    ``constants``: the law, its start and what is free. ``factors``: factors of the numbers of elements.
+    ``orders``: elements: "hex8" (linear) and "hex27" (quadratic). ``base``: elements along each edge at the
+    factor 1, as 20 x 5 x 1. Raises ValueError if a fit fails.
     """
     rows = []
     for element in orders:
@@ -75,7 +75,7 @@ def resolution_study(
 def noise_study(
     test: SlowTest, constants: Constants, *, sigmas: Sequence[float], repeats: int, seed: int = 1
 ) -> list[StudyRow]:
-    """Constants with increasing noise added to the forces (their Fig. 9).
+    """Constants with increasing noise added to the forces.
 
     ``sigmas``: standard deviations of the added noise [N]. ``repeats``: number of draws for each.
     """
@@ -102,7 +102,7 @@ def cross_table(fits: Sequence[SpecimenFit], tests: Sequence[str]) -> FloatArray
 
 
 _LEAST_COLUMN = 1e-6
-"""Least slope by a relative constant, as a share of the largest, that is not rounding [-]."""
+"""Smallest slope by a relative constant, as a share of the largest, that is not rounding [-]."""
 
 
 @dataclass(frozen=True)

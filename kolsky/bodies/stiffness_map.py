@@ -43,11 +43,11 @@ class StiffnessMap:
     """Factors of stiffness over a sheet."""
 
     factors: FloatArray
-    """Of the problem's constants, one per block [-], shape [blocks]."""
+    """Factors on the problem's constants, one per block [-], shape [blocks]."""
     regions: IntArray
     """Block of each cell, shape [m]."""
     weight: float
-    """tau."""
+    """Weight of the regularisation, tau."""
     chi2: float
     """Chi-square of displacements and forces [-]."""
     degrees: float

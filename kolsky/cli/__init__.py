@@ -1,4 +1,4 @@
-"""The command line, `kolsky`: a file a command, with its options and what is done with them."""
+"""The command line, `kolsky`: one file per command, with its options and actions."""
 
 from kolsky.cli.commandline import app, main
 

@@ -46,7 +46,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
 
 
 def _wave_rows(result: "ReducedTest") -> dict[str, str]:
-    """The lines that a terminal gets."""
+    """Lines of output for a terminal."""
     from kolsky.report.pages.waves import answers, means_over, quantity
 
     balanced = result.reduction.balanced
@@ -119,7 +119,7 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
 
 
 _FEWEST = 2
-"""Tests that have a scatter between them."""
+"""Smallest number of tests with a scatter."""
 
 
 def repeats(

@@ -1,4 +1,4 @@
-"""The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
+"""The commands of `kolsky` in the order of `--help`, and the start of the program."""
 
 import errno
 import inspect
@@ -71,7 +71,7 @@ COMMANDS: dict[str, Command] = {
     "virtual new": virtual_new,
     "virtual make": virtual_make,
 }
-"""Every command by its words on the command line; the first of two words is a group of `GROUPS`."""
+"""Commands by their words on the command line; the first of two words is a group of `GROUPS`."""
 
 GROUPS = {
     "material": "Quasi-static tests of the material of a shot.",
@@ -97,18 +97,18 @@ BROUGHT_BY = {
     "pyamg": "kolsky[amg]",
     "pypardiso": "kolsky[pardiso]",
 }
-"""What pip installs for a module: a distribution, or an extra of this package."""
+"""Name for pip of the distribution, or the extra of this package, that provides a module."""
 FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 """Earlier names of commands, which work and are not in `--help`."""
 
 
 LONGEST_PLACE = 300
-"""Most characters of a name that a message shows."""
+"""Largest number of characters of a name in a message."""
 SIGNAL_CODE = 128
-"""Exit code of a command that a signal ended, less the signal's number, as shells give it."""
+"""Exit code of a command that was ended by a signal, minus the signal's number, as in shells."""
 
 REPEAT_AFTER = 0.05
-"""Time after which a signal is repeated whose exception was ignored [s]."""
+"""Time after which a signal is repeated if its exception was ignored [s]."""
 
 
 def _ending(received: list[int]) -> Callable[[int, FrameType | None], None]:
@@ -139,12 +139,13 @@ def _repeat_ignored_signals(received: list[int]) -> None:
 
 
 TIME_TO_END = 3.0
-"""Time in which a command that was told to end cleans up by itself [s]; then a simulation that takes no
-signals is cut off."""
+"""Time for a command to clean up after a signal [s]; then a simulation that does not react to signals is
+stopped."""
 
 
 def _end_in_time() -> None:
-    """End the process some seconds after SIGTERM, though a compiled loop keeps Python from its handlers.
+    """End the process some seconds after SIGTERM, even if a compiled loop prevents Python from calling its
+    handlers.
 
     The system writes the signal's number into a pipe at once; a thread waits there.
     """
@@ -185,7 +186,7 @@ def main() -> None:
     except Exception:
         if not received:
             raise
-        # A library that was being loaded makes the signal's exception an error of its own.
+        # A library that is being loaded may turn the signal's exception into another error.
         raise SystemExit(SIGNAL_CODE + received[0]) from None
 
 
@@ -223,7 +224,8 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Turn bad input, an error of the system or a missing package into lines on stderr and exit code 2."""
+    """Context that turns bad input, a system error or a missing package into lines on stderr and exit code
+    2."""
     try:
         yield
     except InputError as error:
@@ -247,7 +249,7 @@ def refusing_bad_input() -> Iterator[None]:
 
 
 def of_system(error: OSError) -> InputError:
-    """An error of the system (a full disk, a long name, a closed folder), with its cure."""
+    """Input error for a system error (full disk, long name, folder without access) with the remedy."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         cure = "make room, or give another place with --out FOLDER; earlier results are unchanged"
     elif error.errno == errno.ENAMETOOLONG:

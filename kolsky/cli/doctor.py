@@ -1,4 +1,4 @@
-"""`kolsky doctor`: what this installation can work with: versions, devices, cache, writable folders."""
+"""`kolsky doctor`: check of the installation: versions, devices, cache, writable folders."""
 
 import platform
 import shutil
@@ -56,7 +56,7 @@ OPTIONAL = {
     "emcee": ("kolsky[bayes]", "posterior by Markov chains"),
     "imageio-ffmpeg": ("kolsky[film]", "films of the deforming specimen"),
 }
-"""Distributions that may be missing: what pip installs, and what for. Conda does not bring RigolWFM."""
+"""Optional distributions: name for pip, and purpose. Conda does not provide RigolWFM."""
 _TWINS = {
     "opencv-contrib-python-headless": (
         "opencv-python-headless",
@@ -64,19 +64,19 @@ _TWINS = {
         "opencv-contrib-python",
     )
 }
-"""Distributions that have the same modules as another."""
+"""Alternative distributions with the same modules."""
 LEAST_SPACE = 1e9
 """Free space below which a long study may not end [bytes]."""
 
 
 @dataclass(frozen=True)
 class Installation:
-    """What was found, and what is missing."""
+    """Result of the check."""
 
     versions: Mapping[str, str | None]
-    """Of this package, Python, the system and every required distribution; None if it is not there."""
+    """Versions of this package, Python, the system and every required distribution; None if missing."""
     extras: Mapping[str, str | None]
-    """Of every optional distribution."""
+    """Versions of every optional distribution; None if missing."""
     devices: tuple[str, ...]
     """Devices of the solver, the CPU first."""
     cores: int
@@ -84,11 +84,11 @@ class Installation:
     cache: Path | None
     """Folder of compiled kernels; None if the solver's library did not start."""
     folder: Path
-    """Where results are to go."""
+    """Folder of the results."""
     free: float | None
-    """Free space there [bytes]; None if the folder is not there."""
+    """Free space there [bytes]; None if the folder does not exist."""
     problems: tuple[str, ...]
-    """What is missing or does not work, a sentence each with its cure."""
+    """Missing or defective parts, one sentence each with the remedy."""
 
     def rows(self) -> dict[str, str]:
         """The findings as names and texts."""
@@ -119,7 +119,7 @@ class Installation:
 
 
 def examine(folder: Path) -> Installation:
-    """Look at the installation; nothing is left behind."""
+    """Check the installation without leaving files."""
     versions = {
         "kolsky": _version("kolsky"),
         "Python": platform.python_version(),
@@ -150,7 +150,7 @@ def examine(folder: Path) -> Installation:
 
 
 def _version(*names: str) -> str | None:
-    """Version of the first of some distributions that is there."""
+    """Version of the first of some distributions that is installed."""
     for name in names:
         try:
             return version(name)
@@ -160,7 +160,7 @@ def _version(*names: str) -> str | None:
 
 
 def _devices() -> tuple[tuple[str, ...], Path | None, list[str]]:
-    """Devices, folder of compiled kernels, and why there are none."""
+    """Devices, folder of compiled kernels, and the reasons if there are none."""
     try:
         from explicit.device import available, kernel_cache
 
@@ -171,7 +171,7 @@ def _devices() -> tuple[tuple[str, ...], Path | None, list[str]]:
 
 
 def _unwritable(folder: Path) -> str:
-    """Why nothing can be written into a folder; empty if it can."""
+    """Reason why a folder is not writable; empty if it is."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             return ""

@@ -244,7 +244,7 @@ class SingleShotJob:
     settings: Settings
     """Settings of the library."""
     out: Path | None = None
-    """Where results go; None for the folder `results` of the shot."""
+    """Folder of the results; None for the folder `results` of the shot."""
     relaxation: tuple[RelaxationKind, int] | None = None
     """Kind and branches of a relaxation; None for the shot's."""
     diagnose: bool = False
@@ -428,7 +428,7 @@ def _shot_name(shot: Path) -> str:
 
 
 def _result_folders(shots: Sequence[Path], out: Path | None) -> list[Path | None]:
-    """Where each shot's results go; None for its own folder `results`."""
+    """Folder of each shot's results; None for its own folder `results`."""
     from kolsky.schema.shot_file import folder_of
 
     places = [folder_of(shot).resolve() if out is None else out / _shot_name(shot) for shot in shots]

@@ -27,7 +27,7 @@ _DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin_2",
 """Laws that are tried if none is named: those that a single compression test may determine."""
 
 _POINTS = 40
-"""Most points of the mean curve that the simulated cylinder is compared with."""
+"""Largest number of points of the mean curve that the simulated cylinder is compared with."""
 _SAME_SIZE = 1e-3
 """Relative difference up to which two sizes of one specimen are the same, written with fewer digits [-]."""
 
@@ -45,7 +45,7 @@ def size_of(option: str, text: str) -> Specimen:
 
 
 def with_size(columns: Columns, size: Specimen) -> Columns:
-    """The columns with the size of a cylinder, which a size of their own must agree with."""
+    """The columns with the size of a cylinder; a size declared with the columns must agree."""
     for option, given, declared, unit in (
         ("--length", columns.length, size.length, "m"),
         ("--area or --diameter", columns.section, size.area, "m^2"),
@@ -69,7 +69,8 @@ def _fit_cylinder_with_friction(
     folder: Path,
     taken: Sequence[str],
 ) -> None:
-    """Fit laws to repeats of one compression test with held or rubbing ends; write and print the constants.
+    """Fit laws to repeats of one compression test with bonded or frictional ends; write and print the
+    constants.
 
     The tests are apparent nominal stresses, tension-positive.
     """
@@ -95,7 +96,7 @@ def _fit_cylinder_with_friction(
         numerics = CorrectionNumerics(poisson=poisson)
     compressed = [UniaxialTest(t.name, -t.strain, -t.stress, compression=True) for t in tests]
     with texts.refused(cure="correct the option; `--help` shows each with its unit"):
-        # More points than readings would be joined by chords, which lie beside a bent curve.
+        # With more points than readings, chords between readings would deviate from a curved line.
         points = min(_POINTS, *(int(np.count_nonzero(t.strain)) for t in tests))
         mean = reference_curve(compressed, Treatment(points=max(FEWEST_POINTS, points)))
         band = mean.band
@@ -222,7 +223,7 @@ def read_tests(
 
 
 def _mode_and_path(text: str) -> "tuple[Mode, Path]":
-    """ "planar:FILE" as a mode and a file; a file alone is uniaxial."""
+    """ "planar:FILE" as a mode and a file; a file without a mode is uniaxial."""
     from kolsky.material.fits.homogeneous import Mode, mode_named
 
     head, colon, path = text.partition(":")

@@ -1,4 +1,4 @@
-"""`kolsky new`, `open`, `check` and `channels`: from a folder of measurements to a shot that is right."""
+"""`kolsky new`, `open`, `check` and `channels`: from a folder of measurements to a valid shot."""
 
 import sys
 import tomllib
@@ -127,7 +127,7 @@ def _parts(pictures: "PictureSurvey | None") -> dict[str, str]:
 def _found_lines(
     path: Path, text: str, contents: "Survey", *, bars: bool, pictures: "PictureSurvey | None"
 ) -> dict[str, Any]:
-    """What was found and what is left to fill in, as one object."""
+    """Detected values and values to be filled in, as one object."""
     from kolsky.base.toml import blanks
 
     recordings = [table.path.name for table in contents.recordings] if bars else []

@@ -54,18 +54,18 @@ READERS: tuple[tuple[Any, Callable[[str, Any], Any]], ...] = (
 
 @dataclass(frozen=True)
 class _Argument:
-    """One option of a command: what typer shows and what its text becomes."""
+    """One option of a command: its declaration for typer and the conversion of its text."""
 
     annotation: Any
-    """For typer."""
+    """Annotation for typer."""
     default: Any
-    """For typer."""
+    """Default for typer."""
     read: Callable[[Any], Any]
-    """Turns what typer gives into the value of the field."""
+    """Converts typer's value to the value of the field."""
 
 
 def _argument(name: str, hint: Any, default: Any) -> _Argument:
-    """The option of a field or parameter; one with an annotation for typer is left as it is."""
+    """The option of a field or parameter; an annotation for typer is not changed."""
     option = _option_of(hint)
     if option is None:
         return _Argument(hint, default, lambda given: given)
@@ -116,7 +116,7 @@ def _option_of(hint: Any) -> Option | None:
 
 
 def _reader(kind: Any, option: Option) -> Callable[[str, Any], Any] | None:
-    """What reads the text of an option; None where typer does."""
+    """Function that converts the text of an option; None if typer converts it."""
     if option.read is not None:
         return option.read
     if option.unit:
@@ -127,7 +127,7 @@ def _reader(kind: Any, option: Option) -> Callable[[str, Any], Any] | None:
 
 
 def _text(default: Any, kind: Any) -> str | None:
-    """A default as it is written on the command line."""
+    """Text of a default value on the command line."""
     if default is None or default is inspect.Parameter.empty:
         return None
     if isinstance(default, tuple):
@@ -167,7 +167,8 @@ def _made(name: str, hint: Any, default: Any, values: Mapping[str, Any]) -> Any:
 
 
 def _record(hint: Any) -> tuple[Any, tuple[str, ...]]:
-    """The dataclass of an annotation and the fields that are options; None and all if it is no record."""
+    """The dataclass of an annotation and the names of its fields that are options; None if it is not a
+    record."""
     kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     chosen = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, tuple)), ())
     return (kind if is_dataclass(kind) else None), chosen
@@ -202,8 +203,8 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
     ``command``: a function whose parameters are annotated by `typer.Argument`, by an
     `kolsky.base.options.Option`, or are records with such fields, which take the record's place in the
-    signature. ``Annotated[Record, ("field", ...)]`` takes these fields only. The command gets the records and
-    the values that the texts stand for.
+    signature. ``Annotated[Record, ("field", ...)]`` takes these fields only. The command is called with the
+    records and the converted values.
     """
     hints = get_type_hints(command, include_extras=True)
     given = inspect.signature(command).parameters
@@ -254,7 +255,7 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tuple[Shot, Path]":
-    """The shot, and the folder of its results, which is refused before any work if it cannot be used.
+    """The shot and the folder of its results, which is checked before any work.
 
     ``shot``: a folder or its shot.toml. ``out``: where results go; by default the folder "results" of the
     shot. ``inside``: folders inside it. ``forks``: whether several processes may correlate pictures. Raises
@@ -281,6 +282,6 @@ def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tup
 
 
 def usable(shot: "Shot") -> AbstractContextManager[None]:
-    """Make bad input of a shot that cannot be worked with: one line, exit code 2."""
+    """Context that turns errors of an unusable shot into bad input: one line, exit code 2."""
     cure = "correct shot.toml or the option that it names; `kolsky check` shows what was read"
     return texts.refused(cure=cure, place=shot.folder)

@@ -1,4 +1,5 @@
-"""`kolsky plan`, `predict` and `virtual`: before a test, its worth, its course, shots with a known answer."""
+"""`kolsky plan`, `predict` and `virtual`: information content and prediction of a planned test, and shots
+with a known answer."""
 
 from dataclasses import dataclass, replace
 from importlib.resources import files

@@ -87,7 +87,7 @@ def _identification_of(progress: Any) -> "Identify":
 
 
 def _rows(group: "GroupRates", *, several: bool) -> dict[str, str]:
-    """The lines that a terminal gets of one group."""
+    """Lines of output for a terminal on one group."""
     from kolsky.results import numbers
     from kolsky.results.numbers import plain_sentence
 

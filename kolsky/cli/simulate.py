@@ -122,7 +122,7 @@ def simulate(
 
 
 def _failure(ending: Any) -> dict[str, Any]:
-    """When, where and why a run ended."""
+    """Time, place and reason of a run's end."""
     r, y = ending.place
     return {
         "end_time": ending.time,

@@ -159,7 +159,7 @@ class DesignChoice:
         return bounds, [_DEFAULT_LEVELS] * len(bounds) if "levels" in kind.needs else []
 
     def vary_of(self, interface: "Interface") -> tuple[str, ...]:
-        """What to vary; by default no friction where nothing of the shot slides."""
+        """What to vary; by default no friction if no surface of the shot slides."""
         from explicit.contact import contact_law
 
         slides = any(contact_law(law).needs_friction for law in (interface.faces, interface.side))
@@ -274,7 +274,7 @@ class Records:
         return "sweep" if parts == 1 else f"sweep-{part}of{parts}"
 
     def place(self, folder: Path) -> Path | None:
-        """The ledger's file; None if there is to be none.
+        """The ledger's file; None if no ledger is requested.
 
         Raises InputError if a file is to be merged into itself, or ledgers are to be merged into none.
         """
@@ -374,7 +374,7 @@ def dask_client(place: str) -> Any:
 
 
 async def _kind(address: str) -> str:
-    """What answers at an address: "Scheduler", "Worker"."""
+    """Kind of the Dask process at an address: "Scheduler", "Worker"."""
     from distributed import Security
     from distributed.comm import connect
 
@@ -388,7 +388,7 @@ async def _kind(address: str) -> str:
 
 
 def _address_in_file(path: Path) -> str:
-    """The address that a scheduler file holds."""
+    """The address in a scheduler file."""
     cure = "give the file that `dask scheduler --scheduler-file` writes"
     if path.stat().st_size > SCHEDULER_FILE:
         raise InputError(

@@ -1,7 +1,7 @@
 """Output on a terminal: progress of the work on stderr, the answer on stdout.
 
-Standard output holds the answer, with `--json` exactly one object; all else goes to standard error. Names
-come from files and folders of anybody: a character that would steer the terminal is shown as its escape.
+Standard output contains the result, with `--json` exactly one object; everything else goes to standard error.
+Names come from files and folders of any origin: a control character is shown as its escape sequence.
 """
 
 import json
@@ -34,7 +34,7 @@ class _Printing:
 _OUTSIDE = _Printing()
 _PRINTING: ContextVar[_Printing] = ContextVar("printing", default=_OUTSIDE)
 _EVERY = float(os.environ.get("KOLSKY_PROGRESS_EVERY", "60"))
-"""Least time between two lines of progress where the output is no terminal [s]; `kolsky open` asks for 1."""
+"""Smallest time between two lines of progress where the output is no terminal [s]; `kolsky open` uses 1."""
 
 
 def is_quiet() -> bool:
@@ -49,7 +49,7 @@ def as_json() -> bool:
 
 @contextmanager
 def printing(*, as_json: bool = False, quiet: bool = False) -> Iterator[None]:
-    """Print inside it as `--json` and `--quiet` ask; its wall time begins now."""
+    """Context that prints according to `--json` and `--quiet`; its wall time begins on entry."""
     token = _PRINTING.set(_Printing(as_json, quiet, time.perf_counter()))
     try:
         yield
@@ -92,10 +92,10 @@ def print_result(
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
-    """One line on stderr, gone at the end: the stage, its runs, the time of the stage that is left, and the
-    time since the start. A line a minute if that is no terminal.
+    """One line on stderr, removed at the end: the stage, its runs, its remaining time, and the time since the
+    start. If stderr is not a terminal, one line per minute.
 
-    Yields: called with the stage's name, the runs done and the runs there are to do.
+    Yields: function of the stage's name, the number of finished runs and the total number.
     """
     if is_quiet():
         yield lambda stage, done, total: None
@@ -143,7 +143,7 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
 
 
 def counted(progress: Callable[[str, int, int], None], stage: str, total: int) -> Callable[[int], None]:
-    """A callback for runs just finished that shows their sum as the progress of one stage."""
+    """A callback for numbers of finished runs that shows their sum as the progress of one stage."""
     done = 0
 
     def report(n: int) -> None:
@@ -156,7 +156,8 @@ def counted(progress: Callable[[str, int, int], None], stage: str, total: int) -
 
 @contextmanager
 def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
-    """A sweep's bar with its rate and the time left on stderr; a line a minute if that is no terminal.
+    """Progress bar of a sweep on stderr with rate and remaining time; one line per minute if stderr is not a
+    terminal.
 
     Yields: called with a `doe.ledger.Pace`.
     """
@@ -185,7 +186,7 @@ def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
 
 
 def _pace(pace: "Pace") -> str:
-    """Runs a second and the time left, in words."""
+    """Runs per second and remaining time, as text."""
     if pace.rate <= 0.0:
         return ""
     return f"{pace.rate:.3g} runs/s, {_clock(pace.seconds_left)} left"

@@ -1,4 +1,4 @@
-"""Texts of the command line turned into typed settings; every refusal says what was expected."""
+"""Conversion of texts of the command line to typed settings; every error message states the expected form."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -39,7 +39,7 @@ def refused(
 
 
 def refuse(given: Mapping[str, bool], problem: str, cure: str) -> None:
-    """Refuse the options that are given, by name, where they have no effect."""
+    """Reject options, by name, that are given but have no effect."""
     names = [option for option, is_given in given.items() if is_given]
     if names:
         raise refusal(f"{', '.join(names)} {problem}", cure=cure)
@@ -80,7 +80,8 @@ def whole_numbers(option: str, text: str) -> list[int]:
 
 
 def plain_or_text(value: object) -> object:
-    """ "0.3" as a number, "0.3 %" as it is: a plain number of the command line has no quotes to lose."""
+    """A number from a text such as "0.3", else the unchanged value ("0.3 %"): the command line has no quotes
+    to mark texts."""
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -196,13 +197,13 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def none(option: str, texts: Sequence[str], other: str) -> None:
-    """Refuse an option beside another that excludes it."""
+    """Reject an option together with one that excludes it."""
     if texts:
         raise refusal(f"{option} excludes {other}", cure=f"leave out {option}")
 
 
 def shard(option: str, text: str) -> tuple[int, int]:
-    """ "2/8" as the second of eight parts."""
+    """Number of a part and number of parts from a text such as "2/8"."""
     part, slash, parts = text.partition("/")
     if not slash or not part.isdecimal() or not parts.isdecimal() or not 1 <= int(part) <= int(parts):
         raise _refuse(option, text, "I/N with I from 1 to N, e.g. 2/8")
@@ -238,13 +239,13 @@ def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int
 
 
 def apart(option: str, names: Iterable[str], other: str, others: Iterable[str]) -> None:
-    """Refuse a parameter that two options claim."""
+    """Reject a parameter that two options use."""
     for name in sorted(set(names) & set(others)):
         raise refusal(f"{name} is named by both {option} and {other}", cure="choose one")
 
 
 def installed(option: str, package: str, extra: str) -> None:
-    """Refuse an option whose package is not there."""
+    """Reject an option whose package is not installed."""
     from importlib.util import find_spec
 
     if find_spec(package) is None:

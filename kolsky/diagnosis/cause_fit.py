@@ -113,7 +113,7 @@ class Allowances:
     columns: FloatArray
     """B: change of the prediction by one standard uncertainty of each, shape [k, q]."""
     lower: FloatArray
-    """Least amplitudes, in standard uncertainties, shape [q]."""
+    """Smallest amplitudes, in standard uncertainties, shape [q]."""
     upper: FloatArray
     """Largest amplitudes, in standard uncertainties, shape [q]."""
 

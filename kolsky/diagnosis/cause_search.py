@@ -48,7 +48,7 @@ class Trial:
     step: float = 0.0
     """Remaining change of the coordinate by that fit."""
     lost: str = ""
-    """Why it could not be tried; empty if it was."""
+    """Reason why it could not be tried; empty if it was."""
 
     @property
     def value(self) -> float:
@@ -383,8 +383,8 @@ def valley_is_free(search: CauseSearch) -> bool:
 def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
     """The starts, with the best of each input moved to another valley if a run shows a lower loss there.
 
-    ``search``: the data and the model. ``starts``: inputs at values, with their best free parameters.
-    Returns: the same number; scanned ones are evaluated by a run at their point.
+    ``starts``: inputs at values, with their best free parameters. Returns: the same number; scanned ones are
+    evaluated by a run at their point.
     """
     best: dict[str, int] = {}
     for n in sorted(range(len(starts)), key=lambda n: search.loss(starts[n].misfits)):

@@ -35,13 +35,13 @@ from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVI
 LEVEL = 0.01
 """A change is significant if its probability, adjusted for all inputs tried, is smaller."""
 EVIDENCE = 100.0
-"""Least evidence of a cause that is named; see docs/validation/wrong_inputs."""
+"""Smallest evidence of a cause that is named; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
 """Inputs whose losses differ by less cannot be distinguished: likelihoods within a factor of exp(5)."""
 ASSUMED = "model."
 """Prefix of the keys of assumptions: values that were not measured on the specimen."""
 LEAST_SHARE = 0.25
-"""Least share of the misfit that a named cause must explain."""
+"""Smallest share of the misfit that a named cause must explain."""
 FREED_TOGETHER = (POISSON, DAMPING)
 """Assumptions that an identification frees together by default: if one is refuted, so is the pair."""
 
@@ -239,7 +239,7 @@ class CauseAnalysis:
     unchanged: Mapping[str, float] = field(default_factory=dict)
     """The free parameters by the same search without a changed input."""
     lost: str = ""
-    """Why nothing could be tried; empty if it was."""
+    """Reason why no input could be tried; empty if it was."""
 
     @property
     def named(self) -> tuple[CauseFinding, ...]:
@@ -266,7 +266,7 @@ class Best:
     own: Trial
     """The trial, as found by its search."""
     search: CauseSearch
-    """That search."""
+    """The search from this start."""
     model: CauseModel | None = None
     """The model corrected by a run on the refined mesh at its point; None if none was made."""
 
@@ -548,8 +548,8 @@ def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[Cau
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
     """Warnings on the inputs that are likely to be wrong, or that no input explains the misfit.
 
-    ``analysis``: all inputs that were tried. ``explained``: True if the model explains force and outline on
-    the refined mesh; then no misfit remains to be explained.
+    ``explained``: True if the model explains force and outline on the refined mesh; then no misfit remains to
+    be explained.
     """
     if analysis.lost:
         yield f"which input may be wrong could not be tried: {analysis.lost}"

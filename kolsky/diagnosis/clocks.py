@@ -229,7 +229,7 @@ class Reruns:
 
     @classmethod
     def of(cls, runner: Runner, x: FloatArray) -> "Reruns":
-        """Those of an identification whose optimum is x, shape [d]."""
+        """The runs of an identification whose optimum is x, shape [d]."""
         problem = runner.problem
         box = problem.box
         return cls(

@@ -288,9 +288,9 @@ ROUTES = {FORCE: "force only", OUTLINE: "shape only"}
 WITHHELD = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE, Verdict.CONDITIONAL)
 """Verdicts that a poor fit may replace; the others are negative already."""
 LEAST_MARGIN = 25.0
-"""Least rise of -2 ln L at the next valley of Poisson's ratio [-]: the error of a coarse mesh can be as large
-if the ringing is weak. Of 18 synthetic tests, the one with a wrong valley has 18, the others have 61 to 690
-(docs/validation/coverage.md)."""
+"""Smallest rise of -2 ln L at the next valley of Poisson's ratio [-]: the error of a coarse mesh can be as
+large if the ringing is weak. Of 18 synthetic tests, the one with a wrong valley has 18, the others have 61 to
+690 (docs/validation/coverage.md)."""
 EDGE = 1e-4
 """A value closer than this share of the searched range to its end lies at that end."""
 UNITS = {"N": (1.0, "N"), "m": (1e6, "um"), "1": (1.0, "sigma")}

@@ -74,8 +74,8 @@ ROUGH_LIMIT = 10.0
 [-]. In correct shots, that noise is at most about seven times that of the instruments; a wrong curve or unit
 gives about a hundred."""
 LEAST_GAIN = 16.0
-"""Least decrease of -2 ln L by one input of one shot to name it as a cause [-]: four standard deviations, for
-the likeliest of four inputs of a dozen shots."""
+"""Smallest decrease of -2 ln L by one input of one shot to name it as a cause [-]: four standard deviations,
+for the likeliest of four inputs of a dozen shots."""
 LEAST_SHARE = 0.5
 """An input that explains a smaller share of a channel's squared residual is one of several causes [-]."""
 
@@ -191,10 +191,10 @@ def slow_fit(
 ) -> FitQuality:
     """Judge a slow test by its residual and the parts expected from each source, in units of its sigma.
 
-    ``label``: its label. ``residual``: measurement less model, shape [n]. ``left``: the residual of a correct
-    model
-    by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-]. ``judged``: True if
-    `left` includes the noise of front face and curve; otherwise the limit is `ROUGH_LIMIT`.
+    ``label``: its label. ``residual``: measurement minus model, shape [n]. ``left``: the residual of a
+    correct model by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-].
+    ``judged``: True if `left` includes the noise of front face and curve; otherwise the limit is
+    `ROUGH_LIMIT`.
     """
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
@@ -250,9 +250,9 @@ def own_stiffness(
 ) -> tuple[float, float]:
     """Relative stiffness of one shot minus the shared one, and its standard uncertainty [-].
 
-    ``one``: the shot. ``residual``: prediction less data, shape [k]. ``change``: of its data by a relative
-    change of its stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a
-    row, [n, k]. ``channel``: "joint", "force" or "outline". NaN if the channel was not measured.
+    ``residual``: prediction minus data, shape [k]. ``change``: of its data by a relative change of its
+    stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a row, [n, k].
+    ``channel``: "joint", "force" or "outline". NaN if the channel was not measured.
     """
     objective, amount, variance = one.objective, 0.0, float("nan")
     use = {FORCE: objective.mask("force"), OUTLINE: objective.mask("shape")}.get(
@@ -282,8 +282,8 @@ def shot_agreement(
     so the ratio of their stiffnesses does not scatter between specimens. If a shot contradicts, the least
     likely channel is given.
 
-    ``names``: names of the shots. ``stiffnesses``: the stiffness from each shot. ``scatter``: True if a
-    scatter between them is in the interval; then only larger differences contradict.
+    ``stiffnesses``: the stiffness from each shot. ``scatter``: True if a scatter between them is in the
+    interval; then only larger differences contradict.
     """
     force, outline = (
         np.array([(getattr(one, channel), getattr(one, f"sigma_{channel}")) for one in stiffnesses]).T
@@ -439,7 +439,7 @@ def explained_by(
 ) -> tuple[float, float, float, FloatArray]:
     """Fit patterns of free amplitude to a residual, with weights from the remaining residual.
 
-    ``residual``: prediction less data, shape [k]. ``patterns``: changes of the prediction, shape [n, k].
+    ``residual``: prediction minus data, shape [k]. ``patterns``: changes of the prediction, shape [n, k].
     Returns: amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual, [k].
     """
     left, amounts, sigma = residual, np.zeros(len(patterns)), 0.0

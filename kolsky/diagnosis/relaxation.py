@@ -113,8 +113,8 @@ STARTS, STEPS, STEP, AT_REST = 2, 8, 1e-3, 0.5
 """Number of starts from the scan, trial points of each, half step of differences in the unit box, and length
 of the next step at convergence, in standard deviations."""
 HALF = 0.5
-"""Least share of the elastic model's misfit that a branch must explain [-]. In seven synthetic shots with a
-branch (draws 0 to 6 of seed 41907 of `populations.branch_advice`) it was 0.89 to 0.99; in five elastic ones
+"""Smallest share of the elastic model's misfit that a branch must explain [-]. In seven synthetic shots with
+a branch (draws 0 to 6 of seed 41907 of `populations.branch_advice`) it was 0.89 to 0.99; in five elastic ones
 (0 to 4 of seed 50923 of `populations.coverage`) -0.23 to -0.005."""
 
 
@@ -171,7 +171,7 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
         rows = np.flatnonzero(response.completed)
         if rows.size:
             seen = objective.vectors(predict(response.select(rows), objective.observations))
-            # An outline point that a run does not reach adds nothing.
+            # An outline point that a run does not reach contributes 0.
             found[rows, :k] = np.where(np.isnan(seen), objective.data, seen)
             if prior is not None:
                 found[rows, k:] = prior.residuals(points[rows, :d])

@@ -305,7 +305,7 @@ class Model:
 
     @cached_property
     def unknowns(self) -> "Unknowns":
-        """Which displacements are unknown."""
+        """Numbering of the unknown displacements."""
         return _number_unknowns(self)
 
 

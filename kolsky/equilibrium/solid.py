@@ -142,7 +142,7 @@ class Solid(Protocol):
 
     @property
     def shear_modulus(self) -> float:
-        """At rest [Pa]."""
+        """Shear modulus at rest [Pa]."""
         ...
 
 
@@ -162,7 +162,7 @@ class Isotropic:
 
     @property
     def shear_modulus(self) -> float:
-        """At rest [Pa]."""
+        """Shear modulus at rest [Pa]."""
         return self.law.shear_modulus
 
     def parameters(self) -> FloatArray:
@@ -212,7 +212,7 @@ class CompressibleNeoHookean:
 
     @classmethod
     def from_young(cls, young: float, poisson: float) -> Self:
-        """From Young's modulus E [Pa] and Poisson's ratio in (-1, 0.5)."""
+        """The solid with Young's modulus E [Pa] and Poisson's ratio in (-1, 0.5)."""
         if not -1.0 < poisson < 0.5:
             raise ValueError(f"poisson must be in (-1, 0.5), got {poisson}")
         lam = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
@@ -220,12 +220,12 @@ class CompressibleNeoHookean:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """mu, lam."""
+        """The names mu and lam."""
         return "mu", "lam"
 
     @property
     def shear_modulus(self) -> float:
-        """At rest [Pa]."""
+        """Shear modulus at rest [Pa]."""
         return self.mu
 
     @property
@@ -246,7 +246,7 @@ class CompressibleNeoHookean:
         return self.with_parameters(factor * self.parameters())
 
     def row(self) -> FloatArray:
-        """mu, lam."""
+        """The constants mu and lam [Pa]."""
         return self.parameters()
 
     def functions(self) -> tuple[Any, Any, Any]:

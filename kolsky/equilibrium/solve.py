@@ -25,7 +25,7 @@ class QuasiNewtonTangent:
     """An approximate inverse of the tangent."""
 
     def __init__(self, factors: Factors, *, learns: bool) -> None:
-        """Store the factors; only symmetric tangents of smooth problems are updated (``learns``)."""
+        """Store the factors; only symmetric tangents of smooth problems are updated (`learns`)."""
         self.factors, self.learns = factors, learns
         self.uses = 0
         """Iterations made with it."""

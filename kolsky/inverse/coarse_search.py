@@ -177,9 +177,9 @@ class CoarseOptimum:
     box: Box
     """Box in which the surrogate was refined."""
     surrogate: Surrogate
-    """Of the data vector."""
+    """Surrogate of the data vector."""
     objective: Objective
-    """With the discrepancies of the optimum."""
+    """Objective with the discrepancies of the optimum."""
     x: FloatArray
     """The optimum, shape [d]."""
 

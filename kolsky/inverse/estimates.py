@@ -122,7 +122,7 @@ class RouteOptimum:
     x: FloatArray
     """The optimum, shape [d]."""
     cost: float
-    """Chi-square there."""
+    """Chi-square at this optimum [-]."""
     gain: FloatArray
     """Linear map from data minus prediction to the shift of the optimum, shape [d, k]; zero for entries
     outside the part."""

@@ -262,7 +262,7 @@ coarser mesh lead to a point near the least misfit, where a good step may cause 
 MOST_RUNS = 8
 """Maximum number of iterations on the refined mesh with the slopes of the coarser one."""
 MISLED = 2
-"""Number of steps with increasing misfit after which those slopes are no longer used."""
+"""Number of steps with increasing misfit after which those slopes are replaced."""
 DIFFERENCE_STEP = 0.5
 """Half step of the central differences for the slopes, in standard deviations of the optimum."""
 REACH = 8.0

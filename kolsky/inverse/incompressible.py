@@ -89,7 +89,7 @@ class PoissonLimit:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The limit as a sentence."""
         where = f"nu is held at {self.value:g}"
         if self.preferred is not None:
             return (

@@ -84,7 +84,7 @@ class Stack:
 
     @cached_property
     def ends(self) -> tuple[int, ...]:
-        """Where each shot ends in the vector."""
+        """End of each shot's entries in the vector."""
         return tuple(np.cumsum([len(one.objective.data) for one in self.shots]).tolist())
 
     def place(self, k: int) -> slice:

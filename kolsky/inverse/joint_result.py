@@ -74,15 +74,15 @@ class OwnStiffness:
     """Stiffness estimated from one shot only, relative to the shared one, by one linear step."""
 
     value: float
-    """From all its data [-]; 0 means the shared stiffness."""
+    """Value from all data of the shot [-]; 0 means the shared stiffness."""
     sigma: float
     """Standard uncertainty without the errors shared by the shots [-]."""
     force: float
-    """From its force [-]; NaN if the force does not depend on it."""
+    """Value from its force [-]; NaN if the force does not depend on it."""
     sigma_force: float
     """Its standard uncertainty [-]."""
     outline: float
-    """From its outline [-]; NaN if none was measured."""
+    """Value from its outline [-]; NaN if none was measured."""
     sigma_outline: float
     """Its standard uncertainty [-]."""
 
@@ -115,7 +115,7 @@ class ShotAgreement:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The agreement as a sentence."""
         numbers = f"chi2 {self.chi2:.3g} with {self.freedom} degrees of freedom"
         if not self.apart:
             return f"the stiffest shot asks for {self.ratio:.3g} times the softest's stiffness ({numbers})"
@@ -234,7 +234,7 @@ class ModelChoice:
     asked_for: bool
     """True if the criterion is negative and synthetic elastic data rarely improve as much."""
     sentence: str
-    """In words."""
+    """The result as a sentence."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ class CurveFound:
     """The curve identified from the impacts, with its band."""
 
     strain: FloatArray
-    """Nodes, nominal strain as of the curve's branch [-], shape [n]."""
+    """Nominal strain of the nodes, with the sign of the curve's branch [-], shape [n]."""
     factor: FloatArray
     """Stress over that of the slow curve [-], shape [n]."""
     sigma_log: FloatArray
@@ -271,7 +271,7 @@ class JointResult(ResultViews):
     """Half width of each parameter's 95 % interval, in its unit; by Student's t if the scatter between few
     shots dominates."""
     shots: tuple[ShotPart, ...]
-    """Shot by shot."""
+    """Results of each shot."""
     scatter: Scatter | None
     """Scatter between the shots; None if not requested."""
     slow: Mapping[str, float]
@@ -350,7 +350,7 @@ def as_not_seen(e: Estimate) -> Estimate:
 
 
 def interval(e: Estimate, half: float) -> tuple[float, float]:
-    """Interval of a half width, cut to the searched range; the whole range if nothing else is known."""
+    """Interval of a half width, limited to the searched range; the whole range without a half width."""
     return e.searched if RANGE in e.noise_parts else e.within(half)
 
 

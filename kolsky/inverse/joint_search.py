@@ -375,7 +375,7 @@ def with_patterns_and_scatter(problem: JointProblem, found: Optimum, said: list[
     """The optimum with recomputed patterns, and with the scatter between the shots.
 
     If the search converges only with the old patterns, they are kept and a sentence is added to `said`. On
-    coarse meshes, the new patterns may ring at another frequency than the mesh of the slopes.
+    coarse meshes, the frequency of the ringing in the new patterns may differ from that of the slopes' mesh.
     """
     before = problem.stack
     last = with_scatter(problem, with_refined_patterns(problem, found))

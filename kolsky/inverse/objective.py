@@ -408,7 +408,7 @@ class Objective:
 
     @cached_property
     def kept(self) -> NDArray[np.bool_]:
-        """Which of bins and all points are in the data vector, shape [n_bins + Q]."""
+        """Mask of the bins and points that are in the data vector, shape [n_bins + Q]."""
         return np.concatenate([np.ones(self.n_force, dtype=bool), self.counted])
 
     def mask(self, part: Part) -> NDArray[np.bool_]:

@@ -241,11 +241,10 @@ def observe(
 ) -> Observations:
     """Select the data inside the window, and bin the force.
 
-    ``force``: the transmitted force. ``centre_line``: the outline; None if none was measured. ``window``:
-    first and last time, both included [s]. ``bin_width``: width of the force bins [s]; the camera's frame
-    interval by default. ``incident``: the incident force, if it is compared. Raises ValueError if the window
-    holds no outline point or fewer than 2 force samples, the bin width does not fit, or a Z or a sigma inside
-    is not positive.
+    ``centre_line``: the outline; None if none was measured. ``window``: first and last time, both included
+    [s]. ``bin_width``: width of the force bins [s]; the camera's frame interval by default. ``incident``: the
+    incident force, if it is compared. Raises ValueError if the window holds no outline point or fewer than 2
+    force samples, the bin width does not fit, or a Z or a sigma inside is not positive.
     """
     bins = bin_force(force, window=window, width=bin_width)
     first, last = window

@@ -76,7 +76,7 @@ class Parameter:
     without: str = ""
     """The reason why it has no effect if no contact law reads it, in words."""
     scale: Callable[[float], float] | None = None
-    """A change from a value that counts as large, in its unit; None takes `explicit.model.scale_of`."""
+    """Change from a value that counts as large, in its unit; None: `explicit.model.scale_of`."""
     changed: Callable[[Shot, float], Shot] | None = None
     """The shot with another declared value; needed if naming the parameter does more than that."""
     logarithmic: bool = False
@@ -309,7 +309,7 @@ def checked_value(name: str, value: float) -> float:
 
 
 def any_slides(names: Iterable[str]) -> bool:
-    """True if one of these parameters makes the surfaces slide by Coulomb's law once it is named."""
+    """True if naming one of these parameters makes the surfaces slide by Coulomb's law."""
     return any(PARAMETERS[name].slides for name in names if name in PARAMETERS)
 
 
@@ -329,7 +329,8 @@ def require_declared(names: Iterable[str], shot: Shot) -> None:
 
 
 def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
-    """True if a contact law among these, by name, reads the parameter, or if it needs none."""
+    """True if one of these contact laws, by name, uses the parameter, or if its effect needs no contact
+    law."""
     if not p.read_by:
         return True
     from explicit.contact import CONTACT_LAWS

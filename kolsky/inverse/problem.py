@@ -92,7 +92,7 @@ def prepare_shot(shot: Shot) -> PreparedShot:
     Raises
     ------
     ValueError
-        If the flyer's record or the curve cannot be used; the message says why.
+        If the flyer's record or the curve cannot be used; the message gives the reason.
     """
     force, motion, scale = shot.force.history(), shot.flyer, 0.0
     if isinstance(motion, FlyerMotion):
@@ -178,7 +178,7 @@ class Freed:
     by_default: bool
     """True if the free parameters are the default choice; they are held if the data do not constrain them."""
     reasons: Mapping[str, str]
-    """Why a parameter of `DEFAULT` is held, by its name."""
+    """Reason why a parameter of `DEFAULT` is held, by its name."""
 
     @property
     def free(self) -> Mapping[str, Bounds]:
@@ -275,7 +275,7 @@ class InverseProblem:
 
     @classmethod
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
-        """From a shot as loaded.
+        """The problem of a loaded shot.
 
         Raises ValueError if its recordings cannot be used, a parameter is unknown or a bound out of range.
         """
@@ -388,7 +388,7 @@ def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bo
 
 
 def _plain(thing: Any) -> Any:
-    """Dataclasses, mappings and tuples as JSON can hold them."""
+    """Dataclasses, mappings and tuples as JSON values."""
     if hasattr(thing, "__dataclass_fields__"):
         return {name: _plain(getattr(thing, name)) for name in thing.__dataclass_fields__}
     if isinstance(thing, Mapping):

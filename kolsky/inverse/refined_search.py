@@ -205,7 +205,7 @@ def _moved_by_coarse_mesh(runner: Runner, found: QuadraticFit) -> FloatArray | N
     if runs.prediction is None:
         return None
     change = found.objective.vectors(runs.prediction)[0] - found.model(found.x)[0]
-    return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+    return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds 0
 
 
 def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float]:
@@ -220,7 +220,7 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
     own = _halved_box(runner, coarse)
     first = check_run(runner, own.x, runner.problem.refined)
     change = own.objective.vectors(first.prediction)[0] - own.model(own.x)[0]
-    guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+    guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds 0
     return np.clip(guess, runner.problem.box.lower, runner.problem.box.upper), own.edge
 
 

@@ -70,7 +70,7 @@ class Method:
         name, runs, shared_runs, converged, ended
             The fields of this name.
         values
-            What it finds, in parameter units.
+            Its results, in parameter units.
         answer, half_width
             The answer and half the length of its k = 2 interval, in parameter units.
 
@@ -115,7 +115,7 @@ FLYER, CURVE = "flyer motion", "material curve"
 
 
 DECLARED = "declared inputs"
-"""Everything that [uncertainty] of the shot file declares."""
+"""All declarations in [uncertainty] of the shot file."""
 LATE = 3.0
 """A clock is wrong beyond this many standard uncertainties of its lag."""
 
@@ -204,7 +204,7 @@ class FitQuality:
 
     @property
     def noticed_without_declared(self) -> float:
-        """`noticed` if nothing were declared uncertain, in `unit`."""
+        """`noticed` without declared uncertainties, in `unit`."""
         declared = self.predicted.get(DECLARED, 0.0)
         return self.limit * max(self.expected**2 - declared**2, 0.0) ** 0.5
 
@@ -288,7 +288,7 @@ class CauseFinding:
     beside: str = ""
     """Key of the likelier cause that was free at the same time; empty if only this one was free."""
     status: str = ""
-    """Why it could not be tried; empty if it was."""
+    """Reason why it could not be tried; empty if it was."""
     declared_sigma: float | None = None
     """Its declared standard uncertainty, in its unit; None if none is declared."""
     solved: Mapping[str, float] = field(default_factory=dict)
@@ -332,7 +332,7 @@ class ParameterProfile:
     alone: Interval
     """The same with the other parameters held at their optimum."""
     verdict: str
-    """In one word: the value of a `doe.uncertainty.VerdictKind`."""
+    """Value of a `doe.uncertainty.VerdictKind`."""
     text: str
     """The verdict in a sentence, with the direction of a ridge."""
     error: float
@@ -391,7 +391,7 @@ class Variation:
     """Shift of each free parameter on the refined mesh, in SI, without correction of the mesh error. Empty if
     the search failed."""
     status: str
-    """What was done, in words."""
+    """Description of the choice's outcome."""
 
 
 @dataclass(frozen=True)
@@ -403,7 +403,7 @@ class PosteriorSummary:
     samples: FloatArray
     """A subset of the samples, for figures, in SI, shape [m, n]."""
     median: FloatArray
-    """Of all samples, in SI, shape [n]."""
+    """Median of all samples, in SI, shape [n]."""
     lower: FloatArray
     """2.5 % quantile of all samples, shape [n]."""
     upper: FloatArray
@@ -530,7 +530,7 @@ class Route:
     name: str
     """ "joint", "force only", "shape only", "paper" (the cost Phi of Eq. (M.5))."""
     parameters: dict[str, float]
-    """Optimum in parameter units, corrected for the error of the refined mesh where `correction` says so."""
+    """Optimum in parameter units, corrected for the error of the refined mesh by `correction`."""
     cost: float
     """Cost at the optimum."""
     sigma: dict[str, float]

@@ -164,7 +164,7 @@ class DesignTable:
     failed_places: FloatArray
     """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
     stage: tuple[str, ...]
-    """Why the run was made: "design", "refinement" or "check", length n_runs."""
+    """Reason why the run was made: "design", "refinement" or "check", length n_runs."""
     phi_shape: FloatArray
     """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete, or without an outline."""
     phi_force: FloatArray
@@ -201,7 +201,7 @@ class CompletedRuns:
     prediction: Prediction
     """The simulated measurements."""
     response: Response
-    """The solver's full answer."""
+    """The solver's complete response."""
     lost: str
     """The failed runs in words, the first of them in full; empty if there are none."""
 
@@ -215,17 +215,17 @@ class Runs:
     points: FloatArray
     """Their points, shape [n, d]."""
     response: Response
-    """The solver's answer."""
+    """The solver's response."""
     rows: NDArray[np.intp]
     """Indices of the completed runs."""
     prediction: Prediction | None
-    """The simulated measurements of those; None if there are none."""
+    """Simulated measurements of these runs; None if there are none."""
 
     @classmethod
     def of(
         cls, names: tuple[str, ...], points: FloatArray, response: Response, observations: Observations
     ) -> Runs:
-        """From the solver's answer."""
+        """Runs from the solver's response."""
         rows = np.flatnonzero(response.completed)
         prediction = predict(response.select(rows), observations) if len(rows) else None
         return cls(names, points, response, rows, prediction)

@@ -173,8 +173,8 @@ class Runner:
     def replicate(self, x: FloatArray, *, lesson: bool = True) -> PendingResult[Replicates]:
         """Run a point with `settings.replicates` other curves and as many other motions.
 
-        They are drawn now and run when the result is requested. If the patterns of the path are known, no
-        motion is drawn.
+        They are drawn immediately and run when the result is requested. If the patterns of the path are
+        known, no motion is drawn.
 
         ``x``: in parameter units, shape [d]. ``lesson``: whether to run as many further motions for the
         weights. Returns: pending result that gives the replicates; raises ValueError if the reference run did

@@ -173,11 +173,11 @@ def slow_test_of(
 ) -> SlowCompression:
     """Compress the specimen of a shot slowly.
 
-    ``shot``: a loaded shot. ``parameters``: "stiffness_factor", "friction" or "poisson" at another value than
-    the shot's. ``last``: last nominal compressive strain [-]; default: that at the end of the window.
-    ``error``: wanted relative error of the force, see `kolsky.material.slow_compression.slow_compression`.
-    ``mesh``, ``threads``: elements across the radius and along the length, CPU threads. Raises ValueError if
-    a parameter is not allowed or has no effect, the strain is not in (0, 1), or as
+    ``parameters``: "stiffness_factor", "friction" or "poisson" at another value than the shot's. ``last``:
+    last nominal compressive strain [-]; default: that at the end of the window. ``error``: wanted relative
+    error of the force, see `kolsky.material.slow_compression.slow_compression`. ``mesh``, ``threads``:
+    elements across the radius and along the length, CPU threads. Raises ValueError if a parameter is not
+    allowed or has no effect, the strain is not in (0, 1), or as
     `kolsky.material.slow_compression.slow_compression`.
     """
     given = {name: checked_value(name, value) for name, value in (parameters or {}).items()}

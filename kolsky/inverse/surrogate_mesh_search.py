@@ -72,7 +72,7 @@ class MeshOptimum:
     """The optimum on one mesh."""
 
     x: FloatArray
-    """In parameter units, shape [d]."""
+    """Point in parameter units, shape [d]."""
     sigma: FloatArray
     """Standard deviation with a frame's points as one value, shape [d]; infinite where no entry varies."""
     least_sigma: FloatArray

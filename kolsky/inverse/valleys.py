@@ -171,7 +171,7 @@ class Summit:
     """The point of maximum likelihood near a floor."""
 
     x: FloatArray
-    """In parameter units, shape [d]."""
+    """Point in parameter units, shape [d]."""
     patterns: FloatArray
     """Patterns of the flyer's noise there, one standard deviation per mode, shape [q, n_bins + n_points]."""
     strides: int

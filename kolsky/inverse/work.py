@@ -58,13 +58,13 @@ class Launch:
     forward: Forward
     """The shot."""
     points: Mapping[str, ArrayLike]
-    """As of `Forward.run`."""
+    """Parameters, see `Forward.run`."""
     numerics: Numerics
-    """As of `Forward.run`."""
+    """Numerical choices, see `Forward.run`."""
     motion: ArrayLike = 0
-    """As of `Forward.run`."""
+    """Index of the flyer's motion, see `Forward.run`."""
     material: ArrayLike = 0
-    """As of `Forward.run`."""
+    """Index of the material, see `Forward.run`."""
 
 
 def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:

@@ -39,7 +39,7 @@ Pull = Literal["first", "conditioned"]
 PAST_DATA = 0.25
 """Share of the specimen strained beyond the curve's end above which it is reported."""
 FEWEST_POINTS = 8
-"""Fewest points of a curve; a law needs 5 away from rest."""
+"""Smallest number of points of a curve; a law needs 5 away from rest."""
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ def reference_curve(
     treatment
         Declared treatment of the tests.
     pull
-        "first": the first loading ramp of each record. "conditioned": the last of two or more, on the first
-        pull's length, so that a permanent set is in its toe's offset.
+        "first": the first loading ramp of each record. "conditioned": the last of two or more, with strains
+        relative to the length before the first pull; a permanent set is part of its toe's offset.
     """
     if not tests:
         raise ValueError("a reference curve needs at least one test")

@@ -75,7 +75,7 @@ def slow_tests(
     """Compress one specimen of several materials slowly, in one batch.
 
     Raises ValueError if the strains are not ascending inside (0, 1), or a simulation does not complete; the
-    message says how, when and where it ended.
+    message gives outcome, time and place of its end.
 
     ``laws``: a material for each test, all of one class, shape [n_tests]. ``specimen``: its undeformed size;
     the density is not used. ``strain``: nominal compressive strains to record, ascending, > 0 [-], shape [n].

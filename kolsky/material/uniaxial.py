@@ -1,6 +1,6 @@
 """Quasi-static uniaxial tests: nominal stress over strain, ramps, holds, toe, mean of repeats with its band.
 
-The band of a curve keeps common uncertainty apart from noise: errors are correlated along the curve.
+The band of a curve separates common uncertainty from noise, because errors are correlated along the curve.
 
 .. math::
 
@@ -8,8 +8,8 @@ The band of a curve keeps common uncertainty apart from noise: errors are correl
    \\qquad z_j, \\epsilon_i \\sim N(0, 1)
 
 A *mode* :math:`\\mathbf m_j` moves the whole curve by one standard uncertainty of one cause. Specimens differ
-in their overall stiffness: one that is 5 % too stiff is so at every strain. Drawing points independently
-would average this out, in the curve and in every stiffness compared with it.
+in their overall stiffness: a specimen that is 5 % too stiff is 5 % too stiff at every strain. Drawing points
+independently would average this out, in the curve and in every stiffness compared with it.
 
 The *apparent modulus* of a curve follows from Gaussian rubber elasticity,
 
@@ -121,7 +121,7 @@ def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
 
 
 FEWEST = 5
-"""Fewest samples in a range of extrapolation."""
+"""Smallest number of samples in a range of extrapolation."""
 
 
 @dataclass(frozen=True)
@@ -234,8 +234,8 @@ def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold |
     With noise the largest strain of a record lies somewhere in the hold, and the ramp up to it would include
     relaxed stresses.
 
-    ``test``: the whole record. ``ramp``: one of its loading ramps. Returns: the ramp to its first strain near
-    the end if it is held there, else the unchanged ramp.
+    ``ramp``: one of its loading ramps. Returns: the ramp to its first strain near the end if it is held
+    there, else the unchanged ramp.
     """
     strain = test.strain
     begin, stop = int(ramp.start), int(ramp.stop)
@@ -341,8 +341,8 @@ def student_factor(freedom: int) -> float:
 def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
     """Mean of repeated tests; their scatter as modes of the mean, widened for its degrees of freedom.
 
-    The covariance of the mean is that of the tests over their number, S / n. Its square root is taken from
-    the tests' deviations themselves (singular values), n - 1 modes that reproduce it exactly.
+    The covariance of the mean is that of the tests over their number, S / n. Its modes come from the singular
+    values of the tests' deviations; n - 1 modes reproduce it exactly.
 
     ``strain``: common axis [-], shape [n_points]. ``values``: every test on it [Pa], shape [n_tests,
     n_points], at least two tests. Raises ValueError if there are fewer than two tests.
@@ -360,9 +360,9 @@ def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
 def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[FloatArray, float]:
     """A test's values on an axis, and the standard deviation of one of its samples about a smooth curve.
 
-    At each place a straight line is fitted to the samples within half the axis' spacing; with fewer than four
-    of them the neighbours are joined. The noise is that of second differences over neighbouring samples,
-    which a smooth curve hardly has.
+    At each position a straight line is fitted to the samples within half the axis' spacing; with fewer than
+    four samples it is replaced by interpolation between neighbours. The noise is estimated from second
+    differences of neighbouring samples, which are small for a smooth curve.
 
     ``strain``, ``value``: samples in any order [-] and [Pa], shape [n], at least three. ``axis``: ascending
     places inside their range, shape [m], at least two.
@@ -382,7 +382,7 @@ def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[F
 
 
 def _noise(x: FloatArray, y: FloatArray) -> float:
-    """From each sample's distance to the line between its neighbours, robust against a kink."""
+    """Noise from the distance of each sample to the line between its neighbours, robust against a kink."""
     left, right = x[1:-1] - x[:-2], x[2:] - x[1:-1]
     apart = (left + right) > 0.0
     if not apart.any():

@@ -80,8 +80,8 @@ def length_contradicts(length: float, seen: tuple[float, float] | None) -> bool:
 def check_length(toml: ShotToml, seen: tuple[float, float] | None) -> None:
     """Reject a declared length that the pictures contradict.
 
-    ``toml``: the shot file. ``seen``: smallest and largest length of the specimen's region, by
-    `visible_lengths`. Raises InputError if `length_contradicts`.
+    ``seen``: smallest and largest length of the specimen's region, by `visible_lengths`. Raises InputError if
+    `length_contradicts`.
     """
     length = toml.declared.specimen.length
     if seen is not None and length_contradicts(length, seen):
@@ -190,8 +190,8 @@ def _chain_settings(
     device: str = "cpu",
     length_sigma: float = 0.0,
 ) -> ChainSettings:
-    """The settings of `dic.chain` declared in a shot file. ``edge``: end of the specimen [px].
-    ``length_sigma``: standard deviation of its length [m]."""
+    """The settings of `dic.chain` declared in a shot file, with the specimen's end [px] and the standard
+    deviation of its length [m]."""
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )

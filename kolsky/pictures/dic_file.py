@@ -1,4 +1,4 @@
-"""The file dic.h5, of a stereo result and of a measurement by image correlation alone.
+"""The file dic.h5, of a stereo result and of a measurement by image correlation only.
 
 The file is written completely or not at all; every value is checked when it is read.
 """

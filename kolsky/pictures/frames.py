@@ -187,10 +187,8 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
 
 
 def _time_cure(time: FloatArray, expected: FloatArray) -> str:
-    """Cure for times that differ: another unit, a shift of the clock, or another column.
-
-    ``time``, ``expected``: times in the file and those of the frames [s], shape [n].
-    """
+    """Cure for times [s], shape [n], that differ from those of the frames: another unit, a shift of the
+    clock, or another column."""
     spans = float(np.ptp(time)), float(np.ptp(expected))
     ratio = spans[0] / spans[1] if min(spans) > 0.0 else 1.0
     power = round(float(np.log10(ratio)) / 3.0)
@@ -316,7 +314,7 @@ def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) ->
     """Check a flyer tracked in pictures: at rest in the static frames, then moving toward the specimen.
 
     ``flyer``: its motion; lost frames have no row. ``rest``: time of the last static frame on the shot's
-    clock [s]. ``source``: the file named in an error message. ``toml``: the shot file.
+    clock [s]. ``source``: the file named in an error message.
     """
     static = flyer.time <= rest
     if not static.any():

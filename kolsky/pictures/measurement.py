@@ -1,4 +1,4 @@
-"""A measurement by image correlation alone: from dic.toml to a `dic.full_field` result."""
+"""A measurement by image correlation only: from dic.toml to a `dic.full_field` result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -116,9 +116,9 @@ def measure_file(
 ) -> FullField:
     """Correlate the pictures of a measurement.
 
-    ``measurement``: the result of `read_measurement`. ``device``: device of the correlation, "cpu" or a CUDA
-    device. ``progress``: called with the frames done, stage by stage. Raises InputError if region, mask,
-    calibration or settings do not match the pictures, or nothing can be measured.
+    ``device``: device of the correlation, "cpu" or a CUDA device. ``progress``: called with the frames done,
+    stage by stage. Raises InputError if region, mask, calibration or settings do not match the pictures, or
+    nothing can be measured.
     """
     result = _measure(measurement, device=device, progress=progress)
     return replace(result, remarks=(*result.remarks, *of_colours(measurement.series)))

@@ -282,7 +282,7 @@ class PicturePair:
 def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
     """The latest pair with at least half of the points, or the reason why there is none.
 
-    ``toml``: the shot's file, with [pictures]. ``result``: the result of its pictures.
+    ``toml``: the shot's file, with [pictures].
     """
     from dic.images import PictureError
 

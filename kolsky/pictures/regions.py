@@ -297,9 +297,9 @@ LEAST_SIDE = 1000
 def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list[Path]:
     """Write frames with a grid, and regions.toml with the lines to fill in.
 
-    ``folder``: folder of the files; created if absent. ``session``: the pictures, and the regions that can be
-    drawn. ``frames``: frames that are written. Returns: the pictures, then the TOML file. Raises InputError
-    if none of the frames can be read, or nothing can be written.
+    ``folder``: folder of the files; created if absent. ``frames``: frames that are written. Returns: the
+    pictures, then the TOML file. Raises InputError if none of the frames can be read, or nothing can be
+    written.
     """
     names = []
     with filling(folder) as partial:

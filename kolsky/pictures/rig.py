@@ -146,11 +146,9 @@ def refine_rig(
     points left out of the fit (`dic.calibration.refine`). Otherwise nothing is done. If too few points are
     matched, the cameras are unchanged, and the facts state this.
 
-    ``section``: the table. ``rig``: the cameras, for the cropped pictures. ``pictures``: the series of both
-    cameras. ``frame``: the frame whose pair is matched. ``mask``: pixels of the body in camera 0's picture,
-    shape [rows, columns]. ``settings``: settings of the match. ``step``: distance of the points [px].
-    ``noise``: standard deviation of a grey value [grey]; None: 1 % of the picture's contrast. ``device``:
-    device of the correlation.
+    ``rig``: the cameras, for the cropped pictures. ``frame``: the frame whose pair is matched. ``mask``:
+    pixels of the body in camera 0's picture, shape [rows, columns]. ``step``: distance of the points [px].
+    ``noise``: standard deviation of a grey value [grey]; None: 1 % of the picture's contrast.
     """
     if section.refine is False:
         return rig, {}

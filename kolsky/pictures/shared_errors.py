@@ -82,7 +82,7 @@ class PictureErrors:
 def picture_errors(result: StereoResult) -> PictureErrors | None:
     """The shared error of a shot's pictures; None if none was found.
 
-    ``result``: what its pictures gave.
+    ``result``: the result of its pictures.
     """
     body = result.specimen
     shared = shared_error(

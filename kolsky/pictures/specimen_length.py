@@ -77,10 +77,9 @@ def rim_at_rest(
     """The rim at rest in the pictures of a shot; None if it was not found, or the flyer is not visible at
     rest.
 
-    ``result``: the result of its pictures. ``length``, ``length_sigma``: the declared length and its standard
-    uncertainty, with which the result was made [m]. ``unseen``: standard uncertainty of the length in the
-    pictures due to effects that they do not show [m]: pitch of the calibration target, faces that are not
-    parallel.
+    ``length``, ``length_sigma``: the declared length and its standard uncertainty, with which the result was
+    made [m]. ``unseen``: standard uncertainty of the length in the pictures due to effects that they do not
+    show [m]: pitch of the calibration target, faces that are not parallel.
     """
     axial = result.axial_displacement
     if axial is None or axial.rim_disagreement is None:
@@ -124,8 +123,8 @@ def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma
     An exact length and its heights are not changed. They are also unchanged if length and pictures disagree
     by more than `MOST_APART` standard deviations, because it is then unknown which of them is wrong.
 
-    ``rim``: the rim at rest. ``declared``, ``sigma``: the declared length and its standard uncertainty [m].
-    ``y_sigma``: standard uncertainty of the outline's heights, i.e. of the lower end [m].
+    ``declared``, ``sigma``: the declared length and its standard uncertainty [m]. ``y_sigma``: standard
+    uncertainty of the outline's heights, i.e. of the lower end [m].
     """
     from dic.bodies.axial_displacement import MOST_APART  # for shots with pictures only
 

@@ -188,9 +188,9 @@ def flyer_problem(
     """The reason why the flyer's displacement is not known, and the cure, each as text after the region's
     key.
 
-    ``result``: the result of the pictures, without a displacement of the flyer. ``length``: length of the
-    specimen at rest [m]. ``length_sigma``: its declared standard uncertainty [m]. ``subset``: side of the
-    subsets [px]; if the flyer's region is narrower, a smaller subset is the first cure.
+    ``length``: length of the specimen at rest [m]. ``length_sigma``: its declared standard uncertainty [m].
+    ``subset``: side of the subsets [px]; if the flyer's region is narrower, a smaller subset is the first
+    cure.
     """
     seen = np.zeros(0, dtype=np.int64) if result.flyer is None else np.flatnonzero(result.flyer.n_valid)
     if not seen.size:

@@ -28,7 +28,7 @@ NAMES = tuple(field.name for field in fields(Numbers))
 AIM_TOLERANCE = 0.01
 """Largest relative difference from the wanted value that counts as reached."""
 ROUNDS = 4
-"""Most confirming runs at the point predicted by the surfaces; each is added to the surfaces."""
+"""Largest number of confirming runs at the point predicted by the surfaces; each is added to the surfaces."""
 EQUAL_POINTS = 1e-6
 """Points of the unit box closer than this count as one run."""
 DIGITS = 6
@@ -57,7 +57,7 @@ class Varied:
 
     @classmethod
     def of(cls, text: str) -> "Varied":
-        """From "striker.speed=4 m/s:7 m/s:5".
+        """The quantity of a text such as "striker.speed=4 m/s:7 m/s:5".
 
         Raises ValueError if it cannot be read.
         """
@@ -84,11 +84,11 @@ class Scan:
     """Predictions over a grid of quantities."""
 
     varied: tuple[Varied, ...]
-    """What was varied."""
+    """The varied quantities."""
     points: FloatArray
     """Values in the units of `varied`, shape [n, d]."""
     numbers: tuple[Numbers, ...]
-    """Of each point."""
+    """Results of each point."""
 
     def column(self, name: str) -> FloatArray:
         """One number at every point, shape [n]."""
@@ -287,7 +287,7 @@ def scan_table(found: Scan) -> dict[str, Any]:
 
 
 def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
-    """Everything but the histories as one JSON object, SI; what is not known is null."""
+    """All results except the histories as one JSON object in SI units; unknown values are null."""
     said: dict[str, Any] = {
         "test": found.test.declared.name,
         "events": vars(found.events),

@@ -1,4 +1,4 @@
-"""A planned test from the striker on: waves, separation, arrest, second impact, its numbers.
+"""Prediction of a planned test from the striker's impact: waves, separation, arrest, second impact, results.
 
 The law of a pulse shaper is that of a rubber disc, a measured table, or derived from a measured pulse. The
 force F(t) on the incident bar's face is the incident wave there, until the reflection from the bar's far end
@@ -6,9 +6,8 @@ returns. The faces move at
 
     v_bar = F(t) / Z_bar,    v_striker = V - [F(t) + 2 sum_k F(t - k T)] / Z_striker,          Eq. (PS.1)
 
-with the striker's round trip T = 2 L / c_0: its free rear end sends every wave back with its sign changed.
-The shaper's compression is the integral of v_striker - v_bar, and F over it is the law, without free
-parameters.
+with the striker's round trip T = 2 L / c_0: its free rear end reflects every wave with opposite sign. The
+shaper's compression is the integral of v_striker - v_bar, and F over it is the law, without free parameters.
 """
 
 from dataclasses import dataclass
@@ -32,9 +31,9 @@ from kolsky.virtual.material import law_of, relaxation_of, uniaxial_stress
 from kolsky.virtual.motion import disc, loading
 
 LEAST_POINTS = 8
-"""Fewest points of a law's loading."""
+"""Smallest number of points of a law's loading."""
 LAW_POINTS = 400
-"""Most points of a law from a pulse, evenly in compression."""
+"""Largest number of points of a law from a pulse, evenly in compression."""
 LOADED = (0.01, 0.03)
 """Shares of the largest force of a pulse between which a line is fitted; loading begins where the line is
 zero."""
@@ -167,7 +166,7 @@ RATE_TO = 0.9
 
 @dataclass(frozen=True)
 class PlannedTest:
-    """A test file read."""
+    """The contents of a test file."""
 
     file: TomlFile
     declared: TestFile
@@ -250,7 +249,7 @@ class Numbers:
     """Velocity of the flyer's face over the transmission platen's, mean over the round trip of a wave in the
     flyer after the separation [m/s]."""
     start_rate: float
-    """That over the specimen's length [1/s]."""
+    """Initial strain rate: this speed over the specimen's length [1/s]."""
     mean_rate: float
     """Mean nominal strain rate from the separation to `RATE_TO` of the largest compression [1/s]."""
     largest_strain: float
@@ -267,7 +266,7 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Prediction(ResultViews):
-    """A planned test carried out."""
+    """The simulation of a planned test."""
 
     test: PlannedTest
     bars: FlightHistory
@@ -304,7 +303,7 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
     Parameters
     ----------
     test
-        A test file read.
+        The contents of a test file.
     quick
         True to use the specimen's static curve instead of finite elements: takes a second, for scans.
 

@@ -34,25 +34,26 @@ class PartTable(Section):
 
 
 class StrikerTable(PartTable):
-    """[striker]."""
+    """[striker]: the striker of a planned test."""
 
     speed: f.Velocity
-    """At impact [m/s]."""
+    """Speed at impact [m/s]."""
 
 
 class ShaperTable(Section):
     """[shaper]: the pulse shaper between striker and incident bar."""
 
     kind: Literal["none", "disc", "table", "pulse"]
-    """Nothing; a disc of rubber that slides on the steel; a measured table; a law found in a pulse."""
+    """Kind of pulse shaper: none; a rubber disc that slides on the steel; a measured table; a law from a
+    measured pulse."""
     diameter: f.Length | None = None
     height: f.Length | None = None
     shear_modulus: f.Modulus | None = None
-    """Of the disc's rubber at the rate of the test [Pa]."""
+    """Shear modulus of the disc's rubber at the rate of the test [Pa]."""
     file: f.FileName | None = None
     """A table: compression (mm), force (N). A pulse: time (us), force (N) of the incident wave."""
     speed: f.Velocity | None = None
-    """Of the striker in the test that the pulse was measured in [m/s]."""
+    """Speed of the striker in the test in which the pulse was measured [m/s]."""
     unloading: Stiffness | None = None
     """Slope of unloading; the loading curve's steepest if left out, or what the pulse shows."""
 
@@ -76,7 +77,7 @@ class JointTable(Section):
     strength: Force
     """Tension at which it begins to fail [N]."""
     opening: Opening = 0.0
-    """Gap over which its force falls to nothing [m]."""
+    """Gap over which its force decreases to zero [m]."""
 
 
 class RunTable(Section):
@@ -91,7 +92,7 @@ class RunTable(Section):
     tolerance: Force = 0.02
     """Largest change of a force from one pass of bars and specimen to the next [N]."""
     passes: Annotated[int, Field(ge=2, le=200)] = 20
-    """Most passes."""
+    """Largest number of passes."""
 
 
 class HoldTable(Section):
@@ -127,9 +128,9 @@ class TestFile(Section):
     incident: PartTable
     joint: JointTable
     flyer: dict[str, PartTable]
-    """From the incident bar to the specimen."""
+    """Parts of the flyer, from the incident bar to the specimen."""
     transmission: dict[str, PartTable]
-    """From the specimen on."""
+    """Parts of the transmission side, from the specimen on."""
     sensor: f.Name | None = None
     """The part of [transmission] at whose middle the transmitted force is measured; the first face if left
     out."""

@@ -2,7 +2,7 @@
 
 python-calamine stores every sheet of an old Excel workbook as a full rectangle. SciPy reads beyond its
 buffers if counts in a MATLAB file are damaged. The process that reads a shot must survive both, therefore
-`read_in_child` of `kolsky.readers.contents` starts this program. It imports nothing of this package.
+`read_in_child` of `kolsky.readers.contents` starts this program. It does not import this package.
 """
 
 import json

@@ -231,8 +231,8 @@ TIMEOUT = 9.0
 def read_in_child(path: Path, form: str, place: Path, damaged: Callable[[Path, str], InputError]) -> Any:
     """Read a file with `kolsky.readers.child` in a separate process, which a damaged file may crash.
 
-    ``path``: the file. ``form``: "xls" or "mat". ``place``: where it may write arrays. ``damaged``: makes the
-    error for a damaged file. Raises InputError if the program fails, crashes or takes longer than `TIMEOUT`.
+    ``form``: "xls" or "mat". ``place``: where it may write arrays. ``damaged``: makes the error for a damaged
+    file. Raises InputError if the program fails, crashes or takes longer than `TIMEOUT`.
     """
     program = Path(__file__).with_name("child.py")
     try:
@@ -334,11 +334,11 @@ def column_clock(
     middle of the common range; if that range is smaller than dt / 100, it is the first time.
 
     ``time``: the printed times [s], shape [n]. ``digit``: the last printed digit of each [s], shape [n].
-    ``name``: the column, for messages. ``fault``: makes an error about the file. ``interval``: the interval
-    stated by the user or the header [s]; without it the column must define one. ``tolerance``: rounding error
-    of the printed interval [s]. ``start``: the start stated with it [s]. ``source``: source of the stated
-    interval, in words. Raises InputError if times decrease, have gaps, are rounded too much to define an
-    interval, or contradict the stated interval.
+    ``name``: the column, for messages. ``interval``: the interval stated by the user or the header [s];
+    without it the column must define one. ``tolerance``: rounding error of the printed interval [s].
+    ``start``: the start stated with it [s]. ``source``: source of the stated interval, in words. Raises
+    InputError if times decrease, have gaps, are rounded too much to define an interval, or contradict the
+    stated interval.
     """
     _sorted(time, name, fault)
     digit = np.maximum(digit, SINGLE * np.abs(time))

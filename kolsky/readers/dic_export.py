@@ -134,7 +134,8 @@ class DicExport:
     X: FloatArray
     """Reference positions [m], shape [n_points, 3]."""
     u: FloatArray
-    """Displacements from them [m], NaN where a point is not valid, shape [n_frames, n_points, 3]."""
+    """Displacements from these positions [m], NaN where a point is not valid, shape [n_frames, n_points,
+    3]."""
     state: IntArray
     """`PointState` of every point in every frame, shape [n_frames, n_points]."""
 
@@ -242,9 +243,9 @@ class _File:
     program: str
     keys: tuple[object, ...]
     coordinates: FloatArray
-    """[m]."""
+    """Positions of the points [m]."""
     displacements: FloatArray
-    """[m]."""
+    """Displacements of the points [m]."""
     state: IntArray
 
 
@@ -298,10 +299,8 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
 
 
 def _length_unit(path: Path, heading: str, declared: str | None) -> str:
-    """Unit of a column of lengths: that of its heading, else the declared one, else mm.
-
-    Raises InputError if both are present and differ.
-    """
+    """Unit of a column of lengths: that of its heading, else the declared one, else mm; InputError if both
+    are present and differ."""
     stated = _stated_unit(heading)
     if not stated:
         return declared or "mm"

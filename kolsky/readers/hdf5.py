@@ -37,7 +37,7 @@ class NamedArray:
     samples: int
     """Its length."""
     values: Callable[[], FloatArray]
-    """Reads it."""
+    """Function that reads it."""
     unit: str | None = None
     """Its unit, if the file states it."""
     keys: Mapping[str, float] = field(default_factory=dict)
@@ -74,8 +74,8 @@ def array_channels(
     The clock comes from the layout, from keys such as "dt" and "t0", or from an array of times. This is the
     declared array, or an array of the same length named "t" or "time".
 
-    ``path``: the file. ``arrays``: its arrays. ``scalars``: its single numbers, by name. ``layout``: the
-    declared layout. Raises InputError if there is nothing to read, or a declared array of times is missing.
+    ``scalars``: its single numbers, by name. ``layout``: the declared layout. Raises InputError if there is
+    nothing to read, or a declared array of times is missing.
     """
     by_name = {array.name: array for array in arrays}
     stated = layout.time

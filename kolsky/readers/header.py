@@ -210,7 +210,7 @@ class HeaderClock:
     source: str
     """The keys they come from."""
     doubt: str = ""
-    """Why a statement of the clock cannot be used; empty if all can."""
+    """Reason why a statement of the clock cannot be used; empty if all can."""
 
     def check_declared(self, path: Path, interval: float) -> None:
         """Check that a declared interval [s] agrees with the header.

@@ -150,7 +150,7 @@ _NOT_THE_QUANTITY = re.compile(
 def recognised_columns(path: Path, layout: Layout) -> dict[str, str]:
     """Quantity -> the column identified by name and unit; quantities without a unique column are left out.
 
-    ``path``: the file. ``layout``: its declared layout. Raises InputError if it cannot be read.
+    ``layout``: its declared layout. Raises InputError if it cannot be read.
     """
     found: dict[str, str] = {}
     channels = read_contents(path, layout=layout).channels

@@ -58,7 +58,7 @@ class Sheet:
     word: str = "line"
     """Name of a row in messages: "line", "row" of a workbook, or "entry" of arrays."""
     counted: str = "the other lines have"
-    """Words for messages: what has the correct number of fields."""
+    """Text for messages: the reference with the correct number of fields."""
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
     """Not empty after the fields of all rows have been counted."""
 
@@ -389,7 +389,7 @@ _TIME_NAME = re.compile(
     re.IGNORECASE,
 )
 FEWEST_STEPS = 100
-"""Least number of rows of a time column for finding its unit from the header's interval."""
+"""Smallest number of rows of a time column for finding its unit from the header's interval."""
 SAME_STEP = 1e-3
 """Largest relative difference of the column's mean step from the header's interval [-]."""
 

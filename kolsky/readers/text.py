@@ -271,7 +271,7 @@ class Dialect:
     """Delimiter, decimal sign and columns of the lines of a file."""
 
     delimiter: str
-    """The character between columns; " " stands for any run of blanks and tabs."""
+    """The character between columns; " " means any sequence of blanks and tabs."""
     decimal: str
     """"." or ","."""
     fields: int

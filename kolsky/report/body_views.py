@@ -28,9 +28,9 @@ class StrainShare:
 
     name: str
     whole: FloatArray
-    """Of the whole specimen, along x, y, z [-], shape [3, bins]."""
+    """Values of the whole specimen, along x, y, z [-], shape [3, bins]."""
     middle: FloatArray
-    """Of the inner half of its free length, along x, y, z [-], shape [3, bins]."""
+    """Values of the inner half of its free length, along x, y, z [-], shape [3, bins]."""
 
 
 def strain_share(name: str, solution: Solution, middle: FloatArray) -> StrainShare:

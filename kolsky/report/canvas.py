@@ -280,7 +280,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
         for ax in figure.axes:
             for spine in ax.spines.values():
                 spine.set_in_layout(False)  # ticks point inward: a spine lies on the edge of its axes
-            for axis in (ax.xaxis, ax.yaxis):  # the number of ticks goes with it, outside this style too
+            for axis in (ax.xaxis, ax.yaxis):  # the number of ticks depends on it, also outside this style
                 if "labelsize" not in axis.get_tick_params():
                     axis.set_tick_params(labelsize=matplotlib.rcParams["ytick.labelsize"])
         layout = figure.get_layout_engine()

@@ -74,7 +74,7 @@ def _shown_frames(result: StereoResult) -> list[int]:
 
 
 ALIVE = 0.5
-"""Least share of the points that a shown frame has, if there is one."""
+"""Smallest share of the points that a shown frame has, if there is one."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class FullFieldView:
 def read_full_field_view(name: str, result: FullField, pictures: Pictures) -> FullFieldView:
     """Choose the frame to show and read its picture.
 
-    ``name``: name of the measurement. ``result``: the result. ``pictures``: camera 0's series.
+    ``pictures``: camera 0's series.
     """
     shown = full_field_view(result, name)
     try:

@@ -166,7 +166,7 @@ def write_results(folder: Path, result: Any, *more: Any, formats: Sequence[str] 
     more
         Further arguments of its functions, e.g. the scan of a prediction and the point found in it.
     formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+        Also save each figure as a file, in any of "pdf", "svg", "png" and "csv".
 
     Raises
     ------
@@ -232,7 +232,7 @@ def write_identify_results(
     shot
         The shot, as `kolsky.shot.load.load_shot` gives it.
     formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+        Also save each figure as a file, in any of "pdf", "svg", "png" and "csv".
     processes
         Processes that draw; see `dic.processes.run_parallel`. With several the result file is written in
         another process meanwhile.
@@ -298,10 +298,11 @@ def write_identify_page(
     *,
     processes: int = 1,
 ) -> None:
-    """Write the page of an identification into a folder, and its figures alone if formats are given.
+    """Write the page of an identification into a folder, and its figures as separate files if formats are
+    given.
 
-    ``folder``: an empty folder of `kolsky.base.files.filling`. ``recordings``: recordings of the shot's own
-    files. ``processes``: processes that draw; see `dic.processes.run_parallel`.
+    ``folder``: an empty folder of `kolsky.base.files.filling`. ``processes``: processes that draw; see
+    `dic.processes.run_parallel`.
     """
     from kolsky.report.pages.identification import write_report
 
@@ -320,7 +321,8 @@ def write_dic_results(
     vtp: bool = False,
     processes: int = 1,
 ) -> None:
-    """Write the results of `kolsky dic` beside dic.h5: dic.html, outline, flyer, reporting table, figures.
+    """Write the results of `kolsky dic` into the folder of dic.h5: dic.html, outline, flyer, reporting table,
+    figures.
 
     Parameters
     ----------
@@ -331,7 +333,7 @@ def write_dic_results(
     found
         The stereo result.
     formats
-        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+        Also save each figure as a file, in any of "pdf", "svg", "png" and "csv".
     csv, vtp
         Also write every frame's points as CSV, and as VTP for ParaView.
     processes
@@ -399,7 +401,8 @@ def write_full_field_results(
 def write_budget_results(
     folder: Path, results: Sequence[Budget], campaign: Campaign | None, *, formats: Sequence[str] = ()
 ) -> None:
-    """Write the results of `kolsky budget` beside its ledger: budget.csv, budget.html and figures.
+    """Write the results of `kolsky budget` into the folder of its ledger: budget.csv, budget.html and
+    figures.
 
     ``results``: a budget for each free parameter; files and figures of the first are named budget, of others
     budget and the parameter. ``campaign``: a planned campaign, if one was asked for.
@@ -426,7 +429,7 @@ def write_sweep_results(
     warnings: Sequence[str] = (),
     formats: Sequence[str] = (),
 ) -> None:
-    """Write the results of `kolsky sweep` beside its database: sweep.csv, sweep.html and figures.
+    """Write the results of `kolsky sweep` into the folder of its database: sweep.csv, sweep.html and figures.
 
     Parameters
     ----------

@@ -167,8 +167,8 @@ def space_png(
 ) -> bytes:
     """The surface of one frame in space with a field on it, as PNG; the reference surface is a wire mesh.
 
-    ``limits``: limits of the colours. ``chosen``: a point to mark. Raises
-    `kolsky.report.scene.drawing.CannotRender` if PyVista is not installed or VTK cannot render here.
+    ``chosen``: a point to mark. Raises `kolsky.report.scene.drawing.CannotRender` if PyVista is not installed
+    or VTK cannot render here.
     """
     pyvista = offscreen_pyvista()
     with _DRAWING:

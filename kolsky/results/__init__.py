@@ -1,1 +1,1 @@
-"""Results on disk: an identification as HDF5, JSON and CSV tables, written whole or not at all."""
+"""Results on disk: an identification as HDF5, JSON and CSV tables, written completely or not at all."""

@@ -13,7 +13,7 @@ from kolsky.results.nomenclature import factor_of, name_of
 def in_display_units(result: Identification) -> Identification:
     """Return a result with every parameter in the unit of `kolsky.results.nomenclature`.
 
-    For pages and figures; files and JSON stay in SI. Apply it once: its result is no longer in SI.
+    For pages and figures; files and JSON stay in SI. Apply it only once: its result is not in SI units.
     """
     factors = np.array([factor_of(name) for name in result.design.names])
     shown = IDENTIFICATION.scaled(result, factor_of)

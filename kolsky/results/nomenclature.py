@@ -74,8 +74,8 @@ def short(parameter: str) -> str:
 def in_words(text: str, names: Iterable[str] = ()) -> str:
     """Return a sentence in which every API name of a parameter is replaced by `short`.
 
-    ``text``: the sentence. ``names``: parameters to replace in addition to those whose API name is not an
-    English word; "friction" may be an ordinary word.
+    ``names``: parameters to replace in addition to those whose API name is not an English word; "friction"
+    may be an ordinary word.
     """
     known = {*names, *(name for name in (*PARAMETERS, *_NAMES) if "_" in name)}
     called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))

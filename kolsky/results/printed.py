@@ -204,10 +204,7 @@ def unseen_notes(result: Identification) -> list[str]:
 
 
 def printed_sensitivities(result: Identification, symbol: dict[str, str]) -> dict[str, str]:
-    """Return rows for a terminal: "per 1 % of specimen_length" -> "m +1.8 % (taken as exact)".
-
-    ``result``: the identification. ``symbol``: symbol of each free parameter.
-    """
+    """Return rows for a terminal: "per 1 % of specimen_length" -> "m +1.8 % (taken as exact)"."""
     answer = {name: e.value for name, e in result.estimates.items()}
     open_ = {part.key for part in taken_as_exact(result.systematic)}
     rows = {}

@@ -324,7 +324,7 @@ ContactLawName = Annotated[str, BeforeValidator(_contact_law)]
 
 
 class Section(BaseModel):
-    """A table of the file: unknown keys are refused, nothing is converted silently."""
+    """A table of the file: unknown keys are rejected, and no value is converted silently."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 

@@ -430,7 +430,7 @@ class CheckedBars:
     folder: Path
     """Its folder."""
     given: WavesInput
-    """Everything declared, and the recordings."""
+    """All declarations, and the recordings."""
     incident: BarSignal
     """Strain at the incident gauge."""
     transmission: BarSignal

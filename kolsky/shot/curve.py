@@ -28,7 +28,7 @@ LARGEST_STRAIN = 20.0
 MOST_MODES = 1000
 """Maximum number of columns of common (correlated) uncertainties."""
 SMALLEST_CURVE = 5
-"""Least number of curve points with nonzero strain."""
+"""Smallest number of curve points with nonzero strain."""
 PAST_CURVE = 0.01
 """A warning is given if more than this share of the specimen is strained beyond the curve [-]."""
 

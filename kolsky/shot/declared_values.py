@@ -20,7 +20,7 @@ FOAM_DENSITY = 100.0
 FOAM_POISSON = 0.45
 """Largest Poisson's ratio accepted for such a foam [-]; measured values are near 0 and at most 0.35."""
 BAR_DENSITY = 500.0
-"""Least density of a bar [kg/m^3]: magnesium has 1 740, PMMA 1 180, wood 600."""
+"""Smallest density of a bar [kg/m^3]: magnesium has 1 740, PMMA 1 180, wood 600."""
 BAR_SPEEDS = (300.0, 20_000.0)
 """Smallest and largest wave speed of a bar [m/s]: polyethylene 700, PMMA 2 200, beryllium 12 900. A metal's
 modulus that is 1000 times too small gives at most 170."""
@@ -202,7 +202,7 @@ def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Ite
 
 def check_specimen_size(e: Evidence) -> Iterator[Finding]:
     """Check that diameter, length and their ratio are plausible for a specimen."""
-    if getattr(e.declared, "specimen", None) is None:  # bars alone
+    if getattr(e.declared, "specimen", None) is None:  # bars only
         return
     low, high = SPECIMEN_SIZES
     sizes = {name: getattr(e.declared.specimen, name) for name in ("diameter", "length")}

@@ -29,7 +29,7 @@ LENGTH_FACTORS = (2.0, 0.5, 25.4, 1.0 / 25.4, *UNIT_FACTORS)
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """The data of a shot that have been read so far; a rule without its data finds nothing."""
+    """The data of a shot that have been read so far; a rule without data has no result."""
 
     file: TomlFile
     """The shot file, for keys, lines and values as written."""

@@ -23,7 +23,7 @@ QUIET_SIGMAS = 6.0
 """Largest difference of a quiet span's two halves, in its standard deviations. White noise exceeds it once
 in 5e8. Filtered noise, whose successive samples are correlated, also stays below it."""
 SMALLEST_BASELINE = 20
-"""Least number of samples for the zero and the noise of the force."""
+"""Smallest number of samples for the zero and the noise of the force."""
 
 
 def force_channel(folder: Path, rest: float, toml: ShotToml, frame_time: FloatArray) -> ForceChannel:
@@ -114,7 +114,7 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
     """Check that the baseline has enough quiet samples with visible noise, before or after the test.
 
     ``volts``: the baseline's samples [V], shape [n]. ``rest``, ``last``: times of the last static frame and
-    of the last frame [s]. ``toml``: the shot file. Raises InputError if zero and noise cannot be estimated.
+    of the last frame [s]. Raises InputError if zero and noise cannot be estimated.
     """
     section = toml.declared.force
     start, end = section.baseline
@@ -177,8 +177,7 @@ def check_sign(
     """Check the sign of the force: a flyer that compresses the specimen pushes it.
 
     ``force``: compression-positive force at the scope samples [N], shape [n]. ``scope_time``: their times on
-    the shot's clock [s], shape [n]. ``span``: the window [s]. ``flyer``: the flyer's motion. ``toml``: the
-    shot file.
+    the shot's clock [s], shape [n]. ``span``: the window [s].
     """
     # A bonded face may pull during the first waves, so the sign is checked only at larger compression.
     inside = flyer.time <= span[1]
@@ -221,8 +220,8 @@ def incident_to_compare(toml: ShotToml, span: tuple[float, float]) -> dict[str, 
     The pulse that accelerates the flyer ends before the flight, and the window begins at rest. Within the
     window the incident force is therefore that of the specimen.
 
-    ``toml``: the shot file. ``span``: the window [s]. Raises InputError as `incident_channel`; if the
-    recording does not cover the window, or has another clock than [force].
+    ``span``: the window [s]. Raises InputError as `incident_channel`; if the recording does not cover the
+    window, or has another clock than [force].
     """
     declared = toml.declared.incident_force
     if declared is None or not declared.compared:

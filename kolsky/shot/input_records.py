@@ -32,7 +32,7 @@ Needs = Literal[
     "curve",
     "stiffness at its bound",
 ]
-"""What a shot must have for an input to have a part."""
+"""Data that a shot must have for an input to have an effect."""
 
 
 class Model(Protocol):
@@ -185,7 +185,7 @@ class Cause:
     coordinate: Callable[[float], float] = _plain
     """Coordinate of a value."""
     lowest: float = -inf
-    """Least coordinate."""
+    """Smallest coordinate."""
     highest: float = inf
     """Largest coordinate."""
     exact: float = 0.0
@@ -197,7 +197,8 @@ class Cause:
     declared: str = ""
     """Its key in [uncertainty], if there is one."""
     parameter: str = ""
-    """Name of the simulation parameter, if it is one; its held value is then the value without an error."""
+    """Name of the simulation parameter, if the input is one; its fixed value is then the value without an
+    error."""
 
 
 @dataclass(frozen=True)

@@ -262,7 +262,7 @@ def _with_pictures(
     check_outline(found.centre_line, found.source, rest, span, toml)
     base = fields_of(shot)
     base |= incident_to_compare(toml, span)
-    base["uncertainty"] = {**found.offsets, **shot.uncertainty}  # what is declared counts
+    base["uncertainty"] = {**found.offsets, **shot.uncertainty}  # declared values take precedence
     loaded = Shot(
         **base,
         flyer=found.flyer,

@@ -44,7 +44,7 @@ FORCE_STEPS = (1e-9, 1e-4)
 FRAME_STEPS = (1e-8, 1e-3)
 """Usual frame intervals [s]: cameras of bar tests take 10^3 to 10^8 pictures per second."""
 FEWEST_FORCE_SAMPLES = 10
-"""Least number of force samples during the frames; with fewer, no force history can be compared."""
+"""Smallest number of force samples during the frames; with fewer, no force history can be compared."""
 SHORTEST_RECORD = 10.0
 """Largest transit time through a bar over the duration of its record [-]; a shorter record contains no
 reflection."""
@@ -54,8 +54,8 @@ IMPACT_SPEEDS = (0.05, 500.0)
 """Smallest and largest impact speed [m/s]. A fall of 0.2 mm gives 0.06 m/s; above 500 m/s soft specimens
 disintegrate."""
 LEAST_TRAVEL = 1e-3
-"""Least travel of the flyer over the specimen's length [-]. Below it, the unit of displacement is more likely
-wrong than the unit of time."""
+"""Smallest travel of the flyer over the specimen's length [-]. Below it, the unit of displacement is more
+likely wrong than the unit of time."""
 RADIUS_TOLERANCE = 0.2
 """Largest difference between the outline at rest and the specimen's radius, relative to the radius [-]."""
 STIFFENING = 30.0
@@ -64,7 +64,7 @@ rate, faces that stick add at most a factor of 3."""
 INERTIA = 3.0
 """Largest inertial stress over rho v^2 [-]: a stopped column has 1, its reflected front 2."""
 SOFTENING = 1.0 / 30.0
-"""Least dynamic stress over the quasi-static one [-]: a pre-conditioned or swollen specimen has 0.2."""
+"""Smallest dynamic stress over the quasi-static one [-]: a pre-conditioned or swollen specimen has 0.2."""
 UNUSUAL = (0.2, 10.0)
 """Dynamic over quasi-static stress outside which a warning is given [-]: soft materials stiffen at most 10
 times, and soften at most 5 times with conditioning."""
@@ -78,8 +78,8 @@ piezoelectric sensors."""
 SOFT_STRESSES = (1e3, 3e7)
 """Smallest and largest stress of a soft material at the end of a test [Pa], from gels to hard rubber."""
 SHORTEST_CURVE = 0.03
-"""Least ratio of the curve's last strain to the test's strain [-]. Ratios that were declared as per cent are
-100 times too small."""
+"""Smallest ratio of the curve's last strain to the test's strain [-]. Ratios that were declared as per cent
+are 100 times too small."""
 LONGEST_STRETCH = 8.0
 """Stretch above which a curve gets a warning [-]: natural rubber breaks at 7 to 8."""
 
@@ -331,7 +331,7 @@ def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, flo
     loaded = curve.stretch != 1.0
     stretch = curve.stretch[loaded]
     moduli = np.abs(curve.stress[loaded] / (stretch - stretch**-2.0))
-    reached = max(1.0 - strain, 0.05)  # nothing is pressed to nothing
+    reached = max(1.0 - strain, 0.05)  # a body is not compressed to zero length
     size = abs(reached - reached**-2.0)
     return float(moduli.min() * size), float(moduli.max() * size)
 

@@ -139,7 +139,7 @@ class ShotRecordings:
     surface_page: str = ""
     """The page about them, in the report's folder; empty if there is none."""
     numbers: dict[str, float] = field(default_factory=dict)
-    """The numbers of the surfaces by name, as `kolsky.pictures.summary.numbers` has them; empty likewise."""
+    """The numbers of the surfaces by name, from `kolsky.pictures.summary.numbers`; empty without surfaces."""
     pair: PicturePair | str = ""
     """A pair of pictures with the points on it, or the reason why there is none."""
     film: PictureFilm | None = None
@@ -149,8 +149,8 @@ class ShotRecordings:
 def shot_recordings(shot: Shot, folder: Path) -> ShotRecordings:
     """The recordings of a shot for its report.
 
-    ``shot``: the shot. ``folder``: the folder of its results. Raises InputError if its pictures were
-    correlated but the result file cannot be read. Raises ValueError if the flyer's record cannot be used.
+    ``folder``: the folder of its results. Raises InputError if its pictures were correlated but the result
+    file cannot be read. Raises ValueError if the flyer's record cannot be used.
     """
     channel = shot.force
     if isinstance(channel, BarForce):

@@ -22,7 +22,7 @@ from kolsky.pictures.picture_set import PictureSet
 from kolsky.pictures.specimen_length import LengthByPictures, RimAtRest
 
 FEWEST_MOVING_FRAMES = 24
-"""Least number of moving frames for the search for a second impact."""
+"""Smallest number of moving frames for the search for a second impact."""
 
 
 def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> FlyerPath:

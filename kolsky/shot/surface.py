@@ -191,8 +191,8 @@ def _export(
 
 
 LEAST_HEIGHT = 0.2
-"""Least height of the outline at rest above the transmission platen, over the declared length [-]. A height
-of a tenth indicates a wrong length."""
+"""Smallest height of the outline at rest above the transmission platen, over the declared length [-]. A
+height of a tenth indicates a wrong length."""
 LARGEST_RADIUS = 3.0
 """Largest radius of an outline over the declared radius [-]: that of a freely sliding specimen at a ninth of
 its length."""
@@ -243,10 +243,10 @@ def check_outline(
 
     `kolsky.shot.plausibility` has already checked the points at rest.
 
-    ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: the file it came from.
-    ``rest``: time of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the
-    shot file. ``line_of``: line in the file of a row, if the file is a table. Raises InputError for the first
-    point that cannot be on this specimen's outline, or if no point is in the window.
+    ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: its file. ``rest``: time
+    of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the shot file.
+    ``line_of``: line in the file of a row, if the file is a table. Raises InputError for the first point that
+    cannot be on this specimen's outline, or if no point is in the window.
     """
     length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
     low, high = -0.1 * length, 1.1 * length
@@ -287,7 +287,7 @@ def each_once(line: CentreLine, table: FrameTable) -> tuple[CentreLine, tuple[st
     A repeated row in an export is one measurement. Counted several times it would have too much weight and
     bias the result.
 
-    ``line``: the outline, rows as in the file, shape [n]. ``table``: the file it was read from.
+    ``line``: the outline, rows as in the file, shape [n].
     """
     rows = np.column_stack([line.frame, line.y, line.Z])
     _, first, counts = np.unique(rows, axis=0, return_index=True, return_counts=True)

@@ -130,7 +130,7 @@ class FlyerTest:
         everything, _ = correct_radial_inertia(plain, strain, rate, second, specimen, apply=True)
         interval = float(time[1] - time[0])
         width = max(1, round(AVERAGE / interval))
-        known = given.incident is not None  # with one force nothing is known of their balance
+        known = given.incident is not None  # with one force their balance is unknown
         ratio = np.full(time.size, np.inf)
         if known:
             ratio = imbalance(front.value, back.value, front.sigma[0], back.sigma[0], width=width)
@@ -534,13 +534,13 @@ def _fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: b
         lead = 2.0 * averaging_time(incident)
         first = min(arrival.time, arrival.onset) - lead
         way = (incident.position + transmission.position) / speed
-        # The pulse returns from the nearer of the far ends; nothing else reaches a gauge before.
+        # The pulse returns from the nearer of the far ends; no other wave reaches a gauge before.
         free = min(2.0 * (s.bar.length - s.position) for s in (incident, transmission)) / speed
         last = min(arrival.time + free - lead, transmission.strain.end - way)
         found = wave_speed(
             incident,
             transmission,
-            incident_window=(incident.strain.start, incident.strain.end),  # what comes later is not compared
+            incident_window=(incident.strain.start, incident.strain.end),  # later samples are not compared
             transmitted_window=(first + way, last + way),
         )
         speed = found.wave_speed

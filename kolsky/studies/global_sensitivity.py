@@ -34,7 +34,7 @@ from kolsky.studies.local_sensitivity import completed_runs
 OUTPUTS = ("Phi_F", "Phi_S", "Phi", "peak force")
 """Scalar outputs: Eqs. (M.4), (M.3), (M.5) and the largest transmitted force."""
 WITHOUT_OUTLINE = ("Phi_F", "peak force")
-"""Those of a shot without an outline."""
+"""Outputs of a shot without an outline."""
 CHUNK = 256
 """Number of runs per batch."""
 
@@ -124,7 +124,7 @@ class GlobalSensitivity(ResultViews):
 
     shot: str
     box: Box
-    """Where the parameters vary, uniformly and independently."""
+    """Ranges of the parameters, which vary uniformly and independently."""
     runs: int
     """Total number of runs."""
     by_surrogate: bool
@@ -205,7 +205,7 @@ def solver_sensitivity(
     row = {point.tobytes(): i for i, point in enumerate(points)}
 
     def made(x: FloatArray) -> FloatArray:
-        """The runs again: the same seed asks for the same points."""
+        """The stored runs; the same seed gives the same points."""
         return vectors[[row[point.tobytes()] for point in x]]
 
     return _indices(
@@ -238,7 +238,7 @@ def global_sensitivity(
     ValueError
         If a run does not complete, a parameter is unknown or outside its range.
     doe.surrogates.protocol.SurrogateError
-        If the surrogate cannot be built, or nothing of it is good enough; the message says what to do.
+        If the surrogate cannot be built, or no part of it is accurate enough; the message gives the remedy.
     """
     design = latin_hypercube(box, runs, rng=rng, optimise=True)
     others = latin_hypercube(box, unseen, rng=rng + 1)

@@ -137,7 +137,7 @@ def cost_interval(x: FloatArray, cost: FloatArray, delta: float) -> CostInterval
 
 
 def _crossing(x: FloatArray, cost: FloatArray, limit: float) -> float:
-    """Where the line between two points has the limit."""
+    """Position at which the line between two points reaches the limit."""
     share = (limit - cost[0]) / (cost[1] - cost[0])
     return float(x[0] + share * (x[1] - x[0]))
 
@@ -145,7 +145,7 @@ def _crossing(x: FloatArray, cost: FloatArray, limit: float) -> float:
 BOUNDS = {FRICTION: (0.0, 2.0), MOVED: (0.75, 1.5)}
 """The paper's designs: its Fig. 9, and for the stiffness factor the wider range of its Fig. 10."""
 LEVELS, LEVELS_ALONE = 10, 16
-"""Levels of each of two parameters, and of the stiffness factor alone."""
+"""Number of levels of each of two parameters, and of the stiffness factor if it is the only one."""
 REFINED_LEVELS = (3, 7)
 """Levels of friction and of the stiffness factor on the refined mesh."""
 REFINED_SHARE = (0.25, 0.16)
@@ -169,7 +169,7 @@ class PaperAnswer:
     factor: float
     """Stiffness factor m of the last run [-]."""
     interval: CostInterval
-    """Of m, by delta Phi [-]."""
+    """Interval of m from delta Phi [-]."""
     friction: float | None
     """Friction coefficient of the last run [-]; None if nothing slips."""
     friction_told: bool

@@ -32,8 +32,8 @@ from kolsky.material.relaxation.evidence import HistoryTest
 from kolsky.material.relaxation.rate_fit import FACTORS, REFUSED, STRENGTHS, RateFit
 
 STRONG = 6.0
-"""Least distance in BIC from the chosen model to every other [-]: odds of 20 to 1, "strong" evidence of Kass
-and Raftery (1995)."""
+"""Smallest distance in BIC from the chosen model to every other [-]: odds of 20 to 1, "strong" evidence of
+Kass and Raftery (1995)."""
 POOR_FIT = 2.0
 """If chi-square over degrees of freedom exceeds this, the fit is reported and no model is chosen."""
 NETWORK = "bergstrom_boyce"
@@ -66,7 +66,7 @@ class Candidate:
     values: Mapping[str, float]
     """The constants found, SI."""
     doubt: str = ""
-    """Why it cannot be chosen; empty if it can."""
+    """Reason why it cannot be chosen; empty if it can."""
 
     def aicc(self, n: int) -> float:
         """Akaike's criterion for small samples of n values; infinite where n does not exceed k + 1 [-]."""
@@ -89,7 +89,8 @@ class ModelComparison:
     n_data: int
     """Number of fitted values."""
     scatter: float
-    """Least sum of squares over its degrees of freedom, 1 or more [-]: the deviances are already over it."""
+    """Smallest sum of squares over its degrees of freedom, 1 or more [-]: the deviances are already over
+    it."""
     left_out: Mapping[str, str]
     """Models that were not fitted, and why."""
 
@@ -161,17 +162,8 @@ class ModelComparison:
 
 
 def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> ModelComparison:
-    """Compare the fitted Prony series with the creeping network on slow tests.
-
-    Parameters
-    ----------
-    law
-        The long-term law at factor 1.
-    slow
-        The tests.
-    fits
-        Series with 0, 1, 2, ... branches, fitted to them by `required_branches`.
-    """
+    """Compare the Prony series of `required_branches` with the creeping network on slow tests; `law` is the
+    long-term law at factor 1."""
     found = [
         Candidate(
             series_name(len(fit.model.series)),

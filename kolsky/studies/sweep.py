@@ -269,7 +269,7 @@ def costs(table: DesignTable) -> FloatArray:
 
 
 def least_misfit(result: Sweep) -> dict[str, Any]:
-    """The completed run with the smallest Phi, and its parameters in SI; by Phi_F alone without an outline.
+    """The completed run with the smallest Phi, and its parameters in SI; by Phi_F without an outline.
 
     Values are None if no run completed.
     """

@@ -47,11 +47,12 @@ from kolsky.survey.tables import (
 )
 
 FEWEST_SAMPLES = 20
-"""Fewest samples of a baseline; the standard deviation of its mean is then a quarter of the noise."""
+"""Smallest number of samples of a baseline; the standard deviation of its mean is then a quarter of the
+noise."""
 SPARE = 0.9
 """Share of the quiet part of a record that is used, because motion and force may begin below the noise."""
 FEWEST_STATIC = 3
-"""Fewest static frames of a shot."""
+"""Smallest number of static frames of a shot."""
 _COMPRESSION = re.compile(r"compress|druck|stauch|crush", re.IGNORECASE)
 _TENSION = re.compile(r"tens(ile|ion)|zugv|zugs|traction|dehn?versuch", re.IGNORECASE)
 

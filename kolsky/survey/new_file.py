@@ -142,8 +142,6 @@ def next_of_series(text: str, folder: Path, survey: Survey) -> str:
 
     Values of the apparatus are kept; values that differ between shots are blank. A file that is not in the
     folder is replaced by the one found for the same purpose, with its columns, or else left blank.
-
-    ``text``: the last shot's file. ``folder``: the next shot's folder. ``survey``: the survey of that folder.
     """
     declared = {key: m["value"] for _, key, m in _keyed_lines(text) if m and m["off"] is None}
     changed: dict[str, str | None] = {key: BLANK for key in PER_SHOT if key in declared}
@@ -177,8 +175,6 @@ def with_recordings(text: str, survey: Survey) -> str:
 
     A channel is assigned if its name identifies the bar; otherwise it stays blank and the channels are
     listed.
-
-    ``text``: the blank file. ``survey``: what is in the folder.
     """
     recorders = _recorders(survey.recordings)
     if not recorders:

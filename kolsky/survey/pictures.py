@@ -24,7 +24,7 @@ NUMBERED = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 EARLY = 500
 """Number of pictures in which the first motion is searched: reading more would take minutes."""
 FEWEST = 3
-"""Fewest pictures of a test or calibration series."""
+"""Smallest number of pictures of a test or calibration series."""
 _NUMBER = re.compile(r"(.*?)(\d{1,18})(\D*)", re.DOTALL)
 
 
@@ -64,8 +64,7 @@ class PictureSurvey:
 def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
     """Survey the pictures in a folder and its direct subfolders; nothing is written.
 
-    ``folder``: the shot's folder. ``tables``: its tables; the frames' file gives the number of pictures per
-    camera.
+    ``tables``: its tables; the frames' file gives the number of pictures per camera.
     """
     series = sorted(_series(folder), key=lambda one: one.name)
     frames = tables.parts.get("frames")
@@ -120,8 +119,6 @@ def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
 
     The measure is the mean absolute difference from the first picture, as shown in the report of `kolsky
     check`. Only the first `EARLY` pictures are searched.
-
-    ``folder``: the shot's folder. ``survey``: the series of the test.
     """
     from dic.images import PictureError, open_pictures
 

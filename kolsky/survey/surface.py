@@ -22,7 +22,7 @@ from kolsky.survey.signals import QuietStretch, quiet_stretch, two_figures
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 """Endings of exports."""
 FEWEST = 3
-"""Fewest files of a series: a shot needs this many static frames."""
+"""Smallest number of files of a series: a shot needs this many static frames."""
 ONE_BODY = 0.05
 """Largest scatter of the points' displacements for a rigid body, over its travel [-]. For a compressed
 specimen with half of its height in view it is 0.5 / sqrt(12) = 0.14."""
@@ -37,7 +37,7 @@ ARC = 0.088
 """Smallest depth over width of a patch that shows a cylinder's curvature: an arc of 20 degrees to each side
 has tan(10 degrees) / 2."""
 FEWEST_OF_CYLINDER = 30
-"""Fewest points for a cylinder fit."""
+"""Smallest number of points for a cylinder fit."""
 PLAUSIBLE = (0.5e-3, 0.5)
 """Range of plausible extents of a specimen's points; outside it the unit is wrong [m]."""
 _AXES = "XYZ"
@@ -54,7 +54,7 @@ class SeriesOfExports:
     unit: str
     """Unit of its lengths; empty if it is not known."""
     why_unit: str
-    """Where the unit comes from, in words."""
+    """Source of the unit, as text."""
     export: DicExport
     """Its points."""
 

@@ -121,7 +121,8 @@ SHIFT = "on the file's clock"
 _SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
 _TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
 _SCOPE_ROWS = 200
-"""Fewest samples of a table without a column in volts for which it is taken as a recording of the force."""
+"""Smallest number of samples of a table without a column in volts for which it is taken as a recording of the
+force."""
 
 
 @dataclass(frozen=True)

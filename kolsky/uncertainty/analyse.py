@@ -297,7 +297,7 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
     runner
         Runs points of the identification's problem.
     answer
-        Where it ended.
+        The end of its search.
     check
         Prediction of the run on the refined mesh at the optimum.
 

@@ -23,8 +23,8 @@ from kolsky.uncertainty.mesh_error import mesh_change, numerical_parts
 def error_sources(found: Search, directions: InputDirections | None) -> Sources:
     """All sources of error of the optimum, as changes of the data vector; runs the mesh-error simulations.
 
-    ``found``: the search. ``directions``: effect of each input on the data vector; None omits the declared
-    uncertainties of shot.toml. Raises ValueError as `kolsky.uncertainty.mesh_error.mesh_change`.
+    ``directions``: effect of each input on the data vector; None omits the declared uncertainties of
+    shot.toml. Raises ValueError as `kolsky.uncertainty.mesh_error.mesh_change`.
     """
     runner, fine = found.runner, found.fine
     declared = runner.problem.shot.uncertainty

@@ -65,18 +65,11 @@ def outline_follows(change: FloatArray, step: float, diameter: float, n_force: i
 
 
 def height_follows(shot: Shot, step: float) -> float:
-    """Error of the outline's heights for a relative error of the length [m].
+    """Error of the outline's heights for a relative error `step` of the length [m].
 
     If the length is partly measured in the pictures, errors of length and heights are correlated
     (`kolsky.pictures.specimen_length`). The correlated part of the height error is in the direction of the
     length, the rest in that of the heights; both are independent.
-
-    Parameters
-    ----------
-    shot
-        The shot.
-    step
-        Relative increase of its length.
     """
     found = shot.length_by_pictures
     return 0.0 if found is None else found.y_per_length * step * shot.specimen.length
@@ -115,7 +108,7 @@ def plain_amount(key: str, value: float) -> float:
     For Poisson's ratio it is the largest power of ten not above a hundredth of its distance from 1/2. For
     other constants it is 0.01.
 
-    ``key``: the input. ``value``: its value in SI; only Poisson's ratio needs it.
+    ``value``: its value in SI; only Poisson's ratio needs it.
     """
     one = INPUTS[key]
     if one.relative:

@@ -332,8 +332,6 @@ def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
 
     Each row is one standard deviation: the uncertainty of the extrapolation equals its size, and the
     difference of the two elements decreases as q^-1.5 with the ratio q of the meshes.
-
-    ``stack``: defines the entries. ``change``: changes of the data vector.
     """
     rows = [change.error]
     if change.element is not None:

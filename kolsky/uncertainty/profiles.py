@@ -198,7 +198,7 @@ def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
     lower, upper = np.maximum(answer.x - reach, whole.lower), np.minimum(answer.x + reach, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
     d = box.dimension
-    enough = (d + 1) * (d + 2) // 2 + d  # a quadratic has the first so many coefficients
+    enough = (d + 1) * (d + 2) // 2 + d  # number of coefficients of a quadratic
     if box != whole and box.contains(runner.on_surrogate_mesh()[0]).sum() < enough:
         runner.simulate("profile", runner.design(box), runner.problem.numerics)
     return box
@@ -252,9 +252,9 @@ def surrogate_of(
     Near the answer, it agrees with value and slope at the optimum. In the whole box it agrees only in value,
     because the box is too wide for a slope from two neighbouring runs.
 
-    ``runs``: points and predictions on the surrogate's mesh. ``answer``: optimum of the identification.
-    ``box``, ``whole``: range of the surrogate, and the whole range of the design. Returns: the surrogate, and
-    the objective over the points that all its runs reach.
+    ``runs``: points and predictions on the surrogate's mesh. ``box``, ``whole``: range of the surrogate, and
+    the whole range of the design. Returns: the surrogate, and the objective over the points that all its runs
+    reach.
     """
     points, prediction = runs
     use = box.contains(points)

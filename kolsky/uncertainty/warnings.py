@@ -96,8 +96,7 @@ def _outline_noise_warnings(result: Identification) -> Iterator[str]:
 def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator[str]:
     """Report failed runs of `kolsky.uncertainty.mesh_error.MeshChange`, and the formula used instead.
 
-    ``lost``: the failed runs. ``coarse``: elements of the search mesh, across the radius and along the
-    length.
+    ``coarse``: elements of the search mesh, across the radius and along the length.
     """
     for run in lost:
         across, along = run.numerics.mesh
@@ -195,7 +194,7 @@ def folded_warning(
 def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
     """Count the failed runs by stage and `explicit.Outcome`, and describe the first of each kind.
 
-    ``table``: every run. ``rest``: text added after the count.
+    ``rest``: text added after the count.
     """
     kinds: dict[str, list[int]] = {}
     for run in table.lost:
@@ -210,10 +209,7 @@ def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
 
 
 def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
-    """Report the runs that were damaged in a ledger and were therefore repeated.
-
-    ``damaged``: beginnings of their keys.
-    """
+    """Report the runs that were damaged in a ledger and were therefore repeated."""
     if damaged:
         said = ", ".join(damaged[:5]) + (", ..." if len(damaged) > 5 else "")
         yield (

@@ -232,7 +232,7 @@ class ScopeFormat:
     name: str
     """Name of the file."""
     write: Callable[[Path, Scope], None]
-    """Writes it."""
+    """Function that writes the file."""
     columns: tuple[str, str]
     """Names of the incident and the transmitted channel."""
     force: dict[str, Any]

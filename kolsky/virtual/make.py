@@ -1,6 +1,6 @@
 """Shots of a specification: truths are simulated together, folders are written by several processes.
 
-A folder holds every file that a laboratory would have, and the truth in a subfolder.
+A folder contains all files that a laboratory would have; the truth is in a subfolder.
 """
 
 import hashlib
@@ -139,7 +139,7 @@ some MB."""
 
 @dataclass(frozen=True)
 class Made:
-    """One shot, made now or earlier."""
+    """One shot, made in this call or earlier."""
 
     name: str
     folder: Path
@@ -153,7 +153,7 @@ class NotMade:
 
     shot: ShotSpecification
     reason: str
-    """Why."""
+    """Reason why it was not made."""
 
 
 Place = tuple[ShotSpecification, Path]

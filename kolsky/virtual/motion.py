@@ -102,7 +102,7 @@ class Path1D(Protocol):
 
     @property
     def start(self) -> float:
-        """When it starts, on the shot's clock [s]."""
+        """Its start on the shot's clock [s]."""
         ...
 
     def displacement(self, time: FloatArray) -> FloatArray:
@@ -121,7 +121,7 @@ class Ramp:
     start: float
     """Start time [s]."""
     speed: float
-    """[m/s]"""
+    """Final speed [m/s]."""
     rise: float
     """Time of the ramp [s]."""
     slowdown: float = 0.0

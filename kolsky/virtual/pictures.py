@@ -123,7 +123,7 @@ def _small(vector: FloatArray) -> FloatArray:
 
 
 MARGIN = 6.0
-"""Least distance of the board from the edge of a picture [px]."""
+"""Smallest distance of the board from the edge of a picture [px]."""
 TRIES = 2000
 """Maximum number of drawn poses to find one that is fully visible in both cameras."""
 
@@ -457,9 +457,8 @@ def expose_series(
 ) -> Iterable[NDArray[np.uint16]]:
     """Grey values of the frames of one camera, in order.
 
-    Every frame of every camera has its own random stream, so that the pictures do not depend on how the
-    work is
-    shared out.
+    Every frame of every camera has its own random stream, so that the pictures do not depend on the
+    distribution of the work.
     """
     o, shape = q.optics, (q.cameras.picture[1], q.cameras.picture[0])
     n = scene.instants.n_frames

@@ -259,7 +259,7 @@ class CalibrationTable(Section):
 
 
 class Imperfections(Section):
-    """[imperfections]."""
+    """[imperfections]: errors of the synthetic test."""
 
     length: Relative = 0.0
     """Declared length over the true one, minus 1 [-]."""

@@ -110,7 +110,7 @@ class Draw(Section):
 
 
 class Population(Section):
-    """[population]: how many shots, and what is drawn of each."""
+    """[population]: number of shots, and the quantities drawn for each."""
 
     shots: Annotated[int, Field(ge=1, le=100_000)]
     draw: dict[str, Draw] = Field(default_factory=dict)
@@ -169,7 +169,7 @@ class ShotSpecification:
 
 @dataclass(frozen=True)
 class Series:
-    """A specification file read."""
+    """The contents of a specification file."""
 
     file: TomlFile
     declared: SpecificationFile

@@ -39,11 +39,11 @@ SHOT = Path(__file__).resolve().parents[3] / "runs" / "open-01"
 END = 1.4e-3
 """End of the runs [s]: 55 % compression, with side contact."""
 STEPS = 10.0 ** -np.arange(4.0, 6.6, 0.5)
-"""Relative steps of the differences: most are below those at which a node lands in another step."""
+"""Relative steps of the differences: most are too small to change the step in which a node lands."""
 N_DIRECTIONS = 4
 """Random directions of a table."""
 SHORT = 7e-4
-"""End of the run with friction and full damping, whose steps are short [s]."""
+"""End of the run with friction and full damping, which needs short steps [s]."""
 POINT = {
     "stiffness_factor": 1.1,
     "poisson": 0.495,
@@ -52,10 +52,10 @@ POINT = {
     "friction": 0.3,
 }
 BAR = CharacteristicBar(impedance=30.0, round_trip=3e-4)
-"""A light bar whose end is near: the platen in front of it moves by half a millimetre."""
+"""A light and short bar: the platen in front of it moves by half a millimetre."""
 ALLOWED = 1e-6
-"""Allowed distance of a gradient from its difference [-]: round-off of the objective, 1e-15 amplified a
-hundredfold by the run, over a step of 1e-6 or more."""
+"""Allowed difference between a gradient and its difference quotient [-]: round-off of the objective, 1e-15
+amplified a hundredfold by the run, over a step of 1e-6 or more."""
 FORWARD = 1e-10
 """Allowed distance from `explicit.run` over the largest value [-]: round-off (fused multiply-adds there, none
 here), amplified by contact, and divided by the interval of a step in a force."""
@@ -70,11 +70,11 @@ class Check:
     name: str
     """Parameter or direction."""
     value: float
-    """By the adjoint [-], by relative change."""
+    """Derivative from the adjoint, per relative change."""
     differences: FloatArray
     """By central differences at `STEPS`."""
     size: float
-    """What a distance is compared with: the derivative, or the largest one of its kind [-]."""
+    """Reference of a distance: the derivative, or the largest one of its kind [-]."""
 
     @property
     def error(self) -> FloatArray:
@@ -83,13 +83,13 @@ class Check:
 
     @property
     def best(self) -> float:
-        """Distance at the step after which the differences change least: chosen without the adjoint [-]."""
+        """Distance at the step after which the differences change least, chosen without the adjoint [-]."""
         return float(self.error[np.abs(np.diff(self.differences)).argmin()])
 
     @property
     def allowed(self) -> float:
-        """`ALLOWED`, or how far the differences are apart among themselves where they agree second best [-]:
-        with sliding contact their bottom may lie higher, and two of them may agree by chance."""
+        """`ALLOWED`, or the second smallest change between neighbouring differences if larger [-]: sliding
+        contact may raise the minimum of the V, and two differences may agree by chance."""
         return max(ALLOWED, float(np.sort(np.abs(np.diff(self.differences)))[1]) / self.size)
 
 
@@ -119,7 +119,7 @@ def scene_model(
 
 
 def half_square(scale: Histories) -> Objective:
-    """Half the sum of squares of all histories, each over its own largest value."""
+    """Half the sum of squares of all histories, each divided by its largest value."""
     size = scale.map(lambda f: np.array(np.abs(f).max()))
 
     def objective(found: Histories) -> tuple[float, Histories]:
@@ -221,9 +221,9 @@ def test_gradients_against_differences(contact: str, element: str, damping: str,
     forward, checks = scene(contact, element, damping, **options)
     assert forward < FORWARD
     for check in checks:
-        assert check.allowed < 1e-5  # a check that could not fail would be none
+        assert check.allowed < 1e-5  # the check must be able to fail
         assert check.best < check.allowed, check.name
-    if options == {"end": 3e-4}:  # before landing; at the widest step there is truncation alone
+    if options == {"end": 3e-4}:  # before landing; at the largest step there is truncation error only
         assert max(check.best for check in checks) < ALLOWED
         assert checks[0].error[0] > 10.0 * checks[0].best
 
@@ -263,7 +263,7 @@ def test_gradient_of_a_measured_shot_by_its_curve() -> None:
 
     for point in SHOT_POINTS:
         assert check(point).best < ALLOWED, point
-    # Scaling every stress is scaling m; the differences of the table leave 1e-9.
+    # Scaling every stress is scaling m; the differences of the table have an error of 1e-9.
     assert by_stress.sum() == pytest.approx(found.stiffness_factor, rel=1e-8)
 
 
@@ -275,15 +275,15 @@ PARAMETERS = ("stiffness_factor", "poisson", "damping", "mass_damping")
 JACOBIAN_POINT = {"poisson": 0.495, "damping": 2.5e-5, "mass_damping": 50.0, "friction": 0.3}
 MESHES = ((8, 11), (16, 22), (32, 44))
 WIDE, BETWEEN = (0.03, 0.02, 0.015), (1e-5, 5e-6, 2.5e-6)
-"""Ladders over some landings and between two of them [-]."""
+"""Ladders of steps that include some landings, and between two landings [-]."""
 BOTTOM = 1e-7
-"""Allowed change of a derivative at the bottom of the V [-]: round-off of 1e-15 over a step of 1e-5, which a
-few hundred steps amplify a hundredfold."""
+"""Allowed change of a derivative at the minimum of the V [-]: round-off of 1e-15, amplified a hundredfold by
+a few hundred steps, over a step of 1e-5."""
 ADJOINT = 1e-7
-"""Allowed distance of the differences from the adjoint, over the derivative [-]: as the bottom."""
+"""Allowed distance of the differences from the adjoint, over the derivative [-]: as `BOTTOM`."""
 WAVE = 3e-3
-"""Allowed rms distance from the closed form of a wave, over the derivative's rms [-]: dispersion, twice what
-88 elements along the length have, half of what 44 have."""
+"""Allowed rms distance from the closed form of a wave, over the derivative's rms [-]: the error is
+dispersion; the limit is twice that of 88 elements along the length and half that of 44."""
 
 
 def impact(end: float, n: tuple[int, int] = (16, 22), law: str = "bonded") -> tuple[Model, Sampling]:
@@ -346,11 +346,12 @@ def test_the_v_falls_with_the_square_of_the_step_and_rises_with_its_inverse() ->
     assert common().steps_shared
     assert study.smooth.all()
     for step, change in zip(study.step[:3], study.change[:3], strict=True):
-        # The wide side, clear of the bottom; a step of 10 % is not small, at 3 % the next term is 0.5 %.
+        # The side of large steps, away from the minimum; 10 % is not a small step, at 3 % the next term is
+        # 0.5 %.
         fall = (np.arange(len(change)) < np.argmax(change < 1e-7)) & (np.arange(len(change)) > 0)
         assert abs(fitted_order(step[:-1][fall], change[fall]).order - 2.0) < 0.02
     assert (study.change.min(axis=1) < BOTTOM).all()
-    # Round-off over a step that falls tenfold: tenfold, within the scatter of the digits.
+    # Round-off over a tenfold smaller step is tenfold larger, within the scatter of round-off.
     rise = np.log10(study.change[:, -1] / study.change[:, -5])
     assert ((rise > 1.5) & (rise < 2.5)).all()
 
@@ -381,7 +382,7 @@ def test_landing_and_sliding_leave_a_response_that_is_smooth_only_piecewise(law:
             for ladder in (BETWEEN, WIDE)
         )
         radius.append(rms(close - wide) / rms(wide))
-    assert radius[-1] < radius[0]  # what a landing does goes with the element
+    assert radius[-1] < radius[0]  # the effect of a landing depends on the element
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The adjoint: the maps it transposes, independence of its segments, identities, and what it refuses."""
+"""The adjoint: transposed maps, independence of the segments, identities, and rejected inputs."""
 
 import re
 from dataclasses import replace
@@ -56,7 +56,7 @@ def test_the_sampling_of_forces_is_transposed() -> None:
     sampled = ForceSampling(steps, np.concatenate([[1e-4], times]))
     forces, a, b = rng.standard_normal(40), rng.standard_normal(16), rng.standard_normal(16)
     there = a @ sampled.force(forces) + b @ sampled.impulse(forces)
-    # The same sum in another order: round-off of 40 terms.
+    # The same sum in a different order: round-off of 40 terms.
     assert sampled.transposed(a, b) @ forces == pytest.approx(there, rel=1e-12)
 
 
@@ -65,7 +65,7 @@ def test_the_gradient_does_not_depend_on_the_checkpoints(every: int) -> None:
     usual = gradient(model(), POINT, SAMPLING, half_force)
     found = gradient(model(), POINT, SAMPLING, half_force, checkpoint_every=every)
     assert np.array_equal(found.histories.force_flyer, usual.histories.force_flyer)
-    # Segments sum the same numbers in the same order but for where the sums are interrupted.
+    # Segments sum the same numbers in the same order, with the sums interrupted at other steps.
     assert np.allclose(found.law, usual.law, rtol=1e-12, atol=1e-12 * np.abs(usual.law).max())
     assert found.damping == pytest.approx(usual.damping, rel=1e-12)
 
@@ -75,10 +75,10 @@ def test_scaling_the_whole_table_is_scaling_the_stiffness() -> None:
     law = model().materials[0]
     by_quotient, by_slope = by_table(found, law)
     by_factor = 1.2 * found.stiffness_factor
-    # An identity of the discrete equations: round-off.
+    # Exact for the discrete equations, up to round-off.
     assert by_quotient @ law.quotient + by_slope @ law.slope == pytest.approx(by_factor, rel=1e-11)
     by_stress = by_curve_stress(found, STRETCH, STRESS, n_knots=17)
-    assert by_stress @ STRESS == pytest.approx(by_factor, rel=1e-7)  # differences of the table leave 1e-9
+    assert by_stress @ STRESS == pytest.approx(by_factor, rel=1e-7)  # the table's differences: 1e-9
 
 
 def test_given_steps_are_repeated_bit_by_bit() -> None:
@@ -91,7 +91,7 @@ def test_given_steps_are_repeated_bit_by_bit() -> None:
 
 def test_the_memory_is_that_of_the_checkpoints_and_one_segment() -> None:
     few, many = (gradient(model(), POINT, SAMPLING, half_force, checkpoint_every=n).memory for n in (5, 50))
-    assert few < many  # a run of so few steps is mostly its segment
+    assert few < many  # in a run of so few steps the segment is most of the memory
 
 
 def wrong_shape(found: Histories) -> tuple[float, Histories]:
@@ -147,7 +147,7 @@ def test_the_example_of_the_readme() -> None:
 
     difference = (forces(1.0 + 1e-4) - forces(1.0 - 1e-4)) / 2e-4
     by_force = float(found.histories.force_transmission @ difference)
-    # The squares of steps of 1e-4, and of waves in a coarse mesh.
+    # Truncation error of steps of 1e-4, larger with waves in a coarse mesh.
     assert found.stiffness_factor == pytest.approx(by_force, rel=1e-4)
     assert names["by_stiffness"].derivative.force_transmission.shape == (1, 10)
     assert names["by_stiffness"].study.smooth.all()
@@ -162,12 +162,12 @@ def test_a_gradient_of_another_law_is_refused() -> None:
 MATERIAL_TIMES = np.linspace(0.0, 6e-4, 9)[1:]
 MATERIAL_SAMPLING = Sampling(MATERIAL_TIMES, MATERIAL_TIMES[3::4])
 STEP = 1e-6
-"""Relative step of the central differences: their error is STEP^2 and 1e-15 / STEP of rounding, 1e-9, with a
-hundred for what cancels in a sum of squares of forces."""
+"""Relative step of the central differences: their error is STEP^2 plus round-off 1e-15 / STEP = 1e-9, times a
+hundred for cancellation in a sum of squares of forces."""
 
 
 def material_model(law: AnyLaw, **options: str) -> Model:
-    """A coarser one, pressed for a shorter time."""
+    """A coarser model, compressed for a shorter time."""
     motion = PlatenMotion.sampled(
         lambda t: 2.6 * t**2 / 12e-4, lambda t: 2.6 * t / 6e-4, start=0.0, end=MATERIAL_TIMES[-1]
     )

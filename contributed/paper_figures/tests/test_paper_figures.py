@@ -1,4 +1,5 @@
-"""The paper's Figs. 7 to 10 on a known-answer shot: what is drawn is what was run, with its trends."""
+"""The paper's Figs. 7 to 10 on a shot with a known answer: the figures show the runs, with the paper's
+trends."""
 
 import subprocess
 import sys
@@ -46,12 +47,12 @@ def test_trends_have_the_paper_s_sign(found: Trends):
     rough = np.abs(np.diff(found.damping.simulated, axis=1)).sum(axis=1)
     assert (np.diff(rough) < 0.0).all()  # Fig. 8: more damping, less ringing
     force, shape = found.plane.left_beyond(0.4)
-    # Fig. 9: "low above 0.3 (force) and 0.5 (shape)"; meshes of 6 x 8 ring by themselves.
+    # Fig. 9: "low above 0.3 (force) and 0.5 (shape)"; meshes of 6 x 8 add oscillations.
     assert shape < 0.3
     assert force < 0.5
     surrogates = found.surrogates
     for curve in (*surrogates.by_cost, *surrogates.by_response):  # Fig. 10: one minimum near the answer
-        # 6 %: a mesh of 12 x 16 is too soft by 3 %, and the runs are 5 % apart.
+        # 6 %: a mesh of 12 x 16 is too soft by 3 %, and the distance of the runs is 5 %.
         assert surrogates.x[curve.argmin()] == pytest.approx(1.12, rel=0.06)
 
 
@@ -59,8 +60,8 @@ def test_surrogates_pass_through_their_runs(found: Trends):
     s = found.surrogates
     for curves in (s.by_cost, s.by_response):
         for curve, runs in zip(curves, (s.runs.phi_force, s.runs.phi_shape), strict=True):
-            # The curves' places are 0.0025 apart and hit the runs; 1e-3: components of the response that
-            # were left out, 1e-8 of its variance.
+            # The points of the curves are 0.0025 apart and include the runs; 1e-3: neglected components of
+            # the response, 1e-8 of its variance.
             np.testing.assert_allclose(np.interp(s.runs.x, s.x, curve), runs, rtol=1e-3)
     errors = s.errors()
     assert errors["response"][1] < errors["cost"][1]
@@ -71,7 +72,7 @@ def test_surfaces_pass_through_their_runs(found: Trends):
     rows = [round(x) for x in 100 * plane.design.unit_points[:, 0]]
     columns = [round(x) for x in 100 * plane.design.unit_points[:, 1]]
     on_grid = np.abs(100 * plane.design.unit_points - np.column_stack([rows, columns])).max(axis=1) < 1e-9
-    assert on_grid.sum() == 4  # ten levels and 101 places share the corners
+    assert on_grid.sum() == 4  # ten levels and 101 points share the corners
     at = np.flatnonzero(on_grid)
     for surface, runs in ((plane.surface_force, plane.phi_force), (plane.surface_shape, plane.phi_shape)):
         np.testing.assert_allclose([surface[rows[i], columns[i]] for i in at], runs[at], rtol=1e-9)

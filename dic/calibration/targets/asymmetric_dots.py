@@ -24,7 +24,7 @@ class AsymmetricDots:
     step: float
     """Between rows, and half the distance between the dots of a row [m]."""
     diameter: float
-    """Of a dot [m]."""
+    """Diameter of a dot [m]."""
     dark: bool = True
     """Black dots on white; False: white on black."""
 
@@ -48,11 +48,11 @@ class AsymmetricDots:
         return Geometry(points, normals, spread, np.zeros((n, 3)), np.stack(numberings))
 
     def detect(self, picture: NDArray[np.generic]) -> Detection:
-        """Its dots in a picture; the grid must be wholly in view.
+        """Its dots in a picture; the whole grid must be visible.
 
         `cv2.findCirclesGrid` orders the dots; their centres come from `dic.calibration.dots`.
 
-        Raises TargetNotFound if the grid is not found whole.
+        Raises TargetNotFound if the grid is not completely found.
         """
         dots = find_dots(picture, dark=self.dark)
         n = self.columns * self.rows

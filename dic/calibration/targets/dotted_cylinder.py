@@ -30,7 +30,7 @@ class DottedCylinder:
     rows: int
     """Rings of dots."""
     radius: float
-    """Of the cylinder [m]."""
+    """Radius of the cylinder [m]."""
     pitch: float
     """Between rings along the axis [m]."""
     arc: float

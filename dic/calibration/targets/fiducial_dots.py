@@ -42,7 +42,7 @@ class FiducialDots:
     pitch: float
     """Between neighbours [m]."""
     diameter: float
-    """Of a dot [m]."""
+    """Diameter of a dot [m]."""
     hollow: tuple[Place, Place, Place]
     """(column, row) of the hollow dots, from 0: corner of the L and ends of its arms, in any order."""
     hole: float = 0.0

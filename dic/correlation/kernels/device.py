@@ -405,7 +405,7 @@ def _without(expected: str) -> Iterator[None]:
     """Remove one expected line of native code from stderr; all other output is kept."""
     try:
         saved = os.dup(2)
-    except OSError:  # no stderr, as under some services: nothing to filter
+    except OSError:  # no stderr (some services): filtering is unnecessary
         yield
         return
     with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as caught:

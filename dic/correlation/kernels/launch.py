@@ -152,7 +152,7 @@ def in_parts(
 
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
-"""Points a CPU thread takes at a time."""
+"""Number of points that a CPU thread takes at a time."""
 WARPS_PER_PROCESSOR = 16
 """Number of warps that run at once on a GPU's multiprocessor, each with one template."""
 
@@ -162,20 +162,20 @@ class Batch:
     """Points to be searched, with checked arrays."""
 
     points: NDArray[np.float64]
-    """[n, 2]"""
+    """Positions of the points [px], shape [n, 2]."""
     guess: NDArray[np.float64]
-    """[n, 12]"""
+    """Initial warps, shape [n, 12]."""
     reference: NDArray[np.float64] | None
-    """[n, 12]"""
+    """Warps to the reference pictures, shape [n, 12]."""
     reference_picture: NDArray[np.int32]
-    """[n]"""
+    """Index of the reference picture, shape [n]."""
     deformed_picture: NDArray[np.int32]
-    """[n]"""
+    """Index of the deformed picture, shape [n]."""
     mask: NDArray[np.uint8] | None
-    """[rows, columns]"""
+    """Mask of the material picture, shape [rows, columns]."""
     templates: Templates | None
     place: NDArray[np.int64]
-    """In the templates, [n]"""
+    """Row in the templates, shape [n]."""
 
 
 @wp.struct
@@ -391,11 +391,11 @@ _loading = threading.Lock()
 
 @cache
 def load_kernel(kernel: Any, device: str, block: int) -> None:
-    """Compile and load the kernel once. Two cameras tracked in two threads may get here at the same time, and
-    loading a module twice would unload it during the first thread's launches.
+    """Compile and load the kernel once. Two threads, one for each camera, may call this at the same time;
+    loading a module twice would unload it during the launches of the first thread.
 
-    `warp.load_module` is not used, because it requests the CUDA context: a fork of a process with such a
-    context has none, and Warp reports this on stderr.
+    `warp.load_module` is not used, because it requires the CUDA context, which a forked process does not
+    have; Warp would report this on stderr.
     """
     with _loading:
         kernel.module.load(wp.get_device(device), block)

@@ -1,5 +1,4 @@
-"""Launches of the renderer: bodies and cameras as the kernels read them; threads on a CPU, batches on a
-GPU."""
+"""Launches of the renderer: upload of bodies and cameras, threads on a CPU, batches on a GPU."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +17,7 @@ BATCH = 2**26
 """Rays of a batch on a GPU."""
 
 Rays = Callable[[int, Any, Any], None]
-"""Fills grey values and depths of the frames from a first one on."""
+"""Function that fills light and depth of the frames beginning at a given one."""
 
 
 def rays_of_bodies(view: Any, bodies: Any, instants: Instants, device: Any) -> Rays:
@@ -36,7 +35,7 @@ def rays_of_bodies(view: Any, bodies: Any, instants: Instants, device: Any) -> R
 
 
 def rays_of_board(view: Any, bodies: Any, device: Any) -> Rays:
-    """Rays on a flat board, one pose a frame."""
+    """Rays on a flat board, one pose per frame."""
 
     def rays(first: int, grey: Any, depth: Any) -> None:
         inputs = [view, bodies, first, _run(grey, device)]
@@ -54,10 +53,10 @@ def frames(
     device: Any,
     threads: int,
 ) -> Iterator[NDArray[np.float32]]:
-    """Light on the pixels, some frames at a time, shape [n, rows, columns].
+    """Light on the pixels in blocks of a few frames, shape [n, rows, columns].
 
     ``weights``: weights of lenses, the standard deviation of the first and the step to the next [px].
-    ``shape``: rows and columns [px]. ``device``, ``threads``: warp's device; threads on a CPU.
+    ``shape``: rows and columns [px]. ``device``, ``threads``: Warp device; threads on a CPU.
     """
     rows, columns = shape
     fine, pad = view.fine, view.pad
@@ -89,18 +88,18 @@ def frames(
 
 
 def _threads(array: Any, device: Any) -> tuple[int, int, int]:
-    """Workers: on a GPU one an element, on a CPU one a row."""
+    """Shape of a launch: one thread per element on a GPU, one per row on a CPU."""
     n, rows, columns = array.shape
     return (n, rows, columns) if device.is_cuda else (n, rows, 1)
 
 
 def _run(array: Any, device: Any) -> int:
-    """Elements of a row that a worker does."""
+    """Number of elements of a row for each thread."""
     return 1 if device.is_cuda else int(array.shape[2])
 
 
 BINS = 64
-"""Layers of a body, each of which knows its segments."""
+"""Number of layers of a body; each layer stores the range of its segments."""
 
 
 def upload_view(
@@ -117,7 +116,7 @@ def upload_view(
     """A camera with its rays on a device.
 
     ``camera``, ``shape``: the camera, and rows and columns of its pictures [px]. ``haze``, ``haze_pitch``:
-    displacements of the picture [px] and the distance of their nodes [px].
+    displacements of the picture [px] and the distance between their nodes [px].
     """
     x, y = (np.arange(-pad - 1, n + pad + 2, dtype=np.float64) for n in (shape[1], shape[0]))
     view = View()
@@ -136,7 +135,7 @@ def upload_view(
 
 
 def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, camera: Camera, device: Any) -> Any:
-    """All bodies, each at all of `n` instants, as a camera meets them."""
+    """All bodies at all `n` instants, with the camera's centre in their frames."""
 
     def every(array: FloatArray) -> FloatArray:
         return np.broadcast_to(array, (n, *array.shape[1:]))
@@ -177,7 +176,7 @@ def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, camera: Camera, devi
 
 
 def _bins(y: FloatArray) -> NDArray[np.int64]:
-    """First and last segment that reaches into each of `BINS` even layers of a body, shape [n, BINS, 2]."""
+    """First and last segment that intersects each of `BINS` equal layers of a body, shape [n, BINS, 2]."""
     span = np.stack([y.min(axis=1), y.max(axis=1)], axis=1)
     low, high = np.minimum(y[:, :-1], y[:, 1:]), np.maximum(y[:, :-1], y[:, 1:])
     edge = span[:, :1] + (span[:, 1:] - span[:, :1]) * np.linspace(0.0, 1.0, BINS + 1)

@@ -1,23 +1,24 @@
 """The renderer's Warp kernels: rays on bodies and boards, and the weighted mean of rays for each pixel.
 
-A ray meets a body of revolution whose generator is a polyline. Lengths and places are float64: a camera is
-sixty radii away, and the square root in the cut of a ray with a cone would leave half a micrometre in
-float32.
+Rays are intersected with bodies of revolution whose generators are polylines. Lengths and positions are
+float64: a camera is sixty radii away, and in float32 the square root in the intersection of a ray with a cone
+would have an error of half a micrometre.
 """
 
 import warp as wp
 
 FAR = wp.constant(wp.float64(1.0e9))
-"""Distance of a ray that meets nothing."""
+"""Distance of a ray that hits no body."""
 FLAT = wp.constant(wp.float64(1.0e-12))
-"""A segment of less height [m] is a disc across the axis."""
+"""A segment of less height [m] is treated as a disc normal to the axis."""
 EDGE = wp.constant(wp.float64(1.0e-10))
 """Overlap of neighbouring segments [m], so that no ray slips through between them."""
 
 
 @wp.struct
 class Placed:
-    """A body at one instant: rotation into its frame, the camera's centre there, its size, its slip."""
+    """A body at one instant: rotation into its frame, the camera's centre in that frame, its size, its
+    slip."""
 
     turn: wp.mat33d
     eye: wp.vec3d
@@ -29,7 +30,7 @@ class Placed:
 
 @wp.struct
 class Painted:
-    """What does not change of a body: its nodes among those of all, and its paint."""
+    """Time-independent data of a body: index of its first node, and its paint."""
 
     first: wp.int32
     radius: wp.float64
@@ -44,7 +45,7 @@ class Painted:
 
 @wp.struct
 class Bodies:
-    """Bodies of revolution at all instants; functions take it by value, so its arrays are few."""
+    """Bodies of revolution at all instants; passed by value, therefore few arrays."""
 
     nodes: wp.array2d(dtype=wp.vec3d)
     along: wp.array(dtype=wp.float64)
@@ -64,7 +65,8 @@ def on_segment(
     y1: wp.float64,
     r1: wp.float64,
 ):
-    """Nearest place s >= least of the ray p + s d on a segment, and the share of the segment's length."""
+    """Smallest s >= least at which the ray p + s d meets a segment, and the relative position on the
+    segment."""
     best = FAR
     share = wp.float64(0.0)
     if wp.abs(y1 - y0) < FLAT:
@@ -106,10 +108,12 @@ def on_segment(
 
 @wp.func
 def on_body(bodies: Bodies, q: wp.int32, b: wp.int32, p: wp.vec3d, d: wp.vec3d):
-    """First place s of the ray p + s d on body b at instant q, with segment (-1: none) and share of it.
+    """First s at which the ray p + s d meets body b at instant q, relative position on the segment, and
+    segment (-1: none).
 
-    `p` is the ray's place closest to the axis, so that the body lies between -half and half. What is seen
-    lies nearly always on the near half; only the segments at the heights that a half passes are cut.
+    `p` is the point of the ray closest to the axis, so that the body lies between -half and half. The visible
+    point is nearly always on the near half, which is searched first. Only segments at the heights that the
+    ray passes in a half are tested.
     """
     best = FAR
     share = wp.float64(0.0)
@@ -191,9 +195,10 @@ def haze_at(view: View, f: wp.int32, x: wp.float64, y: wp.float64):
 
 @wp.func
 def direction(view: View, f: wp.int32, row: wp.int32, column: wp.int32):
-    """Direction of a ray in the scene's frame, of length 1 along the view; the lens undone.
+    """Direction of a ray in the scene's frame, without lens distortion, of length 1 along the optical axis.
 
-    `View.rays` holds the ideal points of whole pixels; between them the lens bends by 1e-6 px at most.
+    `View.rays` holds the undistorted points of whole pixels; linear interpolation between them is accurate to
+    1e-6 px.
     """
     fine = wp.float64(view.fine)
     half = wp.float64(0.5)
@@ -218,7 +223,8 @@ def direction(view: View, f: wp.int32, row: wp.int32, column: wp.int32):
 
 @wp.func
 def texel(texels: wp.array(dtype=wp.float32), body: Painted, around: wp.float64, along: wp.float64):
-    """Reflectance of a body's paint, bilinear between its texels; beyond them that of the nearest."""
+    """Reflectance of a body's paint, bilinear between its texels; outside the texture the value of the
+    nearest texel."""
     u = wp.clamp(
         (around - body.origin[0]) / body.pitch, wp.float64(0.0), wp.float64(body.columns) - wp.float64(1.001)
     )
@@ -239,7 +245,7 @@ def texel(texels: wp.array(dtype=wp.float32), body: Painted, around: wp.float64,
 
 @wp.func
 def reflectance(bodies: Bodies, q: wp.int32, b: wp.int32, x: wp.vec3d, k: wp.int32, share: wp.float64):
-    """Reflectance at a place of body b in its own frame; loose paint is read where it came from."""
+    """Reflectance at a point of body b in its frame; detached paint is read at its original position."""
     body = bodies.painted[b]
     along = bodies.along[k] + share * (bodies.along[k + 1] - bodies.along[k])
     around = body.radius * wp.float64(wp.atan2(wp.float32(x[0]), wp.float32(x[2])))
@@ -255,7 +261,8 @@ def reflectance(bodies: Bodies, q: wp.int32, b: wp.int32, x: wp.vec3d, k: wp.int
 
 @wp.func
 def outward(bodies: Bodies, q: wp.int32, x: wp.vec3d, d: wp.vec3d, k: wp.int32, share: wp.float64):
-    """Normal of any length at a place of a body in its own frame: (x/r, -dr/dy, z/r), or along the axis."""
+    """Outward normal of any length at a point of a body in its frame: (x/r, -dr/dy, z/r), or along the
+    axis."""
     node = bodies.nodes[q, k]
     after = bodies.nodes[q, k + 1]
     normal = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
@@ -270,7 +277,7 @@ def outward(bodies: Bodies, q: wp.int32, x: wp.vec3d, d: wp.vec3d, k: wp.int32, 
 
 @wp.func
 def lit(view: View, shine: wp.float32, paint: wp.float32, n: wp.vec3d, toward: wp.vec3d):
-    """Light from a place: diffuse by Lambert, with a highlight by Blinn and Phong."""
+    """Light from a point: diffuse (Lambert) with a highlight (Blinn and Phong)."""
     normal = wp.normalize(wp.vec3f(wp.float32(n[0]), wp.float32(n[1]), wp.float32(n[2])))
     facing = wp.max(wp.dot(normal, view.lamp), wp.float32(0.0))
     light = paint * (view.ambient + (wp.float32(1.0) - view.ambient) * facing)
@@ -291,7 +298,8 @@ def bodies_ray(
     row: wp.int32,
     column: wp.int32,
 ):
-    """Light along a ray, a mean over the instants of the exposure, and the depth at the last; 0: none."""
+    """Light along a ray, averaged over the instants of the exposure, and the depth at the last one; 0: no
+    body."""
     d = direction(view, f, row, column)
     light = wp.float32(0.0)
     away = wp.float32(0.0)
@@ -345,7 +353,7 @@ def cast_bodies(
     grey: wp.array3d(dtype=wp.float32),
     depth: wp.array3d(dtype=wp.float32),
 ):
-    """Rays of bodies: one a thread on a GPU, a row of them on a CPU."""
+    """Rays of bodies: one per thread on a GPU, a row of rays per thread on a CPU."""
     index, row, column = wp.tid()
     for c in range(column, column + run):
         light, away = bodies_ray(view, bodies, begin, weight, frame + index, row, c)
@@ -354,7 +362,8 @@ def cast_bodies(
 
 @wp.func
 def board_ray(view: View, bodies: Bodies, f: wp.int32, row: wp.int32, column: wp.int32):
-    """Light along a ray on a flat board z = 0 of body 0's frame, and the depth; beside it the background."""
+    """Light along a ray on the flat board z = 0 of body 0's frame, and the depth; outside the board the
+    background."""
     d = direction(view, f, row, column)
     e = wp.mul(bodies.placed[f, 0].turn, d)
     o = bodies.placed[f, 0].eye
@@ -383,7 +392,7 @@ def cast_board(
     grey: wp.array3d(dtype=wp.float32),
     depth: wp.array3d(dtype=wp.float32),
 ):
-    """Rays of a board: one a thread on a GPU, a row of them on a CPU."""
+    """Rays of a board: one per thread on a GPU, a row of rays per thread on a CPU."""
     index, row, column = wp.tid()
     for c in range(column, column + run):
         light, away = board_ray(view, bodies, frame + index, row, c)
@@ -394,7 +403,7 @@ def cast_board(
 def level_of(
     view: View, table: wp.array2d(dtype=wp.float32), sharpest: wp.float32, step: wp.float32, away: wp.float32
 ):
-    """Row of the table for a place at that depth: a whole number and the part above it."""
+    """Row of the table for a point at a depth: integer and fractional part."""
     level = wp.int32(0)
     part = wp.float32(0.0)
     if table.shape[0] > 1 and away > wp.float32(0.0):
@@ -419,7 +428,7 @@ def across(
     run: wp.int32,
     lines: wp.array3d(dtype=wp.float32),
 ):
-    """Rays gathered along the rows: the integral over a pixel's width of what the lens makes of the light.
+    """Weighted sums of rays along the rows: the integral of the blurred light over a pixel's width.
 
     `table` holds the weights of a pixel's rays along one axis for lenses of the standard deviations
     `sharpest`, `sharpest + step`, ... [px]. Away from the plane of focus the circle of confusion, a disc of

@@ -164,7 +164,7 @@ def marlow_from_curve(stretch: FloatArray, stress: FloatArray, *, n_knots: int =
 
 
 def neo_hookean(shear_modulus: float, *, last: float = 4.0) -> MarlowLaw:
-    """The neo-Hookean law mu/2 (I1_bar - 3) as the Marlow law of its own uniaxial curve."""
+    """The neo-Hookean law mu/2 (I1_bar - 3) as the Marlow law of its uniaxial curve."""
     if not shear_modulus > 0.0:
         raise ValueError(f"shear_modulus must be > 0 Pa, got {shear_modulus}")
     return MarlowLaw(last=last, quotient=np.full(3, shear_modulus), slope=np.zeros(3))

@@ -1,8 +1,9 @@
 r"""Ogden's law of one to three terms (Ogden 1972).
 
 W = sum_p 2 mu_p / alpha_p^2 (lam_1^alpha_p + lam_2^alpha_p + lam_3^alpha_p - 3), so that mu_0 is the sum of
-the mu_p. Ogden himself writes mu_p / alpha_p before the bracket: `from_classical` takes those constants. A
-term with mu_p > 0 is positive for any alpha_p: the mean of powers is not below the root of their product, 1.
+the mu_p. In Ogden's paper the factor before the bracket is mu_p / alpha_p: `from_classical` converts these
+constants. A term with mu_p > 0 is positive for any alpha_p: the mean of powers is not below the root of their
+product, 1.
 """
 
 from dataclasses import dataclass

@@ -3,10 +3,11 @@
 Events are searched in the path and in the force signals; a kink is the time at which one part of a curve
 ends.
 
-The flyer is held to the incident bar by a joint. The wave drives it to its full speed, the reflected tension
-pulls at the joint until it breaks (separation), it flies into the specimen until it stands still (arrest), is
-pushed back, and meets the bar again (second impact): Mates et al. (2012), Fig. 5. A displacement alone shows
-the motion; joint and impact show best in the flyer's transducer, the push-back in the transmitted force.
+A joint connects the flyer to the incident bar. The wave accelerates it to its full speed. The reflected
+tension loads the joint until it breaks (separation). The flyer compresses the specimen until it stops
+(arrest), is pushed back, and hits the bar again (second impact): Mates et al. (2012), Fig. 5. The
+displacement shows the motion only. The flyer's transducer shows joint and impact best, the transmitted force
+the push-back.
 """
 
 from dataclasses import dataclass, replace
@@ -20,12 +21,12 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
 
 STEPS = 80
-"""Places tried over the span before the best one is refined."""
+"""Number of positions in the span that are tried before the best one is refined."""
 
 
 @dataclass(frozen=True)
 class Kink:
-    """The best place of a kink, and what speaks for it."""
+    """The best position of a kink, and its significance."""
 
     time: float
     """Its time [s]."""
@@ -34,7 +35,8 @@ class Kink:
     change: float
     """Factor of the part that ends or begins there, in the unit of the data over s^power."""
     gain: float
-    """Fall of chi-square by the kink over chi-square per degree of freedom with it [-]; about 2 for none."""
+    """Decrease of chi-square by the kink over chi-square per degree of freedom with it [-]; about 2 without a
+    kink."""
 
 
 def find_kink(
@@ -309,7 +311,7 @@ def second_impact(motion: FlyerMotion, *, rest: float) -> Event:
 
 
 def _turning(motion: FlyerMotion) -> int | None:
-    """Frame of the largest displacement, None if the flyer still goes on at the end."""
+    """Frame of the largest displacement, None if the flyer still moves forward at the end."""
     top = int(np.argmax(motion.displacement))
     back = motion.displacement[top] - motion.displacement[-1]
     return top if back > 5.0 * motion.sigma[top] else None

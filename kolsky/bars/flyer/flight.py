@@ -34,8 +34,8 @@ class Flight:
     lateral: tuple[FlyerPath, FlyerPath]
     """Displacements along x and Z [m]."""
     turn: tuple[FlyerPath, FlyerPath]
-    """Rotations about x and Z, which tilt the flyer's face [rad]; units of length in their docstrings
-    stand for rad."""
+    """Rotations about x and Z, which tilt the flyer's face [rad]; units of length in their docstrings are rad
+    here."""
 
     def velocity(self, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Velocity toward the specimen, along x, along Z [m/s] and its sigma, both [n, 3]."""
@@ -147,10 +147,10 @@ def symmetry_end(
 ) -> SymmetryEnd:
     """Find where the flyer's velocity leaves its direction just after separation.
 
-    Symmetry has ended at the first of `times_in_row` successive times at which the part of the velocity
-    across the reference direction, over the speed, exceeds `share` by more than `coverage` of its sigmas.
-    When a flyer comes to rest, noise hides its direction; this is not an end of symmetry. A flyer that is
-    pushed back along the axis keeps its direction.
+    The relative transverse velocity is the component across the reference direction over the speed. Symmetry
+    ends at the first of `times_in_row` successive times at which it exceeds `share` by more than `coverage`
+    of its sigmas. When a flyer comes to rest, noise hides its direction; this is not an end of symmetry. A
+    flyer that is pushed back along the axis keeps its direction.
 
     ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
     flyer has separated from the bar [s]. ``over``: span after it whose displacement gives the reference
@@ -196,7 +196,7 @@ _SPAN = 0.1
 over the same displacement: warm air moves the flyer's image by hundredths of a pixel, which over a shorter
 travel looks like a new direction."""
 FEWEST_IN_ROW = 3
-"""Fewest successive frames that must show another direction."""
+"""Smallest number of successive frames that must show another direction."""
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
     displacement over a tenth of the specimen's length after it. It begins where the uncertainty of the
     lateral velocity is below `SHARE` of the speed. If this is never reached, no end of symmetry is given.
 
-    ``result``: the stereo result. ``length``: length of the specimen at rest [m].
+    ``length``: length of the specimen at rest [m].
     """
     if result.axial_displacement is None or result.motion is None:
         return "its travel or its poses are not known"

@@ -1,11 +1,10 @@
 """The path of the incident bar's face from its waves; it replaces the camera's measurement of a flyer.
 
 The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kolsky.bars.flyer.path`, from
-rest, with jerks that have a prior N(0, tau^2); tau and the noise are those of largest marginal likelihood,
-the noise not below the declared one. It differs from a flyer's (`kolsky.bars.flyer`) in what is observed,
-velocities at many samples rather than positions at few frames, and in the prior: a bar's waves go on for the
-whole record, so tau is one number. Scale and zero of the velocity are common to all samples and carried as
-such.
+rest, with jerks that have a prior N(0, tau^2); tau and the noise maximise the marginal likelihood, with at
+least the declared noise. There are two differences from a flyer's path (`kolsky.bars.flyer`). The
+observations are velocities at many samples instead of positions at few frames, and tau is constant, because a
+bar's waves last for the whole record. Errors of scale and zero of the velocity are common to all samples.
 """
 
 from collections.abc import Mapping
@@ -29,9 +28,9 @@ FEWEST_SAMPLES = 20
 def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float = 0.0) -> FrontVelocity:
     """The face's velocity on the shot's clock, with its uncertainty split into noise and scale.
 
-    ``reduction``: its `front_velocity` has noise and systematic parts in one sigma. ``waves``: the waves it
-    was made from: their noise is that of the samples. ``sigma_zero``: standard uncertainty of the velocity's
-    zero [m/s].
+    ``reduction``: its `front_velocity` has one sigma for noise and systematic parts. ``waves``: the waves
+    from which it was computed; they give the noise of the samples. ``sigma_zero``: standard uncertainty of
+    the velocity's zero [m/s].
     """
     speed, v = waves.incident_bar.wave_speed, reduction.front_velocity
     own, slow = (speed * float(np.hypot(s["incident"], s["reflected"])) for s in _sigmas(waves))
@@ -56,7 +55,7 @@ def front_path(motion: FrontVelocity) -> FlyerPath:
     ``motion``: the velocity from the wave's arrival on; the path starts a few samples before it. Raises
     ValueError if times are not uniform and increasing, a value is not finite, there are fewer than 20
     samples, the noise is not positive, or the fit fails. Returns: with the covariance of noise, scale and
-    zero. There are no static frames: `static_scatter` is that of the declared noise, 1.
+    zero. There are no static frames, so `static_scatter` is 1.
     """
     _check(motion)
     per_mean = -(-motion.time.size // MOST_KNOTS)

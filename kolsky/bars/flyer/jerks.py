@@ -15,10 +15,10 @@ from kolsky.base.arrays import FloatArray
 ZERO_PRIOR = 100.0
 """Prior standard deviation of the zero about the static frames' mean, in sigmas: practically free."""
 MOST_STARTS, SETTLED = 5, 1e-6
-"""Most starts of the search for the smoothness, and the relative gain below which no further start is
-made."""
+"""Largest number of starts of the search for the smoothness, and the relative gain below which no further
+start is made."""
 EQUAL_SIGMAS = 0.05
-"""Sigmas that differ by a smaller share are alike."""
+"""Relative difference below which sigmas count as equal [-]."""
 ADDED, LEAST_ADDED = 0.3, 1e-3
 """Noise common to all frames, over the typical sigma: at the start of the search, and its lower limit."""
 VANISHED, BACK = 0.1, 1.0
@@ -54,7 +54,8 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     stacked = np.zeros((n + p, p + 1), order="F")
     stacked[:n, :p], stacked[:n, p] = G, y
     np.fill_diagonal(stacked[n:], 1.0)
-    # LAPACK itself: what SciPy copies and checks takes as long as the factors of matrices so small.
+    # LAPACK is called directly: SciPy's copies and checks take as long as the factorisation of such small
+    # matrices.
     work = int(lapack.dgeqrf_lwork(n + p, p + 1)[0])
     factors = lapack.dgeqrf(stacked, lwork=work, overwrite_a=True)[0]
     R = factors[:p, :p]
@@ -70,11 +71,11 @@ def _above(n: int) -> NDArray[np.bool_]:
 
 
 def noise_parts(weight: FloatArray) -> FloatArray:
-    """Parts of each frame's variance over its declared one: that one, scaled, and one that is the same in all
-    frames.
+    """Parts of each frame's variance over its declared variance: a multiple of the declared one, and a part
+    that is equal in all frames.
 
     ``weight``: typical sigma over sigma [-], shape [n_frames]; 0 where a frame has no displacement. Returns:
-    shape [n_frames, 2], or [n_frames, 1] where the sigmas are alike and the two are one.
+    shape [n_frames, 2], or [n_frames, 1] if the sigmas are equal and the two parts cannot be distinguished.
     """
     known = weight[weight > 0.0]
     if np.ptp(known) <= EQUAL_SIGMAS * known.max():
@@ -92,8 +93,8 @@ def maximum_likelihood(
 ) -> tuple[FloatArray, FloatArray]:
     """Log noise scales and log tau at the control points, of largest marginal likelihood.
 
-    Returns: log of noise over declared sigma, at least 0, and of what each further part adds, shape
-    [n_parts]; log tau at the control points, shape [n_controls].
+    Returns: log of noise over declared sigma, at least 0, and logs of the further parts, shape [n_parts]; log
+    tau at the control points, shape [n_controls].
     """
     # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
@@ -139,8 +140,8 @@ def _searched(
 def _state_space(
     weight: FloatArray, spans: FloatArray, shared: tuple[FloatArray, FloatArray] | None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The motion from frame to frame as a filter takes it: state (zero, x, v, a), and an error that frames
-    share.
+    """Matrices of the Kalman filter for the motion between frames: state (zero, x, v, a), and a correlated
+    error.
     """
     n, moving = weight.size, slice(weight.size - spans.size, weight.size)
     m = 4 if shared is None else 5
@@ -165,12 +166,12 @@ def evidence(
 ) -> tuple[float, FloatArray]:
     """-2 log of the marginal likelihood of log scale and log tau, with its gradient.
 
-    A Kalman filter over the state (zero, x, v, a) and the disturbance smoother back (Durbin and Koopman,
-    Time Series Analysis by State Space Methods, 2012, sections 4.3, 4.5 and 7.3). It stays accurate
-    where tau goes to zero, and works on 4 x 4 matrices: the dense equations (as in `posterior`) gave the
-    threads of BLAS work too small to share, at up to 40 times the cost on two busy cores. The recursions
-    multiply by `dot`, which takes a third of the time of ``@`` on matrices so small; all else is done for all
-    frames at once.
+    The method is a Kalman filter over the state (zero, x, v, a) followed by the disturbance smoother (Durbin
+    and Koopman, Time Series Analysis by State Space Methods, 2012, sections 4.3, 4.5 and 7.3). It remains
+    accurate as tau approaches zero, and uses 4 x 4 matrices. The dense equations (as in `posterior`) divide
+    small matrices among the threads of BLAS and took up to 40 times as long on two busy cores. The recursions
+    multiply by `dot`, which takes a third of the time of ``@`` for such small matrices; all other operations
+    are vectorised over the frames.
 
     Returns: the value, with the prior of the changes of log tau, and its gradient, shape [n_parts +
     n_controls].
@@ -180,10 +181,10 @@ def evidence(
     over sigma [-], shape [n_frames]; 0, with y = 0, where a frame has no displacement. ``spans``: lengths of
     the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static. ``hats``: values
     of `hat_functions` at the spans [-], shape [n_spans, n_controls]. ``parts``: parts of each frame's
-    variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts]; None: the declared one
-    alone. ``shared``: an error that successive frames have in common, a first-order autoregression of
-    variance 1 as one more state: its size over sigma in each frame [-], 0 where a frame has no displacement,
-    and what is left of it from the frame before [-], shape [n_frames] each; None: there is none.
+    variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts]; None: the declared
+    variance only. ``shared``: an error that is correlated between frames, a first-order autoregression of
+    variance 1 as an additional state: its size over sigma in each frame [-], 0 where a frame has no
+    displacement, and its correlation with the previous frame [-], shape [n_frames] each; None: no such error.
     """
     parts = np.ones((y.size, 1)) if parts is None else parts
     scales, tau = np.split(theta, [parts.shape[1]])
@@ -194,7 +195,7 @@ def evidence(
     growth = np.zeros((n, m, m))
     growth[moving] = variance[:, None, None] * kicks[moving, :, None] * kicks[moving, None, :]
     data = weight > 0.0
-    own = np.where(data, noise.sum(axis=1), 1.0)  # a frame without a displacement says nothing of the noise
+    own = np.where(data, noise.sum(axis=1), 1.0)  # no displacement: no information on the noise
     S, K, left, eye = np.empty(n), np.empty((n, m)), np.empty((n, m, m)), np.eye(m)
     if shared is not None:
         growth[:, 4, 4] = 1.0 - shared[1] ** 2
@@ -214,7 +215,7 @@ def evidence(
         expected[k] = now = step.dot(state)
         state = rest.dot(now) + gain
     miss = (y - np.sum(seen * expected, axis=1)) / S
-    # Back: what all later frames say, r and N, as it stands after each frame.
+    # Backward pass: information of all later frames, r and N, after each frame.
     back = left @ steps
     r, N = np.zeros((n, m)), np.zeros((n, m, m))
     ahead = np.einsum("kj,kji->ki", seen, steps)
@@ -243,7 +244,7 @@ def evidence(
 @dataclass(frozen=True)
 class Evidences:
     """-2 log of the marginal likelihood of several log scales and log tau, and its gradients; the data are
-    those of `kolsky.bars.flyer.jerks.evidence`, which says more of them."""
+    described in `kolsky.bars.flyer.jerks.evidence`."""
 
     thetas: FloatArray
     """Log noise scales, then log tau at the control points, shape [n, n_parts + n_controls]."""
@@ -256,9 +257,9 @@ class Evidences:
     hats: FloatArray
     """Hat functions at the spans [-], shape [n_spans, n_controls]."""
     parts: FloatArray | None = None
-    """Parts of each frame's variance, shape [n_frames, n_parts]; None: the declared one alone."""
+    """Parts of each frame's variance, shape [n_frames, n_parts]; None: the declared variance only."""
     shared: tuple[FloatArray, FloatArray] | None = None
-    """Size and memory of an error that successive frames have in common; None: there is none."""
+    """Size and correlation of an error that is correlated between frames; None: no such error."""
 
     @property
     def values(self) -> FloatArray:
@@ -317,9 +318,9 @@ class Evidences:
 
     @cached_property
     def _filtered(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Variances of what the filter expects, what it misses by over them [n, n_frames], its gains [n,
-        n_frames, m], and what they leave of the state, [n, n_frames, m, m]."""
-        # a frame without a displacement says nothing of the noise
+        """Variances of the filter's predictions and its innovations over them [n, n_frames], its gains [n,
+        n_frames, m], and the factors I - K z' on the state, [n, n_frames, m, m]."""
+        # no displacement: no information on the noise
         own = np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)
         seen, steps, kicks, P = _state_space(self.weight, self.spans, self.shared)
         count, (n, m) = len(self.thetas), seen.shape

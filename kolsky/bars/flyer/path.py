@@ -140,7 +140,7 @@ class FlyerPath:
     def replicates(self, n: int, rng: np.random.Generator) -> list["FlyerPath"]:
         """Paths drawn from the posterior, to propagate the flyer's noise through a calculation.
 
-        ``n``: how many. ``rng``: source of the draws; the same state gives the same paths.
+        ``n``: number of paths. ``rng``: source of the draws; the same state gives the same paths.
         """
         # Eigenvectors rather than Cholesky: the covariance spans many decades and may be semidefinite.
         scale = np.sqrt(np.diag(self.covariance))
@@ -153,7 +153,7 @@ class FlyerPath:
 
         Those with the largest effect on the velocity come first; all of them together give the covariance.
 
-        ``count``: most patterns.
+        ``count``: largest number of patterns.
         """
         scale = np.sqrt(np.diag(self.covariance))
         safe = np.where(scale > 0.0, scale, 1.0)
@@ -169,7 +169,7 @@ class FlyerPath:
         return replace(self, jerk=factor * self.jerk)
 
     def faster(self, factor: float) -> "FlyerPath":
-        """The same path run through `factor` times as fast, from the same start; its covariance follows.
+        """The same path at `factor` times the speed, from the same start, with the corresponding covariance.
 
         Raises ValueError if the factor is not finite and > 0.
         """
@@ -217,11 +217,11 @@ def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:
 
 
 def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[History, History, History]:
-    """Nominal compression, its rate and its second derivative under a moving face; the other one rests.
+    """Nominal compression, its rate and its second derivative for one moving face; the other face is at rest.
 
-    ``path``: the moving face, toward the specimen; before its start it rests. ``time``: times, not after the
-    path's end [s], shape [n]. ``length``: length of the specimen before the test [m]. Returns: in [-], [1/s]
-    and [1/s^2]. Raises ValueError if the length is not positive or a time is after the path's end.
+    ``path``: the moving face, toward the specimen; at rest before the path's start. ``time``: times, not
+    after the path's end [s], shape [n]. ``length``: length of the specimen before the test [m]. Returns: in
+    [-], [1/s] and [1/s^2]. Raises ValueError if the length is not positive or a time is after the path's end.
     """
     if not length > 0.0:
         raise ValueError(f"length is {length:g} m, must be > 0 m")
@@ -251,7 +251,7 @@ ones."""
 STEP = 0.05
 """Half the distance of central differences of the slope, in log tau."""
 _LEAST_CURVATURE = 0.1
-"""Least curvature of -ln L in log tau: a factor of e^3 either way."""
+"""Smallest curvature of -ln L in log tau [-]; it limits the standard deviation to a factor of e^3."""
 LEAST_WEIGHT = 1e-5
 """A draw with less weight is omitted."""
 
@@ -407,7 +407,7 @@ def fit_flyer(
 
 
 def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: float) -> FloatArray:
-    """Hat functions of log tau over the spans, from the start and anew from a restart."""
+    """Hat functions of log tau over the spans: one set from the start, and a further set from a restart."""
     if restart is None:
         return hat_functions(frames)
     since = (restart - start) / frame
@@ -421,7 +421,8 @@ def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: 
 def _shared_noise(
     motion: FlyerMotion, t: FloatArray, sigma: FloatArray, seen: BoolArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """`evidence`'s `shared`: size over sigma and what is left from frame to frame; None if there is none."""
+    """Argument `shared` of `evidence`: size over sigma and correlation between frames; None without such an
+    error."""
     if motion.shared_sigma is None or not motion.shared_sigma.any():
         return None
     size = np.zeros(t.size)
@@ -435,7 +436,7 @@ def whitening(
     """The map that makes the displacements' errors independent with variance 1; for columns [n_frames, ...].
 
     Without a shared error it divides by `s`. With one it is L^-1 of the covariance ``s^2 + q q' exp(-|dt| /
-    memory)`` = L L', q the shared error's size over sigma; `back` asks for the transposed map.
+    memory)`` = L L', q the shared error's size over sigma; `back` selects the transposed map.
     """
     if shared is None:
         return lambda columns, back=False: np.asarray((columns.T / s).T)

@@ -22,7 +22,7 @@ from kolsky.base.records import FlyerMotion
 REACH = 200e-6
 """Largest lag in the search, in either direction [s]."""
 FEWEST_FRAMES = 8
-"""Fewest moving frames: three more than the number of unknowns."""
+"""Smallest number of moving frames: three more than the number of unknowns."""
 UNLIKE = 25.0
 """Chi-square per degree of freedom above which signal and cameras show different motions: five times the
 noise."""
@@ -181,7 +181,7 @@ class _Fit:
         return np.vstack([G, below])[:, keep], np.append(y, np.zeros(rows.size))
 
     def chi2(self, lag: float) -> float:
-        """Least sum of squares at a lag."""
+        """Smallest sum of squares at a lag."""
         G, y = self.weighted(lag)
         rest = y - G @ np.linalg.lstsq(G, y, rcond=None)[0]
         return float(rest @ rest)

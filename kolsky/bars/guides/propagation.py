@@ -43,7 +43,8 @@ def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None
 def fade_ends(value: FloatArray, before: int, length: int, *, fade: int, rising: bool = True) -> FloatArray:
     """Samples after `before` zeros, with half-cosines of `fade` samples from both ends' values to zero.
 
-    Shape [length]; a record that does not end at zero leaves no jump. Without `rising` only the end fades.
+    Shape [length]; the result has no jump even if the record does not end at zero. Without `rising` only the
+    end is faded.
     """
     padded = np.zeros(length)
     n = value.size
@@ -82,7 +83,7 @@ _LARGEST_GAIN = 10.0
 _SLOPES = 1024
 """Number of frequencies in the search for the delay of the slowest component."""
 FEWEST_SAMPLES = 8
-"""Fewest samples for a useful spectrum."""
+"""Smallest number of samples for a useful spectrum."""
 
 
 @dataclass(frozen=True)
@@ -117,12 +118,12 @@ def propagation(
     samples: int | None = None,
     largest_gain: float = _LARGEST_GAIN,
 ) -> Propagation:
-    """Carry a wave's signal along a bar, Eq. (B.9).
+    """Propagate a wave's signal along a bar, Eq. (B.9).
 
-    The result starts when the signal's start arrives at `waveguide.wave_speed`, so that only the difference
-    from a plain shift passes through the Fourier transform: in a bar without dispersion the samples do not
-    change, and their times are exact. Beyond its ends the signal fades out over padding that is longer than
-    the slowest component's delay, so that nothing wraps around.
+    The result begins at the arrival of the signal's start with `waveguide.wave_speed`, and only the deviation
+    from a pure time shift is applied by the Fourier transform. In a bar without dispersion the samples are
+    unchanged and their times exact. The signal is padded beyond its ends, longer than the delay of the
+    slowest component, so no component wraps around.
 
     ``signal``: one wave's signal (strain, force, velocity), free of other waves within `window` at least.
     ``waveguide``: the bar. ``distance``: distance along the wave's direction [m]; negative: back toward the
@@ -258,7 +259,7 @@ class BarsTogether(ResultViews):
     measured: FloatArray
     """The later pulse [-], shape [n]."""
     residual: FloatArray
-    """Fitted less measured later pulse [-], shape [n]."""
+    """Fitted minus measured later pulse [-], shape [n]."""
     rms: float
     """Root mean square of the residual over the peak of the later pulse [-]."""
     largest: float
@@ -398,7 +399,7 @@ def _fit(
     )
     width = min(bar.poisson + _POISSON_STEP, 0.499) - max(bar.poisson - _POISSON_STEP, 0.0)
     alike = _correlated_samples(residual)
-    # Slow noise alone moves speed and gain, and all of the first pulse's is in the band.
+    # Only slow noise changes speed and gain, and all slow noise of the first pulse is in the band.
     noise = (gain * first.sigma) ** 2 * first.memory + later.sigma**2 * later.memory
     variance = max(alike * float(residual @ residual) / (residual.size - 2), noise / peak**2)
     scale = np.array([stated, 1.0])

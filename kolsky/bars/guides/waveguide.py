@@ -157,7 +157,7 @@ def _refined(
     *,
     start: float = 0.0,
 ) -> CubicHermiteSpline:
-    """Slowness table whose intervals were halved until the cubics hold in their middles."""
+    """Slowness table with intervals halved until the cubics are accurate at the midpoints."""
     first = np.linspace(start, end, 33)[1 if start == 0.0 else 0 :]
     new_values, new_slopes = solve(first)
     knots, values, slopes = (
@@ -204,7 +204,7 @@ def _slowest_root(w: FloatArray, poisson: float) -> FloatArray:
 
 
 def _closed_in(low: FloatArray, high: FloatArray, w: FloatArray, poisson: float) -> FloatArray:
-    """Newton's method kept inside a bracket, by bisection where it leaves."""
+    """Newton's method inside a bracket, with bisection where a step leaves it."""
     sign = np.sign(frequency_equation(low, w, poisson)[0])
     k = 0.5 * (low + high)
     for _ in range(80):
@@ -288,10 +288,10 @@ def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
 
 
 def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
-    """Axial strain averaged over the cross-section over that on the surface [-], where gauges sit.
+    """Axial strain averaged over the cross-section over that on the surface [-], where gauges are bonded.
 
     This is the factor M1 of Tyas and Watson (2001). Their M2, the mean stress over E times the mean strain,
-    is (c / c0)^2: a free surface leaves the axial momentum no other way.
+    is (c / c0)^2: at a free surface this follows from the balance of axial momentum.
 
     ``frequency``: omega a / c0 [-], real or complex. ``poisson``: poisson's ratio, in [0, 0.5).
     """
@@ -502,7 +502,7 @@ class ViscoelasticWaveguide:
 
     @property
     def largest_frequency(self) -> float:
-        """Everywhere [Hz]."""
+        """No limit: infinity [Hz]."""
         return inf
 
     def wavenumber(self, omega: ArrayLike) -> ComplexArray:

@@ -55,8 +55,8 @@ def correct_radial_inertia(
     ``p / (1 - e)``. The uncertainties of strain, rate and second derivative are taken as independent.
 
     ``stress``: nominal stress [Pa], compression positive. ``strain``, ``rate``, ``second``: nominal
-    compression [-], [1/s], [1/s^2]. ``specimen``: the specimen before the test. ``apply``: False leaves the
-    stress as it is. Raises ValueError as `radial_pressure`, and if shapes differ.
+    compression [-], [1/s], [1/s^2]. ``apply``: False leaves the stress as it is. Raises ValueError as
+    `radial_pressure`, and if shapes differ.
     """
     _one_shape(stress.value, (strain, rate, second))
     rho, a0 = specimen.density, specimen.radius
@@ -103,9 +103,8 @@ def axial_by_analysis(second: ArrayLike, specimen: Specimen, back: ArrayLike) ->
     `axial_stress` s and the front stress ``rho L (a_b + L e'' / 2)`` above the back one, they lack s,
     s less that, and s less half of it: ``-rho L^2 e'' / 12`` for three waves.
 
-    ``second``: second derivative of the nominal compression [1/s^2], shape [n]. ``specimen``: the specimen
-    before the test. ``back``: acceleration of the back face in the direction of the incident wave [m/s^2],
-    shape [n] or scalar.
+    ``second``: second derivative of the nominal compression [1/s^2], shape [n]. ``back``: acceleration of the
+    back face in the direction of the incident wave [m/s^2], shape [n] or scalar.
     """
     rho, length = specimen.density, specimen.length
     mean = axial_stress(second, density=rho, length=length, back_acceleration=back)
@@ -123,8 +122,8 @@ def correct_axial_inertia(
     """Mean nominal stress along the specimen from that at its back face, which rests, see `axial_stress`.
 
     ``back_stress``: nominal stress at the transmission side (one wave) [Pa]. ``second``: second derivative of
-    the nominal compression [1/s^2]. ``specimen``: the specimen before the test. ``apply``: False leaves the
-    stress as it is. Raises ValueError if shapes differ.
+    the nominal compression [1/s^2]. ``apply``: False leaves the stress as it is. Raises ValueError if shapes
+    differ.
     """
     _one_shape(back_stress.value, (second,))
     rho, length = specimen.density, specimen.length
@@ -228,9 +227,8 @@ def corrections_that_act(
     """Which of `KEYS` are applied: key -> reason. A switch that is not given is on for a soft specimen.
 
     ``reduction``: the reduction before these corrections. ``specimen``: the specimen before the test.
-    ``bars``: the bars by side. ``share``: share of the stress above which inertia is significant [-]; a
-    specimen that reaches it counts as soft. Returns: an entry for each key of `KEYS`; the reason begins with
-    "on" or "off".
+    ``share``: share of the stress above which inertia is significant [-]; a specimen that reaches it counts
+    as soft. Returns: an entry for each key of `KEYS`; the reason begins with "on" or "off".
     """
     part = inertial_share(reduction, specimen, bars)
     size = f"inertia reaches {100.0 * part:.2g} % of the largest stress, the limit is {100.0 * share:g} %"
@@ -250,8 +248,8 @@ def correct_inertia(
 ) -> tuple[Reduction, tuple[Correction, ...]]:
     """The stresses corrected for the inertia of the specimen, where the switches are on.
 
-    ``specimen``: the specimen before the test; its density is used. ``bars``: the bars by side. Returns: both
-    entries of the log, applied or not; their sizes are those of the stress by three waves.
+    ``specimen``: the specimen before the test; its density is used. Returns: both entries of the log, applied
+    or not; their sizes are those of the stress by three waves.
     """
     motion = specimen_motion(reduction, bars)
     strain = reduction.strain[WAY]
@@ -338,7 +336,7 @@ def compensate_mass(
     [N]. ``acceleration``: acceleration of the mass in the direction of the incident wave [m/s^2]. ``mass``:
     mass between the sensing plane and the specimen [kg]. ``sigma_time``: standard uncertainty of the
     acceleration's clock against the force's [s]. ``apply``: False leaves the force unchanged; the correction
-    is still measured. ``source``: source of the acceleration, for the audit log.
+    is still measured.
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))

@@ -246,7 +246,7 @@ def _test_summary(result: ReducedTest) -> dict[str, Any]:
 
 
 _MEGA = 1e-6
-"""From Pa to MPa."""
+"""Factor from Pa to MPa."""
 DATABASE_FORMAT = "kolsky bar test, version 1"
 """First line of the metadata."""
 
@@ -267,7 +267,8 @@ def write_database(path: Path, result: WavesResult) -> Path:
 
 
 def columns(result: WavesResult) -> dict[str, FloatArray]:
-    """Columns of the table by name, shape [n] each; compression, or tension, counts as `load_case` says."""
+    """Columns of the table by name, shape [n] each; `load_case` determines whether compression or tension is
+    positive."""
     r, way, extra = result.reduction, result.analysis, result.extra
     strain, rate, stress = r.strain[way], r.rate[way], r.stress[way]
     table = {

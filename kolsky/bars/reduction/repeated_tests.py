@@ -46,7 +46,7 @@ class Repeats:
 
     @property
     def count(self) -> int:
-        """Tests."""
+        """Number of tests."""
         return len(self.values)
 
     @property

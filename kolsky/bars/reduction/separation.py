@@ -1,8 +1,9 @@
-"""Waves at the specimen: windowed pulses carried to the bar's face, and overlapping waves separated.
+"""Waves at the specimen: propagation of windowed pulses to the bar's face, and separation of overlapping
+waves.
 
 Opposed gauges that were recorded in separate files are resampled to one clock first. With several gauges on
 one bar the waves in both directions are the solution of a small linear system at each frequency. With one
-gauge a bar, the echo from the free end is predicted and subtracted.
+gauge per bar, the echo from the free end is predicted and subtracted.
 
 After Zhao and Gary (1997) and Bacon (1999), with every gauge weighted by its noise (Bussac and others 2002).
 Numbers of equations are those of docs/theory/bars.md.
@@ -44,18 +45,18 @@ def face_waves(
 ) -> FaceWaves:
     """The three waves at the specimen's faces.
 
-    The incident wave is carried forward by its gauge's distance, the others back by theirs, Eq. (R.4), with
-    the dispersion and attenuation of the guides. Without guides a wave is only moved in time, by x / c0;
-    fractions of a sample are then interpolated as for a band-limited signal, which changes neither its
-    energy nor its noise.
+    The incident wave is propagated forward by its gauge's distance, the others backward by theirs, Eq. (R.4),
+    with the dispersion and attenuation of the guides. Without guides a wave is only moved in time, by x / c0;
+    fractions of a sample are then interpolated as for a band-limited signal, which changes neither its energy
+    nor its noise.
 
     ``incident``, ``transmission``: the strains at the two stations, on one clock, with equal sampling
     intervals. ``windows``: time windows of the waves at the gauges. The shortest determines the length of the
     result. ``guides``: the incident and the transmission bar as waveguides; None neglects dispersion.
-    ``band``: frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of
-    the bars: above it, a gauge measures several modes at once, and noise would be propagated like a wave of
-    the first mode. ``arrival``: when the incident wave arrives at its gauge [s]; carried to the face this is
-    time 0 of the result. The beginning of the incident window if it is left out. ``delays``: delays of the
+    ``band``: frequency up to which waves are propagated [Hz], inf for all. Default: the lower `BAND` of the
+    bars; above it, a gauge measures several modes at once, and noise would be propagated like a wave of the
+    first mode. ``arrival``: arrival of the incident wave at its gauge [s]; the corresponding time at the face
+    is time 0 of the result. Default: the beginning of the incident window. ``delays``: delays of the
     reflected and the transmitted wave at their gauges relative to the travel times [s]: for waves that are
     aligned by their arrivals. ``apart``: the separated incident, reflected and transmitted wave at their
     gauges, if available; the windows then only select the part to use.
@@ -108,10 +109,10 @@ def face_waves(
 def _widened(
     pairs: tuple[tuple[float, float], ...], incident: BarSignal, transmission: BarSignal
 ) -> tuple[tuple[float, float], ...]:
-    """Windows extended over the time in which the gauge measures only this wave, or the rest before it.
+    """Windows extended over the time in which the gauge measures this wave only, or no wave.
 
-    If a wave is cut off before it has ended, the cut is an edge, and dispersion carries the edge's high
-    frequencies into the window. The fade of a tenth beyond the window must not overlap the next wave.
+    A wave that is cut off before its end has an edge, and dispersion spreads the edge's high frequencies into
+    the window. The fade of a tenth beyond the window must not overlap the next wave.
     """
     before = (incident.strain.start, pairs[1][0], transmission.strain.start)
     widened = []
@@ -154,9 +155,9 @@ def _at_face(
 def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
     """A signal's values at ``start + k * interval``, band-limited between its samples.
 
-    ``start``: time of the first value [s]; a fraction of a sample is a turn of phase in the Fourier transform
-    of the samples and `GUARD` more on either side, less the line through their ends. ``count``: number of
-    values. Returns: values in the signal's unit, shape [count].
+    ``start``: time of the first value [s]; a fraction of a sample is applied as a phase shift in the Fourier
+    transform of the samples, extended by `GUARD` samples on both sides, after subtraction of the line through
+    their ends. ``count``: number of values. Returns: values in the signal's unit, shape [count].
     """
     place = (start - signal.start) / signal.interval
     whole = round(place)
@@ -180,7 +181,7 @@ def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
 
 
 LEAST = 50
-"""Fewest samples that two recordings must have in common."""
+"""Smallest number of samples that two recordings must have in common."""
 
 
 def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> tuple[Recording, ...]:
@@ -249,8 +250,9 @@ class SeparatedWaves:
     velocity: History
     """Velocity of the face toward the specimen [m/s]."""
     misfit: tuple[float, ...]
-    """Root mean square of each gauge's strain less that of the two waves there, over the gauge's sigma [-]; 0
-    within round-off with two gauges, which two waves always fit exactly; about 1 with more."""
+    """Root mean square of the difference between each gauge's strain and that of the two waves there, over
+    the gauge's sigma [-]; 0 within round-off with two gauges, which two waves always fit exactly; about 1
+    with more."""
     singular: FloatArray
     """Frequencies at which the gauges cannot distinguish the two waves [Hz]: zero, and with two gauges all at
     which half-waves fit between them. Noise there grows with the square root of time, because only the quiet
@@ -398,8 +400,8 @@ def _back(spectrum: ComplexArray, kept: NDArray[np.bool_], length: int) -> Float
 def _noise(response: FloatArray, decay: float, sigma: FloatArray, n: int, count: int) -> FloatArray:
     """Sigma at each time from white noise of the gauges, Eq. (B.15).
 
-    `response` is the answer to a sample in the weighted records, shape [j, length]; without the weights it
-    grows by exp(decay) a sample.
+    `response` is the response to a sample in the weighted records, shape [j, length]; without the weights it
+    increases by exp(decay) per sample.
     """
     length = response.shape[1]
     lag = np.arange(length)
@@ -502,7 +504,7 @@ def separated(
 
 
 KEY = "free end"
-"""The switch."""
+"""Key of the switch."""
 
 
 @dataclass(frozen=True)
@@ -515,7 +517,7 @@ class FreeEnds:
     def apart(
         self, incident: BarSignal, transmission: BarSignal, guides: tuple[Waveguide, Waveguide], band: float
     ) -> tuple[BarSignal, BarSignal, BarSignal]:
-        """The incident, the reflected and the transmitted wave, each by itself at its gauge.
+        """The incident, the reflected and the transmitted wave, separated, each at its gauge.
 
         ``band``: frequency up to which the guides carry waves [Hz].
         """
@@ -529,9 +531,9 @@ class FreeEnds:
 
 
 def free_ends(incident: BarSignal, arrival: float) -> FreeEnds:
-    """Both far ends free; the incident pulse is over when the reflected one comes.
+    """Both far ends are free; the incident pulse has ended before the reflected one arrives.
 
-    ``incident``: the station of the incident bar. ``arrival``: arrival of the incident pulse there [s].
+    ``arrival``: arrival of the incident pulse there [s].
     """
     return FreeEnds(arrival + 2.0 * travel_time(incident) - 2.0 * averaging_time(incident))
 
@@ -549,7 +551,7 @@ def without_echo(station: BarSignal, guide: Waveguide, band: float) -> BarSignal
 
 
 def free_end_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit]:
-    """Times at which an echo comes back to the specimen and loads it again, from the arrival of a pulse."""
+    """Times at which an echo returns to the specimen and loads it again, from the arrival of a pulse."""
     margin = max(averaging_time(incident), averaging_time(transmission))
     limits = [
         Limit(

@@ -33,8 +33,7 @@ Weights = tuple[Factor, Factor, Factor]
 class BarWaves:
     """The three waves, and the bars' conversion of strain to force and velocity.
 
-    ``faces``: the waves at the faces. ``guides``: the incident and the transmission bar as waveguides; None
-    takes constants, E A and rho c0 A.
+    ``guides``: the incident and the transmission bar as waveguides; None: constant E A and rho c0 A.
     """
 
     stiffness_1: Factor
@@ -132,17 +131,17 @@ def reduce(
 ) -> Reduction:
     """Reduce the waves at the faces to the specimen's nominal strain, rate and stress.
 
-    With compression positive the faces move with v1 = c1 (e_i - e_r) and v2 = c2 e_t and carry the forces F1
-    = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves: the rate (v1 - v2) / L and the
-    mean force. With equilibrium, F1 = F2, one wave is redundant. Two waves: the incident and the transmitted
-    one, with the force F1. One wave: the reflected one, with the force F2. If the bars' impedances differ,
-    "one wave" also needs a share of the transmitted wave, Eqs. (R.7) to (R.9). In tension the same equations
-    hold with negative strains.
+    Compression is positive. The velocities of the faces are v1 = c1 (e_i - e_r) and v2 = c2 e_t, the forces
+    F1 = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves: the rate (v1 - v2) / L and
+    the mean force. With equilibrium, F1 = F2, one wave is redundant. Two waves: the incident and the
+    transmitted one, with the force F1. One wave: the reflected one, with the force F2. If the bars'
+    impedances differ, "one wave" also needs a share of the transmitted wave, Eqs. (R.7) to (R.9). In tension
+    the same equations hold with negative strains.
 
     Each sigma contains only the gauges' noise, white and independent, propagated exactly through the linear
     combinations and the trapezoidal sum, Eq. (R.12). ``guides``: the incident and the transmission bar as
-    waveguides: their stiffness and impedance then hold at each frequency, as a viscoelastic bar needs; None
-    takes E A and rho c0 A throughout. ``allowance``: |R| up to which it counts as in equilibrium [-].
+    waveguides: their stiffness and impedance are used at each frequency, as required for a viscoelastic bar;
+    None: constant E A and rho c0 A. ``allowance``: |R| up to which the specimen counts as in equilibrium [-].
     ``average``: time over which the forces are averaged for R [s]; if left out, the time of a wave across the
     diameter of the thicker bar.
     """
@@ -187,9 +186,9 @@ def reduce(
 def integrated(history: History, step: float, *, sigma: float | None = None) -> History:
     """Trapezoidal sum from the first sample on, and the sigma of it for white noise, Eq. (R.12).
 
-    ``history``: a rate. ``step``: sampling interval [s]. ``sigma``: standard deviation of white noise with
-    the rate's level at low frequencies, if it differs from the rate's sigma. Returns: starts at 0; sigma_k =
-    step sigma sqrt(k - 1/2) after k steps.
+    ``step``: sampling interval [s]. ``sigma``: standard deviation of white noise with the rate's level at low
+    frequencies, if it differs from the rate's sigma. Returns: starts at 0; sigma_k = step sigma sqrt(k - 1/2)
+    after k steps.
     """
     value = history.value
     total = np.concatenate([[0.0], np.cumsum(0.5 * step * (value[1:] + value[:-1]))])
@@ -298,9 +297,9 @@ def correct_punching(
     of a wave across the bar's diameter; over shorter times the indentation is not quasi-static. The
     velocities of the faces remain those of one-dimensional theory.
 
-    ``reduction``: the reduction. ``specimen``: the specimen before the test. ``incident_bar``,
-    ``transmission_bar``: the bars. ``apply``: False returns the reduction unchanged, with the correction that
-    would have been applied. Returns: the correction's sizes are changes of the nominal strain by three waves.
+    ``reduction``: the reduction. ``incident_bar``, ``transmission_bar``: the bars. ``apply``: False returns
+    the reduction unchanged, with the correction that would have been applied. Returns: the correction's sizes
+    are changes of the nominal strain by three waves.
     """
     C1 = punching_compliance(incident_bar, specimen.radius)
     C2 = punching_compliance(transmission_bar, specimen.radius)

@@ -33,7 +33,7 @@ from kolsky.base.arrays import FloatArray
 RISING_SHARE = 0.5
 """Share of the largest stress up to which a loading modulus is fitted."""
 FEWEST_SAMPLES = 10
-"""Fewest samples for a loading modulus."""
+"""Smallest number of samples for a loading modulus."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class EnergyBalance:
     transmitted: float
     """Energy of the transmitted wave [J]."""
     absorbed: float
-    """Incident less reflected less transmitted: work of both faces on the specimen [J]."""
+    """Incident minus reflected minus transmitted: work of both faces on the specimen [J]."""
     deformation: float
     """Volume times the integral of stress over strain, by three waves [J]. The difference from `absorbed` is
     the work of the force imbalance on the rigid motion of the specimen."""

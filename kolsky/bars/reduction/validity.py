@@ -40,7 +40,7 @@ def imbalance(
 def balanced_span(
     time: FloatArray, ratio: FloatArray, *, allowance: float = ALLOWANCE, bridge: float = 0.0
 ) -> tuple[float, float] | None:
-    """Longest span in which |R| stays within the allowance.
+    """Longest span in which |R| does not exceed the allowance.
 
     ``time``: times [s], shape [n]. ``ratio``: r [-], shape [n]. ``allowance``: largest |R| [-], > 0.
     ``bridge``: excursions no longer than this do not end a span [s]. Raises ValueError if the allowance is
@@ -71,7 +71,7 @@ LEVEL = 0.8
 """Share of the typical stress at which the plateau begins and ends [-]. The typical stress is the median of
 all stresses above half the largest."""
 PLATEAU_SHARE = 0.3
-"""Least balanced length of a plateau as a share of the incident pulse's, at half its height [-]."""
+"""Smallest balanced length of a plateau as a share of the incident pulse's, at half its height [-]."""
 LARGEST_CHANGE = 0.2
 """Largest change of a history along the plateau, by its best line, over its mean [-]."""
 LARGEST_SCATTER = 0.1
@@ -228,7 +228,7 @@ def flatness(value: FloatArray, time: FloatArray, span: Span) -> Flatness:
 def weighted_mean(history: History, span: Span, *, alike: float = 1.0) -> tuple[float, float]:
     """Weighted mean of a history and the sigma of its noise, sqrt(alike sum (w s)^2) / sum w.
 
-    ``history``: the history; its noise is independent from one of `alike` samples to the next. ``span``: the
+    ``history``: the history; `alike` successive samples have one independent noise value. ``span``: the
     samples' weights. ``alike``: samples for each independent one [-], >= 1.
     """
     w, total = span.weight, float(span.weight.sum())
@@ -272,7 +272,7 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True)
 class Validity:
-    """The longest span of a shot in which a classical reduction holds."""
+    """The longest span of a shot in which a classical reduction is valid."""
 
     window: tuple[float, float] | None
     """First and last time [s]; None if no time is valid."""

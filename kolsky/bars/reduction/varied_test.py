@@ -97,10 +97,9 @@ def station_of(
 ) -> Station:
     """The strain at one station.
 
-    ``given``: the test. ``key``: a key of its stations. ``values``: other values of its quantities, by name;
-    None: all as declared. ``windows``: windows of the waves. Drift up to the end of the last one is an input
-    of the budget; None: up to the end of the record. Raises ValueError as
-    `kolsky.bars.signals.stations.bar_signal`.
+    ``key``: a key of its stations. ``values``: other values of its quantities, by name; None: all as
+    declared. ``windows``: windows of the waves. Drift up to the end of the last one is an input of the
+    budget; None: up to the end of the record. Raises ValueError as `kolsky.bars.signals.stations.bar_signal`.
     """
     values = values or {}
     station, side = given.stations[key], key.removesuffix(" far")
@@ -128,7 +127,7 @@ def station_of(
 def budget_quantities(given: WavesInput, stations: Mapping[str, Station]) -> list[Quantity]:
     """Inputs of a test's budget: calibrations and zeros of the gauges, bars, specimen, gauge distances.
 
-    ``given``: the test. ``stations``: strain at the stations of the two sides, with their quantities.
+    ``stations``: strain at the stations of the two sides, with their quantities.
     """
     quantities: list[Quantity] = []
     for side in SIDES:

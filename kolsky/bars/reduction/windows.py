@@ -74,7 +74,7 @@ class WavesInput:
     allowance: float = ALLOWANCE
     """|R| up to which the forces count as balanced [-]."""
     plateau: float = PLATEAU
-    """Least balanced length of a plateau as a share of the incident pulse's [-]."""
+    """Smallest balanced length of a plateau as a share of the incident pulse's [-]."""
     share: float = VALIDITY_SHARE
     """Largest share of inertia, or of the forces' difference, in the stress of a valid curve [-]."""
     switches: Switches = field(default_factory=Switches)
@@ -82,7 +82,7 @@ class WavesInput:
     """Standard uncertainties (k = 1) by the keys of [uncertainty]; relative but for lengths and Poisson's
     ratio."""
     alike: bool = False
-    """True if the bars' errors of one property are the same, as of bars cut from one rod."""
+    """True if the bars have the same errors of their properties, as for bars cut from one rod."""
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of every file, by name."""
     notes: tuple[str, ...] = ()
@@ -284,10 +284,10 @@ def _checked(windows: Windows, incident: BarSignal, transmission: BarSignal) -> 
 VISIBLE = 0.05
 """Smallest level of an observable reflected or transmitted pulse, as a share of the incident one's."""
 SCATTER = 0.4, 0.05
-"""Scatter of a first rise relative to the incident one's that noise does not explain, in units of a wave's
-time across the bar, and as a share of the incident pulse's rise. Its causes are dispersion, ringing and the
-specimen's effect on the foot. From the first population of `populations/bar_signals.py`, judged on the
-second."""
+"""Scatter of a first rise relative to that of the incident pulse in addition to noise: in units of a wave's
+travel time across the bar, and as a share of the incident pulse's rise time. Its causes are dispersion,
+ringing and the specimen's effect on the foot. Chosen on the first population of `populations/bar_signals.py`,
+tested on the second."""
 
 
 @dataclass(frozen=True)
@@ -301,14 +301,14 @@ class PulseCheck:
     reason: str
     """The delay in words, or the reason why there is no observed arrival."""
     offset: float = float("nan")
-    """First rise of the pulse less that of the incident one and the travel time [s]; nan without an observed
+    """First rise of the pulse minus that of the incident one and the travel time [s]; NaN without an observed
     pulse. Unlike `delay`, it does not extrapolate the flank's tangent."""
     offset_sigma: float = float("inf")
     """Standard deviation of `offset`: noise, sampling, and the estimator's own scatter [s]."""
 
     @property
     def delay(self) -> float:
-        """Observed less predicted arrival [s]; nan without an observed one."""
+        """Observed minus predicted arrival [s]; nan without an observed one."""
         return float("nan") if self.observed is None else self.observed.time - self.predicted
 
 
@@ -418,7 +418,7 @@ class Alignment:
     wave: str
     """"reflected" or "transmitted"."""
     late: float
-    """Observed less predicted arrival at the distances and wave speeds as declared [s]."""
+    """Observed minus predicted arrival with the declared distances and wave speeds [s]."""
     way: float
     """Predicted time from the incident pulse's arrival at its gauge, as declared [s]."""
     sigma: float

@@ -48,19 +48,20 @@ def find_arrival(
 ) -> Arrival:
     """Arrival of the first pulse of one sign.
 
-    The signal is averaged over `average`, m samples, which turns single counts and spikes into noise of the
+    The signal is averaged over `average`, m samples, which reduces single counts and spikes to noise with the
     standard deviation sigma sqrt(memory / m). The first average beyond `threshold` times that, and beyond
-    `FLOOR` of the largest, finds the pulse; the largest average up to its end is its level. The onset
+    `FLOOR` of the largest, marks the pulse; the largest average up to its end is its level. The onset
     minimises Maeda's form of Akaike's criterion over the samples up to half the level [1]_; the time is the
     intersection of the baseline, 0, with the least-squares line through the flank's samples between `FLANK`
     of the level, and its sigma is that of the intersection. On a straight flank it has no bias. On a rounded
-    foot it is late by a fixed share of the rise, 0.17 of a raised cosine's, whatever the noise, while the
-    onset comes later as noise grows. ValueError if there is no pulse, or if it began before the first sample.
+    foot it is late by a fixed share of the rise time, 0.17 for a raised cosine, independent of the noise,
+    while the onset is later with more noise. ValueError if there is no pulse, or if it began before the first
+    sample.
 
     ``signal``: its baseline removed. ``sign``: +1 for a pulse of positive values, -1 for negative ones.
-    ``average`` [s]: no longer than the pulse rises; a pulse in a bar rises in no less than the time of a wave
-    across the bar's diameter. ``after``, ``before``: the pulse is searched for between these times [s].
-    ``smallest``: a pulse must exceed this too, in the signal's unit.
+    ``average`` [s]: at most the rise time of the pulse, which in a bar is at least a wave's travel time
+    across the diameter. ``after``, ``before``: the pulse is searched for between these times [s].
+    ``smallest``: a pulse must also exceed this value, in the signal's unit.
 
     References
     ----------
@@ -178,7 +179,7 @@ def _onset(value: FloatArray, sigma: float, level: float) -> int:
     """Index that splits the samples into noise and pulse (Maeda 1985, eq. 1)."""
     n = value.size
     count = np.arange(2, n - 2)
-    # A baseline of equal counts has no variance; its logarithm would decide alone.
+    # A baseline of equal counts has no variance; its logarithm would dominate.
     floor = max(sigma**2, (1e-6 * level) ** 2)
     s1, s2 = np.cumsum(value), np.cumsum(value**2)
     before = s2[count - 1] / count - (s1[count - 1] / count) ** 2
@@ -210,8 +211,7 @@ def low_level(signal: Signal, top: float, average: float) -> float:
     """Level of a first rise: `LOW` times the pulse's level, or `THRESHOLD` standard deviations of averaged
     noise.
 
-    ``signal``: the signal, with the noise of its samples. ``top``: level of the pulse, >= 0. ``average``:
-    time over which is averaged [s].
+    ``top``: level of the pulse, >= 0. ``average``: time over which is averaged [s].
     """
     width = max(1, round(average / signal.interval))
     return max(LOW * top, THRESHOLD * signal.sigma * sqrt(min(signal.memory / width, 1.0)))
@@ -227,7 +227,7 @@ def first_rise(
     level: float | None = None,
     smallest: float = 0.0,
 ) -> FirstRise | None:
-    """Time at which the flank of the largest pulse passes a low level on its way up.
+    """Time at which the rising flank of the largest pulse crosses a low level.
 
     The averaged signal first exceeds `HALF` of its largest value on the pulse's flank; from there the flank
     is followed down to the level. A foot of a different slope, such as the elastic rise of a specimen that
@@ -235,9 +235,9 @@ def first_rise(
 
     ``signal``: the signal, its baseline removed. ``sign``: +1 for a pulse of positive values, -1 for negative
     ones. ``average``: averaging time [s], > 0. ``after``, ``before``: the pulse is searched for between these
-    times [s]. ``level``: the level, > 0; without it `low_level` of the largest value found. ``smallest``: a
-    pulse's largest value must exceed this, in the signal's unit. Returns: None if nothing rises beyond the
-    level there.
+    times [s]. ``level``: the level, > 0; default: `low_level` of the largest value. ``smallest``: the largest
+    value of a pulse must exceed this, in the signal's unit. Returns: None if the signal does not exceed the
+    level.
     """
     width = max(1, round(average / signal.interval))
     smooth = sign * moving_mean(signal.value, width)

@@ -40,7 +40,8 @@ class Noise:
 
     @property
     def memory(self) -> float:
-        """Samples that carry the information of one, 1 + 2 sum rho, Eq. (U.8) [-]; 1 if white."""
+        """Number of samples with the information of one independent sample, 1 + 2 sum rho, Eq. (U.8) [-]; 1
+        for white noise."""
         return float(1.0 + 2.0 * self.correlation[1:].sum())
 
     def sigma_of_sums(self, n: int) -> FloatArray:
@@ -103,12 +104,12 @@ def _spectrum(rho: FloatArray, size: int) -> FloatArray:
 
 
 FEWEST_SAMPLES = 20
-"""Fewest samples of a baseline: with 20 the noise is known to 16 %."""
+"""Smallest number of samples of a baseline: with 20 the noise is known to 16 %."""
 RESTING_SHARE = 8.0
 """Deviation of a part of the baseline from the median part, in scaled median deviations, above which the
 signal is not at rest."""
 _FEWEST_BLOCKS = 8
-"""Fewest parts of a baseline that are compared with each other."""
+"""Smallest number of parts of a baseline that are compared with each other."""
 SIGNIFICANCE = 0.01
 """Probability that a baseline without drift is classified as drifting."""
 
@@ -122,7 +123,7 @@ class SignalZero:
     last: float
     """Time of its last sample [s]."""
     count: int
-    """Samples."""
+    """Number of samples."""
     mean: float
     """Mean: the signal's zero."""
     mean_sigma: float
@@ -140,7 +141,7 @@ class SignalZero:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom of mean and slope: independent samples less the two of the line, at least 1."""
+        """Degrees of freedom of mean and slope: independent samples minus the two of the line, at least 1."""
         return max(self.count / max(self.noise.memory, 1.0) - 2.0, 1.0)
 
     @property
@@ -248,8 +249,8 @@ def quantisation_step(value: FloatArray) -> float:
 def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_scale: float | None) -> None:
     """Check that a signal stayed within the recorder's range.
 
-    With a full scale, no sample may reach it. Without, a signal is taken as clipped if it stays at its
-    largest or smallest value for at least 8 samples in a row and three times as long as any value of the
+    With a full scale, no sample may reach it. Without it, a signal counts as clipped if its largest or
+    smallest value occurs in at least 8 successive samples, and in three times as many as any value of the
     baseline: at the top of a pulse noise does not disappear.
 
     ``value``: recorded samples, offset included, shape [n]. ``baseline``: of the same samples. ``name``:
@@ -292,7 +293,7 @@ WEAKEST = 1.0
 """Strength D0 beyond which the prior density (1 + D / D0)^-1 falls, as a share of that whose slowest part
 is as strong as the noise's [-]; with `CONTRASTS` so chosen that steady drifts are covered too."""
 MODES = 4
-"""Modes that the drift beyond the baseline is made of; they hold 95 % of its variance."""
+"""Number of modes that represent the drift beyond the baseline; they contain 95 % of its variance."""
 DRIFTING = ("gauge, zero", "gauge, drift", "gauge, drift's slope")
 """Ends of the names of the budget's inputs for zero and drift, numbers left away."""
 
@@ -300,7 +301,7 @@ DRIFTING = ("gauge, zero", "gauge, drift", "gauge, drift's slope")
 def diffusion(value: FloatArray, interval: float, *, sigma: float, memory: float) -> float:
     """Strength D of a random walk that the baseline shows, by its posterior mean [unit^2/s].
 
-    A random walk of variance D t, less its mean over the baseline T, is the sum of cosines cos(k pi t / T)
+    A random walk of variance D t, minus its mean over the baseline T, is the sum of cosines cos(k pi t / T)
     whose coefficients a_k, sqrt(2) times the mean of value times cosine, are independent with the variance D
     T / (k pi)^2; noise adds s^2 = sigma^2 memory / n to each, Eq. (U.17). D is the mean of its posterior from
     the first `CONTRASTS` of them, with the prior density (1 + D / D0)^-1, D0 = `WEAKEST` s^2 pi^2 / T. The
@@ -329,11 +330,11 @@ def drift_quantities(gauge: str, strength: float, length: float, unit: str = "1"
     """The drift from the baseline's end to `length` later as independent inputs of a budget.
 
     Karhunen's modes of a random walk: input k is the amplitude of sin((k - 1/2) pi t / length), with the
-    variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18), raised so that `MODES` of them hold all of the walk's
-    variance over the time.
+    variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18), scaled so that the first `MODES` contain all of the
+    walk's variance over the time.
 
-    ``gauge``: whose drift it is; begins the names. ``strength``: d [unit^2/s]. ``length``: time from the
-    baseline's end to the last sample that is used [s], > 0. ``unit``: unit of the signal.
+    ``gauge``: name of the gauge, with which the names begin. ``strength``: d [unit^2/s]. ``length``: time
+    from the baseline's end to the last sample that is used [s], > 0. ``unit``: unit of the signal.
     """
     k = np.arange(1, MODES + 1)
     share = 2.0 / ((k - 0.5) * pi) ** 2

@@ -311,8 +311,8 @@ def check_shunt(bridge: Bridge, shunt: Shunt) -> ShuntCheck:
 def with_shunt(bridge: Bridge, shunt: Shunt, *, allowance: float = 0.02) -> tuple[Bridge, ShuntCheck]:
     """The bridge with the gain from a shunt calibration.
 
-    ``bridge``: the stated bridge. ``shunt``: the measured step. ``allowance``: largest relative difference of
-    measured and stated gain [-]; a larger one indicates an error in one of them.
+    ``allowance``: largest relative difference of measured and stated gain [-]; a larger one indicates an
+    error in one of them.
     """
     found = check_shunt(bridge, shunt)
     if abs(found.ratio - 1.0) > allowance:

@@ -70,7 +70,7 @@ def _check_time_constant(time_constant: float) -> None:
 
 
 _FEWEST_BASELINE = 20
-"""Fewest samples of a baseline: with 20 the noise is known to 16 %."""
+"""Smallest number of samples of a baseline: with 20 the noise is known to 16 %."""
 CAMERA_FRAME = 1.0 / 120e3
 """Frame interval of the cameras [s]: the default width of a force bin."""
 

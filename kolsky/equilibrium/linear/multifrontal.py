@@ -206,7 +206,7 @@ class Assembly:
         self._halves[:, 0] = self._at_22[self._halves[:, 0]]
         self._runs = np.array(runs, dtype=np.int32).reshape(-1, 3)
         self.outside = np.concatenate([front.outside for front in fronts]).astype(np.int32)
-        """Places of what each front leaves in the order of elimination, front by front."""
+        """Positions of what each front leaves in the order of elimination, front by front."""
         ends = np.cumsum([front.left for front in fronts])
         self.places = np.column_stack([[front.start for front in fronts], np.concatenate([[0], ends[:-1]])])
         """Where each front's own unknowns begin in that order, and its part of `outside`, shape [n, 2]."""
@@ -317,7 +317,7 @@ class _Substitution:
 
 
 SMALLEST_PIVOT = {"d": 1e-13, "f": 1e-6}
-"""Least pivot over the largest diagonal entry of the front, in double and single precision; below it the
+"""Smallest pivot over the largest diagonal entry of the front, in double and single precision; below it the
 matrix is singular."""
 _BLAS, _LAPACK = ("trsm", "syrk", "gemm"), ("potrf", "getrf", "laswp")
 ROUTINES: dict[str, dict[str, Any]] = {

@@ -34,13 +34,13 @@ class Compression:
     bulge_by: FloatArray
     """Derivatives of the radius [m], shape [n, n_parameters]."""
     outline: FloatArray
-    """Places r, z of the nodes of the side's upper half [m], shape [n, n_side, 2]."""
+    """Positions r, z of the nodes of the side's upper half [m], shape [n, n_side, 2]."""
     past: float
     """Share of the volume that is strained past the homogeneous strain of the last point [-]."""
     steps: int = 0
-    """Equilibria found."""
+    """Number of equilibria."""
     snaps: int = 0
-    """Places where the body jumped to another equilibrium: a node of its edge landed or curled off."""
+    """Number of jumps to another equilibrium, at which a node of the edge landed or curled off."""
 
 
 class NoEquilibriumError(ValueError):
@@ -56,9 +56,9 @@ class ContactPoints:
     """Points on the body's boundary and their share of its undeformed area."""
 
     nodes: NDArray[np.int64]
-    """Nodes that carry each point, shape [n, 3]."""
+    """Nodes that interpolate each point, shape [n, 3]."""
     shape: FloatArray
-    """Their share in it [-], shape [n, 3]."""
+    """Their weights in the point [-], shape [n, 3]."""
     areas: FloatArray
     """Undeformed area of each point [m^2], shape [n]."""
     n_nodes: int
@@ -149,7 +149,7 @@ class ContactForces:
 
 @dataclass(frozen=True)
 class Platen:
-    """A platen that comes down on a body."""
+    """A platen that moves down onto a body."""
 
     mesh: HalfCylinder
     bonded: bool
@@ -231,7 +231,7 @@ class Platen:
 class Equations:
     """Stiffness of body, contact and drag on the free displacements.
 
-    ``mesh``: the body. ``platen``: what it touches. ``free``: free displacements, shape [n].
+    ``mesh``: the body. ``platen``: the platen that it touches. ``free``: free displacements, shape [n].
     """
 
     def __init__(self, mesh: HalfCylinder, platen: Platen, free: NDArray[np.int64]) -> None:
@@ -279,14 +279,14 @@ STEP = 0.01
 LEAST_STEP = 5e-4
 """Smallest step in the search for an equilibrium [-]."""
 ITERATIONS = 20
-"""Most Newton iterations of a step."""
+"""Largest number of Newton iterations of a step."""
 FULL = 8
 """Iterations with full steps; later ones are shortened, since nodes that alternately touch and separate cause
 cycles."""
 FIRST_DRAG, LAST_DRAG = 10.0, 0.02
-"""Drag of a creep step, first and last before it is taken away, over the body's stiffness [-]."""
+"""Drag of the first and of the last creep step over the body's stiffness [-]; after the last one it is 0."""
 CREEP_STEPS, CREEP_FAILURES = 60, 8
-"""Most of them, and most that may fail."""
+"""Largest number of creep steps, and of failed ones."""
 _BALANCED = 1e-7
 """Sum of unbalanced nodal forces over the sum of the nodes' internal forces at which a step has converged."""
 
@@ -433,8 +433,8 @@ class _March:
         return False
 
     def _creep(self, to: float) -> bool:
-        """Overdamped motion to rest at a constant strain, from where no equilibrium is near; False if there
-        is none."""
+        """Overdamped motion to rest at a constant strain, used if no equilibrium is near; False if it finds
+        none."""
         start = self.u.copy()
         if self.platen.bonded:
             start[self.glued] = -to * self.mesh.height

@@ -2,9 +2,9 @@
 elements).
 
 Faces that do not slide freely make a cylinder barrel, and its apparent nominal stress is above the
-material's: by 31 to 33 % at small strain for a bonded cylinder of 9.5 x 6.5 mm. The law is found whose
-simulated test, in equilibrium (`kolsky.material.end_friction.compression`), gives the measured force and,
-where it was measured, radius: least squares with the derivatives of the simulated test,
+material's: by 31 to 33 % at small strain for a bonded cylinder of 9.5 x 6.5 mm. The fitted law is the one
+whose simulated test, in equilibrium (`kolsky.material.end_friction.compression`), gives the measured force
+and, where it was measured, radius: least squares with the derivatives of the simulated test,
 
 .. math:: \\min_\\theta \\sum_i \\left(\\frac{\\ln S_\\theta(\\epsilon_i) - \\ln S_i}{\\sigma_i}\\right)^2
           + \\text{prior}(\\theta).                                                              \\qquad (N.1)
@@ -120,10 +120,10 @@ def correct_friction(
     Raises ValueError if friction is free without a measured radius, the stress is not positive, no
     equilibrium exists, or no law fits the test; the message gives reason and strain.
 
-    ``band``: the apparent nominal stress over nominal compressive strain. ``ends``: what holds it at its
-    ends. ``bulge``, ``bulge_sigma``: radius at mid-height at the strains of `band` [m], shape [n], and its
-    standard deviation [m]. ``numerics``: meshes and Poisson's ratio. ``laws``: laws of the library fitted in
-    addition to the curves of nodes, names of `kolsky.material.fits.compare.candidates`.
+    ``band``: the apparent nominal stress over nominal compressive strain. ``ends``: contact at its ends.
+    ``bulge``, ``bulge_sigma``: radius at mid-height at the strains of `band` [m], shape [n], and its standard
+    deviation [m]. ``numerics``: meshes and Poisson's ratio. ``laws``: laws of the library fitted in addition
+    to the curves of nodes, names of `kolsky.material.fits.compare.candidates`.
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
@@ -276,8 +276,8 @@ def _chosen(band: CurveBand, test: MeasuredSpecimen) -> NDArray[np.int64]:
 def _noise(best: ModelOptimum, test: MeasuredSpecimen, response: FloatArray, band: CurveBand) -> FloatArray:
     """Modes of ln T by errors of the stresses: their noise, or the misfit if that is more.
 
-    Misfits of neighbouring strains are alike by a coefficient rho, so fewer of them are independent: they
-    count as independent ones of (1 + rho) / (1 - rho) times the variance (Bartlett 1935).
+    Misfits of neighbouring strains have a correlation rho, so fewer of them are independent: they are treated
+    as independent with (1 + rho) / (1 - rho) times the variance (Bartlett 1935).
     """
     n = test.strain.size
     own = (band.noise / band.stress)[_chosen(band, test)]
@@ -324,8 +324,9 @@ def fit_specimen(
     is in the uncertainties.
 
     Three more parts are in the uncertainties: the change of the constants when the fit ends at a smaller
-    strain, beyond what noise makes of it (`RangeDrift`); that by Poisson's ratio, which no force determines;
-    and that by an error of the force which is alike at neighbouring strains (`slow_error`).
+    strain, beyond the effect of noise (`RangeDrift`); the change by Poisson's ratio, which a force does not
+    determine; and the change by an error of the force that is correlated between neighbouring strains
+    (`slow_error`).
 
     Raises ValueError if no law can be fitted; the message has each one's reason.
 
@@ -350,7 +351,7 @@ def fit_specimen(
         share = mesh_share(test.numerics)
         before = model_fit(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
         drift = _range_drift(one, test)
-        # `_fit_candidates` makes fits of the library's laws alone
+        # `_fit_candidates` fits only laws of the library
         units = one.model.units  # type: ignore[attr-defined]
         parts = (drift.excess, _poisson_change(one, test), slow_change(one.gain, test.noise, test.strain))
         more = np.linalg.norm(parts, axis=0)[: len(units)] * units
@@ -374,22 +375,23 @@ def mesh_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
 
 SLOW_STRESS = 1.5e-3
 """Error of the refined mesh's force that changes slowly with the strain, in the root mean square about its
-mean [-]. Other programs differ by 0.3 to 0.5 % at some strains, mostly where the side lands. Chosen
-on the cylinders of seed 27183 (`populations.bonded_cylinders`): 18 of 20 answers or more are right."""
+mean [-]. Other programs differ by 0.3 to 0.5 % at some strains, mostly where the side lands. Chosen on the
+cylinders of seed 27183 (`populations.bonded_cylinders`): at least 18 of 20 answers are correct."""
 SLOW_FROM = 0.12
-"""Strain from which on it has that size [-]; below it grows with the strain. FElupe's force changes between
-its two meshes by 0.03 % where the test ends at 5 to 7 %, by 0.2 to 0.4 % from 12 % on."""
+"""Strain above which this error has its full size [-]; below it the error grows with the strain. FElupe's
+force changes between its two meshes by 0.03 % where the test ends at 5 to 7 %, by 0.2 to 0.4 % from 12 %
+on."""
 SLOW_REACH = 0.3
-"""Distance over the largest strain at which that error is another one [-]: from 0.2 to 0.5 the intervals of
-Gent's and of Mooney and Rivlin's constants change by a tenth."""
+"""Correlation length of this error over the largest strain [-]: between 0.2 and 0.5 the intervals of Gent's
+and of Mooney and Rivlin's constants change by 10 %."""
 
 
 def slow_error(strain: FloatArray) -> FloatArray:
-    """Covariance of the logarithm of a simulated force that neighbouring strains have in common, shape
-    [n, n].
+    """Covariance of the slowly varying error of the logarithm of a simulated force, shape [n, n].
 
-    ``strain``: rising [-], shape [n]. The mean over the strains has the deviation `COMMON_STRESS`, the rest
-    `SLOW_STRESS`, less below `SLOW_FROM`, in the root mean square and a squared exponential's correlation.
+    ``strain``: rising [-], shape [n]. The mean over the strains has the standard deviation `COMMON_STRESS`.
+    The deviations from it have the root mean square `SLOW_STRESS`, less below `SLOW_FROM`, and a
+    squared-exponential correlation.
     """
     place, size = strain / strain[-1], np.minimum(strain / SLOW_FROM, 1.0)
     alike = np.exp(-0.5 * ((place[:, None] - place) / SLOW_REACH) ** 2) * np.outer(size, size)
@@ -409,15 +411,16 @@ def slow_change(gain: FloatArray, noise: FloatArray, strain: FloatArray) -> Floa
 
 
 RANGES = (0.5, 0.6, 0.7, 0.8)
-"""Shares of the largest strain at which a fit is ended for comparison [-]: with less a law's second constant
-is lost in the noise, with more nothing is left to compare."""
+"""Shares of the largest strain at which a fit is ended for comparison [-]: with smaller shares a law's second
+constant is not significant, with larger ones the fits hardly differ."""
 DRIFTS = 0.01
-"""Probability of a change as large, were the law right, below which it is reported: with four ranges that are
-alike, one right test in a hundred or two."""
+"""Probability of such a change for a correct law below which it is reported. With four correlated ranges this
+reports one or two in a hundred correct tests."""
 
 DRIFT_COVERAGE = 2.0
-"""Standard deviations of a change that a right law explains [-]. The change from the shortest range scatters
-by more than the whole test's constants: with one, every third right interval would be widened by it."""
+"""Number of standard deviations of a change that a correct law explains [-]. The change from the shortest
+range scatters more than the constants of the whole test: with 1, it would widen every third correct
+interval."""
 
 
 @dataclass(frozen=True)
@@ -427,9 +430,9 @@ class RangeDrift:
     excess: FloatArray
     """Largest change of any range beyond `DRIFT_COVERAGE` standard deviations [-], shape [n]."""
     probability: float
-    """Least probability of such a change of all unknowns if the law were right [-]."""
+    """Smallest probability of such a change of all unknowns for a correct law [-]."""
     rows: int
-    """Rows of the range with that probability."""
+    """Number of rows of the range with that probability."""
     change: FloatArray
     """Change of the unknowns from the whole range to that one [-], shape [n]."""
 
@@ -439,8 +442,8 @@ def range_drift(
 ) -> RangeDrift:
     """Compare a fit with those to its first rows only (Hausman 1978).
 
-    With J_S and r_S the rows of a range, d = -(J_S^T J_S)^-1 J_S^T r_S is the change to its own optimum. Of a
-    right law its covariance is V = s^2 [(J_S^T J_S)^-1 - (J^T J)^-1]; d_j^2 - k^2 V_jj exceeds it, k = 2.
+    With J_S and r_S the rows of a range, d = -(J_S^T J_S)^-1 J_S^T r_S is the change to its own optimum. For
+    a correct law its covariance is V = s^2 [(J_S^T J_S)^-1 - (J^T J)^-1]; d_j^2 - k^2 V_jj exceeds it, k = 2.
 
     ``jacobian``: over standard deviations, shape [m, n]. ``residual``: at the optimum of all rows, likewise,
     shape [m]. ``ranges``: numbers of rows. ``excess``: s^2, variance of the residual over the declared.
@@ -467,7 +470,7 @@ def range_drift(
 
 
 def _range_drift(one: ModelOptimum, test: MeasuredSpecimen) -> RangeDrift:
-    """How the unknowns change when the test ends earlier; the stresses alone are compared."""
+    """Change of the unknowns if the test ends earlier; only the stresses are compared."""
     n = test.strain.size
     ranges = [int(np.count_nonzero(test.strain <= share * test.strain[-1])) for share in RANGES]
     scale = max(1.0, one.chi2 / max(1, n - one.theta.size))

@@ -151,7 +151,7 @@ class Deformation:
     left: FloatArray
     """(cos, sin) of the angle of U, shape [n, q, 2]."""
     right: FloatArray
-    """Of V, likewise."""
+    """(cos, sin) of the angle of V, shape [n, q, 2]."""
 
     @classmethod
     def of(cls, F: FloatArray) -> "Deformation":
@@ -230,7 +230,7 @@ class Body:
 
     mesh: HalfCylinder
     bulk: float
-    """K [Pa]."""
+    """Bulk modulus K [Pa]."""
 
     @cached_property
     def _inverse_mass(self) -> FloatArray:
@@ -261,7 +261,8 @@ class Body:
         return force, stiffness
 
     def isochoric_forces(self, law: Stretches, state: Deformation) -> FloatArray:
-        """Forces of the isochoric energy alone, which a law's constants enter [N], shape [2 n_nodes]."""
+        """Forces of the isochoric energy, the only ones that depend on a law's constants [N], shape [2
+        n_nodes]."""
         B, volume, _ = self.mesh.gauss
         P = isochoric_stress(law, state) * volume[..., None]
         return self.assembled(np.einsum("eqik,eqi->ek", B, P, optimize=True))

@@ -31,11 +31,11 @@ from kolsky.material.uniaxial import gaussian_strain
 TOLERANCE = 1e-3
 """Relative change of unknowns or of the sum of squares at which a fit ends."""
 _EVALUATIONS = 12
-"""Most simulated tests of one fit's search."""
+"""Largest number of simulated tests in the search of one fit."""
 NODES = (5, 7, 10)
 """Numbers of nodes, tried in this order until the residual is noise."""
 NOISE_LEFT = 1.5
-"""Mean square residual (over noise and mesh) above which it is not accepted as noise."""
+"""Mean square residual, relative to noise and mesh error, above which it is not accepted as noise [-]."""
 _UNUSABLE = 1e3
 """Residual for unknowns without a valid law or without an equilibrium."""
 _START_FRICTION = 0.3
@@ -48,19 +48,19 @@ class ModelOptimum:
 
     model: CurveModel
     theta: FloatArray
-    """Its unknowns, and ln f if the friction is free, shape [n]."""
+    """Unknowns, and ln f if the friction is free, shape [n]."""
     made: Compression
-    """The test simulated there."""
+    """The test simulated with these unknowns."""
     jacobian: FloatArray
     """Derivatives of residuals and prior by the unknowns, shape [n_rows, n]."""
     chi2: float
     """Sum of squared residuals of the test [-]."""
     evaluations: int
-    """Simulated tests."""
+    """Number of simulated tests."""
     off: FloatArray
-    """ln of the simulated over the measured stress there [-], shape [n]."""
+    """ln of the simulated over the measured stress [-], shape [n]."""
     mesh: MeshError | None = None
-    """Its change by the refined mesh, if the fit was moved to that mesh."""
+    """Change by the refined mesh, if the fit was moved to that mesh."""
 
     @property
     def gain(self) -> FloatArray:
@@ -69,7 +69,7 @@ class ModelOptimum:
 
     @property
     def misfit(self) -> float:
-        """Root mean square of simulated over measured stress, less 1 [-]."""
+        """Root mean square of the ratio of simulated to measured stress minus 1 [-]."""
         return float(np.sqrt(np.mean(self.off**2)))
 
 
@@ -158,7 +158,7 @@ def fit_nodes(
 
 
 def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptimum) -> ModelOptimum:
-    """A law of the library, starting at its fit to the curve of another one."""
+    """Fit of a law of the library; the start is its fit to the curve of another law."""
     stress = near.model.stress(test.own(near.theta), test.strain)
     homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)
     model = LibraryModel(candidate, float(stress[0] / gaussian_strain(test.strain[:1], compression=True)[0]))
@@ -183,7 +183,8 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptim
 
 
 def model_weights(found: list[ModelOptimum], test: MeasuredSpecimen) -> FloatArray:
-    """Weights of the models: exp(-BIC / 2), the noise taken from the best if that misses by more, Eq. (N.2).
+    """Weights of the models: exp(-BIC / 2), with the noise from the best model's misfit if that is larger,
+    Eq. (N.2).
 
     With n residuals, k unknowns and S = chi2 the criterion is S / v + k ln n, v = max(1, S_best / (n - k)).
     """
@@ -242,10 +243,10 @@ ORDER, SHARE = 2.0, 0.5 * 1.25
 `kolsky.identification`."""
 NEAR = 10.0
 """Mean square residual on the coarse mesh, over that of the nearest law or 1, up to which a law is moved [-].
-Three times the mesh's own error: nearer than that no mesh brings a law that is farther off."""
+About three times the error of the mesh: a change of the mesh cannot make a law with a larger misfit fit."""
 LEAST_SINGULAR_VALUE = 1e-4
-"""Least singular value of the derivatives, over the largest, of a direction in which a law is moved [-]: a
-test of a few parts in a thousand does not tell less."""
+"""Smallest singular value of the derivatives, over the largest, of a direction in which a law is moved [-]: a
+test with an accuracy of a few parts in a thousand cannot resolve smaller ones."""
 
 
 def on_refined_mesh(
@@ -253,8 +254,8 @@ def on_refined_mesh(
 ) -> tuple[list[ModelOptimum], MeasuredSpecimen]:
     """The fits with the refined mesh's force, and the test with its noise.
 
-    A law that is not near the test, that has no equilibrium on the refined mesh, or whose stress the step
-    would take below none, keeps its fit.
+    A law keeps its fit if its misfit is large, if it has no equilibrium on the refined mesh, or if the step
+    would make its stress negative.
     """
     limit = near * max(test.strain.size, min(one.chi2 for one in found))
     errors: list[MeshError | None] = []
@@ -272,15 +273,16 @@ def on_refined_mesh(
 
 
 def mesh_share(numerics: CorrectionNumerics) -> float:
-    """Share of the change from the coarse to the refined mesh that is the latter's standard uncertainty."""
+    """Standard uncertainty of the refined mesh as a share of the change from the coarse to the refined
+    mesh."""
     return SHARE / ((numerics.refined_mesh[0] / numerics.mesh[0]) ** ORDER - 1.0)
 
 
 def local_rms(changes: Sequence[FloatArray]) -> FloatArray:
     """Root mean square of some laws' changes, at each strain with its two neighbours, shape [n].
 
-    Where the side lands an element at a time the change has either sign and no order, so that it is known by
-    its size only.
+    Where the side lands element by element, the change has alternating signs and no order of convergence, so
+    only its size is used.
     """
     square = np.mean(np.square(changes), axis=0)
     padded = np.pad(square, 1, mode="edge")
@@ -316,7 +318,7 @@ def _refined_fit(
 
 
 def _coarse_fit(one: ModelOptimum, finer: MeasuredSpecimen) -> ModelOptimum:
-    """A fit that stays on the coarse mesh, its stresses weighed as the others'."""
+    """A fit that remains on the coarse mesh, with the same weights of its stresses as the others."""
     rows = finer.residual(one.made)
     return replace(one, chi2=float(np.sum(rows**2)))
 

@@ -39,9 +39,9 @@ class NodesLaw:
     """W(I1) with ln 2U' a cubic spline over s = sqrt(I1 - 3), level at s = 0."""
 
     nodes: FloatArray
-    """Places of the nodes in s, from 0 to the end of the data [-], shape [n]."""
+    """Values of s at the nodes, from 0 to the end of the data [-], shape [n]."""
     logs: FloatArray
-    """ln(2U' / Pa) there, shape [n]."""
+    """ln(2U' / Pa) at the nodes, shape [n]."""
     continuation: Continuation = "tangent"
 
     @cached_property
@@ -139,7 +139,7 @@ class NodesModel:
     """2U' at nodes, with a smoothness prior on their second differences."""
 
     nodes: FloatArray
-    """Places of the nodes in s [-], shape [n]."""
+    """Values of s at the nodes [-], shape [n]."""
     continuation: Continuation = "tangent"
     """Continuation beyond the last node."""
 
@@ -150,12 +150,12 @@ class NodesModel:
 
     @property
     def lower(self) -> FloatArray:
-        """None."""
+        """Lower bounds: none."""
         return np.full(self.nodes.size, -np.inf)
 
     @property
     def upper(self) -> FloatArray:
-        """None."""
+        """Upper bounds: none."""
         return np.full(self.nodes.size, np.inf)
 
     def law(self, theta: FloatArray) -> NodesLaw:
@@ -180,7 +180,7 @@ class LibraryModel:
     candidate: Candidate
     """The law and its fixed constants."""
     unit: float
-    """That stress [Pa]."""
+    """Unit of the moduli [Pa]."""
 
     @property
     def name(self) -> str:
@@ -205,13 +205,13 @@ class LibraryModel:
 
     @property
     def lower(self) -> FloatArray:
-        """Bounds in which the law exists; a modulus may be negative where that is a law."""
+        """Lower bounds of the unknowns; a modulus may be negative if the law is then still valid."""
         specs = self.candidate.law.PARAMETERS
         return np.array([specs[k].lower if specs[k].strict else -np.inf for k in self._free]) / self.units
 
     @property
     def upper(self) -> FloatArray:
-        """Likewise."""
+        """Upper bounds of the unknowns."""
         specs = self.candidate.law.PARAMETERS
         return np.array([specs[k].upper if specs[k].strict else np.inf for k in self._free]) / self.units
 
@@ -232,7 +232,7 @@ class LibraryModel:
         return -incompressible_stress(self.law(theta), Mode.UNIAXIAL, 1.0 - np.asarray(strain))
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """None."""
+        """No prior."""
         return np.zeros(0), np.zeros((0, theta.size))
 
 
@@ -249,7 +249,7 @@ The side rolls onto the platen point by point, which makes the force uneven by a
 difference from DOLFINx is 0.27 and 0.31 % (rms) for `ogden2` and `yeoh` with f = 0.3, and 0.10 % for the
 bonded `mooney_rivlin`."""
 REFINED_STRESS = 1e-3
-"""That error on the refined mesh [-]: the same cylinders differ from DOLFINx by 0.09, 0.11 and 0.07 %
+"""The same error on the refined mesh [-]: the same cylinders differ from DOLFINx by 0.09, 0.11 and 0.07 %
 (rms)."""
 COMMON_STRESS = 6e-4
 """Part of it that is common to all strains and that averaging does not reduce [-]: the mean differences from
@@ -265,7 +265,7 @@ class EndFriction:
     law: Literal["bonded", "rough", "coulomb"]
     """Contact law of faces and side: bonded also carries tension, rough does not."""
     coefficient: float | None = 0.0
-    """Coulomb's coefficient [-]; None finds it from the radius at mid-height. Only for "coulomb"."""
+    """Coulomb's coefficient [-]; None: fitted to the radius at mid-height. Only for "coulomb"."""
     sigma: float = 0.0
     """Its standard uncertainty, if it is declared [-]."""
 
@@ -299,7 +299,7 @@ class CorrectionNumerics:
     poisson_sigma: float = 0.0
     """Its standard uncertainty [-], included by `fit_specimen`."""
     places: int = 25
-    """Most strains at which the test is compared."""
+    """Largest number of strains at which the test is compared."""
 
     def __post_init__(self) -> None:
         if not self.refined_mesh[0] > self.mesh[0]:
@@ -325,15 +325,15 @@ class ModelFit:
     name: str
     """The law, or the nodes with their continuation."""
     constants: dict[str, float]
-    """Its constants, SI, by name; of nodes 2U' [Pa] by their place."""
+    """Its constants by name, in SI units; for nodes 2U' [Pa] by their values of s."""
     sigma: dict[str, float]
-    """Their standard uncertainties from the noise, likewise."""
+    """Their standard uncertainties from the noise, in the same form."""
     correlation: FloatArray
     """Correlation of the constants, shape [n, n]."""
     stress: FloatArray
     """Nominal stress in frictionless compression at the strains of the band [Pa], shape [n]."""
     misfit: float
-    """Root mean square of the simulated over the measured stress, less 1 [-]."""
+    """Root mean square of the ratio of simulated to measured stress minus 1 [-]."""
     bic: float
     """Schwarz's criterion."""
     weight: float
@@ -385,7 +385,7 @@ class FrictionCorrection:
     snaps: int = 0
     """Jumps to another equilibrium in the simulated test."""
     remarks: tuple[str, ...] = field(default=())
-    """What a reader must know."""
+    """Remarks for the user."""
     places: FloatArray = field(default_factory=lambda: np.zeros(0))
     """Strains at which the test was compared [-], shape [m]."""
     response: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
@@ -397,13 +397,13 @@ class MeshError:
     """Change of a simulated test by the refined mesh."""
 
     stress: FloatArray
-    """ln of its stress over the coarse mesh's [-], shape [n]."""
+    """ln of the stress over that of the coarse mesh [-], shape [n]."""
     bulge: FloatArray
-    """Its radius at mid-height less the coarse mesh's [m], shape [n]."""
+    """Radius at mid-height minus that of the coarse mesh [m], shape [n]."""
     past: float = 0.0
     """Share of the refined body that was strained past the end of the curve [-]."""
     snaps: int = 0
-    """Jumps to another equilibrium on it."""
+    """Number of jumps to another equilibrium on the refined mesh."""
 
 
 @dataclass(frozen=True)
@@ -411,11 +411,11 @@ class MeasuredSpecimen:
     """A measured test of one specimen, and its simulation with any law."""
 
     strain: FloatArray
-    """Strains at which it is compared [-], shape [n]."""
+    """Strains of the comparison [-], shape [n]."""
     stress: FloatArray
-    """Nominal stress there [Pa], shape [n]."""
+    """Nominal stress at these strains [Pa], shape [n]."""
     noise: FloatArray
-    """Relative standard deviation of that stress with the mesh's [-], shape [n]."""
+    """Relative standard deviation of the stress, including the mesh error [-], shape [n]."""
     specimen: Specimen
     """Undeformed size."""
     ends: EndFriction
@@ -425,7 +425,7 @@ class MeasuredSpecimen:
     bulge: FloatArray | None = None
     """Radius at mid-height [m], shape [n]; None if it was not measured."""
     bulge_scale: float = 1.0
-    """Its standard deviation with the mesh's [m]."""
+    """Standard deviation of the radius, including the mesh error [m]."""
 
     @property
     def free(self) -> bool:
@@ -439,7 +439,7 @@ class MeasuredSpecimen:
         return float(np.exp(theta[-1])) if self.ends.coefficient is None else self.ends.coefficient
 
     def own(self, theta: FloatArray) -> FloatArray:
-        """The law's unknowns among all."""
+        """The unknowns of the law, without the friction."""
         return theta[:-1] if self.free else theta
 
     def simulate(
@@ -468,7 +468,7 @@ class MeasuredSpecimen:
         )
 
     def mesh_error(self, model: CurveModel, theta: FloatArray, made: Compression) -> "MeshError":
-        """Change by the refined mesh of a test simulated on the coarse one.
+        """Change of a test simulated on the coarse mesh when the refined mesh is used.
 
         Raises ValueError if there is no equilibrium on the refined mesh.
         """

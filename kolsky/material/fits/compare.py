@@ -67,7 +67,8 @@ class PathStability:
 def least_compressible_stiffness(
     law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: FloatArray
 ) -> FloatArray:
-    """Least eigenvalue of d tau / d eps over all steps of a compressible solid with stress-free sides [Pa].
+    """Smallest eigenvalue of d tau / d eps over all steps of a compressible solid with stress-free sides
+    [Pa].
 
     d tau_i / d eps_j is Eq. (L.2) with J U' + J^2 U'' added to every entry; shape [...], NaN where no lateral
     stretch leaves the sides without stress.
@@ -87,8 +88,8 @@ def least_compressible_stiffness(
 
 
 def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> FloatArray:
-    """Least eigenvalue of d tau / d eps in the plane that keeps the volume [Pa], shape [...]; NaN where the
-    law is not defined.
+    """Smallest eigenvalue of d tau / d eps in the plane that keeps the volume [Pa], shape [...]; NaN where
+    the law is not defined.
     """
     lam = np.stack(np.broadcast_arrays(*mode.principal_stretches(deformation)), axis=-1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -225,7 +226,7 @@ class Comparison(ResultViews):
 
     @property
     def best(self) -> Row | None:
-        """Least BIC among the laws whose constants the data determine and that are stable over the data.
+        """Smallest BIC among the laws whose constants the data determine and that are stable over the data.
 
         None if there is none.
         """

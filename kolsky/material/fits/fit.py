@@ -53,7 +53,7 @@ def bic(chi2: float, n: int, k: int, *, known_noise: bool = False) -> float:
 
 
 def durbin_watson(residual: FloatArray) -> float:
-    """sum (r_i+1 - r_i)^2 / sum r_i^2: 2 for independent residuals, 0 where each is like the one before."""
+    """sum (r_i+1 - r_i)^2 / sum r_i^2: 2 for independent residuals, 0 if successive residuals are equal."""
     return float(np.sum(np.diff(residual) ** 2) / np.sum(residual**2))
 
 
@@ -95,7 +95,7 @@ class PartFit:
 
     @property
     def residual(self) -> FloatArray:
-        """Law less measurement [Pa], shape [n]."""
+        """Law minus measurement [Pa], shape [n]."""
         return self.predicted - self.test.stress
 
     @property
@@ -205,7 +205,7 @@ class Fit:
 
     @property
     def durbin_watson(self) -> float:
-        """Least Durbin-Watson number of the tests: far below 2, the law does not follow the curve's shape.
+        """Smallest Durbin-Watson number of the tests: far below 2, the law does not follow the curve's shape.
         `covariance`, which takes all points as independent, is then too small.
         """
         return min(durbin_watson(part.residual) for part in self.parts)
@@ -231,9 +231,9 @@ def fit_law(
 ) -> Fit:
     """Fit a law to one or several homogeneous tests at once.
 
-    Raises ValueError if the tests and the law cannot be fitted to each other; the message says why.
+    Raises ValueError if the tests and the law cannot be fitted to each other; the message gives the reason.
 
-    Returns: the best minimum of all starts; `outcome` says whether the data determine it.
+    Returns: the best minimum of all starts; `outcome` states whether the data determine it.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class Mode(Enum):
     EQUIBIAXIAL = "equibiaxial"
     """Equal stretch along 1 and 2, face 3 free."""
     PLANAR = "planar"
-    """Load along 1, width 2 held, face 3 free: pure shear, the wide strip."""
+    """Load along 1, width 2 fixed, face 3 free: pure shear of a wide strip."""
     SIMPLE_SHEAR = "simple shear"
     """Parallel faces slide on each other by the amount of shear gamma = tan(angle)."""
 

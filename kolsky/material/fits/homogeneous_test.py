@@ -21,7 +21,7 @@ class HomogeneousTest:
     name: str
     """Name of the test, for messages and tables."""
     mode: Mode
-    """Loaded, held and free directions."""
+    """Deformation mode: loaded, fixed and free directions."""
     deformation: FloatArray
     """Stretch along the load, or amount of shear [-], shape [n]."""
     stress: FloatArray
@@ -29,7 +29,7 @@ class HomogeneousTest:
     sigma: FloatArray | None = None
     """Standard uncertainty of each stress [Pa], shape [n]; None if unknown."""
     weight: float = 1.0
-    """Factor of the squared residuals of this test in a fit [-]."""
+    """Factor on the squared residuals of this test in a fit [-]."""
     lateral: FloatArray | None = None
     """Measured stretch of the free direction [-], shape [n]; None if it was not measured."""
 
@@ -83,7 +83,7 @@ class HomogeneousTest:
 
 
 def mean_test(tests: Sequence[HomogeneousTest], *, points: int = 200, name: str = "mean") -> HomogeneousTest:
-    """The mean of repeats of one test at equally spaced strains from rest to the end they all reach."""
+    """The mean of repeats of one test at equally spaced strains from rest to the largest common strain."""
     if not tests:
         raise ValueError("no tests to average")
     modes = {test.mode for test in tests}
@@ -143,7 +143,7 @@ def read_homogeneous_test(
     path
         The file.
     columns
-        Which columns hold stress and deformation, in which units and with which sign.
+        Columns of stress and deformation, their units and signs.
     mode
         Deformation of the test.
     """
@@ -192,16 +192,17 @@ def read_homogeneous_test(
 
 
 TURNED_BACK = 0.05
-"""Share of the whole range that a strain may go back and still count as scatter of one loading [-]."""
+"""Largest decrease of a strain, as a share of its range, that counts as scatter of one loading [-]."""
 LARGEST_STRAIN = 5.0
-"""Largest strain of a column without a unit that is taken for a plain ratio [-]; above, the unit is asked."""
+"""Largest strain of a column without a unit that is interpreted as a ratio [-]; above it the unit must be
+declared."""
 
 
 def turning_point(strain: FloatArray) -> int | None:
-    """Index of the last point before a strain turns back over what it has covered; None if it does not.
+    """Index of the last point before a strain reverses over its previous range; None if it does not.
 
-    It goes one way if it never goes back by more than `TURNED_BACK` of its range, upward or downward. A
-    compression with a tension below it jumps back, and has no three points within what was covered.
+    A strain is monotonic if it never reverses by more than `TURNED_BACK` of its range. A compression followed
+    by a tension in one file jumps back, but has fewer than three points in the previous range.
     """
     allowed = TURNED_BACK * float(np.ptp(strain))
     ways = []
@@ -239,10 +240,10 @@ def _check_strain_unit(path: Path, column: str, strain: FloatArray) -> None:
 
 
 def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]:
-    """The columns with those that their names tell, where none is declared, and a sentence that names them.
+    """The columns, recognised by their names if not declared, and a sentence that lists them.
 
-    Of a file with all four, strain and stress are taken, force and displacement where length and section of
-    the specimen are declared. Raises InputError if the file cannot be read.
+    If a file has all four quantities, strain and stress are used, or force and displacement if length and
+    section of the specimen are declared. Raises InputError if the file cannot be read.
     """
     if columns.stretch or columns.strain or columns.stress or columns.force or columns.displacement:
         return columns, ""
@@ -264,7 +265,7 @@ def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]
 
 
 def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:
-    """The tests with names of their own: files of one name are distinguished by mode and number."""
+    """The tests with unique names: files with equal names are distinguished by mode and number."""
     made: list[HomogeneousTest] = []
     for test in tests:
         name = test.name
@@ -278,10 +279,10 @@ def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest
 
 
 def means_by_mode(tests: Sequence[HomogeneousTest], points: int) -> list[HomogeneousTest]:
-    """Mean tests of the repeats of each mode, tension and compression apart.
+    """Mean tests of the repeats of each mode, with tension and compression separate.
 
-    ``tests``: single tests. ``points``: strains at which they are averaged. Raises ValueError if repeats have
-    too few strains in common.
+    ``points``: strains at which they are averaged. Raises ValueError if repeats have too few strains in
+    common.
     """
     groups: dict[tuple[Mode, bool], list[HomogeneousTest]] = {}
     for test in tests:

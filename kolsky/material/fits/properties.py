@@ -22,7 +22,7 @@ DROP = 0.2
 BACK = 0.02
 """Share of its strain by which a specimen may spring back as it breaks [-]."""
 FEWEST = 3
-"""Fewest points for a regression."""
+"""Smallest number of points for a regression."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Fracture:
-    """Where a specimen broke."""
+    """Fracture of a specimen."""
 
     stress: float
     """Largest nominal stress [Pa]."""
@@ -52,7 +52,7 @@ class Recovery:
     undamaged: Measured
     """Mean and its standard uncertainty."""
     healed: Measured
-    """Likewise."""
+    """Mean and its standard uncertainty, healed."""
     efficiency: Measured
     """Healed over undamaged [-]."""
 
@@ -147,7 +147,7 @@ class Healing:
     rows: dict[str, Recovery]
     """Property -> means and efficiency; those that both groups show."""
     remarks: tuple[str, ...]
-    """What a reader must know."""
+    """Remarks for the user."""
 
 
 def _reason(name: str) -> str:
@@ -168,9 +168,9 @@ def healing(
 ) -> Healing:
     """Compare specimens that were cut and healed with undamaged ones.
 
-    ``undamaged``, ``healed``: uniaxial tensile tests, one a specimen. ``law``: law of
+    ``undamaged``, ``healed``: uniaxial tensile tests, one per specimen. ``law``: law of
     `explicit.materials.LAWS` whose constants are compared. ``poisson``: its Poisson's ratio at rest;
-    incompressible if not given. Raises ValueError if a group is empty, or a test is none of uniaxial tension.
+    incompressible if not given. Raises ValueError if a group is empty, or a test is not uniaxial tension.
     """
     if not undamaged or not healed:
         raise ValueError("a healing efficiency needs undamaged and healed specimens")

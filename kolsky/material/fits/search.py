@@ -5,8 +5,8 @@ Many starts are refined one by one; how many agree on the minimum is reported.
 A stress is linear in the moduli of every law here. So only the other constants (exponents, locking stretches)
 are drawn, over decades; for each draw the best moduli are one linear least-squares problem (variable
 projection, Golub and Pereyra 1973). The best draws are then polished in all constants by a trust-region
-method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`), which assumes nothing
-of the law.
+method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`), which makes no
+assumption on the law.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from kolsky.material.fits.homogeneous_test import HomogeneousTest
 _FREE_POISSON = ParameterSpec(
     "poisson", "1", 0.0, 0.4999, 0.45, "Poisson's ratio at rest, of the bulk modulus", strict=True
 )
-"""The unknown beside a law's constants where the compressibility is free."""
+"""The unknown in addition to a law's constants if the compressibility is free."""
 _LATERAL_SCALE = 0.01
 """Error of lateral stretch with the same weight as the largest stress in a fit [-]: the error of a good
 strain measurement."""
@@ -41,11 +41,11 @@ class Weighting(Enum):
     """Divisor of the residuals."""
 
     ABSOLUTE = "absolute"
-    """By one stress for all points: the sum of squares in Pa^2 is least."""
+    """One stress for all points: the sum of squares in Pa^2 is minimised."""
     RELATIVE = "relative"
-    """By the measured stress of the point: small strains count as much as large ones."""
+    """The measured stress of the point: small strains have the same weight as large ones."""
     SIGMA = "sigma"
-    """By the standard uncertainty of the point."""
+    """The standard uncertainty of the point."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,9 @@ class Residuals:
         return lateral + sum(int(np.count_nonzero(factor)) for factor in self.counted)
 
     def build(self, unknowns: FloatArray) -> AnyLaw:
-        """The law of the unknowns.
+        """The law for given unknowns.
 
-        Raises ValueError if they make no law.
+        Raises ValueError if they give no valid law.
         """
         values = dict(self.held)
         values.update({spec.name: float(x) for spec, x in zip(self.free, unknowns * self.units, strict=True)})
@@ -132,7 +132,7 @@ class Residuals:
         return tuple(compressible_stress(law, volume, test.mode, test.deformation) for test in self.tests)
 
     def lateral(self, law: AnyLaw, poisson: float | None) -> list[FloatArray]:
-        """Simulated less measured lateral stretch over `LATERAL_SCALE` where it is fitted [-]."""
+        """Simulated minus measured lateral stretch over `LATERAL_SCALE`, if it is fitted [-]."""
         if not self.free_poisson or poisson is None:
             return []
         volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, poisson)))
@@ -242,12 +242,12 @@ class SearchResult:
     agreeing: int = 1
     """Starts that reached the least one."""
     unbounded: float = np.nan
-    """Least sum of squares without the bounds of a positive energy, from the bounded optimum on; NaN if no
+    """Smallest sum of squares without the bounds of a positive energy, from the bounded optimum on; NaN if no
     unknown lies at a bound [-]."""
 
 
 ROUNDS = 3
-"""Most rounds of drawn starts until two agree."""
+"""Largest number of rounds of drawn starts until two agree."""
 
 
 def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> SearchResult:

@@ -19,7 +19,7 @@ Columns = dict[str, list[Any]]
 COSTLY = 1.1
 """Factor in the sum of squares above which the effect of a bound is reported [-]."""
 CORRELATED = 1.0
-"""Durbin-Watson number below which residuals follow each other too closely to count as independent."""
+"""Durbin-Watson number below which residuals count as correlated."""
 
 
 def tables(comparison: Comparison) -> dict[str, Columns]:
@@ -34,7 +34,7 @@ def tables(comparison: Comparison) -> dict[str, Columns]:
 
 
 def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
-    """Everything but the curves, in SI units."""
+    """All results except the curves, in SI units."""
     best = comparison.best
     return {
         "tests": [

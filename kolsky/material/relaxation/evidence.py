@@ -1,7 +1,7 @@
 """Tests that show rate dependence: histories of stretch and oscillations; shots are in another module.
 
-An evidence has measured values with their uncertainty, and predicts them for any number of rate models at
-once, so that a fit does not depend on the kind of test.
+An evidence has measured values with their uncertainty, and predicts them for any number of rate models in one
+call. A fit therefore does not depend on the kind of test.
 """
 
 from collections.abc import Sequence

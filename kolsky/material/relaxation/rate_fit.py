@@ -87,9 +87,9 @@ class RateVerdict:
     fits: tuple[RateFit, ...]
     """The fits with 0, 1, 2, ... branches."""
     probabilities: tuple[float, ...]
-    """For each further branch: probability that noise improves chi-square by at least as much [-]. Two
-    parameters come with a branch and the time means nothing without the strength, so chi-square with two
-    degrees of freedom is used; improvements are divided by the scatter of the richest fit."""
+    """For each further branch: probability that noise improves chi-square by at least as much [-]. A branch
+    has two parameters, and its time has no effect without strength, so chi-square with two degrees of freedom
+    is used; improvements are divided by the scatter of the richest fit."""
 
     @property
     def branches(self) -> int:
@@ -142,8 +142,9 @@ _GRID_TIMES = 7
 REFUSED = 1e6
 """Residual of every value of a model that cannot be simulated [-]."""
 DIFFERENCE = 1e-2
-"""Half of the central difference in a logarithm: its error is of the square, 1e-4, and a node that lands on a
-platen on one side of it alone, which is a jump, weighs little."""
+"""Half the step of the central difference in a logarithm. Its error is of the order of the square, 1e-4. A
+node that lands on a platen in one of the two runs only causes a jump, which has little effect at this
+step."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ class PronyProblem:
     def jacobian(self, x: FloatArray) -> FloatArray:
         """Central differences, all of them in one batch, shape [n_data, n_parameters].
 
-        Raises ValueError if a simulation beside `x` did not complete.
+        Raises ValueError if a simulation near `x` did not complete.
         """
         shifts = DIFFERENCE * np.eye(len(x))
         both = self.of_many(np.concatenate([x + shifts, x - shifts]))
@@ -200,12 +201,13 @@ class PronyProblem:
         return model_of(grid[self.best(grid)])
 
     def best(self, points: FloatArray) -> int:
-        """Index of the row of logarithms with the least sum of squares, of those that can be simulated."""
+        """Index of the row of logarithms with the smallest sum of squares among those that can be
+        simulated."""
         squares = (self.of_many(points) ** 2).sum(axis=1)
         return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
 
     def extended(self, x: FloatArray) -> FloatArray:
-        """With one more branch: the best of a grid."""
+        """Start with one more branch: the best of a grid."""
         n = len(x) // 2
         lower, upper = self.bounds(n + 1)
         times = np.linspace(
@@ -221,7 +223,7 @@ class PronyProblem:
         return np.asarray(grid[self.best(grid)])
 
     def idle(self, x: FloatArray, n_branches: int) -> FloatArray:
-        """With more branches, of the least strength."""
+        """The same parameters with more branches, of the smallest strength."""
         n = len(x) // 2
         more = n_branches - n
         lower, upper = self.bounds(n_branches)

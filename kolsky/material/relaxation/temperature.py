@@ -6,10 +6,10 @@ In a thermorheologically simple solid a change of temperature multiplies all rel
 .. math::
    \lg a_T = -\frac{C_1 (T - T_0)}{C_2 + T - T_0}.                                            \qquad (V.5)
 
-The one function is a spectrum of Maxwell elements of non-negative strength on a fixed grid of times, in
-parallel with a spring, found by non-negative least squares for every trial of the shifts (variable
-projection). Free shifts at every temperature show whether the curves superpose at all; Eq. (V.5) with its two
-constants is then compared with them. Moduli are not shifted vertically.
+The function is a spectrum of Maxwell elements of non-negative strength on a fixed grid of times, in parallel
+with a spring. Non-negative least squares determines it for every trial of the shifts (variable projection).
+Free shifts at every temperature show whether the curves superpose at all; Eq. (V.5) with its two constants is
+then compared with them. Moduli are not shifted vertically.
 """
 
 from dataclasses import dataclass, replace
@@ -72,7 +72,7 @@ class TemperatureSweep:
 
     @property
     def level(self) -> NDArray[np.int64]:
-        """Which of them each oscillation has, shape [n]."""
+        """Index of the temperature of each oscillation, shape [n]."""
         return np.asarray(np.abs(self.temperature[:, None] - self.levels).argmin(axis=1))
 
 
@@ -81,7 +81,7 @@ class Superposition:
     """Shift factors of a sweep, and the law behind them."""
 
     sweep: TemperatureSweep
-    """What was measured."""
+    """The measured data."""
     shifts: FloatArray
     """lg a_T of each level, free but for that of the reference, 0 [-], shape [n_levels]."""
     sigma: FloatArray
@@ -97,7 +97,7 @@ class Superposition:
     covariance: FloatArray | None = None
     """Covariance of C1 and C2, shape [2, 2]."""
     law_likely: float = 1.0
-    """Probability that chance makes the law's chi-square as much larger than that of free shifts [-]."""
+    """Probability that the law's chi-square exceeds that of free shifts by as much by chance [-]."""
 
     @property
     def determined(self) -> bool:
@@ -116,7 +116,7 @@ class Superposition:
 
     @property
     def adopted(self) -> FloatArray:
-        """lg a_T by the law where it holds, else free [-], shape [n_levels]."""
+        """lg a_T by the law if it is valid, else free [-], shape [n_levels]."""
         if not self.law_holds or self.C1 is None or self.C2 is None:
             return self.shifts
         return wlf(self.sweep.levels - _reference(self.sweep), self.C1, self.C2)

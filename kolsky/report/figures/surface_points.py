@@ -334,7 +334,7 @@ class _Maps(NamedTuple):
 
     picture: NDArray[np.generic] | None
     at: FloatArray
-    """Places of the points, NaN where lost [px], shape [n_points, 2]."""
+    """Positions of the points, NaN where lost [px], shape [n_points, 2]."""
     values: dict[str, FloatArray]
     """By the words of the colour bar, in the order of the panels, each of shape [n_points]."""
     step: float

@@ -314,8 +314,7 @@ _DIGITS = {"time": 5, "length": 4, "residual": 1, "force": 4}
 def instrument(result: Identification, recordings: ShotRecordings | None) -> Markup:
     """The numbers as JSON for embedding in a page.
 
-    ``result``: the identification, in SI. ``recordings``: recordings of the shot; their pictures are shown if
-    there are any.
+    ``recordings``: recordings of the shot; their pictures are shown if there are any.
     """
     text = json.dumps(instrument_numbers(result, recordings), allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))  # no end of a script inside it

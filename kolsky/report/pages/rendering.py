@@ -93,9 +93,9 @@ def draw_groups(
     The last figure is started first: pages end with pictures of the mesh, which take longest. Parallel
     processes finish at about the same time if their last figures are short.
 
-    ``groups``: groups of figures in the order of the page. ``first``: number of the first figure.
-    ``processes``: processes that draw; see `dic.processes.run_parallel`. ``mark``: added to the names of the
-    figures in their ids, if a page has several figures of one name.
+    ``groups``: groups of figures in the order of the page. ``processes``: processes that draw; see
+    `dic.processes.run_parallel`. ``mark``: added to the names of the figures in their ids, if a page has
+    several figures of one name.
     """
     figures = [(kind, group.shown) for group in groups for kind in group.kinds if kind.applies(group.shown)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]

@@ -19,7 +19,7 @@ from kolsky.results import numbers
 
 
 def rows_of_points(counts: Mapping[PointOutcome, int], total: int, **more: Any) -> list[dict[str, Any]]:
-    """Return one row per outcome: its words, count, share of `total`, cause and cure, and `more` entries."""
+    """Return one row per outcome: its text, count, share of `total`, cause and remedy, and `more` entries."""
     return [
         {
             **more,

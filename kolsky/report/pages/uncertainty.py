@@ -108,9 +108,10 @@ LEAST = 0.02
 
 
 def changes(result: Identification) -> list[str]:
-    """Return sentences on what would narrow the intervals, the largest effect on each parameter first.
+    """Return sentences on changes that would narrow the intervals, the largest effect on each parameter
+    first.
 
-    Each sentence is a part of the result, scaled; nothing else is advised.
+    Each sentence is based on a part of the result.
 
     ``result``: in display units, see `kolsky.results.display`.
     """
@@ -215,7 +216,7 @@ WINDOW_END, FORCE_BINS = "window_end", "force_bins"
 
 
 def choices(result: Identification) -> list[dict[str, Any]]:
-    """Return the rows of the choices: the choice, its value, the shift of each parameter, what was done.
+    """Return the rows of the choices: the choice, its value, the shift of each parameter, the status.
 
     ``result``: in display units.
     """
@@ -295,7 +296,7 @@ def _data(result: Identification) -> list[dict[str, Any]]:
             f"misfit: {route_label(route.name)}",
             "joint χ²",
             {name: route.parameters[name] - e.value for name, e in result.estimates.items()},
-            # The paper's cost has its optimum from runs on the surrogate's mesh alone.
+            # The optimum of the paper's cost is from runs on the surrogate's mesh only.
             "searched with it alone" + (", on the surrogate’s mesh" if route.name == "paper" else ""),
         )
         for route in routes

@@ -195,7 +195,7 @@ def write_frames(
     frame, shape [height, width, 3]. ``every``: take one frame in this many, the first included. ``rate``:
     frame rate of the film [1/s]. ``progress``: called with 1 after each picture. Raises ValueError if the
     format is unknown, or `every` or `rate` is not positive. Raises ImportError if the package that writes
-    films is not installed; the message says how to get it.
+    films is not installed; the message gives the command to install it.
     """
     path = Path(path)
     kind = path.suffix.lstrip(".").lower()

@@ -177,7 +177,7 @@ class RealisationOutcome(StrEnum):
     SAME_VALLEY = "same valley"
     """The complete search ends in the same valley as the re-fit."""
     OTHER_VALLEY = "another valley"
-    """The complete search ends in another valley: an automatic answer would jump."""
+    """Outcome if the complete search ends in another local minimum: an automatic answer would jump."""
     SEARCHED = "searched"
     """By the complete search only: the test without errors, or a response too rough for a re-fit."""
     SEARCH_REFUSED = "search refused"

@@ -108,7 +108,7 @@ class Source:
     slope: float
     """Change of the answer per unit of the factor's value; NaN for the noise."""
     refused: tuple[str, ...]
-    """Why realisations gave no answer, a sentence each."""
+    """Reasons why realisations gave no answer, one sentence each."""
     share_interval: tuple[float, float] = NO_INTERVAL
     """95 % interval of its share in the sum of the squares, from the noise's few draws [-]."""
     joint_share: float = float("nan")
@@ -122,7 +122,7 @@ class Budget(ResultViews):
     """Effect of each source of error on one parameter, separately and together with the others."""
 
     name: str
-    """Of the test."""
+    """Name of the test."""
     parameter: str
     truth: float
     """Its true value; NaN if the specification does not define it."""
@@ -131,10 +131,10 @@ class Budget(ResultViews):
     sources: tuple[Source, ...]
     """Each factor separately."""
     together: FloatArray
-    """Estimates with all errors at once, shape [n]; those that gave an answer, each in the valley of the
+    """Estimates with all errors at once, shape [n]; of the draws with an answer in the valley of the
     reference."""
     refused: tuple[str, ...]
-    """Why realisations with all errors at once gave no answer."""
+    """Reasons why realisations with all errors at once gave no answer."""
     elsewhere: FloatArray = field(default_factory=lambda: np.zeros(0))
     """Estimates by the complete search for draws that end in another valley, shape [n_jumps]."""
     searched: int = 0
@@ -158,7 +158,8 @@ class Budget(ResultViews):
 
     @property
     def u_together_interval(self) -> tuple[float, float]:
-        """95 % interval of that standard deviation, as of normal values; NaN below `FEWEST` answers."""
+        """95 % interval of this standard deviation, for normally distributed values; NaN below `FEWEST`
+        answers."""
         n, u = len(self.together), self.u_together
         if n < FEWEST:
             return NO_INTERVAL

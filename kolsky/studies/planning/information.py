@@ -249,7 +249,7 @@ def discrepancies(
     rate: float = 1.0,
     numerics: Numerics,
 ) -> tuple[float, float]:
-    """Least discrepancies of the model: its change to a mesh `FINER` times as fine [N], [m].
+    """Smallest discrepancies of the model: its change to a mesh `FINER` times as fine [N], [m].
 
     Raises ValueError if a run does not complete.
     """

@@ -111,10 +111,9 @@ def collected_shot(
 ) -> RatedShot:
     """One shot with its rate and its result.
 
-    ``shot``: the shot's folder, its shot.toml, or that file parsed. ``group``: the group it belongs to.
-    ``identify``: makes a missing result; without it, such a shot is rejected. ``measure``: as in
-    `kolsky.shot.load.load_shot`. Raises InputError if the shot cannot be loaded, has no result, or its result
-    is of other files or has no stiffness factor.
+    ``shot``: the shot's folder, its shot.toml, or that file parsed. ``identify``: makes a missing result;
+    without it, such a shot is rejected. ``measure``: as in `kolsky.shot.load.load_shot`. Raises InputError if
+    the shot cannot be loaded, has no result, or its result is of other files or has no stiffness factor.
     """
     file, declared = declarations(shot)
     place = result_of(file.path)

@@ -307,7 +307,7 @@ class EqualStrain:
 
 @dataclass(frozen=True)
 class LongLever:
-    """From the quasi-static rate to the mean of the shots: two points, and many decades."""
+    """Comparison of the quasi-static rate with the mean of the shots: two points over many decades."""
 
     decades: float
     """Decades between the quasi-static rate and the geometric mean of the shots'."""
@@ -373,4 +373,4 @@ class RateReport(ResultViews):
     shared: float
     """Relative standard uncertainty that was declared common to all shots [-]."""
     groups: tuple[GroupRates, ...]
-    """By name."""
+    """Comparisons of the groups, sorted by name."""

@@ -49,7 +49,7 @@ class MixedFit:
     scale: float
     """Knapp and Hartung's factor on the covariance, Eq. (S.5) [-]."""
     leverage: FloatArray
-    """Diagonal of the hat matrix, shape [n]: how far a value pulls the fit through itself, from 0 to 1."""
+    """Diagonal of the hat matrix, shape [n]: influence of a value on its own fitted value, from 0 to 1."""
 
     @property
     def i_squared(self) -> float:
@@ -154,7 +154,7 @@ def _between(y: FloatArray, s: FloatArray, X: FloatArray, method: Between) -> fl
 
     def excess(variance: float) -> float:
         total = s**2 + variance
-        if method == "paule-mandel":  # Eq. (S.4): Q at the final weights is what chance alone would give
+        if method == "paule-mandel":  # Eq. (S.4): Q at the final weights is its value expected by chance
             return _generalised_q(y, total, X) - (n - p)
         gain = _least_squares(y, total, X)[1]
         P = (np.eye(n) - X @ gain) / total[:, None]
@@ -245,9 +245,10 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
 FEWEST_FOR_SLOPE = 4
 """Smallest number of shots for a slope: two coefficients and two degrees of freedom for the scatter."""
 LEAST_SPAN = 0.5
-"""Least span of the shots' rates [decade]: "per decade" then extrapolates at most twofold."""
+"""Smallest span of the shots' rates [decade]: "per decade" then extrapolates at most twofold."""
 LEAST_RATIO = 4.0
-"""Least span over the rate's spread inside one test: the k = 2 ranges of the slowest and the fastest part."""
+"""Smallest span over the rate's spread inside one test: the k = 2 ranges of the slowest and the fastest
+part."""
 LARGEST_LEVERAGE = 0.9
 """Largest leverage of one shot: nine tenths of its error enter the line, one tenth the residual."""
 LARGEST_HALF_WIDTH = 1.0
