@@ -87,8 +87,10 @@ test does so with planted constants and fractures (`tests/unit/cli/test_healing_
 
 - "Neo-Hookean: stable for all strains": {truth}, by Drucker's criterion between principal stretches of a
   tenth and ten. The paper states that Mooney-Rivlin, Ogden of two terms and Yeoh are unstable beyond 75, 58
-  and 89 %. Their constants are not printed, so this cannot be checked. - The volumetric terms of Yeoh's law
-  are printed with exponents 4, 4 and 6; they should be 2, 4 and 6. - Ogden's energy is printed with µ/α;
+  and 89 %. Their constants are not printed, so this cannot be checked.
+- The volumetric terms of Yeoh's law
+  are printed with exponents 4, 4 and 6; they should be 2, 4 and 6.
+- Ogden's energy is printed with µ/α;
   with the constants of Table 2 it must be 2µ/α² ({{doc}}`materials`).
 
 ## Table 2: norm of residuals and RMSE
@@ -102,8 +104,10 @@ rounded values require {ogden[0]:.0f} to {ogden[1]:.0f} points (Ogden) and {neo[
 {table_3()}
 
 - The efficiencies of E, of stress and of strain agree with the printed ones. Those of the constants are not
-  printed. - The unit of D₁ is printed as MPa. It is 1/MPa, because K = 2/D₁ = {2.0 / D1:.2f} MPa gives the
-  measured ν = {ratio_at_rest(C10, D1):.3f} (healed: {ratio_at_rest(h10, h1):.3f}). - **One undamaged
+  printed.
+- The unit of D₁ is printed as MPa. It is 1/MPa, because K = 2/D₁ = {2.0 / D1:.2f} MPa gives the
+  measured ν = {ratio_at_rest(C10, D1):.3f} (healed: {ratio_at_rest(h10, h1):.3f}).
+- **One undamaged
   specimen** was tested. The scatter of undamaged specimens is therefore unknown, and no efficiency has an
   interval; the column RMSE is that of the healed ones. In this case `kolsky material healing` prints the
   reason instead of an uncertainty.

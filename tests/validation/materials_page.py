@@ -107,18 +107,21 @@ These errors were found by computing the tables again; the tests check the arith
 {thesis}
 
 - Eq. (3.3) has C₁₀ instead of 2 C₁₀, which Eqs. (3.4) to (3.9) use. Eq. (3.8) divides the transverse stress
-  by the axial stretch; Eq. (3.9) is nevertheless correct. - E₀ of three rows is 3 µ₀ only with digits that
-  are not printed. - **One R² is impossible.** √(1 − R²) is a distance of curves divided by the spread of
+  by the axial stretch; Eq. (3.9) is nevertheless correct.
+- E₀ of three rows is 3 µ₀ only with digits that
+  are not printed.
+- **One R² is impossible.** √(1 − R²) is a distance of curves divided by the spread of
   the data. By the triangle inequality each value lies in an interval about that of the best law, for any
   data (last two columns). The curve of the Mooney-Rivlin constants is close to that of the reduced
-  polynomial, so its R² must be above {least_r2:.4f}. - "Stable for all strains" is true of all four,
+  polynomial, so its R² must be above {least_r2:.4f}.
+- "Stable for all strains" is true of all four,
   between principal stretches of a tenth and ten.
 
 *Self-healing pneumatic actuator* (Table 2).
 
 - µ₀ = 2 C₁₀ = 0.218 MPa and µ₁ = 0.218 MPa agree if the Ogden law has 2µ/α² before its bracket; Table 1 of
-  the text has µ/α, with which µ₀ would be 1.4 % lower. K = 2 / D₁ of both gives the measured ν = 0.44. -
-  The transverse strain is assumed as ε₂ = −νε₁ up to ε₁ = 1.28. This gives J = {J:.3f}: the specimen would
+  the text has µ/α, with which µ₀ would be 1.4 % lower. K = 2 / D₁ of both gives the measured ν = 0.44.
+- The transverse strain is assumed as ε₂ = −νε₁ up to ε₁ = 1.28. This gives J = {J:.3f}: the specimen would
   have lost {lost:.0f} % of its volume. With the constants of the paper the free sides would then carry
   {across:.2f} MPa (true stress, tension-positive), and the axial true stress would be {along:.2f} MPa
   instead of {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch` finds the stretch
