@@ -43,9 +43,9 @@ tests/validation/baseline_page.py` this page.
 ## Against other programs
 
 Programs that share no code with this package compressed specimens of known laws: DOLFINx, and FElupe with
-DOLFINx (`tests/reference`, tables A and I, with scripts). All specimens are nearly incompressible, $\\nu = 0.495$
-at rest with $U = K/2\\,(J - 1)^2$. Each force was computed on two meshes that agree within 0.2 %.
-The force is treated as a measured test with an unknown law, and the end friction is corrected
+DOLFINx (`tests/reference`, tables A and I, with scripts). All specimens are nearly incompressible,
+$\\nu = 0.495$ at rest with $U = K/2\\,(J - 1)^2$. Each force was computed on two meshes that agree within
+0.2 %. The force is treated as a measured test with an unknown law, and the end friction is corrected
 ({{doc}}`../howto/reference_curve`). The settings of the correction were chosen on the specimens without a
 letter and on `mooney_rivlin_c` with f = 0.3; the others are used for the test only. Error of the nominal
 stress found, with the k = 2 band [%]:
@@ -101,8 +101,8 @@ def cylinders() -> str:
     mesh = 100.0 * max(row["mesh"] for row in rows)
     return f"""`python -m populations.bonded_cylinders --seed {seed} --out FOLDER` makes twenty random
 cylinders of four laws and computes their force with FElupe, which has biquadratic elements with a continuous
-pressure, another contact and another Newton iteration. Two meshes, 14 and 9 elements across, differ by at most
-{mesh:.2f} %. Richardson's extrapolation of both gives the force without the mesh error. The side touches
+pressure, another contact and another Newton iteration. Two meshes, 14 and 9 elements across, differ by at
+most {mesh:.2f} %. Richardson's extrapolation of both gives the force without the mesh error. The side touches
 the platens node by node, so the force is uneven by some tenths of a per cent. Each of 20 readings has
 {100.0 * READING_NOISE:g} % noise. The inputs of `kolsky material fit` are size, ends and law, without
 Poisson's ratio.
