@@ -396,7 +396,7 @@ of Mates et al. (2012), which removes the short waves, as in a real solid.
 
 {table(["energy", "this solver", "FElupe"], energies)}
 
-**Tolerance.** 5 kHz force: { 100 * COARSE_TOLERANCE:g} % of the peak on the graded mesh of 16 × 22 (the
+**Tolerance.** 5 kHz force: {100 * COARSE_TOLERANCE:g} % of the peak on the graded mesh of 16 × 22 (the
 uniform mesh exceeds it); {100 * FINE_TOLERANCE:g} % of the peak on refined meshes, twice the error of the
 reference. Outline {1e3 * PROFILE_TOLERANCE:g} mm rms on 48 × 66: 0.01 mm for the reference and 0.01 mm for
 the mesh. Energy {100 * ENERGY_TOLERANCE:g} % of the external work.

@@ -267,8 +267,8 @@ def page(result: Result) -> str:
     ranges = {name: f"{min(values):.1f} to {max(values):.1f}" for name, values in told.items()}
     return f"""# {TITLE}
 
-**What is checked.** {{py:func}}`explicit.incompressible.run_nearly_incompressible`, which computes what ν
-changes on a coarser mesh:
+**What is checked.** {{py:func}}`explicit.incompressible.run_nearly_incompressible`, which computes the
+effect of ν on a coarser mesh:
 
 Q(fine, ν) = Q(fine, 0.495) + [Q(coarse, ν) − Q(coarse, 0.495)].
 
@@ -290,15 +290,15 @@ times as much. The error of the 5 kHz force falls with order {result.ladder.orde
 The stiffness factor identified on 24 × 32 (weights of `identify`) is {m["compressible"]:.4f} at ν = 0.495,
 {m["direct"]:.4f} at ν = 0.4999 directly, and {m["corrected"]:.4f} corrected.
 
-**What it is not good for.** The *raw* force rings in dilatational waves, which deviatoric damping leaves
-alone and which every landing node excites anew; when a node lands belongs to its mesh. The correction
-follows the first waves and not the later ones. Take direct runs to look at raw signals.
+**Where it fails.** The *raw* force rings in dilatational waves. Deviatoric damping does not reduce them,
+and every node that touches a platen excites new ones. The time of this contact depends on the mesh. The
+correction describes the first waves and not the later ones. Use direct runs for raw signals.
 
 **Estimate.** The correction of the coarse mesh minus that of the still coarser one: {ranges["force"]} times
 the error of the 5 kHz force, {ranges["radius"]} times that of the radii.
 
 **Tolerance.** Cost {COST:g} at ν = 0.4999. 5 kHz force {100 * FORCE_TOLERANCE:g} % of the peak, below the
-solver's other errors of 1 %; radii {1e6 * RADIUS_TOLERANCE:g} µm, what an outline is measured to; m
+solver's other errors of 1 %; radii {1e6 * RADIUS_TOLERANCE:g} µm, the accuracy of a measured outline; m
 {FACTOR_TOLERANCE:g}. Errors at most {ESTIMATE:g} times their estimates.
 """
 
