@@ -266,8 +266,8 @@ def page(result: Result) -> str:
 
 What `kolsky virtual make` renders ({{ref}}`theory-virtual-cameras`) is the reference for
 the test of the whole chain from pictures to a stiffness. Its error must be small compared with the measured
-errors. The limit is a bias of less than {mpx * ALLOWED:g} mpx (1 mpx = 0.001 px). Each pixel has four rays along each axis,
-the default.
+errors. The limit is a bias of less than {mpx * ALLOWED:g} mpx (1 mpx = 0.001 px). Each pixel has four rays
+along each axis, the default.
 
 | pictures of | against | bias at most, mpx | error of a grey value over the pattern's deviation |
 | --- | --- | --- | --- |
