@@ -282,9 +282,9 @@ def _pair(path: Path) -> tuple[Path, Header]:
     pixels = path if path.suffix.lower() == ".mraw" else siblings.get(".mraw")
     header = siblings.get(".cihx", siblings.get(".cih")) if pixels == path else path
     if pixels is None or not pixels.is_file():
-        raise PictureError(path, f"there is no {path.stem}.mraw beside it", cure="copy it too")
+        raise PictureError(path, f"there is no {path.stem}.mraw next to it", cure="copy it too")
     if header is None or not header.is_file():
-        raise PictureError(path, f"there is no {path.stem}.cih or .cihx beside it", cure="copy it too")
+        raise PictureError(path, f"there is no {path.stem}.cih or .cihx next to it", cure="copy it too")
     return pixels, read_header(header)
 
 

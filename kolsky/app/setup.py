@@ -459,7 +459,7 @@ class SetupView:
     def undo(self) -> None:
         """Undo the last change of this page."""
         if not self.draft.undone:
-            ui.notify("There is nothing to take back on this page.")
+            ui.notify("There is nothing to undo on this page.")
             return
         self._change(self.draft.undo, rebuild=True)
 

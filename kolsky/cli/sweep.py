@@ -134,7 +134,9 @@ class DesignChoice:
         ),
     ] = "factorial"
     """Name of a `doe.designs.DesignKind` at a command line."""
-    runs: Annotated[int, Option("Points of a design that takes any number.", min=2, max=1_000_000)] = 64
+    runs: Annotated[
+        int, Option("Number of points, for a design that takes any number.", min=2, max=1_000_000)
+    ] = 64
     generators: Annotated[
         str, Option('For a fractional design: a word for each parameter, e.g. "a b ab".', metavar="WORDS")
     ] = ""

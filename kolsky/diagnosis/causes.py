@@ -552,7 +552,7 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
     the refined mesh; then no misfit remains to be explained.
     """
     if analysis.lost:
-        yield f"which input may be wrong could not be tried: {analysis.lost}"
+        yield f"the search for a wrong input failed: {analysis.lost}"
     checks = {c.key: c.check for c in causes()}
     for finding in analysis.named:
         told = ", ".join(f"{name} = {value:.5g}" for name, value in finding.parameters.items())

@@ -125,8 +125,8 @@ class ShotAgreement:
         if self.channel:
             by = f"the {self.channel}" + ("" if self.channel == FORCE_OVER_OUTLINE else " by itself")
         return (
-            f"{who} {verb} by {by}: the stiffest shot asks for {self.ratio:.3g} "
-            f"times the softest's stiffness ({numbers})"
+            f"{who} {verb} by {by}: the stiffest shot needs {self.ratio:.3g} times the softest's "
+            f"stiffness ({numbers})"
         )
 
 

@@ -200,8 +200,8 @@ def _time_cure(time: FloatArray, expected: FloatArray) -> str:
     shift = float(np.median(time - expected))
     if power == 0 and np.ptp(time - expected) <= 1e-3 * spans[1]:
         return (
-            f"its times are {in_us(shift)} later all along: are they of another trigger? Leave the time"
-            " column of this table out if the frame numbers are right"
+            f"its times are {in_us(shift)} later throughout: are they of another trigger? Leave the time "
+            "column of this table out if the frame numbers are right"
         )
     return "both files must come from the same test and clock; are two columns swapped?"
 

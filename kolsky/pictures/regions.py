@@ -261,7 +261,7 @@ class Session:
         except CannotEdit as error:
             return [f"{self.path.name} was not changed, {error}; write into [dic]: {'; '.join(lines)}"]
         except InputError as error:
-            return [f"{self.path.name} was left as it is: {error.message}"]
+            return [f"{self.path.name} was not changed: {error.message}"]
         except OSError as error:
             return [f"{self.path.name} cannot be written: {error.strerror}"]
         self._text, self.saved = text, tuple(values)

@@ -133,14 +133,14 @@ def time_factor(path: Path, unit: str | None, what: str) -> float:
     Raises InputError if the unit is missing or is not a unit of time.
     """
     if unit is None:
-        raise InputError(path, f"{what} has no unit", cure='say it in the layout: time_unit = "s"')
+        raise InputError(path, f"{what} has no unit", cure='declare it in the layout: time_unit = "s"')
     known = si_unit(unit)
     if known is None or known[0] != "s":
         raise InputError(
             path,
             f"{what} has the unit '{unit}'",
             allowed='a unit of time: "s", "ms", "us", "ns"',
-            cure='say it in the layout: time_unit = "s"',
+            cure='declare it in the layout: time_unit = "s"',
         )
     return known[1]
 

@@ -227,7 +227,7 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
         raise InputError(
             path,
             f"seems to be text, and its name ends in '{path.suffix}'",
-            cure=f"rename it to end in one of {', '.join(filter(None, delimited.SUFFIXES))}, or say "
+            cure=f"rename it to end in one of {', '.join(filter(None, delimited.SUFFIXES))}, or declare "
             'format = "delimited" in a layout',
         )
     raise InputError(
@@ -313,7 +313,7 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
     if text is None:
         raise InputError(
             contents.path,
-            f"does not say the unit of channel '{channel.name}'",
+            f"does not state the unit of channel '{channel.name}'",
             cure='give it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...',
         )
     known = si_unit(text)
@@ -322,7 +322,7 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
             contents.path,
             f"channel '{channel.name}' has the unit '{text}'",
             allowed='a unit such as "V", "mV", "N", "Pa", "strain"',
-            cure='say it in the layout: unit = "mV"',
+            cure='declare it in the layout: unit = "mV"',
         )
     return known
 

@@ -357,7 +357,7 @@ def find_dialect(
                 path,
                 f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}",
                 line=len(lines),
-                cure=f'say delimiter = "{name}", or leave it out',
+                cure=f'declare delimiter = "{name}", or leave it out',
             )
     if not several:
         raise _no_numbers(path, lines, characters, decimals, word)

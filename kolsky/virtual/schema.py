@@ -533,7 +533,7 @@ class Specification(Section):
     def _no_transducer_in_the_bar(self) -> "Specification":
         if self.transmission.transducer_depth is not None:
             raise f.problem(
-                "is not made here: the made transducer sits behind a mass",
+                "is not available: the transducer of a virtual shot is behind a mass",
                 key="transmission",
                 cure="give [transmitted] platen_mass, the mass before it",
             )

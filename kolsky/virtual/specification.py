@@ -59,7 +59,7 @@ class Draw(Section):
             return self
         if given != set(_KINDS[self.spread]):
             raise f.problem(
-                "is no draw",
+                "is not a distribution",
                 allowed='{ low, high }, { low, high, spread = "log" }, { mean, sigma, spread = "normal" } or '
                 "{ choose = [...] }",
             )

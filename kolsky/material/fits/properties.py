@@ -200,8 +200,8 @@ def healing(
     for group, word in ((made[0], "undamaged"), (made[1], "healed")):
         if len(group) == 1:
             remarks.append(
-                f"one {word} specimen: how {word} specimens differ is unknown, and so is the uncertainty of"
-                " every efficiency"
+                f"one {word} specimen: the scatter of {word} specimens is unknown, and so is the "
+                "uncertainty of every efficiency"
             )
     return Healing(tuple(made[0]), tuple(made[1]), units, rows, tuple(remarks))
 

@@ -85,8 +85,8 @@ def forces(view: SpecimenView, panels: Panels) -> str:
         below.set(xlabel="displacement (mm)", ylabel="fit less data (N)")
     return (
         "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % "
-        "from the "
-        "constants alone), and what is left of it over ± 2 standard deviations of the declared noise (grey)."
+        "from the constants alone), and its residual, with ± 2 standard deviations of the declared noise "
+        "(grey)."
     )
 
 
@@ -148,8 +148,8 @@ def strains(view: SpecimenView, panels: Panels) -> str:
             ax.set_title(f"{label_text(share.name, 16)}, {words}", fontsize="medium")
             ax.legend(frameon=False, fontsize="small", title="along")
     return (
-        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, right "
-        "the uniform middle alone, which a fit of the mid-region sees."
+        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, "
+        "right only the uniform middle, which a fit of the mid-region uses."
     )
 
 
@@ -203,7 +203,7 @@ def sheet_histories(view: SheetView, panels: Panels) -> str:
         one.set_xlabel("pad displacement (mm)")
     return (
         "(a) Force on the pad. (b) Root mean square of simulated less measured displacements over the "
-        "measured ones in the measured region, and what the noise of the points would make of it."
+        "measured ones in the measured region, and the value expected from the noise of the points."
     )
 
 

@@ -151,9 +151,9 @@ def plan_slopes(plan: Plan, panels: Panels) -> str:
     reach = 100.0 * plan.information.sensitivity.reach
     return (
         "Change of the transmitted force (top) and of the outline (bottom) with each parameter, for "
-        f"{changes}: straight lines through runs within {reach:g} % of the parameter’s scale. Band: "
-        "± what the lines leave out of the force, over that change; ringing is most of it. White: no free "
-        "surface at that height."
+        f"{changes}: straight lines through runs within {reach:g} % of the parameter’s scale. Band: ± the "
+        "part of the force that the lines do not describe, over that change; most of it is ringing. "
+        "White: no free surface at that height."
     )
 
 

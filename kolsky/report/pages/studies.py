@@ -105,7 +105,7 @@ def _aimed(aim: Aim) -> list[tuple[str, str]]:
         words, factor = WORDS[name]
         given = numbers.plain(factor * getattr(aim.numbers, name), 4)
         lines.append((words, f"{given}, wanted {numbers.plain(factor * value, 4)}"))
-    return [*lines, ("reached", "yes" if aim.reached else "no, this is the nearest within the ranges")]
+    return [*lines, ("reached", "yes" if aim.reached else "no, this is the nearest point within the ranges")]
 
 
 MOST_LISTED = 200

@@ -257,7 +257,7 @@ def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step
         runs = runner.run("check", np.vstack([x, up, down]), runner.problem.refined)
         prediction = runs.prediction
         if prediction is None or len(runs.rows) < 2 * len(x) + 1:
-            raise ValueError("the re-fit needs every run beside its point to complete")
+            raise ValueError("the re-fit needs every run next to its point to complete")
         objective = runner.objective(np.asarray(prediction.inside.all(axis=0)), slowly=True)
         vectors, d = objective.vectors(prediction), len(x)
         slope = (vectors[1 : d + 1] - vectors[d + 1 :]).T / (up - down).sum(axis=1)
