@@ -273,8 +273,8 @@ def test_times_of_another_unit_or_trigger_are_named() -> None:
     for factor, shift, cure in (
         (1e3, 0.0, "its times are 1000 times those"),
         (1e-6, 0.0, "its times are 1e-06 times those"),
-        (1.0, 2e-3, "its times are 2000 us later all along"),
-        (1.0, -58.3, "its times are -58.300000000 s later all along"),
+        (1.0, 2e-3, "its times are 2000 us later throughout"),
+        (1.0, -58.3, "its times are -58.300000000 s later throughout"),
         (1.05, 0.0, "are two columns swapped?"),
         (900.0, 0.0, "are two columns swapped?"),
     ):
