@@ -479,11 +479,11 @@ force.
 
 **Tolerance.** Penetration {1e6 * GAP_TOLERANCE:.0e} µm, round-off of a height, and 1 µm for the penalty.
 Momentum {MOMENTUM_TOLERANCE:.0e}: positions with an error of 1e-18 m, 0.6 µm apart. Energy
-{100 * ENERGY_TOLERANCE:g} %. Order of the penalty 1 within {ORDER_TOLERANCE:g}; of friction not below
-{FRICTION_ORDER:g}, less its scatter: theory gives 1, but nodes stick and slip one by one. Penetration over
-its closed form {PRESS_TOLERANCE:.0e}, for the remaining motion. Force of the pull {100 * PULL_TOLERANCE:g}
-% below the closed form: half of the strain. Slow loading, penalty against Coulomb:
-{100 * STATIC_TOLERANCE:g} %.
+{100 * ENERGY_TOLERANCE:g} %. The order of the penalty is 1 within {ORDER_TOLERANCE:g}. The order in
+friction is at least {FRICTION_ORDER:g}, minus its scatter: theory gives 1, but nodes stick and slip one by
+one. Penetration over its closed form {PRESS_TOLERANCE:.0e}, for the remaining motion. The force of the pull
+may be {100 * PULL_TOLERANCE:g} % below the closed form, which is half of the strain. Slow loading, penalty
+against Coulomb: {100 * STATIC_TOLERANCE:g} %.
 """
 
 
