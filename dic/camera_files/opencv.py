@@ -59,7 +59,7 @@ class OpenCV:
         if _depth(source.text) > DEEPEST:
             raise CameraFileError(
                 source.path,
-                f"nests its entries more than {DEEPEST} levels deep, which no calibration does",
+                f"nests its entries more than {DEEPEST} levels deep, too deep for a calibration",
                 cure="write the calibration again",
             )
         try:

@@ -221,7 +221,7 @@ def parse(source: Source, *, start: int = 0, end: int | None = None) -> Element:
     def entity(*_: object) -> None:
         raise CameraFileError(
             source.path,
-            "declares an XML entity, which no calibration does",
+            "declares an XML entity, which is not allowed in a calibration",
             line=parser.CurrentLineNumber + before,
             cure="export the calibration again from its program",
         )

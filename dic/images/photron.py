@@ -98,7 +98,7 @@ def read_header(path: Path) -> Header:
     if len(data) > _LARGEST:
         raise PictureError(
             path,
-            f"is larger than {_LARGEST} bytes, which no header is",
+            f"is larger than {_LARGEST} bytes, too large for a header",
             cure="is it the header? the pictures are in the .mraw file",
         )
     if b"<cih>" in data:
@@ -132,7 +132,7 @@ def _from_xml(path: Path, data: bytes) -> dict[str, str]:
     if b"<!" in _without_comments(inside):
         raise PictureError(
             path,
-            "declares entities or a document type, which no camera writes",
+            "declares entities or a document type, which a camera does not write",
             cure="export the recording again",
         )
     try:

@@ -147,7 +147,7 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
             "force.baseline",
             f"is not quiet: its halves differ by {np.diff(_halves(volts))[0]:+.3g} V, the noise of a sample"
             f" is {float(volts.std(ddof=1)):.3g} V",
-            cure="name a span in which no force acts any more",
+            cure="name a span without force",
         )
     if np.ptp(volts) == 0.0:
         raise toml.error(

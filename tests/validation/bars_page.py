@@ -285,7 +285,7 @@ disperse. Specimens are elastic and then flow or harden. The noise is 0.2 % to 2
 (scatter of a first rise, change along a plateau, strength of a drift) were chosen on the first population;
 the second was used for the test only. A distance "far" or "near" is declared 60 mm too far or too near.
 
-| | chosen on | judged on |
+| | first population | second population |
 | --- | --- | --- |
 {chr(10).join(rows)}
 

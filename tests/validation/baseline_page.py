@@ -133,7 +133,7 @@ def verdict(done: dict[str, Any]) -> str:
     said = []
     for words, wanted in (
         (
-            "judged specimens",
+            "specimens of the test",
             lambda row: not row.startswith(CHOSEN_ON[-1]) and row.split("/")[0] not in CHOSEN_ON,
         ),
         ("all", lambda row: True),

@@ -431,9 +431,9 @@ def remarks(
     found = []
     if reduction.balanced is None:
         found.append(
-            f"the forces on the faces are nowhere in equilibrium within {100 * given.allowance:g} %, so that "
-            "no stress-strain curve of the material follows; cure: a shorter specimen, a pulse shaper, or "
-            "the inverse method (kolsky identify)"
+            f"the forces on the faces are nowhere in equilibrium within {100 * given.allowance:g} %, so "
+            "there is no stress-strain curve of the material; cure: a shorter specimen, a pulse shaper, "
+            "or the inverse method (kolsky identify)"
         )
     else:
         cure = "; cure: a longer pulse, a pulse shaper, or waves.plateau where a shorter span is meant"
