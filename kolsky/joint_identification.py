@@ -472,7 +472,7 @@ def _check_joinable(shots: Sequence[Shot], settings: JointSettings, slow: Slow) 
     names = [shot.name for shot in shots]
     double = sorted({name for name in names if names.count(name) > 1})
     if double:
-        raise ValueError(f"two shots are called {double[0]}: a shot counts once; give each its own name")
+        raise ValueError(f"two shots are called {double[0]}: give each shot once, with a different name")
     kinds = {None if s.relaxation is None else (s.relaxation.kind, s.relaxation.branches) for s in shots}
     if len(kinds) > 1:
         raise ValueError(

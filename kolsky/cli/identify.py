@@ -393,7 +393,7 @@ def run_jobs(
                 report(len(answers))
     except _lost_worker_errors() as error:
         raise texts.refusal(
-            f"a worker was lost with {len(answers)} of {len(jobs)} shots identified ({error})",
+            f"a worker failed after {len(answers)} of {len(jobs)} shots were identified ({error})",
             cure="take fewer workers or more memory; the results of the identified shots are complete",
         ) from error
     return [answers[i] for i in range(len(jobs))]

@@ -123,7 +123,8 @@ def check_unclipped(
                 int(clipped[0]),
                 f"is clipped: {values[clipped[0]]:.6g} {unit} in the first of {clipped.size} samples at or"
                 f" beyond full scale ({full_scale:g} {unit})",
-                "what lies beyond is lost; repeat the test at a coarser range, or correct full_scale",
+                "clipped samples cannot be restored; repeat the test at a coarser range, or correct "
+                "full_scale",
             )
         return
     starts = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0]))
@@ -146,8 +147,8 @@ def check_unclipped(
                 first,
                 f"is clipped: {longest} equal samples at its extreme {extreme:.6g} {unit}, elsewhere at most"
                 f" {longest_inner}",
-                "what lies beyond is lost; repeat the test at a coarser range, or, if the signal is truly"
-                " flat, state full_scale",
+                "clipped samples cannot be restored; repeat the test at a coarser range, or, if the "
+                "signal is truly flat, state full_scale",
             )
 
 
@@ -301,8 +302,8 @@ def _at_uniform_times(
     step = float(time[1] - time[0])
     varies = float(np.abs(np.diff(measured) / step - 1.0).max())
     return np.asarray(CubicSpline(measured, value)(time)), (
-        f"the sampling steps of channel '{name}' vary by up to {100.0 * varies:.2g} %, so that its samples "
-        f"were interpolated to uniform steps of {step:.6g} s (cubic spline); cure: none is needed where the "
+        f"the sampling steps of channel '{name}' vary by up to {100.0 * varies:.2g} %; its samples were "
+        f"interpolated to uniform steps of {step:.6g} s (cubic spline); cure: none is needed where the "
         "recorder's clock does vary, else export the times with more digits"
     )
 

@@ -110,7 +110,7 @@ class Sheet:
             raise InputError(
                 self.path,
                 f"has {len(found)} columns '{wanted}'",
-                cure=f"ask for one by its number: {numbers}",
+                cure=f"give the number of one: {numbers}",
             )
         if found:
             return found[0]

@@ -236,7 +236,7 @@ class Table:
                 self.path,
                 f"column '{column.name}' is there {len(found)} times",
                 line=self.header_line,
-                cure="give each column its own name",
+                cure="give each column a different name",
             )
         raise InputError(
             self.path,

@@ -105,7 +105,7 @@ def _with_reflected(
         raise file.error(
             f"{key}.channel",
             f"is in {pulse.unit!r}, the incident pulse in {incident.unit!r}",
-            cure="both pulses come from one gauge: export them alike",
+            cure="both pulses come from one gauge: export them in one unit",
         )
     first, interval = float(incident.time[0]), float(np.median(np.diff(incident.time)))
     place = (float(pulse.time[0]) + start - first) / interval
@@ -260,7 +260,7 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
         idle["separation"] = "it needs a second station on the incident bar"
     elif switches["separation"]:
         idle["free end"] = "two stations separate the waves of the incident bar already"
-        idle["reflected alignment"] = "two stations give the reflected wave on the incident wave's own clock"
+        idle["reflected alignment"] = "two stations give the reflected wave on the clock of the incident wave"
     for key, why in idle.items():
         if switches.stated.get(key, False):
             raise file.error(

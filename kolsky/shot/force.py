@@ -95,7 +95,8 @@ def check_range(scope: Recording, section: ForceSection, key: str = "force") -> 
             f"column '{scope.channel}' is clipped: {scope.value[row]:.6g} V in the first of {clipped.size}"
             f" samples at or beyond full scale ({key}.full_scale = {section.full_scale:g} V)",
             line=None if scope.first_line is None else scope.first_line + row,
-            cure=f"a clipped force is lost; repeat the test at a coarser range, or correct {key}.full_scale",
+            cure="a clipped force cannot be restored; repeat the test at a coarser range, or correct "
+            f"{key}.full_scale",
         )
 
 

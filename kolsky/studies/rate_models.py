@@ -150,8 +150,8 @@ class ModelComparison:
             return f"the data do not choose between {best.name} and {near}"
         if best.name == CURVE:
             return (
-                "the data do not ask for rate dependence: a curve of the strain alone explains them, the law"
-                " does not; correct the material's [law], or test at a second rate"
+                "the data do not require rate dependence: a curve of the strain alone explains them, the "
+                "law does not; correct the material's [law], or test at a second rate"
             )
         others = [one.bic(self.n_data) for one in self.candidates if one is not best]
         gap = "no other"

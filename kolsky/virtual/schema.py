@@ -397,9 +397,7 @@ class MotionTable(Section):
         if not 0.0 <= self.slowdown <= 0.9:
             raise f.problem("is not allowed", key="slowdown", allowed='from "0 %" to "90 %"')
         if (self.kind == "sampled") != (self.file is not None):
-            raise f.problem(
-                'goes with kind = "sampled", and with that alone', key="file", cure="add it, or remove it"
-            )
+            raise f.problem('is for kind = "sampled" only', key="file", cure="add it, or remove it")
         return self
 
 

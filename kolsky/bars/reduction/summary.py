@@ -450,14 +450,14 @@ def remarks(
     bent = [name for name in UNITS if name in budget.value and _bent(budget, name)]
     if bent:
         found.append(
-            f"the {', the '.join(bent)} depends on its inputs nonlinearly within their "
-            "uncertainty, so that the band is a first estimate; cure: a better wave speed (kolsky wavespeed)"
+            f"the {', the '.join(bent)} depends on its inputs nonlinearly within their uncertainty; the "
+            "band is a first estimate; cure: a better wave speed (kolsky wavespeed)"
         )
     systematic = {key: value for key, value in given.uncertainty.items() if value > 0.0}
     if not systematic:
         found.append(
-            "no standard uncertainty is declared, so that the bands hold the gauges' noise and zero only; "
-            "cure: add a table [uncertainty]"
+            "no standard uncertainty is declared, so the bands contain only the noise and zero of the "
+            "gauges; cure: add a table [uncertainty]"
         )
     return found
 

@@ -291,7 +291,7 @@ def fit_prony(
             else fit_prony(law, evidence, n_branches - 1, max_evaluations=max_evaluations).model
         )
     if len(start.series) > n_branches:
-        raise ValueError(f"the start has {len(start.series)} branches, {n_branches} are asked for")
+        raise ValueError(f"the start has {len(start.series)} branches, {n_branches} are requested")
     x = _logs_of(start)
     while len(x) < n_free:
         x = problem.extended(x)

@@ -333,5 +333,5 @@ def scan(result: tuple[Scan, Aim | None], panels: Panels) -> str:
     if second:
         panels[PREDICTION_SHOWN[0]].legend(title=second[0].key, fontsize="small")
     varied = " and ".join(one.key for one in scan.varied)
-    aimed = "" if aim is None else "; the cross is the point that comes nearest to what is wanted"
+    aimed = "" if aim is None else "; the cross is the point nearest to the wanted numbers"
     return f"What {varied} do to the test, by the specimen's static curve{aimed}."

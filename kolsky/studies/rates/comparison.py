@@ -329,12 +329,12 @@ def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[s
     found = [
         f"{shot.name} is not counted: {shot.verdict.value}"
         if not np.isfinite(shot.m) or shot.sigma_own > 0.0
-        else f"{shot.name} is not counted: it has no uncertainty, so that it would decide alone"
+        else f"{shot.name} is not counted: it has no uncertainty, so it would dominate the mean"
         for shot in shots
         if not shot.counted
     ]
     found += [
-        f"{shot.name} is counted as asked for, though it is {shot.verdict.value}"
+        f"{shot.name} is included as requested, though it is {shot.verdict.value}"
         for shot in counted
         if shot.verdict in WITHHELD
     ]

@@ -442,7 +442,7 @@ def _criteria(fit: MixedFit | None, span: float, spread: float, y: FloatArray) -
             "1",
             False,
             f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: its "
-            "error would move the line without a visible residual: repeat the test at that rate",
+            "error would change the line without a visible residual: repeat the test at that rate",
         ),
         Criterion(
             "half width of the slope's interval over the mean",

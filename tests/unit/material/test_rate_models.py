@@ -80,7 +80,7 @@ def test_a_law_that_is_wrong_in_strain_is_no_rate_dependence() -> None:
     found = compare_slow(LAW, (noisy,), required_branches(LAW, [noisy], at_most=1).fits)
     assert found.chosen is not None
     assert found.chosen.name == CURVE
-    assert "do not ask for rate dependence" in found.sentence
+    assert "do not require rate dependence" in found.sentence
     # 60 values of their own noise, k of them used up: chi-square within 3.5 of its deviations
     k = found.chosen.parameters
     assert abs(found.chosen.deviance - (60 - k)) < 3.5 * np.sqrt(2.0 * (60 - k))
