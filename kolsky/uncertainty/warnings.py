@@ -27,8 +27,9 @@ def _conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
     if "conditioned_ratio" in checks:
         ratio = checks["conditioned_ratio"]
         yield (
-            f"m refers to the first pull; the conditioned curve's stress is {ratio:.3g} times that, so m "
-            f"would be about {1.0 / ratio:.3g} times as large against it: --pull conditioned identifies it"
+            f"m refers to the first pull; the stress of the conditioned curve is {ratio:.3g} times as "
+            f"large, and m relative to it would be about {1.0 / ratio:.3g} times as large: --pull "
+            "conditioned identifies it"
         )
 
 

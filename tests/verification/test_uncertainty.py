@@ -351,9 +351,9 @@ of the draws by {result.wide:.2f} u. `tests/helpers/monte_carlo.py` reports this
 
 ## A bar test
 
-Three waves in steel bars of 20 mm, recorded in volts of half bridges, white noise of 1 µε; stress, strain
-and rate by three waves. Eight quantities vary. Contributions in percent of the largest stress against their
-closed form:
+The example has three waves in steel bars of 20 mm, recorded in volts of half bridges with white noise of 1
+µε. Stress, strain and rate are computed by three waves. Eight quantities vary. The table compares their
+contributions to the largest stress, in percent, with their closed form:
 
 | quantity | found [%] | closed form [%] |
 | --- | --- | --- |
