@@ -481,9 +481,9 @@ force.
 Momentum {MOMENTUM_TOLERANCE:.0e}: positions with an error of 1e-18 m, 0.6 µm apart. Energy
 {100 * ENERGY_TOLERANCE:g} %. The order of the penalty is 1 within {ORDER_TOLERANCE:g}. The order in
 friction is at least {FRICTION_ORDER:g}, minus its scatter: theory gives 1, but nodes stick and slip one by
-one. Penetration over its closed form {PRESS_TOLERANCE:.0e}, for the remaining motion. The force of the pull
-may be {100 * PULL_TOLERANCE:g} % below the closed form, which is half of the strain. Slow loading, penalty
-against Coulomb: {100 * STATIC_TOLERANCE:g} %.
+one. The penetration agrees with its closed form within {PRESS_TOLERANCE:.0e}, because of the remaining
+motion. The force of the pull may be {100 * PULL_TOLERANCE:g} % below the closed form, which is half of the
+strain. Slow loading, penalty against Coulomb: {100 * STATIC_TOLERANCE:g} %.
 """
 
 

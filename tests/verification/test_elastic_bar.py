@@ -372,10 +372,10 @@ the mass between them. Compare such a record at its place ({{py:func}}`explicit.
 or below 5 kHz.
 
 **Tolerance.** On the face {FORCE_LIMIT:g} N, the resolution of the paper's transducer, and
-{100 * SHARE_LIMIT:g} % of the peak. At the transducer the same for the 5 kHz signal of the sections and of
-the uniform bar at its place. Statics {STATIC_TOLERANCE:g}, energy {ENERGY_TOLERANCE:g}: round-off. Phase
-velocity {100 * PHASE_TOLERANCE:g} % on the finest mesh: second order. Steps {STEP_TOLERANCE:g}: long-wave
-limit.
+{100 * SHARE_LIMIT:g} % of the peak. At the transducer the same tolerances hold for the 5 kHz signal, with
+one-dimensional sections and with the uniform bar at the transducer's place. Statics {STATIC_TOLERANCE:g},
+energy {ENERGY_TOLERANCE:g}: round-off. Phase velocity {100 * PHASE_TOLERANCE:g} % on the finest mesh:
+second order. Steps {STEP_TOLERANCE:g}: long-wave limit.
 """
 
 

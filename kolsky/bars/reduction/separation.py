@@ -352,8 +352,8 @@ def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, Floa
     closest = min(b - a for a, b in pairwise(places))
     if closest * 10.0 < gauges[0].bar.wave_speed * first.interval:
         raise ValueError(
-            f"two gauges are {closest:g} m apart, a tenth of the way of a wave between samples or less. "
-            "Cure: correct their positions, or average them as one station"
+            f"two gauges are {closest:g} m apart; they must be farther apart than a tenth of the way of a "
+            "wave between two samples. Cure: correct their positions, or average them as one station"
         )
     for gauge in gauges:
         if gauge.bar != gauges[0].bar:
