@@ -133,8 +133,8 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
             "force.baseline",
             f"holds {volts.size} samples",
             allowed=f"a time span with at least {SMALLEST_BASELINE} samples",
-            cure="choose a longer span inside the record, on the shot's clock; where the record has too few"
-            f" samples before the test, {elsewhere} will do",
+            cure="choose a longer span inside the record, on the shot's clock; where the record has too "
+            f"few samples before the test, {elsewhere} is sufficient",
         )
     if after and section.time_constant is not None:
         raise toml.error(

@@ -110,7 +110,7 @@ Poisson's ratio.
 **{right} of {len(rows)} are right: every constant that the answer calls determined is inside its k = 2
 interval ({determined} of {every} constants are determined).** Errors with half of the interval:
 
-| law | length over diameter | strain (%) | ν | meshes (%) | found less planted | right |
+| law | length over diameter | strain (%) | ν | meshes (%) | found minus planted | right |
 | --- | --- | --- | --- | --- | --- | --- |
 {chr(10).join(map(line, rows))}
 

@@ -210,7 +210,7 @@ represents a whole elastic bar.
 **Independent source.** Closed forms. (1) *Force*: a linear rod with ν = 0 of impedance Z_s carries the
 flyer's wave f = Z_s v(t - L/c) to the bar; there F = 2 (f - Z_s h) / (1 + Z_s / Z) until the echo of the
 rod returns, evaluated recursively over the round trips of the bar. (2) *Path of the platen*: with the
-recorded impulse I it is -(I(t) + 2 I(t - T) + 2 I(t - 2 T) + ...) / Z. (3) *Energy*: the flyer's work less
+recorded impulse I it is -(I(t) + 2 I(t - T) + 2 I(t - 2 T) + ...) / Z. (3) *Energy*: the flyer's work minus
 the work on the specimen is the integral of F v.
 
 **Set-up.** Rod of {1e3 * LENGTH:g} mm and {ROD:.2f} N s/m, {", ".join(map(str, MESHES))} elements, driven by

@@ -313,10 +313,11 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 Pictures are computed from a closed-form pattern at the material point of each pixel
-(`tests/helpers/speckle_pictures.py`). The motion is therefore exact, without interpolation. The pictures have
-{SIDE}² px, speckles of 5 px, eight bits, noise of {SIGMA:g} grey levels, {REPEATS} pairs that differ in
-their noise. Subsets have 21 px every 5 px, and every guess is off by 0.2 px in both directions. The floor
-√(2σ²/ΣG²) is {1e3 * result.floor:.2f} mpx (1 mpx = 0.001 px); rounding to eight bits adds one per cent to σ.
+(`tests/helpers/speckle_pictures.py`). The motion is therefore exact, without interpolation. The pictures
+have {SIDE}² px, speckles of 5 px, eight bits, noise of {SIGMA:g} grey levels, {REPEATS} pairs that differ
+in their noise. Subsets have 21 px every 5 px, and every first guess has an error of 0.2 px in both
+directions. The floor √(2σ²/ΣG²) is {1e3 * result.floor:.2f} mpx (1 mpx = 0.001 px); rounding to eight bits
+adds one per cent to σ.
 
 | motion | shape | prefilter, px | bias, mpx | std, mpx | stated sigma, mpx | std of error / sigma |
 | --- | --- | --- | --- | --- | --- | --- |

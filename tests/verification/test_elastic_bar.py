@@ -268,7 +268,7 @@ def row(result: Result) -> tuple[str, str, str]:
 def draw(result: Result, figure: Figure) -> None:
     """Top left: phase velocity in the mesh, by size of the elements (bar of radius a). Top right: change of
     the transmitted force from pass to pass. Middle: open-01, force at the face and at the transducer's
-    mid-section of the elastic parts. Bottom: what one-dimensional models say there less the elastic parts,
+    mid-section of the elastic parts. Bottom: one-dimensional models minus the elastic parts,
     20 kHz."""
     grid = figure.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 0.8))
     waves, passes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])

@@ -185,7 +185,7 @@ Impacts, root-mean-square difference to half the element, over the largest chang
 {table(["impact", "quantity", *names, "fitted order"], impacts)}
 
 **Tolerance.** Wave: order 2 within {ALLOWED:g}. Frictionless impacts are smooth up to the edge (the faces
-are planes of symmetry): order 2, less {ALLOWED:g}, or better. The edge of a bonded face is a stress
+are planes of symmetry): order 2, minus {ALLOWED:g}, or better. The edge of a bonded face is a stress
 singularity of about r^-0.4 for a nearly incompressible solid, which leaves first order or better: 1, less
 {ALLOWED:g}.
 """

@@ -202,7 +202,7 @@ def sheet_histories(view: SheetView, panels: Panels) -> str:
     for one in (panels["force"], panels["misfit"]):
         one.set_xlabel("pad displacement (mm)")
     return (
-        "(a) Force on the pad. (b) Root mean square of simulated less measured displacements over the "
+        "(a) Force on the pad. (b) Root mean square of simulated minus measured displacements over the "
         "measured ones in the measured region, and the value expected from the noise of the points."
     )
 
@@ -312,10 +312,10 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
     else:
         of = names[-1]
     return (
-        "Last step. (a) Simulated displacement. (b) Simulated less measured displacement in the measured "
-        "region. (c) Relative change of the constant that displacements move most, as a field over the "
-        "measured displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a measurement "
-        f"of the whole sheet, before it is made, for {of}, Eqs. (28) to (36)."
+        "Last step. (a) Simulated displacement. (b) Simulated minus measured displacement in the "
+        "measured region. (c) Relative change of the constant that displacements move most, as a field "
+        "over the measured displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a "
+        f"measurement of the whole sheet, before it is made, for {of}, Eqs. (28) to (36)."
     )
 
 

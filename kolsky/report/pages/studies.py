@@ -274,7 +274,7 @@ def _table(result: Budget) -> dict[str, Any]:
             f"({numbers.plain(2.0 * scale * low, 3)} to {numbers.plain(2.0 * scale * high, 3)})",
         ),
     ]
-    facts.append(("re-fit less whole search, without errors", _part(scale * result.closure, scale * total)))
+    facts.append(("re-fit minus whole search, without errors", _part(scale * result.closure, scale * total)))
     facts.append(("realisations", ", ".join(f"{n} {how}" for how, n in result.counts.items())))
     if result.searched:
         facts.append(

@@ -145,7 +145,7 @@ def test_a_board_of_which_squares_were_counted_says_its_inner_corners():
         return board * np.where(printed & (place.sum(axis=1) % 2 == 0), 0.0, 1.0)
 
     picture = averaged(flat(paint, R, t), noise=1.0)
-    with pytest.raises(TargetNotFound, match=r"10 x 7 inner corners, but one of 9 x 6: .* squares less one"):
+    with pytest.raises(TargetNotFound, match=r"10 x 7 inner corners, but one of 9 x 6: .* squares minus one"):
         detect(picture, Chessboard(columns=10, rows=7, pitch=1.2e-3))
 
 

@@ -120,7 +120,7 @@ def test_a_quiet_span_after_the_test_is_a_baseline() -> None:
     assert "time_constant" in refused(check_baseline, volts, 0.0, Toml(force=charged), last=1e-3)
     few = refused(check_baseline, volts[:15], 0.0, Toml(), last=1e-3)
     assert "holds 15 samples" in few
-    assert "a quiet span after the last frame at 1000 us will do" in few
+    assert "a quiet span after the last frame at 1000 us is sufficient" in few
 
 
 def channel(**changed: Any) -> ForceChannel:
