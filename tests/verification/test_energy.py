@@ -172,8 +172,8 @@ of the nodes and halves with the element and its step:
 
 {table(["mesh", "lost by landing [% of work]"], landing)}
 
-**Tolerance.** {100 * TOLERANCE:.1f} % of the external work: smaller than the error of a force measurement
-by more than ten, so a term that was missing or counted twice would be visible (damping is 7 % and more,
+**Tolerance.** {100 * TOLERANCE:.1f} % of the external work, more than ten times smaller than the error of a
+force measurement. A term that was missing or counted twice would be visible (damping is 7 % and more,
 friction at f = 0.1 is 4 %). The tolerance of the second computation of the work is 0.05 %: it uses the mean
 force over 0.5 µs, and the ledger is that at the beginning of a step.
 """

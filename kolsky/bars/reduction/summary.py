@@ -277,7 +277,7 @@ def _drift_remarks(budget: Budget, quoted: Iterable[str]) -> list[str]:
         share = float((budget.contribution[name][rows] ** 2).sum()) / variance if variance > 0.0 else 0.0
         if share > DOMINATES and np.sqrt(variance) > SMALL * abs(float(budget.value[name])):
             found.append(
-                f"the zero of the gauges and its drift decide the uncertainty of the {name} "
+                f"the zero of the gauges and its drift dominate the uncertainty of the {name} "
                 f"({100 * share:.0f} % of its variance); cure: a longer baseline that ends shortly before "
                 "the pulse, or a bridge that drifts less"
             )

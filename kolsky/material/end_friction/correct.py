@@ -93,7 +93,7 @@ def _remarks_on(
             f"{found[k].model.name} fits the test within its noise too and differs from "
             f"{found[best].model.name} by {100.0 * off[k]:.2g} %: the choice between them depends on "
             f"their number of constants (weight {weights[k]:.2g}); a test in another mode or the radius "
-            "at mid-height would decide"
+            "at mid-height would distinguish them"
         )
     return tuple(said)
 
