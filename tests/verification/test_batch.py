@@ -146,9 +146,9 @@ def row(result: Result) -> tuple[str, str, str]:
     bits = all(result.same.values())
     return (
         "a simulation alone and in a batch of seven; single against double precision",
-        f"{'same bits' if bits else 'DIFFERENT'}; {result.force_difference:.4f} N, "
+        f"{'identical' if bits else 'DIFFERENT'}; {result.force_difference:.4f} N, "
         f"{1e6 * result.place_difference:.4f} µm",
-        f"same bits; {FORCE_TOLERANCE:g} N, {1e6 * PLACE_TOLERANCE:g} µm",
+        f"identical; {FORCE_TOLERANCE:g} N, {1e6 * PLACE_TOLERANCE:g} µm",
     )
 
 
@@ -188,7 +188,7 @@ Seven simulations that differ in every parameter, material and motion (8 × 11 e
 {1e3 * END:g} ms), together and in batches of one; every array of the response, energies included, is
 compared:
 
-{table(["batch of seven", "every row the same bits as alone"], bits)}
+{table(["batch of seven", "every row identical to a batch of one"], bits)}
 
 ## Precision
 

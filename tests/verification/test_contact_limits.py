@@ -323,9 +323,9 @@ def row(result: Result) -> tuple[str, str, str]:
         "penetration of all nodes at all steps to 60 %; impulses against momentum through stick and slip; "
         "order of the penalty towards the kinematic law; release stress 0 and ∞ against rough and bonded",
         f"{1e6 * kinematic:.0e} µm (penalty {1e6 * result.ledgers['penalty'].penetration:.2f} µm); "
-        f"{momentum:.0e}; {min(fits):.2f} to {max(fits):.2f}; {'same bits' if ends else 'DIFFERENT'}",
+        f"{momentum:.0e}; {min(fits):.2f} to {max(fits):.2f}; {'identical' if ends else 'DIFFERENT'}",
         f"{1e6 * GAP_TOLERANCE:.0e} µm (1 µm); {MOMENTUM_TOLERANCE:.0e}; 1 within {ORDER_TOLERANCE}; "
-        "same bits",
+        "identical",
     )
 
 

@@ -1,4 +1,4 @@
-"""Failure is a result: every way to fail in one batch, its moment, its element, and its neighbours."""
+"""Failed simulations: every way to fail in one batch, its moment, its element, and its neighbours."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -295,7 +295,7 @@ def bits_of_neighbours(batch: Response) -> dict[str, bool]:
     }
 
 
-TITLE = "Failure is a result"
+TITLE = "Failed simulations"
 FAILED = [i for i, outcome in enumerate(EXPECTED) if not outcome.ok]
 """Rows of the batch that must fail."""
 NEVER = 10**6
@@ -355,8 +355,8 @@ def row(result: Result) -> tuple[str, str, str]:
     return (
         "a batch with every kind of failure: neighbours, histories up to the end, and the element that is "
         "named against node positions",
-        f"{'same bits' if same else 'DIFFERENT'}; {right} of {len(result.witnesses)} elements",
-        "same bits; all",
+        f"{'identical' if same else 'DIFFERENT'}; {right} of {len(result.witnesses)} elements",
+        "identical; all",
     )
 
 
