@@ -337,10 +337,10 @@ length and widened by the root of the inverse: the standard deviation of the err
 is not noise, and the sigma contains it only as far as the residual shows it.
 
 **Tolerances.** Bias {1e3 * BIAS:g} mpx and S-curve {1e3 * S_CURVE:g} mpx: the specification of the package.
-Standard deviation {OVER_FLOOR:g} times the floor: rounding, the coupling of displacement and gradients, and
-the noise of the template's own gradients. Normalised errors 1 within {CALIBRATED:g}: {REPEATS} × 500
-independent subsets; compressed, 1 within {COMPRESSED:g}: there are fewer subsets, and one spectrum
-represents the pattern.
+The standard deviation may be {OVER_FLOOR:g} times the floor, because of rounding, the coupling of
+displacement and gradients, and the noise of the template's gradients. Normalised errors 1 within
+{CALIBRATED:g}: {REPEATS} × 500 independent subsets; compressed, 1 within {COMPRESSED:g}: there are fewer
+subsets, and one spectrum represents the pattern.
 """
 
 

@@ -285,8 +285,8 @@ of the bar behind the specimen.
 {result.validity.sentence}.
 
 **Tolerance.** Force {FORCE_TOLERANCE:g} N: {1e3 * result.mass:.0f} g times the error of an acceleration
-from frames 8 µs apart. Lags {LAG_SIGMAS:g} sigmas. Events {EVENT_SIGMAS:g} sigmas, joint and impact
-{1e6 * HOLD:.0f} µs more.
+from frames 8 µs apart. Lags {LAG_SIGMAS:g} sigmas. Events {EVENT_SIGMAS:g} sigmas; for joint and impact
+{1e6 * HOLD:.0f} µs are added.
 """
 
 

@@ -70,7 +70,7 @@ def face_waves(
     pairs = (windows.incident, windows.reflected, windows.transmitted)
     count = int(min(last - first for first, last in pairs) / interval + 1e-6) + 1
     if count < 4:
-        raise ValueError(f"the shortest window holds {count} samples; it takes 4 or more")
+        raise ValueError(f"the shortest window holds {count} samples; at least 4 are needed")
     first = windows.incident[0]
     reflected = first + 2.0 * travel_time(incident)
     transmitted = first + travel_time(incident) + travel_time(transmission)

@@ -189,7 +189,7 @@ def _modulus(
     part = slice(begin, begin + int(above[0]))
     e, s = strain.value[part], stress.value[part]
     if e.size < FEWEST_SAMPLES:
-        return None, f"no modulus: {e.size} samples rise in equilibrium; it takes {FEWEST_SAMPLES} or more"
+        return None, f"no modulus: {e.size} samples rise in equilibrium; at least {FEWEST_SAMPLES} are needed"
     centred = e - e.mean()
     spread = float(centred @ centred)
     slope = float(centred @ s) / spread

@@ -153,9 +153,9 @@ class Healing:
 def _reason(name: str) -> str:
     """Reasons why a test may not determine a property, with the requirements."""
     if name == "Young's modulus to 5 %":
-        return f"; it takes {FEWEST} points or more up to {100.0 * INITIAL:g} % strain"
+        return f"; at least {FEWEST} points are needed up to {100.0 * INITIAL:g} % strain"
     if name.startswith("fracture"):
-        return f"; it takes a stress that falls by {100.0 * DROP:g} % after its largest value"
+        return f"; the stress must fall by {100.0 * DROP:g} % after its largest value"
     return ""
 
 

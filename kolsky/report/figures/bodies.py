@@ -459,7 +459,7 @@ def loop(view: ActuatorView, panels: Panels) -> str:
     below.set_yscale("log")
     below.set_xlabel("time (s)")
     return (
-        "The closed loop with a simulated plant: (a) wanted angle, plant (lines) and what the camera gave "
+        "The closed loop with a simulated plant: (a) wanted angle, plant (lines) and camera values "
         "(dots), (b) the pressure, (c) the wall time of the controller in each tick and the period, "
         f"{MS / run.rate:.3g} ms (dashed)."
     )
