@@ -133,7 +133,7 @@ def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
             name="uncertain rows",
             text=f"{count} rows of the outline, over all frames, have a sigma above {1e6 * largest:.3g} µm "
             "and are left out of it",
-            cure="nothing to do; a larger sigma lets them in",
+            cure="nothing to do; a larger limit of sigma includes them",
         )
     ]
 

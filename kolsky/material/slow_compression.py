@@ -251,7 +251,7 @@ def slow_compression(
         if factor * durations[-1] > LONGEST:
             raise ValueError(
                 f"a duration of {durations[-1]:.0f} passages of a wave leaves an error of "
-                f"{errors[-1]:.2g}, and {error:.2g} would take {factor * durations[-1]:.0f} of them, more "
+                f"{errors[-1]:.2g}, and {error:.2g} needs about {factor * durations[-1]:.0f} of them, more "
                 f"than {LONGEST:.0f}: give a larger error, or less strain; with friction the edge may be "
                 "unstable"
             )

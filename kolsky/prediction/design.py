@@ -226,7 +226,7 @@ def _at(test: PlannedTest, varied: Sequence[Varied], point: FloatArray) -> Plann
 
 EVENTS = {
     "incident_rise": "incident wave arrives at the flyer",
-    "striker_parts": "striker lets go",
+    "striker_parts": "striker separates",
     "tensile_dip": "joint is pulled",
     "separation": "flyer separates",
     "arrest": "flyer is arrested",

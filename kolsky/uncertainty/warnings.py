@@ -269,7 +269,7 @@ def _route_disagreement(result: Identification) -> Iterator[str]:
             cure = (
                 f"; about {needed:.0f} runs around the optimum would be enough"
                 if isfinite(needed)
-                else "; more runs would hardly help, because the response is rough: shrink the bounds"
+                else "; more runs do not reduce it, because the response is rough: shrink the bounds"
             )
         yield (
             f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the "

@@ -274,7 +274,7 @@ this time. With a flyer that starts within 50 µs the lag is ten times as accura
 {table(["planted [µs]", "found [µs]", "sigma [µs]", "gain", "verdict"], lags)}
 
 **Events** [µs since the striker's touch], with standard uncertainties. In the model the joint transmits
-force again 20 µm before the second impact, {1e6 * HOLD:.0f} µs earlier.
+force again when the gap is 20 µm: {1e6 * HOLD:.0f} µs before the second impact.
 
 {table(["event", "simulation", "all signals", "displacement alone"], events)}
 

@@ -366,8 +366,8 @@ statistical error of these standard deviations is 1.1 %.
 ## Repeated tests
 
 With few tests an interval with the factor 2 contains the truth too seldom: with two tests only
-{100 * result.held["k = 2"][0]:.0f} % of the intervals do, with Student's t
-{100 * result.held["Student's t"][0]:.0f} %.
+{100 * result.held["k = 2"][0]:.0f} % of the intervals contain it. With Student's t
+{100 * result.held["Student's t"][0]:.0f} % do.
 
 **Tolerances.** {PRINTED} units of the last printed digit; {100 * DRAWN} % of standard deviations by draws,
 four times the statistical error of 4000 draws; {HELD} of shares; {CLOSED} of contributions, for the

@@ -325,7 +325,7 @@ def test_threshold_of_methods_that_disagree(distance: float, said: int) -> None:
 
 def test_runs_that_would_do() -> None:
     result = estimate(outcome=Verdict.DISAGREEING)
-    for needed, words in ((23.0, "about 23 runs around"), (float("inf"), "more runs would hardly help")):
+    for needed, words in ((23.0, "about 23 runs around"), (float("inf"), "more runs do not reduce it")):
         assert words in said(replace(result, surrogate={**result.surrogate, "runs_needed": needed}))
     # Several parameters rest on steps on the refined mesh, which no number of other runs makes better.
     several = replace(result.estimates["stiffness_factor"], name="damping")
