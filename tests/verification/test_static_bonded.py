@@ -319,8 +319,8 @@ sticks) and DOLFINx (side slips; the same problem while the side has hardly touc
 **What the loading adds.** Because of the drag the face forces differ by αMv/2, with the flyer's speed v and
 the specimen's mass M: by {asymmetry[0]:.2f} % at 10 % here. The mean of both faces cancels this. It does
 not cancel the drag on the *deformation* (the faces approach, the side moves out), which is also of first
-order in αv: αMv(1/12 + R²/8L²) for a homogeneous one. With ten times the drag and ever slower loading, 16 ×
-22:
+order in αv: αMv(1/12 + R²/8L²) for a homogeneous deformation. With ten times the drag and slower and slower
+loading, 16 × 22:
 
 {
         table(

@@ -267,7 +267,7 @@ def test_the_window_and_the_flyers_direction() -> None:
         "the window ends at 1.1 ms, where"
     )
     text = said(clean(), conditioned_ratio=0.8)
-    assert "stress is 0.8 times that" in text
+    assert "the stress of the conditioned curve is 0.8 times as large" in text
     assert "about 1.25 times as large" in text
 
 
