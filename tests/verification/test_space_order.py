@@ -166,8 +166,8 @@ def page(result: Result) -> str:
 **Independent source.** (1) An exact solution: with ν = 0 a cylinder carries one-dimensional longitudinal
 waves with the speed sqrt(E/rho), without lateral motion. One end is driven by {1e-6:g} of the length
 along a smooth step, the other is held, and d'Alembert's solution with its echoes is compared over four
-passages. (2) The theory of the order, for impacts to {100 * SPEED * (END - RISE / 2) / LENGTH:.0f} %: the fit uses
-differences between neighbouring meshes, so it does not depend on one finest mesh.
+passages. (2) The theory of the order, for impacts to {100 * SPEED * (END - RISE / 2) / LENGTH:.0f} %: the fit
+uses differences between neighbouring meshes, so it does not depend on one finest mesh.
 
 **Set-up.** Meshes of {MESHES[0][0]} × {MESHES[0][1]} to {MESHES[-1][0]} × {MESHES[-1][1]} elements (the wave:
 2 across), neo-Hookean, E = 80 kPa; the step follows the mesh. Impacts: {SPEED:g} m/s after a rise of
