@@ -468,7 +468,7 @@ def _shared_bounds(
 def _check_joinable(shots: Sequence[Shot], settings: JointSettings, slow: Slow) -> None:
     """Raise ValueError for shots that cannot be identified together."""
     if len(shots) < 2 and not slow and not settings.curve_nodes:
-        raise ValueError("one shot is no joint identification: give more shots, slow tests or curve nodes")
+        raise ValueError("one shot is not a joint identification: give more shots, slow tests or curve nodes")
     names = [shot.name for shot in shots]
     double = sorted({name for name in names if names.count(name) > 1})
     if double:

@@ -67,7 +67,7 @@ class Source:
         if data.startswith((b"\xff\xfe", b"\xfe\xff")):
             return cls(path, data.decode("utf-16", "replace"))
         if b"\0" in data:
-            raise CameraFileError(path, "is no text", cure="name the calibration, not a picture")
+            raise CameraFileError(path, "is not a text file", cure="name the calibration, not a picture")
         try:
             return cls(path, data.decode("utf-8-sig"))
         except UnicodeDecodeError:

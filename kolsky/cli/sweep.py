@@ -404,7 +404,7 @@ def _address_in_file(path: Path) -> str:
     try:
         return str(json.loads(path.read_text("utf-8"))["address"])
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
-        problem = f"is no scheduler file ({type(error).__name__}: {error})"
+        problem = f"is not a scheduler file ({type(error).__name__}: {error})"
         raise InputError(path, problem, allowed="JSON with an address", cure=cure) from error
 
 

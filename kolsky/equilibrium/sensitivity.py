@@ -148,7 +148,7 @@ def _by_history(
         if of == name:
             moved[dofs] = factor
     if any(name == contact.plane.history for contact in equations.contacts):
-        raise ValueError(f"the travel {name!r} of a plane is no history to differentiate by")
+        raise ValueError(f"the travel {name!r} of a plane is not a history that can be differentiated")
     residual = equations.reduced(equations.times(elements, moved))
     return moved, residual - equations.external_change(state, _unit_more(state, name))
 

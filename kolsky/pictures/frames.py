@@ -305,8 +305,8 @@ def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
     uncertain, moved = flyer.sigma.copy(), flyer.displacement - at_rest[~stray].mean()
     uncertain[static[stray]] = off[stray]
     said = [
-        f"the flyer was found {1e6 * off[i]:.3g} um from its place at {in_us(flyer.time[static[i]])}, and "
-        "back there in the static frames after it: that frame is taken to be uncertain by as much"
+        f"the flyer was found {1e6 * off[i]:.3g} um from its place at {in_us(flyer.time[static[i]])}, but at "
+        "its place in later static frames: the frame's uncertainty is set to this distance"
         for i in np.flatnonzero(stray)
     ]
     return replace(flyer, displacement=moved, sigma=uncertain, notes=(*flyer.notes, *said))

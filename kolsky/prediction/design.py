@@ -129,7 +129,7 @@ def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> Planned
             inner = table.setdefault(part, {})
             if not isinstance(inner, dict):
                 raise InputError(
-                    test.file.path, "is no table", key=key, cure="write it as a table of the test file"
+                    test.file.path, "is not a table", key=key, cure="write it as a table of the test file"
                 )
             table = inner
         table[last] = value

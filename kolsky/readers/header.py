@@ -396,7 +396,7 @@ def _of_channel(
     values = [v for field in texts if (v := _number(field.rpartition(":")[2], decimal)) is not None]
     if not values:
         digits = [field for field in texts if any(letter.isdecimal() for letter in field)]
-        return f"{key} = {digits[0][:60]} is no number that can be read" if digits else None
+        return f"{key} = {digits[0][:60]} is not a number that can be read" if digits else None
     chosen = values[0]
     if any(value.number != chosen.number for value in values):
         if len(values) != channels:

@@ -95,7 +95,7 @@ def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
 def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], str]:
     """Names of the physical groups by dimension and number; an `InputError` if it is another format."""
     if not (blocks.get("MeshFormat") or [""])[0].startswith("2."):
-        raise InputError(path, "is no Gmsh mesh of format 2", cure=CURE)
+        raise InputError(path, "is not a Gmsh mesh of format 2", cure=CURE)
     names = {}
     try:
         for line in _counted(path, "PhysicalNames", blocks.get("PhysicalNames", ["0"])):

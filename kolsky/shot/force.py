@@ -105,7 +105,7 @@ def check_signal(scope: Recording, toml: ShotToml) -> None:
     if scope.value.size > SMALLEST_BASELINE and (np.diff(scope.value) > 0.0).all():
         raise toml.error(
             "force.voltage",
-            f"is no signal: column '{scope.channel}' rises from each of its {scope.value.size} samples to "
+            f"is not a signal: column '{scope.channel}' rises from each of its {scope.value.size} samples to "
             "the next, as a clock does",
             cure="name the column of the transmitted force",
         )

@@ -131,7 +131,7 @@ def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot
         for part in path:
             table = table.setdefault(part, {})
             if not isinstance(table, dict):
-                raise ValueError(f"{key}: {part} is no table")
+                raise ValueError(f"{key}: {part} is not a table")
         if isinstance(value, dict):
             table.setdefault(last, {}).update(deepcopy(value))
         else:

@@ -281,7 +281,7 @@ force again when the gap is 20 µm: {1e6 * HOLD:.0f} µs before the second impac
 The arrest is the time of the largest compression. The displacement of the flyer does not contain the motion
 of the bar behind the specimen.
 
-**Validity window.** Inertia and the difference of the faces' forces within 5 % of the stress:
+**Validity window.** Inertia and the difference of the faces' forces are
 {result.validity.sentence}.
 
 **Tolerance.** Force {FORCE_TOLERANCE:g} N: {1e3 * result.mass:.0f} g times the error of an acceleration

@@ -209,7 +209,7 @@ def healing(
 def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> SpecimenProperties:
     """Young's modulus, constants up to the fracture, and the fracture, as far as a test determines them."""
     if test.mode is not Mode.UNIAXIAL or not test.strain.max() > 0.0:
-        raise ValueError(f"{test.name} is no uniaxial tensile test")
+        raise ValueError(f"{test.name} is not a uniaxial tensile test")
     values: dict[str, float] = {}
     modulus = youngs_modulus(test.strain, test.stress)
     if modulus is not None:

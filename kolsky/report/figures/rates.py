@@ -295,7 +295,7 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
         "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values "
         "at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a "
         "specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’ "
-        "forces: the distance between the lines is no rate sensitivity. Right: outlines in the frames "
+        "forces: the distance between the lines is not a rate sensitivity. Right: outlines in the frames "
         f"nearest to the strains {strains}, measured (markers) and simulated (lines)."
     )
 

@@ -88,7 +88,9 @@ def factors_of(sizes: Mapping[str, Any]) -> tuple[Factor, ...]:
             raise ValueError(f"{key} = {written!r}: {said['msg']}") from None
         value = getattr(getattr(made, table), name)
         if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
-            raise ValueError(f"{key} = {written!r} is no standard uncertainty; it must be a number above 0")
+            raise ValueError(
+                f"{key} = {written!r} is not a standard uncertainty; it must be a number above 0"
+            )
         found.append(Factor(key, float(value)))
     return tuple(found)
 

@@ -156,7 +156,7 @@ def test_a_search_that_is_stopped_goes_on_where_it_ended(
 
 
 def test_shots_that_cannot_be_joined_are_refused(shots: list[Shot]) -> None:
-    with pytest.raises(ValueError, match="one shot is no joint identification"):
+    with pytest.raises(ValueError, match="one shot is not a joint identification"):
         identify_shots(shots[:1], SETTINGS)
     with pytest.raises(ValueError, match="two shots are called a"):
         identify_shots([shots[0], shots[0]], SETTINGS)
