@@ -126,7 +126,7 @@ def test_a_choice_needs_strong_evidence_and_no_doubt() -> None:
     worse = ModelComparison((elastic, replace(prony, deviance=100.0, doubt="at an end")), n, 1.0, {})
     assert worse.chosen is elastic  # a doubtful model that is worse by BIC, by 6.0, hinders nothing
     assert ModelComparison(pair, n, 2.1, {}).chosen is None
-    assert "no model describes" in ModelComparison(pair, n, 2.1, {}).sentence
+    assert "none describes" in ModelComparison(pair, n, 2.1, {}).sentence
     # at n = 1e6 BIC prefers the smaller model where AICc prefers the larger: no choice
     small, large = Candidate("elastic", 1, 20.0, {}), Candidate("prony", 3, 0.0, {})
     assert ModelComparison((small, large), 10**6, 1.0, {}).chosen is None
