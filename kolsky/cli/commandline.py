@@ -144,7 +144,7 @@ signals is cut off."""
 
 
 def _end_in_time() -> None:
-    """End the process some seconds after SIGTERM, though a compiled loop keeps Python from its handlers.
+    """End the process some seconds after SIGTERM, also during a compiled loop, which blocks the handlers.
 
     The system writes the signal's number into a pipe at once; a thread waits there.
     """
