@@ -62,7 +62,11 @@ class PointOutcome(Outcome):
         "no neighbour or earlier frame gave a position to start from",
         "choose a seed point nearer to it, or raise the frame rate",
     )
-    NO_PICTURE = 7, "the frame has no usable picture", "see the outcome of the frame; the other frames stand"
+    NO_PICTURE = (
+        7,
+        "the frame has no usable picture",
+        "see the outcome of the frame; the other frames are not affected",
+    )
     AT_END = (
         8,
         "part of the subset reaches past the end of the specimen, where its side has rolled onto a platen",
@@ -101,8 +105,8 @@ class FrameOutcome(Outcome):
     )
     REPEATED = (
         5,
-        "a camera's picture is the one before, pixel by pixel",
-        "export the pictures again; if it stands in for a lost one, the frame times after it may be late too",
+        "a camera's picture is identical to the one before",
+        "export the pictures again; if it replaces a lost one, the frame times after it may be late too",
     )
 
 

@@ -128,7 +128,7 @@ def _pattern(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
                 (
                     "subset too small",
                     f"at {100.0 * speckle['too_small']:.2g} % of the places for {speckle['wanted']:g} px; "
-                    f"{subset_text} would do at 95 %",
+                    f"{subset_text} would be enough at 95 %",
                 )
             )
         rows += [Row("pattern", f"{name}, camera {camera}", value) for name, value in entries]

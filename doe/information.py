@@ -255,5 +255,5 @@ def _placed(groups: FloatArray, chosen: list[int], start: FloatArray, criterion:
     information = start + groups[chosen].sum(axis=0)
     cost = float(costs(information, criterion))
     if not np.isfinite(cost):
-        raise UndecidedError("no choice decides all parameters: choose more groups, or hold a parameter")
+        raise UndecidedError("no choice determines all parameters: choose more groups, or hold a parameter")
     return Placement(tuple(sorted(chosen)), cost, information)

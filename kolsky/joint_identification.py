@@ -299,7 +299,7 @@ def _joint_warnings(
     if not found.confirmed:
         said.append(
             "the last run on the refined mesh still gives another optimum: widen the bounds with --free, "
-            "or refine --mesh, whose slopes the steps take"
+            "or refine --mesh, from which the steps take their slopes"
         )
     if choice is not None and not choice.asked_for:
         said += [choice.sentence, *needed_strength(shared)]
@@ -309,8 +309,8 @@ def _joint_warnings(
     m, size = shared.get(MOVED), 0.0 if found.scatter is None else found.scatter.value
     if m is not None and 0.0 < size * m.value <= m.sigma_numerical:
         said.append(
-            f"the scatter between the shots, {100.0 * size:.2g} %, is within the uncertainty of the mesh, "
-            "which errs differently at other speeds: refine both meshes before it is called scatter"
+            f"the scatter between the shots, {100.0 * size:.2g} %, is within the mesh error, which "
+            "changes with the speed: refine both meshes before you interpret it as scatter"
         )
     if found.scatter is not None and found.scatter.value > 0.0 and len(problem.stack.shots) < FEW_SHOTS:
         low, high = (100.0 * end for end in found.scatter.interval)
@@ -468,11 +468,11 @@ def _shared_bounds(
 def _check_joinable(shots: Sequence[Shot], settings: JointSettings, slow: Slow) -> None:
     """Raise ValueError for shots that cannot be identified together."""
     if len(shots) < 2 and not slow and not settings.curve_nodes:
-        raise ValueError("one shot by itself is identified alone: give more shots, slow tests or curve nodes")
+        raise ValueError("one shot is not a joint identification: give more shots, slow tests or curve nodes")
     names = [shot.name for shot in shots]
     double = sorted({name for name in names if names.count(name) > 1})
     if double:
-        raise ValueError(f"two shots are called {double[0]}: a shot counts once; give each its own name")
+        raise ValueError(f"two shots are called {double[0]}: give each shot once, with a different name")
     kinds = {None if s.relaxation is None else (s.relaxation.kind, s.relaxation.branches) for s in shots}
     if len(kinds) > 1:
         raise ValueError(

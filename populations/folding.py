@@ -121,7 +121,7 @@ def main() -> None:
     settings = [Setting(mesh, friction) for mesh in meshes]
     if given.drawn:
         settings = drawn(given.seed, given.drawn)
-    measured = "edge, last [mm] | jump [um] | from F-bar [um] | smallest corner | warned of"
+    measured = "edge, last [mm] | jump [um] | from F-bar [um] | smallest corner | warning"
     print(f"| mesh, speed | element | f | {measured} |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     every: list[Impact] = []
@@ -140,7 +140,7 @@ def main() -> None:
     caught = sum(row.jump > JUMP and row.said for row in every)
     missed = sum(row.jump > JUMP and not row.said for row in every)
     idle = sum(row.jump <= JUMP and row.said for row in every)
-    print(f"\njumps of the edge caught: {caught}, missed: {missed}; warned of without a jump: {idle}")
+    print(f"\nJumps of the edge detected: {caught}, missed: {missed}; warnings without a jump: {idle}.")
 
 
 if __name__ == "__main__":

@@ -226,7 +226,7 @@ def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[
         )
     departs = finite[spread[finite] > DEPARTS * level]
     if not departs.size or departs[0] < finite[0] + FEWEST_ROWS:
-        raise ValueError("no rows at the border move rigidly, or all that is seen does")
+        raise ValueError("no rows at the border move rigidly, or all rows do")
     first = int(departs[0])
     high = float(spread[first : first + WIDTH + 1].max())
     if high < CLEAR * level:

@@ -118,7 +118,7 @@ MOST_COLUMNS = 64
 """Number of columns that are used to track the flyer [px]."""
 MOST_STATIC_FRAMES = 20
 """Largest number of static pictures from which the noise is estimated."""
-LOOKS = "rows of pixels that span the flyer's edge look like neither of its sides"
+LOOKS = "rows of pixels that span the flyer's edge do not resemble either of its sides"
 """Explanation if the flyer could not be tracked."""
 SMALLEST = 20
 """Smallest number of rows of a detected specimen [px]."""

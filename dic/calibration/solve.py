@@ -103,7 +103,9 @@ def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
     values = [off(x) for x in grid]
     best = int(np.argmin(values))
     if not np.isfinite(values[best]):
-        raise Undetermined("no pose of the target explains what is seen; check its columns, rows and pitch")
+        raise Undetermined(
+            "no pose of the target explains the detected points; check its columns, rows and pitch"
+        )
     a, b = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
     fine = np.linspace(a, b, 7)
     f = float(np.exp(fine[int(np.argmin([off(x) for x in fine]))])) * max(sensor)

@@ -84,7 +84,7 @@ class PairOutcome(Outcome):
     VALID = 0, "both cameras saw the target where the others put it", "nothing to do"
     NOT_FOUND = (
         1,
-        "the target was recognised by neither camera",
+        "the target was not recognised in either camera",
         "look at the pictures: all fiducials in view, in focus, free of glare",
     )
     INCONSISTENT = (
@@ -94,7 +94,7 @@ class PairOutcome(Outcome):
     )
     ONE_CAMERA = (
         3,
-        "one camera alone recognised the target: used for that camera's own parameters",
+        "only one camera recognised the target: used for the parameters of that camera",
         "keep the target in both fields of view",
     )
 

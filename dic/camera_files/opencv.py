@@ -59,7 +59,7 @@ class OpenCV:
         if _depth(source.text) > DEEPEST:
             raise CameraFileError(
                 source.path,
-                f"nests its entries more than {DEEPEST} levels deep, which no calibration does",
+                f"nests its entries more than {DEEPEST} levels deep, too deep for a calibration",
                 cure="write the calibration again",
             )
         try:
@@ -195,7 +195,7 @@ def _collect(source: Source, name: str, node: cv2.FileNode, into: list[float]) -
                 )
     else:
         raise CameraFileError(
-            source.path, f"{name} holds something that is no number", cure="write the calibration again"
+            source.path, f"{name} contains a value that is not a number", cure="write the calibration again"
         )
 
 

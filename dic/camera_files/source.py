@@ -67,7 +67,7 @@ class Source:
         if data.startswith((b"\xff\xfe", b"\xfe\xff")):
             return cls(path, data.decode("utf-16", "replace"))
         if b"\0" in data:
-            raise CameraFileError(path, "is no text", cure="name the calibration, not a picture")
+            raise CameraFileError(path, "is not a text file", cure="name the calibration, not a picture")
         try:
             return cls(path, data.decode("utf-8-sig"))
         except UnicodeDecodeError:
@@ -221,7 +221,7 @@ def parse(source: Source, *, start: int = 0, end: int | None = None) -> Element:
     def entity(*_: object) -> None:
         raise CameraFileError(
             source.path,
-            "declares an XML entity, which no calibration does",
+            "declares an XML entity, which is not allowed in a calibration",
             line=parser.CurrentLineNumber + before,
             cure="export the calibration again from its program",
         )

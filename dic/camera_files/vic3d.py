@@ -47,7 +47,7 @@ class Vic3D:
         if "<!ENTITY" in source.text:
             raise CameraFileError(
                 source.path,
-                "declares an XML entity, which no project does",
+                "declares an XML entity, which is not allowed in a project",
                 line=source.line_of(source.text.index("<!ENTITY")),
                 cure="save the project again",
             )

@@ -58,8 +58,8 @@ def of_edge(cameras: int) -> list[Remark]:
     return [
         Remark(
             name="no edge",
-            text="the specimen's end at the transmission platen was found in neither camera within two "
-            "pixels of the declared place, which is used unchanged",
+            text="the specimen's end at the transmission platen was not found in either camera within two "
+            "pixels of the declared place; the declared place is used",
             cure="declare it more closely; an error of a tenth of a pixel shifts all heights y by as much",
         )
     ]
@@ -82,8 +82,8 @@ def of_flyer(required: bool, axial: AxialDisplacement | None) -> list[Remark]:
     return [
         Remark(
             name="no displacement of the flyer",
-            text="the flyer was seen by both cameras in no frame, or neither at rest nor with the rim of its "
-            "face clear in enough frames",
+            text="no frame shows the flyer in both cameras, or it is not visible at rest and the rim of "
+            "its face is not clear in enough frames",
             cure="declare a region of it, clear of its edge, in a frame that shows much of it",
         )
     ]
@@ -133,7 +133,7 @@ def of_uncertain_rows(count: int, largest: float | None) -> list[Remark]:
             name="uncertain rows",
             text=f"{count} rows of the outline, over all frames, have a sigma above {1e6 * largest:.3g} µm "
             "and are left out of it",
-            cure="nothing to do; a larger sigma lets them in",
+            cure="nothing to do; a larger limit of sigma includes them",
         )
     ]
 

@@ -240,7 +240,7 @@ def _rest_frames(inputs: Inputs, body: TrackedBody) -> list[int]:
         raise ChainError(
             f"no point of the specimen was found by both cameras at rest; of {len(body.points)} points the "
             f"match between the cameras failed by {', '.join(failed)}: check the calibration, the crop "
-            "offsets and which camera is which"
+            "offsets and the order of the cameras"
         )
     return frames
 

@@ -81,8 +81,8 @@ def correlate(
     for name, stack in (("reference", reference), ("deformed", deformed)):
         if stack.prefilter != settings.prefilter:
             raise ValueError(
-                f"the {name} pictures were prepared with prefilter {stack.prefilter} px, the settings say "
-                f"{settings.prefilter} px: prepare them again, or change the settings"
+                f"the {name} pictures were prepared with prefilter {stack.prefilter} px, the settings "
+                f"state {settings.prefilter} px: prepare them again, or change the settings"
             )
     batch = Batch(
         points=points,

@@ -158,7 +158,7 @@ def _apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest_frames: Sequenc
     distances = epipolar[np.isfinite(epipolar)]
     if not distances.size:
         raise ValueError(
-            "no point was matched between the cameras: check which camera is which, the calibration, the "
+            "no point was matched between the cameras: check the order of the cameras, the calibration, the "
             "crop offsets and the region"
         )
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(distances))) / 0.6745)
@@ -427,7 +427,7 @@ def _noise(
     )
     if not match.valid.any():
         raise ValueError(
-            "no point was matched between the cameras: check which camera is which, the calibration, the "
+            "no point was matched between the cameras: check the order of the cameras, the calibration, the "
             "crop offsets and the region"
         )
     places = (points[match.valid], points[match.valid] + match.warp[match.valid, :2])

@@ -200,7 +200,7 @@ def _open_format(path: Path | str | Sequence[Path | str], pattern: str | None) -
             return hdf5.read(path, pattern)
         raise PictureError(
             path,
-            f'is no folder: pattern "{pattern}" has nothing to choose from',
+            f'is not a folder: pattern "{pattern}" has nothing to choose from',
             cure="leave pattern out, or name the folder",
         )
     for picture_format in FORMATS:

@@ -176,7 +176,7 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
     if n_frames > MOST_MISSING * len(by_number):
         raise PictureError(
             path,
-            f"{len(by_number)} pictures are numbered from {first} to {last}: these are no frame numbers",
+            f"{len(by_number)} pictures are numbered from {first} to {last}: these are not frame numbers",
             cure="rename them, or open a list of files in the wanted order",
         )
     numbers = range(first, last + 1, step)
@@ -288,7 +288,7 @@ def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
     if size_given is None:
         raise PictureError(
             file,
-            "is no TIFF, PNG, JPEG or BMP, or has no whole header",
+            "is not a TIFF, PNG, JPEG or BMP file, or its header is incomplete",
             frame=index,
             cure="is it a picture? if so, export it as TIFF",
         )

@@ -98,7 +98,7 @@ def read_header(path: Path) -> Header:
     if len(data) > _LARGEST:
         raise PictureError(
             path,
-            f"is larger than {_LARGEST} bytes, which no header is",
+            f"is larger than {_LARGEST} bytes, too large for a header",
             cure="is it the header? the pictures are in the .mraw file",
         )
     if b"<cih>" in data:
@@ -132,7 +132,7 @@ def _from_xml(path: Path, data: bytes) -> dict[str, str]:
     if b"<!" in _without_comments(inside):
         raise PictureError(
             path,
-            "declares entities or a document type, which no camera writes",
+            "declares entities or a document type, which a camera does not write",
             cure="export the recording again",
         )
     try:
@@ -282,9 +282,9 @@ def _pair(path: Path) -> tuple[Path, Header]:
     pixels = path if path.suffix.lower() == ".mraw" else siblings.get(".mraw")
     header = siblings.get(".cihx", siblings.get(".cih")) if pixels == path else path
     if pixels is None or not pixels.is_file():
-        raise PictureError(path, f"there is no {path.stem}.mraw beside it", cure="copy it too")
+        raise PictureError(path, f"there is no {path.stem}.mraw next to it", cure="copy it too")
     if header is None or not header.is_file():
-        raise PictureError(path, f"there is no {path.stem}.cih or .cihx beside it", cure="copy it too")
+        raise PictureError(path, f"there is no {path.stem}.cih or .cihx next to it", cure="copy it too")
     return pixels, read_header(header)
 
 

@@ -172,7 +172,9 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
             if offset == 0:
                 return tuple(offsets), None if offsets else size
             if offset < first or offset in offsets or len(offsets) >= MOST_FRAMES:
-                raise PictureError(path, f"page {len(offsets)} starts at byte {offset}, where none can be")
+                raise PictureError(
+                    path, f"page {len(offsets)} starts at byte {offset}, which is not possible"
+                )
             if offset + struct.calcsize(count) > size:
                 return tuple(offsets), offset
             file.seek(offset)
@@ -295,7 +297,7 @@ def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
     except cv2.error as error:
         raise ValueError(" ".join(error.err.split())) from None
     if not success or len(pictures) != 1:
-        raise ValueError("neither tifffile nor OpenCV knows its compression")
+        raise ValueError("its compression is not supported by tifffile or OpenCV")
     picture = np.asarray(pictures[0])
     if picture.dtype == np.uint16 and bits < 16:  # OpenCV shifts values of fewer bits to the top
         return np.right_shift(picture, 16 - bits)

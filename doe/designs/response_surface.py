@@ -34,9 +34,9 @@ def fractional_factorial(box: Box, generators: str) -> Design:
     for word in bare:
         missing = sorted(set(word) - set(factors))
         if missing:
-            raise ValueError(f"generator {word!r} multiplies {missing}, which stand for no parameter")
+            raise ValueError(f"generator {word!r} multiplies {missing}, which are letters of no parameter")
     if len(set(factors)) != len(factors):
-        raise ValueError(f"a letter alone stands for one parameter, got {generators!r}")
+        raise ValueError(f"a single letter names one parameter, got {generators!r}")
     from pydoe import fracfact
 
     return _scaled(box, fracfact(" ".join(words)), "fractional_factorial", {"generators": generators})

@@ -63,7 +63,10 @@ class Fitness:
             return sentence
         steps = ", ".join(f"{e:.2g} with {n}" for n, e in zip(self.runs, self.errors, strict=True))
         if self.runs_needed is not None:
-            return f"{sentence}; at the observed convergence ({steps}) about {self.runs_needed} runs would do"
+            return (
+                f"{sentence}; at the observed convergence ({steps}) about {self.runs_needed} runs would "
+                "be enough"
+            )
         return (
             f"{sentence}; it hardly falls with the number of runs ({steps}): the response is rough, or "
             "varies over less than the runs are apart; shrink the box"

@@ -67,8 +67,8 @@ class RadialBasis:
         largest = float(np.max(np.abs(values)))
         if misfit > LARGEST_MISFIT * largest:
             raise SurrogateError(
-                f"{kernel} misses its own runs by {misfit:.2e} (values up to {largest:.2e}): "
-                "the system is too ill-conditioned; take a rougher kernel or a larger shape"
+                f"{kernel} differs from its runs by {misfit:.2e} (values up to {largest:.2e}): the system "
+                "is too ill-conditioned; take a rougher kernel or a larger shape"
             )
         # e_i = c_i / B_ii with c = B f (docs: howto/doe.md).
         residuals = (operator @ values) / np.diag(operator)[:, None]

@@ -377,7 +377,7 @@ class PulseResponse:
         n = impulse.shape[1]
         table = getattr(self, kind)
         if n > len(table):
-            raise ValueError(f"{n} steps are asked for, the pulse's response has {len(table)}")
+            raise ValueError(f"{n} steps are requested, the pulse's response has {len(table)}")
         from scipy.signal import fftconvolve  # of use with bars only
 
         return np.asarray(fftconvolve(mean_about(impulse, self.step), table[None, :], axes=1)[:, 1 : n + 1])

@@ -90,8 +90,8 @@ class CalibrationView:
             self.images = [self._camera(i) for i in range(2)]
         length = arrow_scale(found, opened.series[0].shape[1])
         frame.note(
-            f"Circles: detected points. Arrows: measured less expected place, {length:.0f} times enlarged. "
-            "Red: points too far off, left out."
+            f"Circles: detected points. Arrows: measured minus expected place, {length:.0f} times "
+            "enlarged. Red: points too far off, left out."
         )
         with ui.element("div").classes("grid2"):
             self._pairs()

@@ -74,7 +74,7 @@ def copy_with(folder: Path, cause: CauseFinding) -> Path:
     value = changed_value(cause, draft.content())
     if value is None:
         raise InputError(
-            draft.path, f"{cause.key} is no single value there", cure="change it in a copy by hand"
+            draft.path, f"{cause.key} is not a single value there", cure="change it in a copy by hand"
         )
     copy = copy_of(folder, cause)
     if copy.exists():

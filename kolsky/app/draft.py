@@ -173,7 +173,7 @@ class Draft:
             tomllib.loads(text)
         except (tomllib.TOMLDecodeError, RecursionError) as error:
             cure = "correct the line; the file keeps its earlier text until then"
-            raise InputError(self.path.name, f"is no valid TOML: {error}", cure=cure) from None
+            raise InputError(self.path.name, f"is not valid TOML: {error}", cure=cure) from None
         try:
             with alone_in(self.path.parent):
                 if self._on_disk() != self.text:

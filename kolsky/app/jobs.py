@@ -188,7 +188,7 @@ def read_job(log: Path) -> Job:
         code = _code_of(child)
         return Job(log, log.stem, child.pid, "just now", "\n".join(tail).strip(), (), code, code is None)
     if found is None:
-        raise InputError(log, "is no log of a command", cure="remove it")
+        raise InputError(log, "is not a log of a command", cure="remove it")
     ends = [line for line in tail if line.startswith(END)]
     process = int(found["process"])
     code = _code_of(child) if child is not None and child.pid == process else None

@@ -297,7 +297,7 @@ class PicturesView:
                 x, y = (float(part) for part in line.split(","))
             except ValueError:
                 if line.strip():
-                    self._report([f"{line.strip()!r} is no corner: write x, y"])
+                    self._report([f"{line.strip()!r} is not a corner: write x, y"])
                     return
                 continue
             found.append([x, y])

@@ -177,7 +177,7 @@ class SetupView:
         try:
             entries = fields_of(self.draft.text)
         except tomllib.TOMLDecodeError as error:
-            frame.note(f"The text is no valid TOML: {error}", "caution")
+            frame.note(f"The text is not valid TOML: {error}", "caution")
             return
         tables = list(dict.fromkeys(e.table for e in entries))
         for table in tables:
@@ -459,7 +459,7 @@ class SetupView:
     def undo(self) -> None:
         """Undo the last change of this page."""
         if not self.draft.undone:
-            ui.notify("There is nothing to take back on this page.")
+            ui.notify("There is nothing to undo on this page.")
             return
         self._change(self.draft.undo, rebuild=True)
 

@@ -20,12 +20,12 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
         "droop": (True, "discharge of a piezoelectric transducer"),
         "dispersion": (True, "phase velocity of each frequency instead of the bar wave speed"),
         "separation": (True, "overlapping waves separated by two gauges"),
-        "free end": (False, "echoes from the bars' free far ends taken off"),
+        "free end": (False, "removal of echoes from the bars' free far ends"),
         "reflected alignment": (False, "reflected wave moved to its observed arrival"),
         "transmitted alignment": (False, "transmitted wave moved to its observed arrival"),
         "punching": (True, "elastic indentation of the bars' faces by a smaller specimen"),
         "mass": (True, "inertia of the parts between sensor and specimen"),
-        "radial inertia": (False, "pressure of the specimen's own radial acceleration"),
+        "radial inertia": (False, "pressure of the specimen's radial acceleration"),
         "axial inertia": (False, "momentum of the specimen itself"),
     }
 )

@@ -499,7 +499,7 @@ class Named(Item):
         names = take(place.inside("names"), None, "entries", "t")
         for name in names:
             if not name.isidentifier():
-                raise Refused(f"/{place.path}/names: {name!r} is no parameter name")
+                raise Refused(f"/{place.path}/names: {name!r} is not a parameter name")
         return {name: self.record.read(place.at(name)) for name in names}
 
     def json(self, value: Any) -> Any:

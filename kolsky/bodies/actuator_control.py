@@ -558,8 +558,8 @@ def check_targets(
             if not low <= angle <= high:
                 raise ValueError(
                     f"{name}: {np.degrees(angle):.4g}° is beyond reach: {who} bends from "
-                    f"{np.degrees(low):.4g}° to {np.degrees(high):.4g}° up to {1e-5 * section.most:.3g} bar; "
-                    "raise control.most, or ask for an angle inside"
+                    f"{np.degrees(low):.4g}° to {np.degrees(high):.4g}° up to {1e-5 * section.most:.3g} "
+                    "bar; raise control.most, or give an angle inside"
                 )
     largest = float(np.abs(section.angles).max())
     error = made.error_up_to(max(section.angles))

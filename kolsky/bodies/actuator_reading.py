@@ -379,7 +379,7 @@ def _part(toml: TomlFile, declared: ActuatorFile, name: str, mesh: Mesh, shape: 
         if name not in mesh.sets:
             raise toml.error(
                 key,
-                f"is no set of the mesh; it has {', '.join(sorted(mesh.sets))}",
+                f"is not a set of the mesh; it has {', '.join(sorted(mesh.sets))}",
                 cure="name the points of its cells as a set, or the physical volume",
             )
         cells = np.flatnonzero(np.isin(mesh.cells, mesh.nodes(name)).all(axis=1))

@@ -241,7 +241,7 @@ def _further(
 def _fixed_constants(toml: TomlFile, law: str, name: str, given: object) -> dict[str, float]:
     key = f"field.held.{name}"
     if not isinstance(given, dict) or POISSON not in given:
-        raise toml.error(key, "is no table with poisson and the law's constants")
+        raise toml.error(key, "is not a table with poisson and the law's constants")
     rest = {k: v for k, v in given.items() if k != POISSON}
     try:
         nu = quantity(given[POISSON], "1") if isinstance(given[POISSON], str) else float(given[POISSON])

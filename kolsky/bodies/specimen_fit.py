@@ -91,8 +91,8 @@ class ConstantEstimate:
         if self.verdict is ConstantVerdict.TOGETHER:
             return (
                 f"{self.name} is known only together with {self.partner} (correlation "
-                f"{self.correlation:.3f}): these tests hide one against the other; add another kind of "
-                "test, or hold one"
+                f"{self.correlation:.3f}): these tests do not separate the two; add another kind of test, "
+                "or hold one"
             )
         cures = {
             ConstantVerdict.HARDLY: "its interval is wide: strain further, or add another kind of test",

@@ -99,7 +99,8 @@ class Shape:
             raise ValueError("a block has no bonded length that could be shorter")
         if self.bond < 1.5 * step:
             raise ValueError(
-                f"the bond is {self.bond / step:.1f} elements long; it takes at least 2 to shorten it by one"
+                f"the bond is {self.bond / step:.1f} elements long; at least 2 are needed to shorten it "
+                "by one"
             )
         return replace(self, bond=self.bond - step)
 

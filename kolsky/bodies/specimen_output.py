@@ -80,7 +80,7 @@ def write_fits(folder: Path, fits: Sequence[SpecimenFit]) -> None:
     for found in fits:
         pull, push = largest_strains(found)
         said = (
-            "# Use one of the two, with its file beside shot.toml. The tests reached "
+            "# Use one of the two, with its file in the folder of shot.toml. The tests reached "
             f"{100.0 * pull:.3g} % in tension and {100.0 * push:.3g} % in compression.\n\n"
         )
         lines = [shot_lines(curve, f"{name}.csv") for name, curve in _law_curves(found).items()]

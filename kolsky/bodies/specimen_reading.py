@@ -132,7 +132,8 @@ def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]
         if name not in known or len(known[name]) == 0:
             raise toml.error(
                 f"{key}.{end}",
-                f"names {name!r}, no group of the mesh of {len(raw.cells)} cells and {len(points)} points",
+                f"names {name!r}, which is not a group of the mesh ({len(raw.cells)} cells, "
+                f"{len(points)} points)",
                 allowed=", ".join([*raw.groups, *sides]),
                 cure="name a physical group of surfaces, or a side of the body's box",
             )

@@ -237,7 +237,7 @@ class SpecimenFile(Section):
         if not self.tests and self.field is None:
             raise f.problem("is missing", key="tests", cure="add [tests.NAME], or [field] for a sheet")
         if self.tests and self.field is not None:
-            raise f.problem("is given beside [tests]", key="field", cure="fit each from a file of its own")
+            raise f.problem("is given beside [tests]", key="field", cure="fit each from a separate file")
         named = [("fit.together", names) for names in self.fit.together.values()]
         named += [("plan.compare", names) for names in self.plan.compare or []]
         for key, names in named:

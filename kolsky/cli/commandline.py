@@ -144,8 +144,7 @@ stopped."""
 
 
 def _end_in_time() -> None:
-    """End the process some seconds after SIGTERM, even if a compiled loop prevents Python from calling its
-    handlers.
+    """End the process some seconds after SIGTERM, also during a compiled loop, which blocks the handlers.
 
     The system writes the signal's number into a pipe at once; a thread waits there.
     """

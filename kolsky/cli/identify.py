@@ -217,7 +217,7 @@ def _result_rows(result: "JointResult") -> dict[str, Any]:
             f"{1e6 * p.clock:.2g} us, gain {100.0 * p.gain:+.2g} %"
         )
         if p.own is not None:
-            rows[f"{p.name}, by itself"] = (
+            rows[f"{p.name}, alone"] = (
                 f"stiffness {100.0 * p.own.value:+.2g} +- {200.0 * p.own.sigma:.2g} % from the shared (k = 2)"
             )
         if p.fit:
@@ -393,7 +393,7 @@ def run_jobs(
                 report(len(answers))
     except _lost_worker_errors() as error:
         raise texts.refusal(
-            f"a worker was lost with {len(answers)} of {len(jobs)} shots identified ({error})",
+            f"a worker failed after {len(answers)} of {len(jobs)} shots were identified ({error})",
             cure="take fewer workers or more memory; the results of the identified shots are complete",
         ) from error
     return [answers[i] for i in range(len(jobs))]
@@ -519,7 +519,7 @@ def identify(
     if (len(shots) > 1 or joint.is_needed) and not each:
         texts.refuse(
             {"--method": method != "least-squares", "--bayes": settings.bayes, "--diagnose": diagnose},
-            "is for one shot by itself",
+            "is for a single shot",
             cure="leave it out, or identify the shots one by one",
         )
         identify_shots(shots, joint, settings, relaxation=relaxation, out=out, figures=figures)

@@ -326,7 +326,7 @@ def material_relaxation(
 ) -> None:
     """Fit a Prony series; compare relaxation, oscillation (DMA), temperature sweeps and shots over time.
 
-    Compares elastic, Prony and Bergstrom-Boyce models by AICc and BIC, and says which the data choose.
+    Compares elastic, Prony and Bergstrom-Boyce models by AICc and BIC, and states which the data choose.
     Writes relaxation.html, relaxation.json and CSV tables.
     """
     from kolsky.base.files import filling, usable_folder, write_json, write_table

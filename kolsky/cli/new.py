@@ -24,12 +24,9 @@ if TYPE_CHECKING:
 
 @contextmanager
 def beginning(path: Path) -> Iterator[None]:
-    """Make the folder of a new file, and refuse what keeps either from being written.
+    """Make the folder of a new file; the file itself is then opened with the mode "x".
 
-    Within it the file is to be opened with the mode "x".
-
-    Raises InputError if the file exists, something else stands where its folder is to be, or either cannot be
-    written.
+    Raises InputError if the file exists, its folder is not a folder, or either cannot be written.
     """
     folder = path.parent
     try:
@@ -165,7 +162,7 @@ def open_pages(
     The page is served to this computer only. It writes the files that the other commands write.
     """
     if not folder.is_dir():
-        raise InputError(folder, "is no folder", cure="give the folder that your shots lie below")
+        raise InputError(folder, "is not a folder", cure="give the folder that your shots lie below")
     from kolsky.app.server import serve
 
     serve(folder, port=port, browser=browser)

@@ -132,7 +132,9 @@ class DesignChoice:
         ),
     ] = "factorial"
     """Name of a `doe.designs.DesignKind` at a command line."""
-    runs: Annotated[int, Option("Points of a design that takes any number.", min=2, max=1_000_000)] = 64
+    runs: Annotated[
+        int, Option("Number of points, for a design that takes any number.", min=2, max=1_000_000)
+    ] = 64
     generators: Annotated[
         str, Option('For a fractional design: a word for each parameter, e.g. "a b ab".', metavar="WORDS")
     ] = ""
@@ -400,7 +402,7 @@ def _address_in_file(path: Path) -> str:
     try:
         return str(json.loads(path.read_text("utf-8"))["address"])
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
-        problem = f"is no scheduler file ({type(error).__name__}: {error})"
+        problem = f"is not a scheduler file ({type(error).__name__}: {error})"
         raise InputError(path, problem, allowed="JSON with an address", cure=cure) from error
 
 

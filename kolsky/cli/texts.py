@@ -197,7 +197,7 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def none(option: str, texts: Sequence[str], other: str) -> None:
-    """Reject an option together with one that excludes it."""
+    """Refuse an option if another excludes it."""
     if texts:
         raise refusal(f"{option} excludes {other}", cure=f"leave out {option}")
 

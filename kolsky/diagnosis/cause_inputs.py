@@ -187,8 +187,8 @@ def leaves_length(runner: Runner, change: Change) -> bool:
 
 
 WITHOUT_TRACE = (
-    "The scale of the quasi-static curve leaves no residual: the data show only m times the curve. A curve "
-    "5 % too low gives an m 5 % too high, and nothing here can tell.",
+    "The scale of the quasi-static curve leaves no residual: the data show only m times the curve. A "
+    "curve 5 % too low gives an m 5 % too high, and no data of the shot show it.",
 )
 """Errors that no table of causes can show."""
 

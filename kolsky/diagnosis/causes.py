@@ -552,7 +552,7 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
     be explained.
     """
     if analysis.lost:
-        yield f"which input may be wrong could not be tried: {analysis.lost}"
+        yield f"the search for a wrong input failed: {analysis.lost}"
     checks = {c.key: c.check for c in causes()}
     for finding in analysis.named:
         told = ", ".join(f"{name} = {value:.5g}" for name, value in finding.parameters.items())
@@ -562,8 +562,8 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
             also, whole = f"beside {finding.beside}, ", "its remaining misfit"
         if explained:
             yield (
-                f"the model explains the data, and {sentence(finding)} would fit them better by more than "
-                f"chance (1 in {1.0 / max(finding.probability, 1e-99):.0e}){other}: "
+                f"the model explains the data, and {sentence(finding)} would fit them significantly "
+                f"better (by chance 1 in {1.0 / max(finding.probability, 1e-99):.0e}){other}: "
                 f"{checks.get(finding.key, finding.key)}; with it {told}"
             )
             continue

@@ -392,7 +392,7 @@ def fit_warnings(result: Identification) -> Iterator[str]:
     for name, e in result.estimates.items():
         if e.outcome is Verdict.CONTRADICTED:
             yield (
-                f"force and outline ask for values of {name} that are further apart than {CONTRADICTION:g} "
+                f"force and outline give values of {name} that are further apart than {CONTRADICTION:g} "
                 "standard uncertainties of their difference: at least one input, or the model, is wrong"
             )
     yield from _uninformative_channels(result)
@@ -414,7 +414,7 @@ def _uninformative_channels(result: Identification) -> Iterator[str]:
             shares = ", ".join(f"{100.0 * channel.weight[name]:.2g} %" for name in names)
             yield (
                 f"the {channel.channel} carries {shares} of the information on {', '.join(names)}: the "
-                f"answer is that of the {other} alone"
+                f"answer comes from the {other} alone"
             )
 
 
@@ -424,8 +424,8 @@ def unexplained(channel: FitQuality) -> str:
     reasons = []
     if not channel.excess <= channel.limit:
         reasons.append(
-            f"its residual, {factor * channel.residual:.3g} {unit} rms, is {channel.excess:.3g} times what "
-            f"noise, inputs and mesh leave where the model is right (at most {channel.limit:g})"
+            f"its residual, {factor * channel.residual:.3g} {unit} rms, is {channel.excess:.3g} times the "
+            f"residual expected of a correct model from noise, inputs and mesh (at most {channel.limit:g})"
         )
     if not channel.slow_excess <= channel.slow_limit:
         reasons.append(

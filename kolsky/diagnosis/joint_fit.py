@@ -497,9 +497,9 @@ def cause_sentence(causes: Sequence[ShotCause]) -> str:
     """The input and shot that explain the misfit best, and the next one; causes as from `shot_causes`."""
     named = [one for one in causes if one.gain >= LEAST_GAIN]
     if not named:
-        return "no single input of one shot explains the misfit: identify each shot by itself"
+        return "no single input of one shot explains the misfit: identify the shots one by one"
     first, rest = named[0], named[1:]
     numbers = f"explains {100.0 * first.share:.0f} % of a squared residual; -2 ln L falls by {first.gain:.3g}"
     following = f"; next: {rest[0].words} ({rest[0].gain:.3g})" if rest else ""
-    partly = "" if first.share >= LEAST_SHARE else "; it leaves the most: expect a second cause"
+    partly = "" if first.share >= LEAST_SHARE else "; most of the misfit remains: expect a second cause"
     return f"the likeliest cause is {first.words} ({numbers}){following}{partly}"

@@ -312,10 +312,10 @@ def shot_branch_test(
 
 
 TRY = (
-    "if no input is wrong, identify again with --relaxation prony, best several shots of different speeds "
-    "together with slow tests; m is then that of the long-term curve. A second shot at a third of the speed "
-    "settles it: m of an elastic model falls with the speed if the material relaxes, and stays if an input "
-    "of the rig is wrong"
+    "if no input is wrong, identify again with --relaxation prony, best several shots of different "
+    "speeds together with slow tests; m is then that of the long-term curve. A second shot at a third of "
+    "the speed distinguishes the two: m of an elastic model falls with the speed if the material "
+    "relaxes, and stays if an input of the rig is wrong"
 )
 
 
@@ -506,16 +506,16 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
         return replace(
             choice,
             asked_for=False,
-            sentence=f"the data do not need relaxation: {rate_of(strong[0].name)} ends at a bound of "
-            "its range, where a branch is damping or a stiffer curve by another name: identify without it, "
-            f"or give another range with --free {rate_of(strong[0].name)}",
+            sentence=f"the data do not need relaxation: {rate_of(strong[0].name)} ends at a bound of its "
+            "range, where a branch is equivalent to damping or to a stiffer curve: identify without "
+            f"it, or give another range with --free {rate_of(strong[0].name)}",
         )
     most = max(sizes, key=lambda e: e.value / e.sigma)
     return replace(
         choice,
         asked_for=False,
         sentence=f"the data do not need relaxation: its strength, {most.value:.2g} with a standard "
-        f"uncertainty of {most.sigma:.2g}, mesh included, may be nothing: identify without it, or refine",
+        f"uncertainty of {most.sigma:.2g}, mesh included, may be zero: identify without it, or refine",
     )
 
 
@@ -531,8 +531,9 @@ def choice_in_words(aic: float, probability: float, *, asked: bool, missed: floa
     chance = f"{100.0 * probability:.2g} % of planted elastic data improve as much by a branch"
     if missed > 0.0:
         return (
-            f"not decided whether the data need relaxation: its search ended {missed:.3g} in -2 ln L"
-            f" above the optimum without it, which is among its models ({chance}): give bounds with --free"
+            f"not decided whether the data need relaxation: the search with it ended {missed:.3g} in -2 "
+            f"ln L above the optimum without it, although its models include that optimum ({chance}): "
+            "give bounds with --free"
         )
     if asked:
         return f"the data need relaxation (AIC {aic:+.1f}; {chance})"

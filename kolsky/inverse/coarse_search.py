@@ -320,7 +320,7 @@ def _points_in_every_run(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
     lost = f": {runs.lost}" if runs.lost else ""
-    return ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}")
+    return ValueError(f"no surrogate can be fitted to the runs that completed ({error}){lost}")
 
 
 def front_with_noise(runner: Runner, replicates: Replicates | None) -> FrontPath:

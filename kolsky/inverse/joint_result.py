@@ -118,15 +118,15 @@ class ShotAgreement:
         """The agreement as a sentence."""
         numbers = f"chi2 {self.chi2:.3g} with {self.freedom} degrees of freedom"
         if not self.apart:
-            return f"the stiffest shot asks for {self.ratio:.3g} times the softest's stiffness ({numbers})"
+            return f"the stiffest shot needs {self.ratio:.3g} times the softest's stiffness ({numbers})"
         who = " and ".join(self.shots)
         verb = "contradict each other" if len(self.shots) > 1 else "contradicts the other shots"
         by = "all data"
         if self.channel:
-            by = f"the {self.channel}" + ("" if self.channel == FORCE_OVER_OUTLINE else " by itself")
+            by = f"the {self.channel}" + ("" if self.channel == FORCE_OVER_OUTLINE else " alone")
         return (
-            f"{who} {verb} by {by}: the stiffest shot asks for {self.ratio:.3g} "
-            f"times the softest's stiffness ({numbers})"
+            f"{who} {verb} by {by}: the stiffest shot needs {self.ratio:.3g} times the softest's "
+            f"stiffness ({numbers})"
         )
 
 
@@ -367,11 +367,9 @@ def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
         other = rate_of(name)
         rest = f", and without one {other} has no value" if other in estimates else ""
         said.append(
-            f"{name} and what depends on it are not seen: it takes a strength above "
-            f"{LEAST_STRENGTH * e.sigma:.2g}, "
-            f"{LEAST_STRENGTH:g} standard uncertainties with the mesh's{rest}; more shots, finer meshes "
-            f"or a slow test "
-            "as fast as the branch would see a weaker one"
+            f"{name} and what depends on it are not seen: a strength above {LEAST_STRENGTH * e.sigma:.2g} "
+            f"is needed, {LEAST_STRENGTH:g} standard uncertainties with the mesh's{rest}; more shots, "
+            "finer meshes or a slow test as fast as the branch would detect a weaker one"
         )
     return said
 

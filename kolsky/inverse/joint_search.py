@@ -364,9 +364,9 @@ def between_variance(
 
 
 COARSE_PATTERNS = (
-    "the weights hold the flyers' noise as the response of the mesh of the search: with patterns of a graded "
-    "mesh the search on the refined one has not converged, so that Poisson's ratio and damping may be off "
-    "by more than their intervals; refine both meshes"
+    "the weights contain the flyers' noise as computed on the mesh of the search, because the search on "
+    "the refined mesh did not converge with that of a graded mesh: the errors of Poisson's ratio and "
+    "damping may exceed their intervals; refine both meshes"
 )
 """Warning if the old patterns are kept."""
 

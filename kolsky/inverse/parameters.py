@@ -182,7 +182,7 @@ RELAXING: tuple[Parameter, ...] = (
         relaxes=True,
     ),
     _creep("creep_exponent", "exponent of the creeping network’s stress", "n", least=1.0, most=50.0),
-    _creep("creep_chain_exponent", "exponent of the creep that has been", "C", least=-1.0, most=0.0),
+    _creep("creep_chain_exponent", "exponent of the previous creep", "C", least=-1.0, most=0.0),
     _creep("creep_first", "stretch that keeps the first creep finite", "xi", least=1e-9, most=1.0),
 )
 """Constants of the relaxation; a shot has those of its [relaxation]."""
@@ -263,7 +263,7 @@ PARAMETERS: dict[str, Parameter] = {
         ),
         Parameter(
             name="release_stress",
-            words="tensile stress at which a bonded face lets go",
+            words="tensile stress at which a bonded face is released",
             symbol="sigma_b",
             written="σ_b",
             tex=r"\sigma_b",
@@ -351,8 +351,8 @@ def require_effect(names: Iterable[str], faces: str, side: str) -> None:
             continue
         if sliding and not has_effect(p, [SLIDING_LAW]):
             raise ValueError(
-                f"{p.name} has no effect beside {sliding[0].name}, with which everything slides by "
-                "Coulomb's law: name one of them"
+                f"{p.name} has no effect together with {sliding[0].name}, with which all surfaces slide "
+                "by Coulomb's law: name one of them"
             )
         if not sliding and not has_effect(p, [faces, side]):
             from explicit.contact import CONTACT_LAWS
@@ -467,7 +467,7 @@ def reference_words(names: Iterable[str]) -> str:
     if not there:
         return ""
     what = "Bergström and Boyce's network creeps" if there & set(NETWORK_FREE) else "a Prony series relaxes"
-    return f"the long-term curve, to which {what}: at high rate the specimen is stiffer than m says"
+    return f"the long-term curve, to which {what}: at high rate the specimen is stiffer than m states"
 
 
 def parsed_kind(text: str) -> tuple[RelaxationKind, int]:

@@ -161,7 +161,7 @@ ONE_FREE = ("stiffness_factor",)
 
 HELD_AS_ASKED, EXACT = "held as asked", "declared exact in [uncertainty]"
 NO_OUTLINE = "held because no outline was measured"
-SLIDES = "held because a surface slides or lets go"
+SLIDES = "held because a surface slides or is released"
 BEYOND = "declared beyond the range of the search"
 REASONS_BEFORE_RUNS = (HELD_AS_ASKED, EXACT, SLIDES, NO_OUTLINE, BEYOND)
 """Reasons to hold a parameter that are known before any run."""

@@ -264,7 +264,7 @@ def _fit(runner: Runner, middle: FloatArray, edge: float, numerics: Numerics) ->
         surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
     except SurrogateError as error:
         lost = f": {runs.lost}" if runs.lost else ""
-        raise ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}") from error
+        raise ValueError(f"no surrogate can be fitted to the runs that completed ({error}){lost}") from error
     start = np.clip(middle, box.lower, box.upper)
 
     def model(points: FloatArray) -> FloatArray:

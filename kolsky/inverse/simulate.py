@@ -211,8 +211,8 @@ def slow_test_warnings(found: SlowCompression) -> list[str]:
     said, test = [], found.test
     if test.kinetic_share > INERTIA or test.face_difference > INERTIA:
         said.append(
-            f"the slow test is not at rest: its kinetic energy is {test.kinetic_share:.1%} of the elastic one"
-            f" and the faces' forces differ by {test.face_difference:.1%}; ask for a smaller --error"
+            f"the slow test is not at rest: its kinetic energy is {test.kinetic_share:.1%} of the elastic "
+            f"one and the faces' forces differ by {test.face_difference:.1%}; give a smaller --error"
         )
     if test.past_data > PAST_CURVE:
         said.append(

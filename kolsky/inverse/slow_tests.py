@@ -161,7 +161,7 @@ def read_slow_tests(path: Path) -> Slow:
     toml = parse_toml(path)
     if "law" in toml.content:
         raise InputError(
-            path, "is the shots' own here, so [law] would have no effect", key="law", cure="remove it"
+            path, "is that of the shots, so [law] would have no effect", key="law", cure="remove it"
         )
     made = read_slow_list(toml)
     for name, sweep in made.sweeps.items():

@@ -122,7 +122,7 @@ def reference_curve(
     if any(test.compression is not compression for test in tests):
         raise ValueError("a reference curve has one branch; these tests are of tension and of compression")
     if treatment.ends is not None and not compression:
-        raise ValueError("end friction can be taken out of compression tests only")
+        raise ValueError("end friction can be corrected in compression tests only")
     ramps = [_ramp(test, treatment, pull) for test in tests]
     begun = tuple(correct_toe(ramp, treatment.toe) for ramp, _ in ramps)
     axis = _axis([one.test for one in begun], treatment)
@@ -240,7 +240,7 @@ def _mean(
         band = CurveBand(axis, values[0], noise, np.empty((0, axis.size)), ())
         if begun[0].sigma > 0.0:
             band = band.with_mode("toe", begun[0].sigma * np.gradient(values[0], axis))
-        remarks = ("one test: how specimens differ is unknown and not in the band",)
+        remarks = ("one test: the scatter between specimens is unknown and not in the band",)
     if treatment.scale_sigma > 0.0:
         band = band.with_mode("force and section", treatment.scale_sigma * band.stress)
     return band, remarks

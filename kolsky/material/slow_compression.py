@@ -250,9 +250,10 @@ def slow_compression(
         factor = max(2.0, MARGIN * errors[-1] / error)
         if factor * durations[-1] > LONGEST:
             raise ValueError(
-                f"a duration of {durations[-1]:.0f} passages of a wave leaves an error of {errors[-1]:.2g}, "
-                f"and {error:.2g} would take {factor * durations[-1]:.0f} of them, more than {LONGEST:.0f}: "
-                "ask for a larger error, or less strain; with friction the edge may be unstable"
+                f"a duration of {durations[-1]:.0f} passages of a wave leaves an error of "
+                f"{errors[-1]:.2g}, and {error:.2g} needs about {factor * durations[-1]:.0f} of them, more "
+                f"than {LONGEST:.0f}: give a larger error, or less strain; with friction the edge may be "
+                "unstable"
             )
         before = found
     stress = stiffness_factor * found.stress[0]

@@ -198,8 +198,8 @@ def _time_cure(time: FloatArray, expected: FloatArray) -> str:
     shift = float(np.median(time - expected))
     if power == 0 and np.ptp(time - expected) <= 1e-3 * spans[1]:
         return (
-            f"its times are {in_us(shift)} later all along: are they of another trigger? Leave the time"
-            " column of this table out if the frame numbers are right"
+            f"its times are {in_us(shift)} later throughout: are they of another trigger? Leave the time "
+            "column of this table out if the frame numbers are right"
         )
     return "both files must come from the same test and clock; are two columns swapped?"
 
@@ -303,8 +303,8 @@ def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
     uncertain, moved = flyer.sigma.copy(), flyer.displacement - at_rest[~stray].mean()
     uncertain[static[stray]] = off[stray]
     said = [
-        f"the flyer was found {1e6 * off[i]:.3g} um from its place at {in_us(flyer.time[static[i]])}, and "
-        "back there in the static frames after it: that frame is taken to be uncertain by as much"
+        f"the flyer was found {1e6 * off[i]:.3g} um from its place at {in_us(flyer.time[static[i]])}, but at "
+        "its place in later static frames: the frame's uncertainty is set to this distance"
         for i in np.flatnonzero(stray)
     ]
     return replace(flyer, displacement=moved, sigma=uncertain, notes=(*flyer.notes, *said))

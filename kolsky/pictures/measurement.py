@@ -214,7 +214,7 @@ def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
                 path, f"cannot be read ({error.strerror})", cure="export the mask as PNG"
             ) from None
         if picture is None:
-            raise InputError(path, "is no picture that can be read", cure="export the mask as PNG")
+            raise InputError(path, "is not a picture that can be read", cure="export the mask as PNG")
         if picture.shape != shape:
             raise InputError(
                 path,

@@ -71,7 +71,7 @@ class Drawn:
 def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Drawn]]:
     """Regions from the data sent by a page; a key without regions is left out."""
     if not isinstance(content, Mapping):
-        raise ValueError("the regions are no mapping of names to lists")
+        raise ValueError("the regions are not a mapping of names to lists")
     known = {one.key: one for one in wanted}
     found: dict[str, list[Drawn]] = {}
     for key, shapes in content.items():
@@ -128,7 +128,7 @@ def _outside_picture(drawn: Drawn, shape: tuple[int, int]) -> str:
     rows, columns = shape
     for x, y in drawn.corners:
         if not (np.isfinite(x) and np.isfinite(y)):
-            return "has a corner that is no number"
+            return "has a corner that is not a number"
         if not (0.0 <= x <= columns - 1.0 and 0.0 <= y <= rows - 1.0):
             return f"({x:g}, {y:g}) lies outside the picture of {columns} x {rows} px"
     return ""
@@ -261,7 +261,7 @@ class Session:
         except CannotEdit as error:
             return [f"{self.path.name} was not changed, {error}; write into [dic]: {'; '.join(lines)}"]
         except InputError as error:
-            return [f"{self.path.name} was left as it is: {error.message}"]
+            return [f"{self.path.name} was not changed: {error.message}"]
         except OSError as error:
             return [f"{self.path.name} cannot be written: {error.strerror}"]
         self._text, self.saved = text, tuple(values)

@@ -112,7 +112,7 @@ def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, 
     except CameraFileError as error:
         raise InputError(
             toml.path.parent / section.file,
-            f"is no calibration that can be read: {error}",
+            f"is not a calibration that can be read: {error}",
             cure="export the calibration again, in one of the formats of docs/howto/pictures",
         ) from None
     return rig, f"from the file {section.file}"

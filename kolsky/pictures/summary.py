@@ -195,7 +195,7 @@ def flyer_problem(
     seen = np.zeros(0, dtype=np.int64) if result.flyer is None else np.flatnonzero(result.flyer.n_valid)
     if not seen.size:
         return (
-            "shows no point that both cameras see, so how far it went is not known",
+            "shows no point that both cameras see, so its travel is not known",
             f"{_smaller_subset(result, subset)}declare a region that both cameras see, in a frame that shows "
             "much of it; if there is none, check crop_offset and the calibration of both cameras",
         )

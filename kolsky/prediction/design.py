@@ -129,7 +129,7 @@ def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> Planned
             inner = table.setdefault(part, {})
             if not isinstance(inner, dict):
                 raise InputError(
-                    test.file.path, "is no table", key=key, cure="write it as a table of the test file"
+                    test.file.path, "is not a table", key=key, cure="write it as a table of the test file"
                 )
             table = inner
         table[last] = value
@@ -226,7 +226,7 @@ def _at(test: PlannedTest, varied: Sequence[Varied], point: FloatArray) -> Plann
 
 EVENTS = {
     "incident_rise": "incident wave arrives at the flyer",
-    "striker_parts": "striker lets go",
+    "striker_parts": "striker separates",
     "tensile_dip": "joint is pulled",
     "separation": "flyer separates",
     "arrest": "flyer is arrested",

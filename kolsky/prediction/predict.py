@@ -77,7 +77,8 @@ def from_pulse(
         raise ValueError("the pulse has no rising force; is its sign compression-positive?")
     if not (np.diff(compression[: top + 1]) > 0.0).mean() > 0.9:
         raise ValueError(
-            "the faces of the shaper part while the force rises: speed, bars or the force's scale are wrong"
+            "the faces of the shaper move apart while the force rises: speed, bars or the force's scale are "
+            "wrong"
         )
     x = np.maximum.accumulate(compression[: top + 1])
     rising = np.maximum.accumulate(force[: top + 1])

@@ -109,7 +109,7 @@ class HoldTable(Section):
         if CONTACT_LAWS[self.faces].carries_tension:
             able = f.alternatives(name for name, law in CONTACT_LAWS.items() if not law.carries_tension)
             raise f.problem(
-                "would hold the flyer back for ever: after the arrest the specimen pushes it away",
+                "would hold the flyer permanently, but the specimen pushes it away after the arrest",
                 key="faces",
                 allowed=able,
             )

@@ -432,7 +432,7 @@ def _sorted(time: FloatArray, name: str, fault: Fault) -> None:
             int(back[0]) + 1,
             "is it the time column? the layout names it: time"
             if swapped
-            else "every sample has its own, later time; export again, in order",
+            else "every sample needs a later time than the one before; export again, in order",
         )
     if time[-1] == time[0]:
         raise fault(f"column '{name}' has one time only, {time[0]:.9g} s", None, "is it the time column?")

@@ -162,7 +162,7 @@ def _rows(path: Path, wanted: str | None) -> tuple[str, list[tuple[object, ...]]
             if len(rows) == ROWS_LIMIT:
                 raise InputError(
                     path,
-                    f"sheet '{title}' has more than {ROWS_LIMIT} rows, which no sheet has",
+                    f"sheet '{title}' has more than {ROWS_LIMIT} rows, more than a sheet can have",
                     cure="save it again in Excel, or as CSV",
                 )
             rows.append(row[:COLUMNS_LIMIT])

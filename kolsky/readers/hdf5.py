@@ -271,7 +271,7 @@ def _walk(
     keys = {**above, **_numbers(group.attrs)}
     for name in group:
         if not isinstance(name, str):
-            raise InputError(path, f"has the name {name!r}, which is no text", cure="export it again")
+            raise InputError(path, f"has the name {name!r}, which is not a text", cure="export it again")
         full = f"{prefix}/{name}"
         if name.startswith("#"):  # MATLAB's store of references
             continue

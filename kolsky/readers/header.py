@@ -133,14 +133,14 @@ def time_factor(path: Path, unit: str | None, what: str) -> float:
     Raises InputError if the unit is missing or is not a unit of time.
     """
     if unit is None:
-        raise InputError(path, f"{what} has no unit", cure='say it in the layout: time_unit = "s"')
+        raise InputError(path, f"{what} has no unit", cure='declare it in the layout: time_unit = "s"')
     known = si_unit(unit)
     if known is None or known[0] != "s":
         raise InputError(
             path,
             f"{what} has the unit '{unit}'",
             allowed='a unit of time: "s", "ms", "us", "ns"',
-            cure='say it in the layout: time_unit = "s"',
+            cure='declare it in the layout: time_unit = "s"',
         )
     return known[1]
 
@@ -396,7 +396,7 @@ def _of_channel(
     values = [v for field in texts if (v := _number(field.rpartition(":")[2], decimal)) is not None]
     if not values:
         digits = [field for field in texts if any(letter.isdecimal() for letter in field)]
-        return f"{key} = {digits[0][:60]} is no number that can be read" if digits else None
+        return f"{key} = {digits[0][:60]} is not a number that can be read" if digits else None
     chosen = values[0]
     if any(value.number != chosen.number for value in values):
         if len(values) != channels:

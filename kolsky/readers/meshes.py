@@ -95,7 +95,7 @@ def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
 def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], str]:
     """Names of the physical groups by dimension and number; an `InputError` if it is another format."""
     if not (blocks.get("MeshFormat") or [""])[0].startswith("2."):
-        raise InputError(path, "is no Gmsh mesh of format 2", cure=CURE)
+        raise InputError(path, "is not a Gmsh mesh of format 2", cure=CURE)
     names = {}
     try:
         for line in _counted(path, "PhysicalNames", blocks.get("PhysicalNames", ["0"])):
@@ -126,9 +126,9 @@ def _points_and_elements(
         tags = row[2] if len(row) > 3 else -1
         points = row[3 + tags :]
         if tags < 0 or not points or len(points) != POINTS.get(row[1], len(points)):
-            raise InputError(path, f"has the element {row[:12]}, which none can be", cure=CURE)
+            raise InputError(path, f"has the element {row[:12]}, which is invalid", cure=CURE)
         if not all(point in place for point in points):
-            raise InputError(path, f"has the element {row[0]} with points that are not there", cure=CURE)
+            raise InputError(path, f"has the element {row[0]} with points that do not exist", cure=CURE)
     return rows, place, elements
 
 
@@ -137,7 +137,7 @@ def _counted(path: Path, name: str, lines: list[str]) -> list[str]:
     said = lines[0] if lines else ""
     if not said.isdecimal() or int(said[:12]) != len(lines) - 1:
         raise InputError(
-            path, f"says {said[:20]!r} for the {len(lines) - 1} lines of ${name}: is it cut off?", cure=CURE
+            path, f"states {said[:20]!r} for the {len(lines) - 1} lines of ${name}: is it cut off?", cure=CURE
         )
     return lines[1:]
 

@@ -123,7 +123,8 @@ def check_unclipped(
                 int(clipped[0]),
                 f"is clipped: {values[clipped[0]]:.6g} {unit} in the first of {clipped.size} samples at or"
                 f" beyond full scale ({full_scale:g} {unit})",
-                "what lies beyond is lost; repeat the test at a coarser range, or correct full_scale",
+                "clipped samples cannot be restored; repeat the test at a coarser range, or correct "
+                "full_scale",
             )
         return
     starts = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0]))
@@ -146,8 +147,8 @@ def check_unclipped(
                 first,
                 f"is clipped: {longest} equal samples at its extreme {extreme:.6g} {unit}, elsewhere at most"
                 f" {longest_inner}",
-                "what lies beyond is lost; repeat the test at a coarser range, or, if the signal is truly"
-                " flat, state full_scale",
+                "clipped samples cannot be restored; repeat the test at a coarser range, or, if the "
+                "signal is truly flat, state full_scale",
             )
 
 
@@ -227,7 +228,7 @@ def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
         raise InputError(
             path,
             f"seems to be text, and its name ends in '{path.suffix}'",
-            cure=f"rename it to end in one of {', '.join(filter(None, delimited.SUFFIXES))}, or say "
+            cure=f"rename it to end in one of {', '.join(filter(None, delimited.SUFFIXES))}, or declare "
             'format = "delimited" in a layout',
         )
     raise InputError(
@@ -301,8 +302,8 @@ def _at_uniform_times(
     step = float(time[1] - time[0])
     varies = float(np.abs(np.diff(measured) / step - 1.0).max())
     return np.asarray(CubicSpline(measured, value)(time)), (
-        f"the sampling steps of channel '{name}' vary by up to {100.0 * varies:.2g} %, so that its samples "
-        f"were interpolated to uniform steps of {step:.6g} s (cubic spline); cure: none is needed where the "
+        f"the sampling steps of channel '{name}' vary by up to {100.0 * varies:.2g} %; its samples were "
+        f"interpolated to uniform steps of {step:.6g} s (cubic spline); cure: none is needed where the "
         "recorder's clock does vary, else export the times with more digits"
     )
 
@@ -313,7 +314,7 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
     if text is None:
         raise InputError(
             contents.path,
-            f"does not say the unit of channel '{channel.name}'",
+            f"does not state the unit of channel '{channel.name}'",
             cure='give it in the layout (of bars: in the recorder): unit = "V", "mV", "microstrain", ...',
         )
     known = si_unit(text)
@@ -322,7 +323,7 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
             contents.path,
             f"channel '{channel.name}' has the unit '{text}'",
             allowed='a unit such as "V", "mV", "N", "Pa", "strain"',
-            cure='say it in the layout: unit = "mV"',
+            cure='declare it in the layout: unit = "mV"',
         )
     return known
 

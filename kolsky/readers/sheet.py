@@ -110,7 +110,7 @@ class Sheet:
             raise InputError(
                 self.path,
                 f"has {len(found)} columns '{wanted}'",
-                cure=f"ask for one by its number: {numbers}",
+                cure=f"give the number of one: {numbers}",
             )
         if found:
             return found[0]
@@ -205,7 +205,7 @@ def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: La
         if dialect.is_samples(lines[index]):
             return index
     raise InputError(
-        path, "has a header but no data", line=len(lines), cure="export it again, or say first_line"
+        path, "has a header but no data", line=len(lines), cure="export it again, or declare first_line"
     )
 
 
@@ -324,7 +324,7 @@ def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None
         wrong = next((cell for cell in cells if not dialect.is_number(cell)), "")
         raise InputError(
             path,
-            f"is neither a header nor samples: '{wrong[:60]}' beside the number {numbers[0]}",
+            f"cannot be read as a header or as samples: '{wrong[:60]}' next to the number {numbers[0]}",
             line=number + 1,
             cure="correct the line, or give header_line in the layout",
         )

@@ -207,7 +207,8 @@ class Table:
             row=row,
             cure="are two columns swapped? the shot file names each column"
             if swapped
-            else "every sample has its own, later time; export again with all digits, in order",
+            else "every sample needs a later time than the one before; export again with all digits, in "
+            "order",
         )
 
     def error(self, message: str, *, row: int | None = None, cure: str | None = None) -> InputError:
@@ -235,7 +236,7 @@ class Table:
                 self.path,
                 f"column '{column.name}' is there {len(found)} times",
                 line=self.header_line,
-                cure="give each column its own name",
+                cure="give each column a different name",
             )
         raise InputError(
             self.path,

@@ -100,7 +100,9 @@ def _channel(
             return clock_of_array(path, times, layout, header)
         if header.interval is None:
             raise InputError(
-                path, f"channel '{name}' has no wf_increment", cure='say in the layout interval = "100 ns"'
+                path,
+                f"channel '{name}' has no wf_increment",
+                cure='declare in the layout interval = "100 ns"',
             )
         start, source = header.start, header.source
         if delay is not None and layout.start is None:
@@ -196,8 +198,8 @@ def _check_joined(path: Path, waveforms: dict[str, list[_Waveform]]) -> None:
             if abs(gap) > 0.5 * first.interval or part.interval != first.interval:
                 raise InputError(
                     path,
-                    f"channel '{name}' holds several waveforms: sample {part.before + 1} was taken"
-                    f" {gap:.6g} s later than wf_increment puts it",
+                    f"channel '{name}' holds several waveforms: sample {part.before + 1} was taken "
+                    f"{gap:.6g} s later than wf_increment gives",
                     cure="save every waveform in a separate channel or file",
                 )
 

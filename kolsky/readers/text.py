@@ -84,7 +84,7 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
         line = text.count("\n", 0, text.index("\0")) + 1
         raise InputError(
             path,
-            "has a zero byte: it is no text, or was cut off",
+            "has a zero byte: it is not a text, or was cut off",
             line=line,
             cure="copy it again, or give its format in the layout",
         )
@@ -357,7 +357,7 @@ def find_dialect(
                 path,
                 f"has one field a line with the delimiter {delimiter!r}, {better.fields} with {name}",
                 line=len(lines),
-                cure=f'say delimiter = "{name}", or leave it out',
+                cure=f'declare delimiter = "{name}", or leave it out',
             )
     if not several:
         raise _no_numbers(path, lines, characters, decimals, word)
@@ -385,7 +385,7 @@ def _no_numbers(
         *([f"the decimal sign {decimals[0]!r}"] if len(decimals) == 1 else []),
     ]
     under = f" with {' and '.join(said)}" if said and word == "line" else ""
-    cure, problem = "is it the right file, and exported whole?", f": {text[:_SHOWN]!r} is no number"
+    cure, problem = "is it the right file, and exported whole?", f": {text[:_SHOWN]!r} is not a number"
     if line > _FEWER_LINES[-1]:
         cured = cure_of(text)
         cure += " " + (cure_of(_OTHER_OR_COMMA.split(text)[0]) if cured is _REMARK_CURE else cured)
@@ -537,7 +537,7 @@ def check_one_column(path: Path, lines: Sequence[str]) -> None:
 def _no_plain_numbers(path: Path, delimiter: Delimiter, lines: Sequence[str]) -> InputError:
     return InputError(
         path,
-        f"most fields between its {delimiter.plural} are no plain numbers: '{lines[-1][:_SHOWN]}'",
+        f"most fields between its {delimiter.plural} are not plain numbers: '{lines[-1][:_SHOWN]}'",
         line=len(lines),
         cure="export numbers without units and without signs between thousands, with one decimal sign, or "
         "declare a layout",

@@ -113,8 +113,8 @@ class SheetView:
         gone = int(self.measured.left_out.sum())
         if gone:
             said.append(
-                f"{gone} of {len(self.measured.left_out)} points are left out: neither their "
-                "neighbours nor the fitted sheet predict them (field.points.gate)"
+                f"{gone} of {len(self.measured.left_out)} points are left out, because their neighbours "
+                "and the fitted sheet do not predict them (field.points.gate)"
             )
         if self.stiffness is not None and not self.stiffness.explained:
             said.append(

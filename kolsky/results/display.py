@@ -126,7 +126,7 @@ QUALITY = {
     "check_shift_sigmas": ("optimum moved by the last check run", 1.0, " σ"),
     "check_force": ("force, against the last check run, rms", 1.0, " N"),
     "check_shape": ("outline, against the last check run, rms", 1e6, " µm"),
-    "runs_needed": ("runs around the optimum that would do", 1.0, ""),
+    "runs_needed": ("runs around the optimum that would be enough", 1.0, ""),
     "lost_mesh_runs": ("failed runs for the mesh’s error", 1.0, ""),
     "counted_points": ("outline points counted in the search", 1.0, ""),
     "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
@@ -136,7 +136,7 @@ QUALITY = {
     "branch_strength": ("strength of the branch that was searched for", 1.0, ""),
     "branch_time": ("its relaxation time", 1e6, "µs"),
     "branch_share": ("share of the remaining misfit that it explains", 1.0, ""),
-    "branch_aic": ("Akaike’s criterion with it, less that without", 1.0, ""),
+    "branch_aic": ("Akaike’s criterion with it minus that without", 1.0, ""),
     "valley_margin": ("next valley of Poisson’s ratio, −2 ln L above this one", 1.0, ""),
     "front_moved": ("front face’s path moved by, over its noise, rms", 1.0, ""),
 }

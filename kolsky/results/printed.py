@@ -116,7 +116,7 @@ def printed_fit(found: Identification, symbols: Mapping[str, str]) -> dict[str, 
             rows[f"{f.channel}, information"] = ", ".join(shares)
     for lag in found.clocks:
         rows[f"{lag.recording}, late by"] = (
-            f"{1e6 * lag.lag:.2f} ± {2e6 * lag.sigma:.2f} us: {lag_state(found, lag)}, notices "
+            f"{1e6 * lag.lag:.2f} ± {2e6 * lag.sigma:.2f} us: {lag_state(found, lag)}, detects "
             f"{1e6 * lag.noticed:.2g} us"
         )
     return rows

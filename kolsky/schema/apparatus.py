@@ -75,8 +75,8 @@ class InterfaceSection(Section):
             if given and not needing:
                 able = f.alternatives(law for law in CONTACT_LAWS if name in keys_read(law))
                 raise f.problem(
-                    f'is given, but neither "{self.faces}" on the faces nor "{self.side}" on the side reads '
-                    "it, so it would have no effect",
+                    f'is given, but the laws "{self.faces}" on the faces and "{self.side}" on the side do '
+                    "not use it, so it would have no effect",
                     key=name,
                     cure=f"remove it, or choose the law {able}",
                 )

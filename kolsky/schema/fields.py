@@ -267,7 +267,7 @@ Density = Annotated[float, BeforeValidator(physical("kg/m^3", "> 0", "the mass d
 Modulus = Annotated[float, BeforeValidator(physical("Pa", "> 0", "Young's modulus"))]
 Stress = Annotated[float, BeforeValidator(physical("Pa", ">= 0"))]
 ReleaseStress = Annotated[
-    float, BeforeValidator(physical("Pa", ">= 0", "the tensile stress at which a bonded face lets go"))
+    float, BeforeValidator(physical("Pa", ">= 0", "the tensile stress at which a bonded face is released"))
 ]
 Voltage = Annotated[float, BeforeValidator(physical("V", "> 0", "the largest voltage the recorder shows"))]
 SignedVoltage = Annotated[float, BeforeValidator(physical("V"))]

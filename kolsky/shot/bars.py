@@ -105,7 +105,7 @@ def _with_reflected(
         raise file.error(
             f"{key}.channel",
             f"is in {pulse.unit!r}, the incident pulse in {incident.unit!r}",
-            cure="both pulses come from one gauge: export them alike",
+            cure="both pulses come from one gauge: export them in one unit",
         )
     first, interval = float(incident.time[0]), float(np.median(np.diff(incident.time)))
     place = (float(pulse.time[0]) + start - first) / interval
@@ -124,9 +124,9 @@ def _with_reflected(
     value = np.full(count, float(rest.mean()) if rest.size else 0.0)
     value[: incident.value.size], value[row:] = incident.value, pulse.value
     said = (
-        f"channel '{incident.channel}' of {incident.path.name} was put together from pulses that were cut"
-        f" apart, at rest between them: the reflected one begins {in_us(row * interval)} after the first"
-        f" sample, {in_us(abs(place - row) * interval)} off its declared place (whole samples)"
+        f"channel '{incident.channel}' of {incident.path.name} was assembled from separate pulses, with "
+        f"zero between them: the reflected pulse begins {in_us(row * interval)} after the first sample, "
+        f"{in_us(abs(place - row) * interval)} from its declared place (whole samples)"
     )
     return replace(
         incident,
@@ -197,7 +197,7 @@ def _station_calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
     found, check = with_shunt(bridge, Shunt(**gauge.bridge.shunt.model_dump()))
     if check.compression_sign not in gauge.signs:
         raise ValueError(
-            f"the shunt's step of {gauge.bridge.shunt.step:g} V says that compression gives "
+            f"the shunt's step of {gauge.bridge.shunt.step:g} V shows that compression gives "
             f"{'positive' if check.compression_sign > 0 else 'negative'} volts, declared is "
             f"{gauge.compression!r}; correct the sign of the step or of compression"
         )
@@ -260,12 +260,12 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
         idle["separation"] = "it needs a second station on the incident bar"
     elif switches["separation"]:
         idle["free end"] = "two stations separate the waves of the incident bar already"
-        idle["reflected alignment"] = "two stations give the reflected wave on the incident wave's own clock"
+        idle["reflected alignment"] = "two stations give the reflected wave on the clock of the incident wave"
     for key, why in idle.items():
         if switches.stated.get(key, False):
             raise file.error(
                 "waves.corrections",
-                f"switches {key!r} on, which has no part in this test: {why}",
+                f"switches {key!r} on, which has no effect in this test: {why}",
                 cure="remove it" if two_stations or key != "separation" else "add [gauges.incident_far]",
             )
     return switches
@@ -379,7 +379,7 @@ def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> No
         [
             file.error(
                 "specimen.diameter",
-                "is wider than a bar, which loads only its own cross-section",
+                "is wider than the bar, which loads only the area of its face",
                 allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
             )
             for side, bar in bars.items()

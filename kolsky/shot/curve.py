@@ -139,7 +139,7 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
         table,
         np.abs(strain) > LARGEST_STRAIN,
         strain,
-        f"the strain {{value:.6g}} is no strain of an elastomer; it must be in (-1, {LARGEST_STRAIN:g}]",
+        f"the strain {{value:.6g}} is not a strain of an elastomer; it must be in (-1, {LARGEST_STRAIN:g}]",
         _strain_cure(strain, section),
     )
     _rows(

@@ -100,7 +100,7 @@ def check_densities(e: Evidence) -> Iterator[Finding]:
             fits = low <= value * factor <= high
             yield e.finding(
                 key,
-                f"is {value:.6g} kg/m^3, which no solid of such a test has",
+                f"is {value:.6g} kg/m^3, which is not the density of a specimen",
                 allowed=f"in [{low:g}, {high:g}] kg/m^3",
                 cure=f'{key} = "{value * factor:.6g} kg/m^3" would fit: was the number in g/cm^3?'
                 if fits and factor > 1.0
@@ -114,7 +114,7 @@ def check_densities(e: Evidence) -> Iterator[Finding]:
             yield e.finding(
                 key,
                 f"is that of a foam, and model.poisson = {poisson:g}"
-                + ("" if foam else f" is above {FOAM_POISSON:g}, which no foam has"),
+                + ("" if foam else f" is above {FOAM_POISSON:g}, too large for a foam"),
                 allowed=None if foam else f"at least {FOAM_DENSITY:g} kg/m^3 with this Poisson's ratio",
                 cure=f'is it a foam? if not, "{value * 10:.6g} kg/m^3" has one digit more'
                 if foam
@@ -194,7 +194,7 @@ def _bar_speed(e: Evidence, key: str, speed: float, beside: str, si: str) -> Ite
     cure = unit_cure(e.file, key, si, factor) if si and low <= scaled <= high else ""
     yield e.finding(
         key,
-        f"gives waves of {speed:.4g} m/s{' ' * bool(beside)}{beside}, which no bar has",
+        f"gives waves of {speed:.4g} m/s{' ' * bool(beside)}{beside}, which is not possible in a bar",
         allowed=f"such that they run at {low:g} to {high:g} m/s",
         cure=cure or "correct the number or its unit",
     )
@@ -214,7 +214,7 @@ def check_specimen_size(e: Evidence) -> Iterator[Finding]:
             factor = power_of_1000(size / (other if low <= other <= high else 0.01))
             yield e.finding(
                 key,
-                f"is {1e3 * size:.6g} mm, the size of no specimen",
+                f"is {1e3 * size:.6g} mm, which is not the size of a specimen",
                 allowed=f"in [{1e3 * low:g}, {1e3 * high:g}] mm",
                 cure=unit_cure(e.file, key, "m", factor) or "correct the number or its unit",
             )

@@ -95,7 +95,8 @@ def check_range(scope: Recording, section: ForceSection, key: str = "force") -> 
             f"column '{scope.channel}' is clipped: {scope.value[row]:.6g} V in the first of {clipped.size}"
             f" samples at or beyond full scale ({key}.full_scale = {section.full_scale:g} V)",
             line=None if scope.first_line is None else scope.first_line + row,
-            cure=f"a clipped force is lost; repeat the test at a coarser range, or correct {key}.full_scale",
+            cure="a clipped force cannot be restored; repeat the test at a coarser range, or correct "
+            f"{key}.full_scale",
         )
 
 
@@ -104,7 +105,7 @@ def check_signal(scope: Recording, toml: ShotToml) -> None:
     if scope.value.size > SMALLEST_BASELINE and (np.diff(scope.value) > 0.0).all():
         raise toml.error(
             "force.voltage",
-            f"is no signal: column '{scope.channel}' rises from each of its {scope.value.size} samples to "
+            f"is not a signal: column '{scope.channel}' rises from each of its {scope.value.size} samples to "
             "the next, as a clock does",
             cure="name the column of the transmitted force",
         )
@@ -132,8 +133,8 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
             "force.baseline",
             f"holds {volts.size} samples",
             allowed=f"a time span with at least {SMALLEST_BASELINE} samples",
-            cure="choose a longer span inside the record, on the shot's clock; where the record has too few"
-            f" samples before the test, {elsewhere} will do",
+            cure="choose a longer span inside the record, on the shot's clock; where the record has too "
+            f"few samples before the test, {elsewhere} is sufficient",
         )
     if after and section.time_constant is not None:
         raise toml.error(
@@ -147,7 +148,7 @@ def check_baseline(volts: FloatArray, rest: float, toml: ShotToml, *, last: floa
             "force.baseline",
             f"is not quiet: its halves differ by {np.diff(_halves(volts))[0]:+.3g} V, the noise of a sample"
             f" is {float(volts.std(ddof=1)):.3g} V",
-            cure="name a span in which no force acts any more",
+            cure="name a span without force",
         )
     if np.ptp(volts) == 0.0:
         raise toml.error(

@@ -308,7 +308,7 @@ INPUTS: dict[str, Input] = {
             parameter="mass_damping",
             cause=Cause(
                 key="model.mass_damping",
-                words="a damping proportional to mass beside it",
+                words="an additional damping proportional to mass",
                 check="the damping of the material may differ from model.damping",
                 changed=lambda u: Change(values={"mass_damping": u}),
                 scan=(50.0, 150.0, 400.0, 1000.0, 2500.0),
@@ -549,7 +549,7 @@ INPUTS: dict[str, Input] = {
         _of_curve(
             "true_stress",
             key="curve.stress",
-            words="a curve whose stress is true, not nominal, to a share",
+            words="a curve of true instead of nominal stress, with a share",
             check="check curve.stress: it must be force over the first area",
             form="true stress",
             scan=(1.0,),
@@ -560,7 +560,7 @@ INPUTS: dict[str, Input] = {
         _of_curve(
             "true_strain",
             key="curve.strain",
-            words="a curve whose strain is logarithmic, not nominal, to a share",
+            words="a curve of logarithmic instead of nominal strain, with a share",
             check="check curve.strain: it must be the change of length over the first length",
             form="true strain",
             scan=(1.0,),
@@ -608,8 +608,9 @@ INPUTS: dict[str, Input] = {
             cause=Cause(
                 key=CURVE_SCALE,
                 words="a stiffness factor beyond its bound",
-                check="widen the bound if the material may be so; else suspect the scale of curve.stress: "
-                "its unit, its area (a factor of (D/d)²), or another material's curve",
+                check="widen the bound if the material may be that stiff or soft; otherwise suspect the "
+                "scale of curve.stress: its unit, its area (a factor of (D/d)²), or another "
+                "material's curve",
                 changed=lambda u: Change(values={"stiffness_factor": exp(u)}),
                 needs="stiffness at its bound",
                 scan=tuple(

@@ -185,7 +185,7 @@ def _export(
         raise InputError(
             export.paths[int(unknown[0])],
             f"is frame {export.frame[unknown[0]]}, which is not in {frames.path.name}",
-            cure="number the files as the frames' file numbers its frames",
+            cure="give the files the frame numbers of the frames' file",
         )
     return export, frames.time[index] + toml.declared.frames.clock_offset
 

@@ -195,9 +195,9 @@ def _scaled(history: History, factor: float) -> History:
 EARLY = 0.05
 """The clocks are compared up to this travel of the flyer, over the specimen's length [-]."""
 UNJUDGED = (
-    "whether the forces on the faces are balanced is not known, as only the one behind the specimen was "
-    "measured; cure: declare the flyer's own transducer in [incident_force], or use the inverse method "
-    "(kolsky identify), which needs no balance"
+    "whether the forces on the faces are balanced is not known, because only the force behind the "
+    "specimen was measured; cure: declare the flyer's transducer in [incident_force], or use the inverse "
+    "method (kolsky identify), which needs no balance"
 )
 """Text for the validity window if the force on the front face is not known."""
 

@@ -128,7 +128,7 @@ class ModelComparison:
 
     @property
     def chosen(self) -> Candidate | None:
-        """The chosen model; None if the data do not choose one."""
+        """The chosen model; None if the data do not determine one."""
         return None if self.rivals or self.best.doubt or self.scatter > POOR_FIT else self.best
 
     @property
@@ -137,22 +137,22 @@ class ModelComparison:
         best = self.best
         if self.scatter > POOR_FIT:
             return (
-                f"the data do not choose: no model describes them (chi-square per degree of freedom"
+                f"no model can be chosen: none describes the data (chi-square per degree of freedom"
                 f" {self.scatter:.3g} or more); declare the material's [law], or correct the sigmas"
             )
         if best.doubt:
-            return f"the data do not choose: {best.name}: {best.doubt}"
+            return f"no model can be chosen: {best.name}: {best.doubt}"
         if self.rivals:
             near = "; ".join(
                 f"{one.name} (BIC {one.bic(self.n_data) - best.bic(self.n_data):+.1f}"
                 f"{', ' + one.doubt if one.doubt else ''})"
                 for one in self.rivals
             )
-            return f"the data do not choose between {best.name} and {near}"
+            return f"the data do not distinguish {best.name} and {near}"
         if best.name == CURVE:
             return (
-                "the data do not ask for rate dependence: a curve of the strain alone explains them, the law"
-                " does not; correct the material's [law], or test at a second rate"
+                "the data do not require rate dependence: a curve of the strain alone explains them, the "
+                "law does not; correct the material's [law], or test at a second rate"
             )
         others = [one.bic(self.n_data) for one in self.candidates if one is not best]
         gap = "no other"

@@ -235,9 +235,9 @@ def _too_large(error: float, runs: int, dimension: int) -> str:
     """
     needed = int(np.ceil(runs * (error / LARGEST_ERROR) ** (dimension / 2.0)))
     return (
-        f"an interpolant of {runs} runs is wrong by {100.0 * error:.0f} % of their standard deviation, at"
-        f" most {100.0 * LARGEST_ERROR:.0f} % are allowed; about {needed} runs would do if the misfit is"
-        " smooth"
+        f"an interpolant of {runs} runs is wrong by {100.0 * error:.0f} % of their standard deviation, at "
+        f"most {100.0 * LARGEST_ERROR:.0f} % are allowed; about {needed} runs would be enough if the "
+        "misfit is smooth"
     )
 
 

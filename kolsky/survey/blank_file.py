@@ -201,8 +201,8 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
         return
     if (sign := first_push(volts, quiet)) is not None:
         word = "positive" if sign > 0 else "negative"
-        rises = "rises" if sign > 0 else "falls"
-        note = f"the test begins with compression, and the record {rises} first and most"
+        rise = "rise" if sign > 0 else "fall"
+        note = f"the test begins with compression, and the first and largest change is a {rise}"
         shown.add("force.compression", f'"{word}"', note)
     if times is None:
         return

@@ -126,7 +126,7 @@ def survey_surfaces(folder: Path) -> SurfaceSurvey:
     parts = {part: [s for s in series if s.one_body is part] for part in (True, False, None)}
     for one in parts[None]:
         doubtful[one.pattern] = (
-            "its points that are valid in every frame move neither as one body nor as a pressed specimen"
+            "its points that are valid in every frame do not move as one body or as a compressed specimen"
         )
     for part, words in ((True, "the flyer"), (False, "the specimen")):
         if len(parts[part]) > 1:

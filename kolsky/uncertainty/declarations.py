@@ -142,8 +142,8 @@ def caution(parts: Sequence[Declaration], answer: Mapping[str, float]) -> Iterat
     beside = len(open_) - 1
     others = "" if not beside else ", and so is one more" if beside == 1 else f", and so are {beside} more"
     yield (
-        f"{one.words} ({one.place}) is taken as exact{others}: {amount_text(worst)} of it would move {name} "
-        f"by {100.0 * shares[worst.key]:+.2g} %; declare {worst.key} in [uncertainty]"
+        f"{one.words} ({one.place}) counts as exact{others}: {amount_text(worst)} of it would change "
+        f"{name} by {100.0 * shares[worst.key]:+.2g} %; declare {worst.key} in [uncertainty]"
     )
 
 
@@ -165,9 +165,9 @@ def invisible_inputs(parts: Sequence[Declaration]) -> Iterator[str]:
             pair = {part.key, other}
             if pair == {"specimen_density", "sensitivity"}:
                 yield (
-                    "stress and density scaled alike leave the motion and scale the force: a wrong "
-                    "specimen_density is a force gain, distinguished from a wrong sensitivity only by a "
-                    "declared uncertainty"
+                    "a common factor on stress and density scales the force and does not change the "
+                    "motion: a wrong specimen_density acts as a force gain, and only a declared "
+                    "uncertainty distinguishes it from a wrong sensitivity"
                 )
             else:
                 yield (

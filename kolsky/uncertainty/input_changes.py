@@ -125,11 +125,11 @@ def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, s
     laws = {shot.interface.faces, shot.interface.side}
     one = INPUTS[key]
     if one.parameter and key not in held and not has_effect(PARAMETERS[key], laws):
-        return f"no part: {PARAMETERS[key].without}"
+        return f"no effect: {PARAMETERS[key].without}"
     if one.needs == "force channel" and not isinstance(shot.force, ForceChannel):
-        return "no part: the force is from the bar's waves"
+        return "no effect: the force is from the bar's waves"
     if one.needs == "outline" and not seen.has_shape:
-        return "no part: no outline was measured"
+        return "no effect: no outline was measured"
     return ""
 
 

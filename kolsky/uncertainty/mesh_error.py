@@ -235,8 +235,8 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
     if coarse is None:
         across, along = numerics.mesh
         raise ValueError(
-            f"the run at the answer on the surrogate's mesh of {across} x {along} elements did not complete, "
-            "so that the error of the refined one cannot be estimated: refine the surrogate's mesh"
+            f"the run at the answer on the surrogate's mesh of {across} x {along} elements did not "
+            "complete, so the error of the refined mesh cannot be estimated: refine the surrogate's mesh"
         )
     # If the mesh is run at shifted points, in phase with the refined one, the shift is removed by means of
     # the slopes, which are valid there. A run that is out of phase with the data has other slopes.

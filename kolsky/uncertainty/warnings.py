@@ -27,8 +27,9 @@ def _conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
     if "conditioned_ratio" in checks:
         ratio = checks["conditioned_ratio"]
         yield (
-            f"m refers to the first pull; the conditioned curve's stress is {ratio:.3g} times that, so m "
-            f"would be about {1.0 / ratio:.3g} times as large against it: --pull conditioned identifies it"
+            f"m refers to the first pull; the stress of the conditioned curve is {ratio:.3g} times as "
+            f"large, and m relative to it would be about {1.0 / ratio:.3g} times as large: --pull "
+            "conditioned identifies it"
         )
 
 
@@ -37,11 +38,11 @@ def symmetry_warning(checks: Mapping[str, float]) -> Iterator[str]:
     end, last = checks.get("symmetry_end", float("inf")), checks.get("window_end", 0.0)
     if end <= last:
         yield (
-            f"the flyer leaves its first direction at {1e3 * end:.4g} ms, before the window ends at "
-            f"{1e3 * last:.4g} ms: the model is one of revolution; end the window there"
+            f"the flyer's direction changes at {1e3 * end:.4g} ms, before the window ends at "
+            f"{1e3 * last:.4g} ms: the model is axisymmetric; end the window there"
         )
     elif isfinite(end):
-        yield f"the window ends at {1e3 * last:.4g} ms, where the flyer leaves its first direction"
+        yield f"the window ends at {1e3 * last:.4g} ms, where the flyer's direction changes"
 
 
 def flyer_warnings(checks: Mapping[str, float]) -> Iterator[str]:
@@ -50,15 +51,15 @@ def flyer_warnings(checks: Mapping[str, float]) -> Iterator[str]:
         scale = checks["front_noise_scale"]
         if scale > SIGMA_RATIO:
             yield (
-                f"the front face's velocity scatters {scale:.2g} times as much as the gauges' noise and was "
-                "taken so uncertain; check the windows and the dispersion correction"
+                f"the front face's velocity scatters {scale:.2g} times as much as the gauges' noise, and "
+                "the larger value was used; check the windows and the dispersion correction"
             )
         return
     scale, chi2 = checks["flyer_noise_scale"], checks["flyer_chi2_per_dof"]
     if scale > SIGMA_RATIO:
         yield (
-            f"the flyer's noise is {scale:.2g} times its declared sigma and was taken so large; check "
-            "flyer.sigma, or whether the flyer rings"
+            f"the flyer's noise is {scale:.2g} times its declared sigma, and the larger value was used; "
+            "check flyer.sigma, or whether the flyer rings"
         )
     elif not SIGMA_RATIO**-2 <= chi2 <= SIGMA_RATIO**2:
         which = "small" if chi2 > 1.0 else "large"
@@ -103,17 +104,16 @@ def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator
         why = f" ({run.why})" if run.why else ""
         if run.is_graded:
             yield (
-                f"the run at the answer on the graded mesh of {across} x {along} elements was lost{why}, so "
-                "that the correction for the mesh and its part of the interval come from the coarser mesh of "
+                f"the run at the answer on the graded mesh of {across} x {along} elements failed{why}; "
+                "the correction for the mesh and its part of the interval come from the coarser mesh of "
                 f"{coarse[0]} x {coarse[1]} elements, which usually makes that part longer: give another "
                 "--refined-mesh, or end the [window] before it"
             )
         else:
             yield (
-                f"the run at the answer with {run.numerics.element} elements on {across} x {along} was lost"
-                f"{why}, so that the mesh's part of the interval comes from extrapolation alone (usually "
-                "larger): give another --mesh, or end the [window] "
-                "before it"
+                f"the run at the answer with {run.numerics.element} elements on {across} x {along} "
+                f"failed{why}; the mesh error was estimated by extrapolation only (usually larger): give "
+                "another --mesh, or end the [window] before it"
             )
 
 
@@ -185,9 +185,9 @@ def folded_warning(
         r, y = mesh.nodes[mesh.quads[element]].mean(axis=0)
         yield (
             f"from {1e6 * time:.0f} us on the sliding edge is folded over (element {element} at R = "
-            f"{1e3 * r:.2f} mm, Y = {1e3 * y:.2f} mm has a corner turned inside out): the edge may jump along"
-            " the platen, and its radius and the contact's are not known better than to 0.2 mm; compare with "
-            "--element fbar, end the window before, or hold the face"
+            f"{1e3 * r:.2f} mm, Y = {1e3 * y:.2f} mm has a corner turned inside out): the edge may jump "
+            "along the platen, and the radii of edge and contact are uncertain by 0.2 mm; compare with "
+            "--element fbar, end the window earlier, or prevent slip of the face"
         )
 
 
@@ -213,8 +213,8 @@ def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
     if damaged:
         said = ", ".join(damaged[:5]) + (", ..." if len(damaged) > 5 else "")
         yield (
-            f"{len(damaged)} runs in the ledger were damaged ({said}) and have been run again: check the"
-            " disk that it lies on"
+            f"{len(damaged)} runs in the ledger were damaged ({said}) and were run again: check the disk "
+            "of the ledger"
         )
 
 
@@ -263,9 +263,9 @@ def _route_disagreement(result: Identification) -> Iterator[str]:
             )
         elif needed is not None:
             cure = (
-                f"; about {needed:.0f} runs around the optimum would do"
+                f"; about {needed:.0f} runs around the optimum would be enough"
                 if isfinite(needed)
-                else "; more runs would hardly help, because the response is rough: shrink the bounds"
+                else "; more runs do not reduce it, because the response is rough: shrink the bounds"
             )
         yield (
             f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the "
@@ -277,7 +277,7 @@ def _force_only_warning(result: Identification) -> Iterator[str]:
     """Warning if there is no outline: then nothing can contradict a wrong model."""
     if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
         yield (
-            "no outline was measured: the value rests on the force alone, and nothing shows whether the "
+            "no outline was measured: the value depends on the force only, and nothing shows whether the "
             "specimen deformed as in the model, slid on the platens or was of another length"
         )
 
@@ -353,11 +353,10 @@ def _energy_warning(result: Identification) -> Iterator[str]:
 
 def _lost_run_warnings(result: Identification, lost_replicates: int) -> Iterator[str]:
     """Report the failed runs of the design and the number of failed noise replicates."""
-    yield from lost_runs(result.design, "; the surrogate rests on the others")
+    yield from lost_runs(result.design, "; the surrogate uses the others")
     if lost_replicates:
         yield (
-            f"{lost_replicates} replicates of the input noise did not complete; the interval rests on the "
-            "others"
+            f"{lost_replicates} replicates of the input noise did not complete; the interval uses the others"
         )
 
 
@@ -385,9 +384,9 @@ def mesh_warnings(result: Identification) -> Iterator[str]:
         without = sqrt(max(e.sigma**2 - mesh**2, 0.0))
         if without < HALF * e.sigma:
             yield (
-                f"the mesh makes most of the uncertainty of {name}: U (k = 2) is {2.0 * e.sigma:.2g}"
-                f"{_unit(e)} and would be {2.0 * without:.2g}{_unit(e)} without it; where that matters, "
-                "refine both meshes (--mesh, --refined-mesh)"
+                f"the mesh contributes most of the uncertainty of {name}: U (k = 2) is "
+                f"{2.0 * e.sigma:.2g}{_unit(e)} and would be {2.0 * without:.2g}{_unit(e)} without it; if "
+                "that is too large, refine both meshes (--mesh, --refined-mesh)"
             )
         if rough > e.sigma_noise:
             low, high = e.value - 2.0 * rough, e.value + 2.0 * rough
@@ -403,7 +402,7 @@ def _left_out_warnings(result: Identification) -> Iterator[str]:
     """Warning if the interval does not include the noise of an input."""
     for source in ("flyer motion", "material curve"):
         if not any(source in e.noise_parts for e in result.estimates.values()) and result.estimates:
-            yield f"the interval leaves out the noise of the {source}"
+            yield f"the interval does not include the noise of the {source}"
 
 
 def collect_warnings(

@@ -397,9 +397,7 @@ class MotionTable(Section):
         if not 0.0 <= self.slowdown <= 0.9:
             raise f.problem("is not allowed", key="slowdown", allowed='from "0 %" to "90 %"')
         if (self.kind == "sampled") != (self.file is not None):
-            raise f.problem(
-                'goes with kind = "sampled", and with that alone', key="file", cure="add it, or remove it"
-            )
+            raise f.problem('is for kind = "sampled" only', key="file", cure="add it, or remove it")
         return self
 
 
@@ -533,7 +531,7 @@ class Specification(Section):
     def _no_transducer_in_the_bar(self) -> "Specification":
         if self.transmission.transducer_depth is not None:
             raise f.problem(
-                "is not made here: the made transducer sits behind a mass",
+                "is not available: the transducer of a virtual shot is behind a mass",
                 key="transmission",
                 cure="give [transmitted] platen_mass, the mass before it",
             )

@@ -59,7 +59,7 @@ class Draw(Section):
             return self
         if given != set(_KINDS[self.spread]):
             raise f.problem(
-                "is no draw",
+                "is not a distribution",
                 allowed='{ low, high }, { low, high, spread = "log" }, { mean, sigma, spread = "normal" } or '
                 "{ choose = [...] }",
             )
@@ -131,7 +131,7 @@ def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot
         for part in path:
             table = table.setdefault(part, {})
             if not isinstance(table, dict):
-                raise ValueError(f"{key}: {part} is no table")
+                raise ValueError(f"{key}: {part} is not a table")
         if isinstance(value, dict):
             table.setdefault(last, {}).update(deepcopy(value))
         else:

@@ -233,8 +233,8 @@ def _failure(job: Job, response: explicit.Response, row: int) -> TruthError | No
     if response.end_times[row] >= job.last * (1.0 - 1e-9):
         return None
     return TruthError(
-        f"{job.quantities.name}: the simulation ended {response.describe(row)}: take less "
-        "compression, or a finer mesh"
+        f"{job.quantities.name}: the simulation ended {response.describe(row)}: use a smaller compression "
+        "or a finer mesh"
     )
 
 

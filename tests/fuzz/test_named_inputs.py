@@ -52,7 +52,11 @@ REFUSED: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
     ),
     "a length of 6.5 m": (
         _swap('length = "6.5 mm"', 'length = "6.5 m"'),
-        ("shot.toml line", "is 6500 mm, the size of no specimen", 'specimen.length = "6.5 mm" would fit'),
+        (
+            "shot.toml line",
+            "is 6500 mm, which is not the size of a specimen",
+            'specimen.length = "6.5 mm" would fit',
+        ),
     ),
     "the time as the voltage": (
         _swap('"CH2 transmitted (V)"', '"Time (s)"'),

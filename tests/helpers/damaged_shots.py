@@ -182,7 +182,7 @@ BAD: dict[str, tuple[Mutation, list[str]]] = {
     ),
     "swapped curve columns": (
         fields("quasi_static.csv", lambda r: [r[1], r[0]]),
-        ["quasi_static.csv line 3: the strain -745.98 is no strain", "right column"],
+        ["quasi_static.csv line 3: the strain -745.98 is not a strain", "right column"],
     ),
     # contradictions between declarations and recordings
     "clipping": (

@@ -142,19 +142,20 @@ def page() -> str:
 
 HEAD = """# Real bar signals
 
-Two laboratories' published records, read from their own files and reduced without a window, a delay or
-a shift taken over from them. `python tests/validation/bars_page.py` writes this page; `pytest
-tests/validation/test_real_bars.py` asserts what it says. The records are not part of the project.
+This page compares the reduction of bar signals with the published results of two laboratories. Their files
+are read without changes, and no window, delay or shift of theirs is used. `python
+tests/validation/bars_page.py` writes this page; `pytest tests/validation/test_real_bars.py` tests its
+numbers. The records are not part of the project.
 """
 
 HOPPYBAR = """## HopPyBar's method
 
-HopPyBar solves the first Pochhammer–Chree mode too (after Bragov and others), and reduces by the same
-one, two and three waves and the same true quantities, after Gray (2000). The differences: there a
-person marks where the pulses begin and slides the reflected and the transmitted wave until they look
-aligned; here distances and wave speeds do that, and are checked against the arrivals that are seen.
-Sums are rectangular there. R(t) and its span, sigmas, punching and an energy balance are not part of
-it.
+HopPyBar also solves the first Pochhammer–Chree mode (after Bragov and others). It has the same analyses by
+one, two and three waves and the same true quantities, after Gray (2000). In HopPyBar the user marks the
+beginning of the pulses and shifts the reflected and the transmitted wave until they appear aligned. Here the
+shifts follow from distances and wave speeds, and are compared with the observed arrivals. HopPyBar
+integrates by rectangular sums. It has no R(t), no span of equilibrium, no sigmas, no punching correction and
+no energy balance.
 
 ## Sources
 
@@ -181,21 +182,20 @@ def epoxy_text() -> str:
     late = [1e6 * test.seen[0].delay for test in (one, two)]
     share = 100 * max(late) / (2e6 * travel_time(one.signals[0]))
     gap = 1e6 * one.seen[1].delay
-    return f"""## Epoxy, against the authors' hand processing
+    return f"""## Epoxy, compared with the authors' hand processing
 
-Yao's data (github.com/arialolita000111/shpb-shtb-data-processor, MIT licence): two epoxy cylinders, 10
-mm by 4 mm, between steel bars of 20 mm, gauges 1018 mm and 741 mm from the specimen, 80 ns a sample,
-one count of {min(counts):.1f} to {max(counts):.1f} µε. The authors' sheet holds their aligned waves,
-and strain and stress by what they call "3w" and "2w". Read column by column, "3w" is the analysis by
-three waves of [the theory page](#theory-reduction), and "2w" takes the rate from the reflected and
-the stress from the transmitted wave: one wave, here. Their strain is the rectangular sum of the rate.
-Their waves are the raw ones less the mean of the first 500 samples, 328 µs long, aligned by 2 x/c0 and
-(x + x)/c0 and nothing else.
+Yao's data (github.com/arialolita000111/shpb-shtb-data-processor, MIT licence): two epoxy cylinders, 10 mm by
+4 mm, between steel bars of 20 mm, gauges 1018 mm and 741 mm from the specimen, 80 ns a sample, one count of
+{min(counts):.1f} to {max(counts):.1f} µε. The authors' sheet has their aligned waves, and strain and stress
+by two analyses, "3w" and "2w". "3w" is the analysis by three waves of [the theory page](#theory-reduction).
+"2w" takes the rate from the reflected and the stress from the transmitted wave, which is called one wave
+here. Their strain is the rectangular sum of the rate. They subtract the mean of the
+first 500 samples from the raw waves. Their waves are 328 µs long and aligned only by 2 x/c0 and (x + x)/c0.
 
-The sheet quotes no mean stress, so that "mean" has to be said. It is taken over time, for both over the
-same stretch after the arrival of the incident wave (in the sheet, of its own first column): once over
-the whole test, from the arrival as far as both reach, and once over the plateau, where the stress
-stands in equilibrium. Their true stress has a wrong sign in it and is not compared.
+The sheet gives no mean stress. The means of this table are means over time. For sheet and program they begin
+at the same time after the arrival of the incident wave (in the sheet, of its first column). One mean is over
+the whole test, from the arrival to the end of the shorter record. The other is over the plateau, in which
+the forces are in equilibrium. Their true stress has a wrong sign and is not compared.
 
 | sample | analysis (theirs) | quantity | by hand | automatic | off | off, dispersed |
 | --- | --- | --- | --- | --- | --- | --- |
@@ -205,21 +205,21 @@ stands in equilibrium. Their true stress has a wrong sign in it and is not compa
 :width: 100%
 :alt: Forces and stress over strain of two epoxy specimens
 
-Left: forces at both faces; grey, the longest span with |R| within {100 * ALLOWANCE:.0f} %. Right:
-stress over strain beside the authors' columns ("2w"). The transmitted pulse of sample 1 comes {gap:.0f}
-µs late: a gap, or a bad face. Data: Yao.
+Left: forces at both faces; grey, the longest span with |R| within {100 * ALLOWANCE:.0f} %. Right: stress
+over strain and the authors' columns ("2w"). The transmitted pulse of sample 1 arrives {gap:.0f} µs late,
+because of a gap or an uneven face. Data: Yao.
 ```
 
-What is left is the baseline. The incident gauge of sample 1 drifts: the authors' zero, the mean of its
-first 500 samples, lies {zero * 1e6:.1f} µε from the mean up to 25 µs before the pulse, the zero here.
-At the front face the incident and the reflected wave both carry it, {shift:.1f} MPa of the three waves'
-stress. The reflected pulses arrive {late[0]:.1f} and {late[1]:.1f} µs later than predicted,
-{share:.1f} % of their way.
+The remaining difference comes from the baseline. The incident gauge of sample 1 drifts. The authors' zero is
+the mean of its first 500 samples; the zero here is the mean up to 25 µs before the pulse. They differ by
+{zero * 1e6:.1f} µε. At the front face this error is in both the incident and the reflected wave, which gives
+{shift:.1f} MPa of the three waves' stress. The reflected pulses arrive {late[0]:.1f} and {late[1]:.1f} µs
+later than predicted, {share:.1f} % of their travel time.
 
-Equilibrium holds from {span_of(one)} (sample 1) and from {span_of(two)} (sample 2). It begins at so
-high a stress that no loading modulus is claimed: "{two.summary.modulus_reason}". The bars' faces sink
-in by up to {100 * two.punching.size:.2f} % of strain (sample 2); the authors leave that in, and so does
-the table.
+Equilibrium holds from {span_of(one)} (sample 1) and from {span_of(two)} (sample 2). It begins at a high
+stress, so no loading modulus is given: "{two.summary.modulus_reason}". The indentation of the bars' faces is
+up to {100 * two.punching.size:.2f} % of strain (sample 2). The authors do not correct it, so the table does
+not either.
 """
 
 
@@ -234,37 +234,37 @@ def copper_text() -> str:
         for dispersion in (False, True)
         for calibrated in (False, True)
     }
-    return f"""## OFE copper, no result beside it
+    return f"""## OFE copper, without a published result
 
-Los Alamos's example of HopPyBar (github.com/lanl/HopPyBar, BSD-3 licence): annealed copper, 6.34 mm by
-3.204 mm, Ti-6Al-4V bars of 9.47 mm. All but the bars' length comes from the file's own metadata. Two
-things in it do not go together: gauges {1e3 * said["gauge"]:.0f} mm from the specimen and a rod speed
-of {said["speed"]:.0f} m/s make a way back of {way:.1f} µs, while the laboratory's calibration lists
-{listed:.1f} µs. The record decides: the reflected pulse arrives {late:.2f} µs later than predicted, at
-{way + late:.1f} µs. With the incident gauge where the calibrated time puts it, it is seen within
-{rest:.2f} µs of where it should be. The root mean square of R from 10 µs to 50 µs is
-{unrest[False, False]:.3f} with the distance as written and waves that are only shifted,
-{unrest[False, True]:.3f} with the calibrated one, {unrest[True, False]:.3f} with dispersion alone, and
-{unrest[True, True]:.3f} with both: two errors had hidden each other.
+Los Alamos's example of HopPyBar (github.com/lanl/HopPyBar, BSD-3 licence): annealed copper, 6.34 mm by 3.204
+mm, Ti-6Al-4V bars of 9.47 mm. All inputs except the bars' length come from the metadata of the file. Two of
+them contradict each other. With gauges {1e3 * said["gauge"]:.0f} mm from the specimen and a rod speed of
+{said["speed"]:.0f} m/s the reflected pulse needs {way:.1f} µs; the laboratory's calibration lists
+{listed:.1f} µs. The record supports the calibration: the reflected pulse arrives {late:.2f} µs later than
+predicted, at {way + late:.1f} µs. If the distance of the incident gauge follows from the calibrated time,
+the pulse arrives within {rest:.2f} µs of the prediction. The root mean square of R from 10 µs to 50 µs is
+{unrest[False, False]:.3f} with the distance of the file and waves that are only shifted,
+{unrest[False, True]:.3f} with the calibrated distance, {unrest[True, False]:.3f} with dispersion only, and
+{unrest[True, True]:.3f} with both. The two errors partly cancel each other.
 
 ```{{figure}} images/bars-copper.png
 :width: 100%
 :alt: Forces, equilibrium and true stress over true strain of a copper specimen
 
-Left: forces at both faces, dispersion taken out. Middle: R(t) with the gauge's distance as written and
-waves only shifted, and with the calibrated distance and dispersion; dotted, the allowance; grey, the
-span of equilibrium. Right: true stress over true strain. Data: Los Alamos National Laboratory.
+Left: forces at both faces, with dispersion corrected. Middle: R(t) with the gauge's distance of the file and
+waves only shifted, and with the calibrated distance and dispersion; dotted, the allowance; grey, the span of
+equilibrium. Right: true stress over true strain. Data: Los Alamos National Laboratory.
 ```
 
-Equilibrium holds from {span_of(test)}. Beside two models of copper, Preston, Tonks and Wallace (2003)
-and Johnson and Cook (1983), isothermal at 300 K (in brackets: one wave against the model):
+Equilibrium holds from {span_of(test)}. The table compares two models of copper, Preston, Tonks and Wallace
+(2003) and Johnson and Cook (1983), isothermal at 300 K (in brackets: one wave relative to the model):
 
 | true strain | true rate, 1/s | one wave, MPa | three waves, MPa | PTW, MPa | Johnson–Cook, MPa |
 | --- | --- | --- | --- | --- | --- |
 {table_of_copper()}
 
-The second was fitted to copper of another state; the two models are farther from each other than the
-test is from the first. It is a check of the level, not a validation.
+The second model was fitted to copper in another state. The two models differ more from each other than the
+test differs from the first. This is a check of the level, not a validation.
 """
 
 
@@ -277,23 +277,22 @@ def made_text() -> str:
         else f"| {name} | {100 * first[name]:.0f} % | {100 * second[name]:.0f} % |"
         for name in first
     ]  # fmt: skip
-    return f"""## Limits, chosen on made signals and judged on others
+    return f"""## Limits of the remarks, tested on synthetic signals
 
-`python -m populations.bar_signals` draws two populations of {first["tests"]:.0f} tests each: bars of
-steel, aluminium or titanium, incident pulses with straight or rounded flanks of 8 to 40 µs, dispersed on
-their way, and specimens that are elastic and then flow or harden, with noise from 0.2 % to 2 % of the
-pulse. The limits
-(scatter of a first rise, change along a plateau, strength of a drift) were fixed on the first; the second was
-then drawn once. A distance "far" or "near" is declared 60 mm too far or too near.
+`python -m populations.bar_signals` makes two populations of {first["tests"]:.0f} random tests each. The bars
+are of steel, aluminium or titanium. Incident pulses have straight or rounded flanks of 8 to 40 µs and
+disperse. Specimens are elastic and then flow or harden. The noise is 0.2 % to 2 % of the pulse. The limits
+(scatter of a first rise, change along a plateau, strength of a drift) were chosen on the first population;
+the second was used for the test only. A distance "far" or "near" is declared 60 mm too far or too near.
 
-| | chosen on | judged on |
+| | first population | second population |
 | --- | --- | --- |
 {chr(10).join(rows)}
 
-A transmitted pulse comes late by what the specimen takes to carry force, so that a transmission gauge
-declared too near cannot be told by its arrival alone; `kolsky waves` then judges the strain that the specimen
-has before its stress rises. A steady drift is covered two baselines behind the baseline; a longer way needs a
-longer baseline.
+A transmitted pulse is late by the time that the specimen needs to carry force. Its arrival therefore cannot
+show that a transmission gauge is declared too near. `kolsky waves` then checks the strain of the specimen
+before its stress rises. A steady drift is within its sigma up to two baselines after the baseline; a longer
+record needs a longer baseline.
 """
 
 

@@ -42,49 +42,52 @@ tests/validation/baseline_page.py` this page.
 
 ## Against other programs
 
-Specimens of known laws, compressed by programs that share no code with this package (`tests/reference`,
-tables A and I, with scripts): DOLFINx, and FElupe with DOLFINx. All are nearly incompressible,
-$\\nu = 0.495$ at rest with $U = K/2\\,(J - 1)^2$; a force is of two meshes that agree within 0.2 %. It is
-taken for a measured test without its law, and the friction is taken out ({{doc}}`../howto/reference_curve`).
-What was chosen in the correction was chosen on the specimens without a letter and on `mooney_rivlin_c` with
-f = 0.3; the others are judged. Error of the nominal stress found, with the k = 2 band [%]:
+Programs that share no code with this package compressed specimens of known laws: DOLFINx, and FElupe with
+DOLFINx (`tests/reference`, tables A and I, with scripts). All specimens are nearly incompressible,
+$\\nu = 0.495$ at rest with $U = K/2\\,(J - 1)^2$. Each force was computed on two meshes that agree within
+0.2 %. The force is treated as a measured test with an unknown law, and the end friction is corrected
+({{doc}}`../howto/reference_curve`). The settings of the correction were chosen on the specimens without a
+letter and on `mooney_rivlin_c` with f = 0.3; the others are used for the test only. Error of the nominal
+stress found, with the k = 2 band [%]:
 
 | specimen | size [mm] | ends | made by | {head} | worst to 50 % | in the band | coverage |
 | --- | --- | --- | --- | {" | ".join(["---"] * len(SHOWN))} | --- | --- | --- |
 {chr(10).join(rows)}
 {left}
-Coverage: share of strains and of {draws} draws whose k = 2 band holds the truth. A draw is {SPECIMENS}
-specimens whose stiffness scatters by {100 * SCATTER:g} % and every sample by {100 * NOISE:g} %, taken through
-the derivative of the correction. The curves of a draw are off as a whole: a hundred draws leave 2 % of doubt
-about a coverage. GetFEM's forces are not in the table: its contact touches node by node, and with friction
-two of its meshes differ by more than 2 % where the side lands (`tests/reference/H_meshes.csv`).
+Coverage is the share of strains and of {draws} draws whose k = 2 band contains the truth. A draw has
+{SPECIMENS} specimens, whose stiffness scatters by {100 * SCATTER:g} % and whose samples scatter by
+{100 * NOISE:g} %; the derivative of the correction is applied. The errors of a curve are the same at all
+strains, so a coverage from a hundred draws is uncertain by 2 %. GetFEM's forces are not in the table. Its
+contact is node by node, and with friction two of its meshes differ by more than 2 % when the side touches a
+platen (`tests/reference/H_meshes.csv`).
 
 {verdict(done)}
 
 ## Constants of a thesis' cylinder
 
-The silicone of a thesis (its Table 3.3; 80 mm by 70 mm, 10 mm of compression, f = 0.7), its force by two
-programs, its constants by inverse finite elements, `kolsky material fit --specimen` (`python -m
-populations.thesis_cylinder`), k = 2:
+The specimen is the silicone of a thesis (its Table 3.3; 80 mm by 70 mm, 10 mm of compression, f = 0.7). Two
+programs computed its force. `kolsky material fit --specimen` finds its constants by inverse finite elements
+(`python -m populations.thesis_cylinder`), k = 2:
 
 | made by | C10 [Pa], planted 1404.9 | off | C20 [Pa], planted 699.4 | off |
 | --- | --- | --- | --- | --- |
 {thesis_rows()}
 
-C20 rests on a hundredth of the force: two meshes of DOLFINx agree within 0.01 %, GetFEM's is one mesh of
-twelve elements, and C20 from its force is off by more than its interval, which knows no error of the force.
+C20 determines only a hundredth of the force. Two meshes of DOLFINx agree within 0.01 %. GetFEM's force is
+from one mesh of twelve elements. The error of C20 from it exceeds its interval, which does not contain an
+error of the force.
 
 ## Constants of twenty bonded cylinders
 
 {cylinders()}
 
-## What a force cannot tell
+## Laws with the same force
 
-A curve of the first invariant and a law of both invariants can meet one force equally well and differ by
-several per cent in the uniaxial stress behind it: the platens shear the specimen, and shear sees I2. Laws are
-therefore weighed by Schwarz's criterion, their spread is in the band, and where two that meet the test
-differ by more than 2 % a warning names them. The radius at mid-height (`--bulge`) is fitted with the force
-where it was measured.
+The platens shear the specimen, and shear depends on I2. A curve of the first invariant and a law of both
+invariants can therefore fit one force equally well and differ by several per cent in their uniaxial stress.
+Laws are weighted by Schwarz's criterion, and the band contains their spread. If two laws that fit the test
+differ by more than 2 %, a warning names them. If the radius at mid-height was measured (`--bulge`), it is
+fitted together with the force.
 """
 
 
@@ -96,33 +99,33 @@ def cylinders() -> str:
     determined = sum(len(row["judged"]["determined"]) for row in rows)
     every = sum(len(row["cylinder"]["constants"]) for row in rows)
     mesh = 100.0 * max(row["mesh"] for row in rows)
-    return f"""`python -m populations.bonded_cylinders --seed {seed} --out FOLDER` draws twenty
-cylinders of four laws and makes their force with FElupe: biquadratic elements with a continuous pressure,
-another contact, another Newton iteration. Two meshes, 14 and 9 elements across, differ by at most
-{mesh:.2f} %; both give the force without the elements' error (Richardson). Where the side
-lands node by node the force stays uneven by some tenths of a per cent. Each of 20 readings has
-{100.0 * READING_NOISE:g} % noise, and `kolsky material fit` is given size, ends and law. Poisson's ratio is
-not declared.
+    return f"""`python -m populations.bonded_cylinders --seed {seed} --out FOLDER` makes twenty random
+cylinders of four laws and computes their force with FElupe, which has biquadratic elements with a continuous
+pressure, another contact and another Newton iteration. Two meshes, 14 and 9 elements across, differ by at
+most {mesh:.2f} %. Richardson's extrapolation of both gives the force without the mesh error. The side touches
+the platens node by node, so the force is uneven by some tenths of a per cent. Each of 20 readings has
+{100.0 * READING_NOISE:g} % noise. The inputs of `kolsky material fit` are size, ends and law, without
+Poisson's ratio.
 
 **{right} of {len(rows)} are right: every constant that the answer calls determined is inside its k = 2
 interval ({determined} of {every} constants are determined).** Errors with half of the interval:
 
-| law | length over diameter | strain (%) | ν | meshes (%) | found less planted | right |
+| law | length over diameter | strain (%) | ν | meshes (%) | found minus planted | right |
 | --- | --- | --- | --- | --- | --- | --- |
 {chr(10).join(map(line, rows))}
 
-Asked are 18. The intervals contain an error of the force that neighbouring strains share
-({{py:func}}`kolsky.material.end_friction.correct.slow_error`): the forces of the two programs differ by
-0.3 to 0.5 % at some strains, mostly where the side lands, and second constants rest on a few tenths of a
-per cent. The size of that error was chosen on the cylinders of seed 27183 (19 of 20 right); those of the
-table are others, judged once. The row that is not right has a Jm of 4 × 10⁹, which is the law without that
-term: the command calls such a value *not determined*.
+The requirement is 18. The intervals contain an error of the force that is common to neighbouring strains
+({{py:func}}`kolsky.material.end_friction.correct.slow_error`). The forces of the two programs differ by 0.3
+to 0.5 % at some strains, mostly where the side touches the platens, and second constants determine only a
+few tenths of a per cent of the force. The size of that error was chosen on the cylinders of seed 27183 (19
+of 20 right); the cylinders of the table were not used for that. The row that is not right has a Jm of 4 ×
+10⁹, which is the law without that term: the command calls such a value *not determined*.
 
-A force that leaves the law widens the intervals. `bonded/push.csv` of the project's cases (80 mm by 70 mm,
-the constants of the thesis, ν = 0.4995) is 1.2 % below the force of this program at 14 % strain,
-and more below FElupe's. It is 0.3 % below DOLFINx's cylinder of ν = 0.495, which must be softer
-(`tests/validation/test_cases.py`). The fit warns that the constants change with the range, and its interval
-contains C20."""
+A force that the law does not describe widens the intervals. An example is `bonded/push.csv` of the
+project's cases (80 mm by 70 mm, the constants of the thesis, ν = 0.4995). At 14 % strain it is 1.2 % below
+the force of this program, and more below FElupe's. It is 0.3 % below DOLFINx's cylinder of ν = 0.495, which
+must be softer (`tests/validation/test_cases.py`). The fit warns that the constants change with the range,
+and its interval contains C20."""
 
 
 def verdict(done: dict[str, Any]) -> str:
@@ -130,7 +133,7 @@ def verdict(done: dict[str, Any]) -> str:
     said = []
     for words, wanted in (
         (
-            "judged specimens",
+            "specimens of the test",
             lambda row: not row.startswith(CHOSEN_ON[-1]) and row.split("/")[0] not in CHOSEN_ON,
         ),
         ("all", lambda row: True),

@@ -41,47 +41,49 @@ from kolsky.report.figures import MATERIALS  # noqa: E402
 DOCS = TESTS.parent / "docs" / "validation"
 PAGE = """# Laws fitted to silicones and rubbers
 
-Other laboratories' homogeneous tests, fitted by `kolsky.material` ({{ref}}`theory-homogeneous`) and
-held against what was published of them. `python tests/validation/materials_page.py` writes this page;
-`pytest --slow tests/validation/test_soft_laws.py` asserts what it says. The data are not part of the
-project.
+This page compares fits of `kolsky.material` ({{ref}}`theory-homogeneous`) to homogeneous tests of other
+laboratories with the published fits. `python tests/validation/materials_page.py` writes this page; `pytest
+--slow tests/validation/test_soft_laws.py` tests its numbers. The data are not part of the project.
 
 ## Four silicones in compression
 
-Dawood and others' tissue phantom database (github.com/abubakardawood/tissue-phantom-material-database,
-data CC BY 4.0): ten compression tests to 66.7 % of each of four silicones, and eleven laws fitted to the
-mean at 1000 strains by least squares in engineering stress. Their Ogden terms are µ/α (…), their Yeoh of
-one term is the neo-Hookean law, their Mooney-Rivlin of second order has C10, C01 and C20
-(`mooney_rivlin_c20` here), and their Veronda-Westmann and Humphrey laws are those of
-{{ref}}`theory-materials`. With *their* constants these laws give their sums of squares within
-{own:.0e} of each, for all {count} fits: laws, curve and mean are the same, to the last strain, which they
-do not print.
+The tissue phantom database of Dawood and others
+(github.com/abubakardawood/tissue-phantom-material-database, data CC BY 4.0) has ten compression tests to
+66.7 % of each of four silicones. Eleven laws are fitted to the mean at 1000 strains by least squares in
+engineering stress. Their Ogden terms are µ/α (…), and their Yeoh law of one term is the neo-Hookean law.
+Their Mooney-Rivlin law of second order has C10, C01 and C20 (`mooney_rivlin_c20` here). Their
+Veronda-Westmann and Humphrey laws are those of {{ref}}`theory-materials`. With *their* constants these laws
+give their sums of squares within {own:.0e} of each, for all {count} fits. Laws, curve and mean are
+therefore the same.
 
-Fitted here (the database's SSE = 1). Ogden's terms are fitted with positive moduli, as theirs are; the
-others without the bounds of a positive energy, which some of their constants break.
+The table gives the sums of squares of the fits here (those of the database are 1). Ogden's terms are fitted
+with positive moduli, as in the database. The other laws are fitted without the bounds of a positive energy,
+because some published constants are outside these bounds.
 
 {phantoms}
 
-Every published sum is met to four digits or beaten. Where the minimum is unique, constants agree within
-{constants:.1e} of their value. Their two-term Ogden fit of EF50_0T stopped at two equal terms; twelve
-starts find a fourth of its sum. A third term adds nothing while moduli are positive: two of the three
-exponents become one, and the fit says *not determined*. With moduli of either sign two terms fit
-{free_low:.0f} to {free_high:.0f} times better than theirs, with a negative modulus in every one, so that
-the energy can become negative; {free_words} between principal stretches of a tenth and ten.
+Every sum of squares here agrees with the published one to four digits or is smaller. If the minimum is
+unique, constants agree within {constants:.1e} of their value. Their two-term Ogden fit of EF50_0T ended
+with two equal terms; twelve starts find a fourth of its sum. With positive moduli a third term does not
+improve the fit: two of the three exponents become equal, and the outcome is *not determined*. With moduli
+of either sign, two terms fit {free_low:.0f} to {free_high:.0f} times better than theirs. Each of these fits
+has a negative modulus, so the energy can become negative; {free_words} between principal stretches of a
+tenth and ten.
 
-## Rubber in three modes at once
+## Rubber in three modes together
 
-Constants published for *one* mode of Treloar's data, against the fit of that mode here:
+Constants published for *one* mode of Treloar's data, compared with the fit of that mode here:
 
 {single}
 
-The neo-Hookean constant of tension and the two constants of equibiaxial tension agree as two
-digitisations of one figure do. The published neo-Hookean constants of equibiaxial and planar tension are
-not the least squares of these data, in absolute or in relative stress.
+The neo-Hookean constant of tension and the two constants of equibiaxial tension agree within the difference
+of two digitisations of one figure. The published neo-Hookean constants of equibiaxial and planar tension do
+not minimise the squares of these data, in absolute or in relative stress.
 
-All three modes at once, unweighted: root mean square residual in kPa, and of residual over measured
-stress in brackets; laws in the order of their AIC. "Drucker" is the first mode, by logarithmic strain, in
-which the law is not stable ({{py:mod}}`kolsky.material.fits.compare`).
+The next tables have unweighted fits of all three modes together. They give the root mean square residual in
+kPa and, in brackets, that of residual over measured stress. The laws are in the order of their AIC.
+"Drucker" is the first mode, by logarithmic strain, in which the law is not stable
+({{py:mod}}`kolsky.material.fits.compare`).
 
 {rubbers}
 
@@ -92,38 +94,39 @@ which the law is not stable ({{py:mod}}`kolsky.material.fits.compare`).
 {caption}
 ```
 
-No law of I₁ alone meets tension and equibiaxial tension of natural rubber at once, as Treloar (1975)
-found; three terms of Ogden do. Meunier's silicone is met by I₁ alone nearly as well (Yeoh). For
-Kawabata's and Meunier's digitised tests no published constants of the same laws were at hand.
+No law of I₁ only fits tension and equibiaxial tension of natural rubber together, as Treloar (1975) found;
+three terms of Ogden fit both. For Meunier's silicone a law of I₁ only (Yeoh) fits nearly as well. For
+Kawabata's and Meunier's digitised tests no published constants of the same laws are available.
 
-## Slips in two papers
+## Errors in two papers
 
-Found when their tables were recomputed; the tests hold the arithmetic.
+These errors were found by computing the tables again; the tests check the arithmetic.
 
 *Characterisation of soft tissue* (thesis, Section 3.2.1, Tables 3.3 and 3.4).
 
 {thesis}
 
-- Eq. (3.3) has C₁₀ where 2 C₁₀ is meant, as Eqs. (3.4) to (3.9) use it. Eq. (3.8) divides the transverse
-  stress by the axial stretch; Eq. (3.9) is right all the same.
-- E₀ of three rows is 3 µ₀ only with digits that are not printed.
-- **One R² is impossible.** √(1 − R²) is a distance of curves over the spread of the data, so that by the
-  triangle inequality each lies in an interval about that of the best law, whatever the data were: see the
-  last two columns. The curve of its Mooney-Rivlin constants is so near that of the reduced polynomial
-  that its R² must be above {least_r2:.4f}.
-- "Stable for all strains": true of all four, between principal stretches of a tenth and ten.
+- Eq. (3.3) has C₁₀ instead of 2 C₁₀, which Eqs. (3.4) to (3.9) use. Eq. (3.8) divides the transverse stress
+  by the axial stretch; Eq. (3.9) is nevertheless correct.
+- E₀ of three rows is 3 µ₀ only with digits that
+  are not printed.
+- **One R² is impossible.** √(1 − R²) is a distance of curves divided by the spread of
+  the data. By the triangle inequality each value lies in an interval about that of the best law, for any
+  data (last two columns). The curve of the Mooney-Rivlin constants is close to that of the reduced
+  polynomial, so its R² must be above {least_r2:.4f}.
+- "Stable for all strains" is true of all four,
+  between principal stretches of a tenth and ten.
 
 *Self-healing pneumatic actuator* (Table 2).
 
-- µ₀ = 2 C₁₀ = 0.218 MPa and µ₁ = 0.218 MPa agree if the Ogden law has 2µ/α² before its bracket; Table 1
-  of the text at hand has µ/α, with which µ₀ would be 1.4 % lower. K = 2 / D₁ of both gives ν = 0.44, as
-  was measured.
-- The transverse strain is taken as ε₂ = −νε₁ up to ε₁ = 1.28. That leaves J = {J:.3f}: the specimen would
-  have lost {lost:.0f} % of its volume. With the paper's own constants the sides would then carry
-  {across:.2f} MPa (true stress, tension-positive) where they are free, and the axial true stress is
-  {along:.2f} MPa instead of {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch`
-  finds the stretch that leaves the sides free.
-- The second invariant is printed with a plus sign, ½ [(tr B)² + tr B²]; it is a minus.
+- µ₀ = 2 C₁₀ = 0.218 MPa and µ₁ = 0.218 MPa agree if the Ogden law has 2µ/α² before its bracket; Table 1 of
+  the text has µ/α, with which µ₀ would be 1.4 % lower. K = 2 / D₁ of both gives the measured ν = 0.44.
+- The transverse strain is assumed as ε₂ = −νε₁ up to ε₁ = 1.28. This gives J = {J:.3f}: the specimen would
+  have lost {lost:.0f} % of its volume. With the constants of the paper the free sides would then carry
+  {across:.2f} MPa (true stress, tension-positive), and the axial true stress would be {along:.2f} MPa
+  instead of {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch` finds the stretch
+  that leaves the sides free.
+- The second invariant is printed with a plus sign, ½ [(tr B)² + tr B²]; it should be a minus sign.
 """
 
 

@@ -104,7 +104,7 @@ REFUSED = {
     ),
     "no pictures": (
         lambda f: (f / "cam0.tif").write_text("nothing"),
-        ["pictures.camera_0.file", "cannot be used", "is no TIFF"],
+        ["pictures.camera_0.file", "cannot be used", "is not a TIFF"],
     ),
     "no calibration": (
         lambda f: replaced(f, "[calibration]\n", "[window2]\n"),

@@ -84,7 +84,7 @@ ON_SCREEN = {
 
 INDEX = """# Verification manual
 
-Does the solver solve its equations? Each topic compares it with something independent: a closed form, a
+Does the solver solve its equations? Each topic compares it with an independent source: a closed form, a
 conservation law, the theoretical order of convergence, or another program. Every figure in the table is
 asserted by the test of the same name in `tests/verification`, which calls the same function as the page.
 
@@ -93,8 +93,8 @@ asserted by the test of the same name in `tests/verification`, which calls the s
 {rows}
 
 `python tests/verification/pages.py` runs every case again and rewrites these pages (a few minutes on two
-cores). `pytest -m verification` holds all of them, the slow ones too, in less than ten minutes;
-`pytest tests/verification` the quick ones.
+cores). `pytest -m verification` tests all of them, the slow ones too, in less than ten minutes;
+`pytest tests/verification` runs the quick ones.
 """
 
 

@@ -205,12 +205,12 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** The boundary v = F / Z + 2 h with the echo h(t) = g(t - 2 L / c), g = F / Z + h, that
-stands for a whole elastic bar.
+represents a whole elastic bar.
 
 **Independent source.** Closed forms. (1) *Force*: a linear rod with Î½ = 0 of impedance Z_s carries the
-flyer's wave f = Z_s v(t - L/c) to the bar; there F = 2 (f - Z_s h) / (1 + Z_s / Z) until the rod's own echo
-comes back, evaluated by going back one round trip of the bar at a time. (2) *Path of the platen*: with the
-recorded impulse I it is -(I(t) + 2 I(t - T) + 2 I(t - 2 T) + ...) / Z. (3) *Energy*: the flyer's work less
+flyer's wave f = Z_s v(t - L/c) to the bar; there F = 2 (f - Z_s h) / (1 + Z_s / Z) until the echo of the
+rod returns, evaluated recursively over the round trips of the bar. (2) *Path of the platen*: with the
+recorded impulse I it is -(I(t) + 2 I(t - T) + 2 I(t - 2 T) + ...) / Z. (3) *Energy*: the flyer's work minus
 the work on the specimen is the integral of F v.
 
 **Set-up.** Rod of {1e3 * LENGTH:g} mm and {ROD:.2f} N s/m, {", ".join(map(str, MESHES))} elements, driven by
@@ -225,8 +225,8 @@ On the bar of the paper ({STEEL.impedance:g} N s/m, {1e6 * STEEL.round_trip:g} Â
 
 **Tolerance.** Force {100 * FORCE_TOLERANCE:g} % on the finest mesh: second order in the element, plus the
 echo that is interpolated between 1024 stored values a round trip. Path {100 * PLATEN_TOLERANCE:g} %: the
-platen answers the force of the step before, which is of first order in the step and shows as such. Work
-{100 * WORK_TOLERANCE:g} % of the flyer's: the ledger belongs to the beginning of the step that contains a
+platen moves with the force of the step before, which is a first-order error in the step. Work
+{100 * WORK_TOLERANCE:g} % of the flyer's: the ledger is that at the beginning of the step that contains a
 time.
 
 """

@@ -146,9 +146,9 @@ def row(result: Result) -> tuple[str, str, str]:
     bits = all(result.same.values())
     return (
         "a simulation alone and in a batch of seven; single against double precision",
-        f"{'same bits' if bits else 'DIFFERENT'}; {result.force_difference:.4f} N, "
+        f"{'identical' if bits else 'DIFFERENT'}; {result.force_difference:.4f} N, "
         f"{1e6 * result.place_difference:.4f} µm",
-        f"same bits; {FORCE_TOLERANCE:g} N, {1e6 * PLACE_TOLERANCE:g} µm",
+        f"identical; {FORCE_TOLERANCE:g} N, {1e6 * PLACE_TOLERANCE:g} µm",
     )
 
 
@@ -175,18 +175,20 @@ def page(result: Result) -> str:
     ]
     return f"""# {TITLE}
 
-**What is checked.** A simulation does not know what else is in its batch or on how many threads (neighbours
-that fail: [Failure](failure.md)); single precision is enough for every quantity an instrument can see; and
-what the two kinds of damping cost.
+**What is checked.** The result of a simulation does not depend on the others of its batch or on the number
+of threads (failing neighbours: [Failure](failure.md)). Single precision is sufficient for every quantity
+that an instrument measures. The page also gives the cost of the two kinds of damping.
 
-**Independent source.** The same simulation alone; the closed form of the damped stability bound.
+**Independent source.** The same simulation in a batch of one; the closed form of the damped stability
+bound.
 
 ## Bits
 
 Seven simulations that differ in every parameter, material and motion (8 × 11 elements, Coulomb contact, to
-{1e3 * END:g} ms), as a batch and alone; every array of the response, energies included, is compared:
+{1e3 * END:g} ms), together and in batches of one; every array of the response, energies included, is
+compared:
 
-{table(["batch of seven", "every row the same bits as alone"], bits)}
+{table(["batch of seven", "every row identical to a batch of one"], bits)}
 
 ## Precision
 

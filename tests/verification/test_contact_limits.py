@@ -323,9 +323,9 @@ def row(result: Result) -> tuple[str, str, str]:
         "penetration of all nodes at all steps to 60 %; impulses against momentum through stick and slip; "
         "order of the penalty towards the kinematic law; release stress 0 and ∞ against rough and bonded",
         f"{1e6 * kinematic:.0e} µm (penalty {1e6 * result.ledgers['penalty'].penetration:.2f} µm); "
-        f"{momentum:.0e}; {min(fits):.2f} to {max(fits):.2f}; {'same bits' if ends else 'DIFFERENT'}",
+        f"{momentum:.0e}; {min(fits):.2f} to {max(fits):.2f}; {'identical' if ends else 'DIFFERENT'}",
         f"{1e6 * GAP_TOLERANCE:.0e} µm (1 µm); {MOMENTUM_TOLERANCE:.0e}; 1 within {ORDER_TOLERANCE}; "
-        "same bits",
+        "identical",
     )
 
 
@@ -436,12 +436,12 @@ def page(result: Result) -> str:
     bonded, released = twice()
     return f"""# {TITLE}
 
-**What is checked.** No law lets a node through a platen, at any step, past the point where the side surface
-has rolled on; the platens' impulses are the specimen's momentum, to round-off, and the ledger of energy
-closes, through stick and slip and through letting go. The laws lead into each other: Coulomb's into the
-frictionless one for f = 0 and into the rough one for f towards infinity, the releasing one into the rough and
-into the bonded one, all to the last bit, and a penalty formulation into the kinematic one. Static solutions
-with friction by another program are on the page [Coulomb friction](friction.md).
+**What is checked.** With every law, no node penetrates a platen at any step, also after the side surface
+has rolled onto it. The platens' impulses equal the specimen's momentum to round-off, and the energy balance
+closes, with stick, slip and release. The laws have the correct limits. Coulomb's law becomes the
+frictionless one for f = 0 and the rough one for f towards infinity. The law with release becomes the rough
+one and the bonded one. These limits hold to the last bit. A penalty formulation converges to the kinematic
+one. Static solutions with friction by another program are on the page [Coulomb friction](friction.md).
 
 **Independent source.** The balance of momentum; the closed forms of a uniform state; for the kinematic laws
 the penalty formulation, whose springs of stiffness k per area let a node penetrate by pressure over k.
@@ -449,13 +449,13 @@ the penalty formulation, whose springs of stiffness k per area let a node penetr
 **Set-up.** 16 × 22 elements, neo-Hookean, E = 80 kPa, ν = 0.495, β = 2.5e-5 s, faces and side with one law,
 2.6 m/s to 1.5 ms (60 %).
 
-**Ledgers.** {N_STEPS} steps of {1e6 * STEP:g} µs, all nodes at every one. Two places within a step give its
-velocity, so the momentum is compared with the impulses and not integrated.
+**Ledgers.** {N_STEPS} steps of {1e6 * STEP:g} µs, all nodes at every step. Two positions within a step give
+its velocity, so the momentum is compared with the impulses and not integrated.
 
 {ledgers(result)}
 
-(Penalty with the default stiffness, 1e13 Pa/m. Between two nodes the surface is straight and cannot be deeper
-than they are.)
+(Penalty with the default stiffness, 1e13 Pa/m. Between two nodes the surface is straight, so its
+penetration is not larger than theirs.)
 
 **Penalty to kinematic,** f = 0.3:
 
@@ -464,24 +464,26 @@ than they are.)
 (Order fitted from {STIFFNESS[FITTED][0]:.0e} Pa/m on.) In a static frictionless compression to 20 % every
 node of a face penetrates by pressure over stiffness, within {worst:.0e}.
 
-**Coulomb to rough.** Only nodes whose pressure is below their shear stress over f still slip. The outline
-approaches the rough one with the order {slope} in 1/f up to f = {FRICTION[SLIPPING][-1]:g}; beyond,
-single landings decide, and past f = {last:g} the bits are the same.
+**Coulomb to rough.** A node slips only if its pressure is below its shear stress over f. The outline
+approaches the rough one with the order {slope} in 1/f up to f = {FRICTION[SLIPPING][-1]:g}; beyond, the
+first contact of single nodes dominates, and above f = {last:g} the results are identical to the last bit.
 
 {friction(result)}
 
-**Release.** A node lets go when its tensile contact stress, impulse over interval and over its undeformed
-area, reaches the release stress, and is rough from then on. Pulled by 5 %, pressed by 5 % and pulled again
-(ν = 0.495), bonded faces pull with {-bonded[0, 0]:.2f} N and {-bonded[2, 0]:.2f} N. Faces that let go at
-1 kPa pull with {-released[0, 0]:.3f} N, press with {released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N) and
-pull no more.
+**Release.** A node is released when its tensile contact stress, impulse over interval and over its
+undeformed area, reaches the release stress. From then on its contact is rough. The specimen is pulled by 5
+%, pressed by 5 % and pulled again (ν = 0.495). With bonded faces the tensile forces are {-bonded[0, 0]:.2f}
+N and {-bonded[2, 0]:.2f} N. With a release stress of 1 kPa the tensile force is {-released[0, 0]:.3f} N,
+the compressive force is {released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N), and the second pull has no
+force.
 
 **Tolerance.** Penetration {1e6 * GAP_TOLERANCE:.0e} µm, round-off of a height, and 1 µm for the penalty.
-Momentum {MOMENTUM_TOLERANCE:.0e}: places known to 1e-18 m, 0.6 µm apart. Energy
-{100 * ENERGY_TOLERANCE:g} %. Order of the penalty 1 within {ORDER_TOLERANCE:g}; of friction not below
-{FRICTION_ORDER:g}, less its scatter: theory gives 1, but nodes stick and slip one by one. Penetration over
-its closed form {PRESS_TOLERANCE:.0e}: what still moves. Force of the pull {100 * PULL_TOLERANCE:g} % below
-the closed form: half of the strain. Slow loading, penalty against Coulomb: {100 * STATIC_TOLERANCE:g} %.
+Momentum {MOMENTUM_TOLERANCE:.0e}: positions with an error of 1e-18 m, 0.6 µm apart. Energy
+{100 * ENERGY_TOLERANCE:g} %. The order of the penalty is 1 within {ORDER_TOLERANCE:g}. The order in
+friction is at least {FRICTION_ORDER:g}, minus its scatter: theory gives 1, but nodes stick and slip one by
+one. The penetration agrees with its closed form within {PRESS_TOLERANCE:.0e}, because of the remaining
+motion. The force of the pull may be {100 * PULL_TOLERANCE:g} % below the closed form, which is half of the
+strain. Slow loading, penalty against Coulomb: {100 * STATIC_TOLERANCE:g} %.
 """
 
 

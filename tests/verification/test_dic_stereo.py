@@ -256,12 +256,13 @@ def page(result: Result) -> str:
     accepted, tried = result.other_surface
     return f"""# {TITLE}
 
-**What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on a
-surface that curves, says how far off they are, and accepts no false one ({{ref}}`theory-stereo-matching`).
+**What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on
+a curved surface, gives their standard deviations, and accepts no false match
+({{ref}}`theory-stereo-matching`).
 
-**Independent source.** `speckle_pictures.py` cuts every ray of both cameras with the cylinder and never
-warps a picture; where camera 1 sees a pixel of camera 0 follows from the same rays. Subsets of an affine
-shape function lie on the mean of the cylinder over their width w, $w^2/24R$ below their middle.
+**Independent source.** `speckle_pictures.py` intersects every ray of both cameras with the cylinder and
+never warps a picture. The same rays give the place in camera 1 of a pixel of camera 0. A subset with an
+affine shape function lies on the mean of the cylinder over its width w, $w^2/24R$ below its middle.
 
 **Set-up.** 128 × 128 px, {5400 * 1e-3 / (0.3 - RADIUS):.1f} px/mm, R = {1e3 * RADIUS:g} mm, cameras
 {ANGLES[0]:g}° and {ANGLES[1]:g}° apart with distorted lenses, speckles of 0.35 mm, noise {100 * NOISE:g} % of
@@ -270,23 +271,23 @@ than {STEEPEST:g}°.
 
 {table(HEAD, lines)}
 
-At 18 px/mm an affine shape function is too stiff for any subset: quadratic ones of 21 to 31 px have no bias
-to speak of and less scatter than affine ones have bias.
+At 18 px/mm an affine shape function is too stiff for every subset. Quadratic subsets of 21 to 31 px have a
+negligible bias, and their scatter is smaller than the bias of affine subsets.
 
-**False matches.** Accepted matches are pushed along their epipolar lines by {PUSHED[0]:g} to {PUSHED[1]:g} px
-and matched again, any correlation allowed ({DRAWS} rounds with a third of the points, their neighbours true).
-Those that converge more than 1 px from the truth are judged. {counts}.
+**False matches.** Accepted matches are displaced along their epipolar lines by {PUSHED[0]:g} to
+{PUSHED[1]:g} px and matched again, with any correlation allowed ({DRAWS} rounds with a third of the points,
+whose neighbours are true). Those that converge more than 1 px from the truth are false matches. {counts}.
 
 {table(["angle [°]", "gate", "stopped by it", "pass without it"], gates)}
 
-With other speckles in camera 1, every point a seed and every correlation allowed, {accepted} of {tried}
-points are accepted.
+With other speckles in camera 1, with every point as a seed and with every correlation allowed, {accepted}
+of {tried} points are accepted.
 
 **Tolerance.** Bias {1e6 * BIAS:g} µm: the noise of a mean, and the fourth order of the cylinder. The affine
 bias must be the mean sagitta within {100 * SAGITTA:g} %. Error over sigma {SCALED[0]:g} to {SCALED[1]:g} at
-{ANGLES[0]:g}°. At {ANGLES[1]:g}° the flanks are foreshortened by a half, and what a quadratic function leaves
-of them shows beside a noise of a few thousandths of a pixel. No false match may pass, with any one gate
-taken away neither.
+{ANGLES[0]:g}°. At {ANGLES[1]:g}° the flanks are foreshortened by a half. There the error of a quadratic
+function is visible above a noise of a few thousandths of a pixel. No false match may pass, even if any one
+gate is removed.
 """
 
 

@@ -198,17 +198,16 @@ with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{ref
 | --- | --- | --- | --- | --- | --- |
 {lines}
 
-*Drift.* With a new reference in every frame, {len(LAMBDA) - 2} changes in the chain, the last error is
-{ratio(result.always, usual):.2f} times that with few changes. Independent errors of the matches
-would make it {sum_ratio(result):.2f} times.
+*Drift.* With a new reference in every frame there are {len(LAMBDA) - 2} changes in the chain, and the last
+error is {ratio(result.always, usual):.2f} times that with few changes. With independent errors of the
+matches it would be {sum_ratio(result):.2f} times.
 
-*Frames left out* cost nothing but the larger steps: {half:.2f} and {quarter:.2f} times the error.
+*Omitted frames* have only the effect of larger steps: {half:.2f} and {quarter:.2f} times the error.
 
-*Sigma.* Over all frames the standard deviation of the errors over their own sigma is within
-{usual.normalised.min():.2f} and {
-        usual.normalised.max():.2f} for speckles of 8 px. Those of 5 px are in the end
-hardly higher than a pixel; the error grows by much more than the noise explains, and sigma follows it by the
-residual ({result.fine.normalised.min():.2f} to {result.fine.normalised.max():.2f}).
+*Sigma.* Over all frames the standard deviation of the errors over their sigma is within
+{usual.normalised.min():.2f} and {usual.normalised.max():.2f} for speckles of 8 px. Speckles of 5 px are at
+the end hardly higher than a pixel. The error grows much more than the noise explains, and sigma grows with
+the residual ({result.fine.normalised.min():.2f} to {result.fine.normalised.max():.2f}).
 """
 
 

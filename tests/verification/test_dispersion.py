@@ -225,8 +225,8 @@ def page(result: Result) -> str:
 
 ## The mode
 
-**Independent source.** Roots of the frequency equation as it is printed (Graff 1975, Eq. 8.2.34), bracketed
-and bisected with Bessel functions of complex arguments; a table of another program for ν = 0.29
+**Independent source.** Roots of the printed frequency equation (Graff 1975, Eq. 8.2.34), bracketed and
+bisected with Bessel functions of complex arguments; a table of another program for ν = 0.29
 (`tests/reference/F_pochhammer_nu0.29.csv`, eight decimals), from which c / c_0 differs by
 {result.reference_error:.0e} at most.
 
@@ -249,15 +249,15 @@ Largest error over the pulse's peak [%]:
 ## A bar of finite elements
 
 **Independent source.** Three-dimensional elasticity: the axisymmetric mesh of {{ref}}`theory-bar-models`,
-whose force through cross-sections knows nothing of modes. A pulse of {1e6 * LOAD.rise:g} µs rise presses
-evenly on the end of a rod of {LENGTH:g} m; what it is at {NEAR:g} m is carried to {FAR:g} m. The other modes
-stay near the end. Largest difference over the peak:
+whose force through cross-sections does not use modes. A pulse of {1e6 * LOAD.rise:g} µs rise acts evenly on
+the end of a rod of {LENGTH:g} m. The force at {NEAR:g} m is propagated to {FAR:g} m. The other modes stay
+near the end. Largest difference over the peak:
 
 {table(["elements [mm]", "across the radius", "difference [%]"], sizes)}
 
 A plain shift leaves {100 * result.element_shift:.1f} %. Fitted order of the difference in the size of the
-elements: {result.order.order:.2f} +- {result.order.standard_error:.2f}. It is the mesh's error, then, that is
-seen, and it falls below {100 * PULSE_TOLERANCE:g} %.
+elements: {result.order.order:.2f} +- {result.order.standard_error:.2f}. The difference is therefore the
+mesh error, and it falls below {100 * PULSE_TOLERANCE:g} %.
 
 **Tolerance.** {ROOT_TOLERANCE:.0e} of a wavenumber; {100 * PULSE_TOLERANCE:g} % of a pulse's peak, on the
 finest mesh too; order 2 within {ORDER_TOLERANCE:g}.

@@ -232,9 +232,9 @@ def page(result: Result) -> str:
     )
     return f"""# {TITLE}
 
-**What is checked.** The elements of {{ref}}`theory-equilibrium`, nearly incompressible ones above all.
-Patch tests of every element, tangents and derivatives against differences, follower pressure and contact
-against closed forms are quick tests in `tests/unit/equilibrium`.
+**What is checked.** The elements of {{ref}}`theory-equilibrium`, above all for nearly incompressible
+solids. The quick tests in `tests/unit/equilibrium` have patch tests of every element. They also compare
+tangents and derivatives with differences, and follower pressure and contact with closed forms.
 
 ## A thick cylinder under pressure
 
@@ -246,7 +246,7 @@ inner radius with {ACROSS[0]}, {ACROSS[1]} and {ACROSS[2]} elements across:
 | --- | --- | --- | --- | --- | --- |
 {cylinder}
 
-The 8-node quadrilateral and the 6-node triangle are held back by their constant pressure.
+The 8-node quadrilateral and the 6-node triangle converge more slowly because of their constant pressure.
 
 ## Cook's membrane
 
@@ -258,9 +258,9 @@ corner [mm]:
 {membrane}
 
 DOLFINx 0.5.2 with the triangles of Taylor and Hood, another formulation with a continuous pressure, has
-{peer} mm with {cells} cells along an edge, and their limit (Aitken's rule
-on the last three) is {result.membrane_of_peer[0]:.3f} mm. On {FINE} x {FINE} elements {fine}
-(`tests/reference/L_dolfinx.py`; {100 * TIP_HELD:.1f} % are held).
+{peer} mm with {cells} cells along an edge, and their limit (Aitken's rule on the last three) is
+{result.membrane_of_peer[0]:.3f} mm. On {FINE} x {FINE} elements {fine} (`tests/reference/L_dolfinx.py`; the
+tolerance is {100 * TIP_HELD:.1f} %).
 
 ## Inf-sup constants
 
@@ -272,8 +272,8 @@ By the eigenvalue test of Chapelle and Bathe (1993) on a clamped unit square, un
 {constants}
 
 On a clamped cube of 27 elements: {solids}. The mean dilatation of the 4-node quadrilateral and the 8-node
-hexahedron has a pressure in the pattern of a chessboard that no displacement sees: their displacements
-converge, their pressures need not. The 10-node tetrahedron with a constant pressure fails too, and is
+hexahedron has a chessboard pattern of the pressure without effect on the displacements: their displacements
+converge, but their pressures may not. The 10-node tetrahedron with a constant pressure fails too, and is
 refused in a mixed model.
 
 ## Another program

@@ -1,4 +1,4 @@
-"""Failure is a result: every way to fail in one batch, its moment, its element, and its neighbours."""
+"""Failed simulations: every way to fail in one batch, its moment, its element, and its neighbours."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -295,7 +295,7 @@ def bits_of_neighbours(batch: Response) -> dict[str, bool]:
     }
 
 
-TITLE = "Failure is a result"
+TITLE = "Failed simulations"
 FAILED = [i for i, outcome in enumerate(EXPECTED) if not outcome.ok]
 """Rows of the batch that must fail."""
 NEVER = 10**6
@@ -355,8 +355,8 @@ def row(result: Result) -> tuple[str, str, str]:
     return (
         "a batch with every kind of failure: neighbours, histories up to the end, and the element that is "
         "named against node positions",
-        f"{'same bits' if same else 'DIFFERENT'}; {right} of {len(result.witnesses)} elements",
-        "same bits; all",
+        f"{'identical' if same else 'DIFFERENT'}; {right} of {len(result.witnesses)} elements",
+        "identical; all",
     )
 
 
@@ -427,12 +427,12 @@ def page(result: Result) -> str:
     good = result.bits
     return f"""# {TITLE}
 
-**What is checked.** A simulation that cannot go on ends alone: it says why, when and in which element, keeps
-every history up to its end and disturbs nobody.
+**What is checked.** If a simulation cannot continue, it ends without affecting the others. It reports
+cause, time and element, and keeps every history up to its end.
 
-**Independent source.** Node positions at the end and just before, from which NumPy computes J, s, the stable
-step and the kinetic energy with the element constants of a rectangle in closed form; the same simulation
-alone; the same simulation asked to end where it failed.
+**Independent source.** Node positions at the end and just before, from which NumPy computes J, s, the
+stable step and the kinetic energy with the element constants of a rectangle in closed form; the same
+simulation in a batch of one; the same simulation with an end time at which it failed.
 
 ## A batch with every failure
 
@@ -441,31 +441,31 @@ Eight simulations (8 × 11 elements, bonded, ν = 0.495, to {1e3 * END:g} ms, `m
 
 {table(["row", "what is special", "outcome", "end [ms]", "steps", "element", "R, Y [mm]"], ends)}
 
-Every row has the bits that it has alone, where the lanes share one simulation instead of being one each:
-{"yes" if good["alone"] else "NO"}. The sound rows have the bits of a batch without the failures:
+Every row is identical to the last bit to a batch of one, in which the lanes share one simulation:
+{"yes" if good["alone"] else "NO"}. The sound rows are identical to those of a batch without the failures:
 {"yes" if good["without"] else "NO"}.
 
-`Response.describe` says it in a sentence, here of row {FAILED[0]}: "{batch.describe(FAILED[0])}."
+`Response.describe` gives it as a sentence, here for row {FAILED[0]}: "{batch.describe(FAILED[0])}."
 
 ## The element and the moment
 
-The element that the solver names, and the one with the extreme value of NumPy's; that value when the
-simulation was last found in order and at its end. Motion, turned elements and, by default, the stable step
-are looked at every {CHECK_EVERY} steps, the end of the data (here s = {SHORT}) at every step where it ends a
-run. The last column: every force, impulse, outline and energy before the end has the bits of a run that was
-asked to end there, and is NaN after it:
+The table compares the element that the solver names with the element that has the extreme value in NumPy.
+It gives this value at the last check without a failure and at the end. Motion, inverted elements and, by
+default, the stable step are checked every {CHECK_EVERY} steps, the end of the data (here s = {SHORT}) at
+every step if it ends a run. The last column is yes if every force, impulse, outline and energy before the
+end is identical to that of a run that ends there, and is NaN after it:
 
 {table(["row", "named", "found", "value", "before", "at the end", "same history"], seen)}
 
-In row 4 nothing but the number of steps came to an end; the element named is the one that sets the step.
+Row 4 ends only because of the number of steps; the named element is the one that limits the step.
 
 ## Divergence
 
-A specimen at rest cannot move with more energy than the platens gave it. Beyond {MOTION_LIMIT:g} times their
-largest work so far a simulation has diverged, whatever the cause: in row 6 a curve whose energy falls with
-strain; and row 0 again with a step that is measured once and never again, so that it is too long as soon as
-the specimen is compressed. That run ends at {1e3 * result.unstable.end_times[0]:.3f} ms, when its recorded
-forces differ by {result.astray:.2g} N from those of the sound run.
+The energy of a specimen that starts at rest cannot exceed the work of the platens. If the kinetic energy
+exceeds {MOTION_LIMIT:g} times their largest work so far, the simulation has diverged. In row 6 the cause is
+a curve whose energy falls with strain. Another example is row 0 with a step that is measured only once, so
+it is too long when the specimen is compressed. That run ends at {1e3 * result.unstable.end_times[0]:.3f}
+ms, when its recorded forces differ by {result.astray:.2g} N from those of the sound run.
 
 **Tolerance.** None where bits, elements and outcomes are compared; {ONSET:g} N for the forces of the unstable
 run, what a force measurement resolves.

@@ -549,16 +549,17 @@ def page(result: Result) -> str:
     batch = [cost(element, 8) for element in ELEMENTS]
     return f"""# F-bar element
 
-**What is checked.** The fully integrated quadrilateral with a mean dilatation (`Model.element = "fbar"`; see
-[the solver](../theory/solver.md)) and the one-point quadrilateral with hourglass control (`"one_point"`):
-each by itself, in slow and in fast bonded compression, and extrapolated to an infinitely fine mesh.
+**What is checked.** The fully integrated quadrilateral with a mean dilatation (`Model.element = "fbar"`;
+see [the solver](../theory/solver.md)) and the one-point quadrilateral with hourglass control
+(`"one_point"`): single elements, slow and fast bonded compression, and the extrapolation to an infinitely
+fine mesh.
 
-**Which one to take.** *One-point* is the default and the one for identification: its dynamic force is as good
-as F-bar's mesh for mesh, its static force is better (the fully integrated element is too stiff in shear and
-bending), and F-bar costs {batch[1] / batch[0]:.1f}
-times as much in a batch. Take *F-bar* to check a result with an element that has nothing to tune; for a
-few elements across a flat disc, where the one-point force depends on χ; whenever the ledger's hourglass entry
-passes 1 % of the elastic energy; and where the *shape* matters most.
+**Which one to take.** *One-point* is the default element, also for identification. On the same mesh its
+dynamic force is as accurate as F-bar's. Its static force is more accurate, because the fully integrated
+element is too stiff in shear and bending. F-bar costs {batch[1] / batch[0]:.1f} times as much in a batch.
+Use *F-bar* to check a result with an element without a tuning parameter, or if the *shape* is most
+important. Use it also for a flat disc with a few elements across, where the one-point force depends on χ,
+and if the hourglass energy exceeds 1 % of the elastic energy.
 
 **Independent source.** Closed forms; the energy for the force; the element's own eigenvalues for the step
 bound; for the compressions the programs of [static](static_bonded.md) and [dynamic](dynamic_bonded.md)
@@ -566,21 +567,21 @@ bonded compression.
 
 ## One element
 
-Set-up of each line as on its own page ([patch](patch.md), [energy](energy.md),
+The set-up of each line is that of its page ([patch](patch.md), [energy](energy.md),
 [frictionless](frictionless.md)); for the difference of the energy a distorted mesh squeezed by 40 %, every
 corner moved at random by 3 % of an element, ν = 0.495:
 
 {single_table(result)}
 
-**Step bound.** Bound over the element's own largest frequency squared (with damping: of the undamped element
-with the same stable step), from differences of its forces: least, median and largest of 3 × 192 elements in
-a bonded impact at 20, 40 and 60 %. Below 1 the bound fails; far above 1 it wastes steps. β = {BETA:g}
-s:
+**Step bound.** Bound over the largest frequency squared of the element (with damping: of the undamped
+element with the same stable step), from differences of its forces: least, median and largest of 3 × 192
+elements in a bonded impact at 20, 40 and 60 %. A value below 1 is an error of the bound; a value far above
+1 makes the steps unnecessarily small. β = {BETA:g} s:
 
 {bounds_table(result)}
 
-The one-point bound leaves out that the pressure works on rotations and may miss by 2 %, well inside the
-default safety of 0.9.
+The one-point bound neglects the work of the pressure on rotations. It may be too small by 2 %, well inside
+the default safety of 0.9.
 
 ## Slow bonded compression
 
@@ -589,14 +590,15 @@ from 30 % on):
 
 {static_table()}
 
-Two elements that solve one problem have one limit. Fitted to the eight forces at each compression: that
-limit, one order, and a constant for each element ("deviation": the largest distance of a mesh from the law):
+Both elements solve the same problem, so they have the same limit. A common limit, a common order and a
+constant for each element are fitted to the eight forces at each compression ("deviation": the largest
+distance of a mesh from the fit):
 
 {common_limits_table()}
 
-At 10 %, before a node of the side lands, the law holds to {common[0].deviation / wanted[0]:.0e}. The order is
-the bonded edge's: the stress there is singular, in a linear incompressible solid with
-u ~ r^{STATIC_ORDER / 2:.3f} (Williams 1952), so that no element of low order converges faster than
+At 10 %, before a node of the side touches a platen, the fit holds to {common[0].deviation / wanted[0]:.0e}.
+The bonded edge determines the order. The stress there is singular, in a linear incompressible solid with u
+~ r^{STATIC_ORDER / 2:.3f} (Williams 1952). Therefore no element of low order converges faster than
 h^{STATIC_ORDER:.2f} on a uniform mesh.
 
 ## Impact
@@ -609,16 +611,16 @@ peak [%], and rms distances of the outline:
 ## Where hourglass control matters
 
 On a flat disc of {1e3 * DISC:g} mm, bonded, 16 × 4 elements, the one-point force at 40 % varies by
-{disc_spread():.0f} % with χ. The cure is a finer mesh; the two elements together show when it is fine enough.
+{disc_spread():.0f} % with χ. The cure is a finer mesh. It is fine enough if both elements give the same
+force.
 
 **Tolerance.** Patch, energy and closed form as on their pages. Gradient 1e-8: central differences in fp64,
 and K/μ = 100. Step bound not below 1 (one-point {BOUND_FLOOR["one_point"]:g}). F-bar static force
-{100 * STATIC_TOLERANCE["coarse"]:g} % on 16 × 22 and {100 * STATIC_TOLERANCE["fine"]:g} % on
-48 × 66, radius {1e6 * RADIUS_TOLERANCE["coarse"]:g} and {1e6 * RADIUS_TOLERANCE["fine"]:g} µm.
-Extrapolated static forces, common or each alone, within {100 * LIMIT_TOLERANCE:g} % of the reference.
-5 kHz force {100 * IMPACT_TOLERANCE["coarse"]:g} % on 16 × 22 and
-{100 * IMPACT_TOLERANCE["fine"]:g} % on 48 × 66; extrapolated, within {100 * AGREEMENT:g} % of
-each other.
+{100 * STATIC_TOLERANCE["coarse"]:g} % on 16 × 22 and {100 * STATIC_TOLERANCE["fine"]:g} % on 48 × 66,
+radius {1e6 * RADIUS_TOLERANCE["coarse"]:g} and {1e6 * RADIUS_TOLERANCE["fine"]:g} µm. Extrapolated static
+forces, from both elements or from one, within {100 * LIMIT_TOLERANCE:g} % of the reference. 5 kHz force
+{100 * IMPACT_TOLERANCE["coarse"]:g} % on 16 × 22 and {100 * IMPACT_TOLERANCE["fine"]:g} % on 48 × 66;
+extrapolated, within {100 * AGREEMENT:g} % of each other.
 """
 
 

@@ -378,52 +378,52 @@ def page(result: Result) -> str:
 and on the side surface where it rolls onto a platen; energy and momentum through stick and slip; penetration.
 The limits f = 0 and f towards infinity are on the page [Limits and ledgers of contact](contact_limits.md).
 
-**Independent source.** Static solutions computed for this purpose with GetFEM 5.4.2: axisymmetric half model,
-quadratic displacement and linear pressure, Coulomb's law exact at every node, several meshes
-(`tests/reference/README.md`, with the scripts). Its solution without slip meets the consensus of FElupe and
-DOLFINx ([Static bonded compression](static_bonded.md)).
+**Independent source.** Static solutions computed for this purpose with GetFEM 5.4.2: axisymmetric half
+model, quadratic displacement and linear pressure, Coulomb's law exact at every node, several meshes
+(`tests/reference/README.md`, with the scripts). Its solution without slip agrees with the consensus of
+FElupe and DOLFINx ([Static bonded compression](static_bonded.md)).
 
-**Set-up.** Neo-Hookean, E = 80 kPa, ν = 0.495. Slow loading as in the bonded case: {1e3 * DURATION:g} ms,
-α = {DRAG:g} 1/s, force the mean of both faces; and β = {DAMPING:g} s (see *Flutter*). Drag and damping
-together make the force 0.3 % too large at 10 % and 0.1 % at 30 %; it is not taken off. Kinetic energy is at
-most {kinetic:.0e} of the elastic one. 32 × 44 elements with the largest {FINE[2]:g} times the smallest, at
-the edge.
+**Set-up.** Neo-Hookean, E = 80 kPa, ν = 0.495. Slow loading as in the bonded case: {1e3 * DURATION:g} ms, α
+= {DRAG:g} 1/s, force the mean of both faces; and β = {DAMPING:g} s (see *Flutter*). Drag and damping
+together make the force 0.3 % too large at 10 % and 0.1 % at 30 %; this is not corrected. Kinetic energy is
+at most {kinetic:.0e} of the elastic one. 32 × 44 elements with the largest {FINE[2]:g} times the smallest,
+at the edge.
 
 {forces(result)}
 
-**Where the solution is not unique.** With f = 0.05 from about 32 % the edge is unstable: the reference's
-meshes snap onto branches whose forces differ by 5 % and more. Nothing is compared beyond 30 %. For f = 0.1
-and 0.2 some meshes snap and some do not; those that do not agree with each other and are the reference.
+**Where the solution is not unique.** With f = 0.05 the edge is unstable from about 32 % on: the meshes of
+the reference jump to branches whose forces differ by 5 % and more. Nothing is compared beyond 30 %. For f =
+0.1 and 0.2 some meshes jump. The meshes without a jump agree with each other and are the reference.
 
 **An element that fails.** With f = 0.1 the edge folds sharply. Past about 55 % the *one-point* elements at
 the fold of the fine mesh tangle and overlap, yet the run completes; the force at 60 % is
-{100 * tangled:+.0f} % off. The coarse mesh and the F-bar element do not do this. That one entry is left
-out of the comparison; with friction near 0.1 and more than 50 % compression, use F-bar.
+{100 * tangled:+.0f} % off. The coarse mesh and the F-bar element have no such error. This entry is not part
+of the comparison. With friction near 0.1 and more than 50 % compression, use F-bar.
 
-**Flutter.** A sliding node's friction follows its normal force, which makes the stiffness non-symmetric, and
-an undamped elastic body can draw growing oscillations from that. The reference, linearised at 5 and 10 %
-compression, has them for every f > 0 and none for f = 0; the rate rises with f and with the mesh, far above
-the α/2 = {0.5 * DRAG:g} 1/s that the drag takes off. They make faces slip that should stick. Change of the
-force ({EVEN[0]} × {EVEN[1]}) against β = {DAMPING:g} s:
+**Flutter.** The friction of a sliding node is proportional to its normal force, so the stiffness is not
+symmetric. Oscillations of an undamped elastic body may then grow. The reference, linearised at 5 and 10 %
+compression, has such oscillations for every f > 0 and none for f = 0. Their rate rises with f and with mesh
+refinement, far above the damping rate α/2 = {0.5 * DRAG:g} 1/s of the drag. Because of them faces slip that
+should stick. Change of the force ({EVEN[0]} × {EVEN[1]}) against β = {DAMPING:g} s:
 
 {undamped(result)}
 
 **Friction on a fine mesh needs some stiffness-proportional damping**; the paper's β = 2.5e-5 s stops the
-flutter, a tenth of it not quite.
+flutter, a tenth of it does not stop it completely.
 
 **Ledgers.** Impact at 2.6 m/s to 60 %, 16 × 22, no drag. Momentum: the path of the centre of mass from the
-platens' impulses against the nodes' masses and places.
+platens' impulses, compared with that from the nodes' masses and positions.
 
 {table(["f", "lost to friction [% of work]", "energy [% of work]", "momentum [-]"], impacts)}
 
-The friction entry never falls by more than {ledger.given_back:.0e} of the work. The deepest node lies
-{max(slow, ledger.penetration):.0e} m beyond a platen.
+The friction entry never falls by more than {ledger.given_back:.0e} of the work. The largest penetration of
+a node is {max(slow, ledger.penetration):.0e} m.
 
 **Tolerance.** Force {100 * FORCE_TOLERANCE["16 × 22"]:g} % on 16 × 22 and
-{100 * FORCE_TOLERANCE["32 × 44"]:g} % on 32 × 44, beyond the reference's uncertainty: landing of the side's
-nodes and the loading. On 32 × 44 the radius at mid-height {1e3 * RADIUS_TOLERANCE:g} mm and the outline (rms)
-{1e3 * OUTLINE_TOLERANCE:g} mm, beyond the uncertainty of the radii; measured {middle:.3f} mm and
-{outline:.3f} mm. Energy {100 * ENERGY_TOLERANCE:g} %, momentum {MOMENTUM_TOLERANCE:.0e}, penetration
+{100 * FORCE_TOLERANCE["32 × 44"]:g} % on 32 × 44, beyond the reference's uncertainty, for the first contact
+of the side's nodes and the loading. On 32 × 44 the radius at mid-height {1e3 * RADIUS_TOLERANCE:g} mm and
+the outline (rms) {1e3 * OUTLINE_TOLERANCE:g} mm, beyond the uncertainty of the radii; measured {middle:.3f}
+mm and {outline:.3f} mm. Energy {100 * ENERGY_TOLERANCE:g} %, momentum {MOMENTUM_TOLERANCE:.0e}, penetration
 {GAP_TOLERANCE:.0e} m.
 """
 

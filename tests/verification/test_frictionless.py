@@ -149,7 +149,7 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** Between frictionless platens the specimen deforms homogeneously, so force and radius at
-a given compression follow from the law alone: neo-Hookean, and a Yeoh solid given to the solver as 300
+a given compression follow from the law only: neo-Hookean, and a Yeoh solid given to the solver as 300
 points of its uniaxial curve.
 
 **Independent source.** Closed form: sigma_i = 2 W_1 J^(-5/3) (lambda_i^2 - I_1/3) + K (J - 1), no lateral
@@ -172,15 +172,16 @@ Largest force error up to 50 % against the duration of loading (neo-Hookean, ν 
 
 {table(["duration [ms]", "error [%]"], slow)}
 
-**Tolerance.** Force {100 * FORCE_TOLERANCE:.1f} %: what is left is the inertia of the loading, which falls
-with the square of its duration, as the table shows. Radius {1e6 * RADIUS_TOLERANCE["stable"]:.1f} µm
+**Tolerance.** Force {100 * FORCE_TOLERANCE:.1f} %: the remaining error is the inertia of the loading, which
+falls with the square of its duration, as the table shows. Radius {1e6 * RADIUS_TOLERANCE["stable"]:.1f} µm
 up to 50 % and {1e6 * RADIUS_TOLERANCE["past"]:.0f} µm at 60 %.
 
-**Why not slower.** The homogeneous state exists at 60 %, but a neo-Hookean solid does not stay in it: its
-compressed free surface is unstable from a stretch of 0.444 (a compression of 55.6 %) on (Biot 1963). The
-solver finds that too: loading in 0.2 s leaves the homogeneous state at {100 * result.onset:.1f} %, and the
-spread of the neo-Hookean radii in the table is the beginning of it. Up to 50 % slower is better; past Biot's
-limit the comparison needs a loading that outruns the growth. The stiffening Yeoh solid stays homogeneous.
+**Loading must not be slower.** The homogeneous state exists at 60 %, but for a neo-Hookean solid it is
+unstable: the compressed free surface is unstable beyond a stretch of 0.444 (a compression of 55.6 %; Biot
+1963). The solver shows this: with loading in 0.2 s the specimen leaves the homogeneous state at
+{100 * result.onset:.1f} %, and the spread of the neo-Hookean radii in the table is the beginning of it. Up
+to 50 %, slower loading is more accurate. Past Biot's limit the loading must be faster than the growth of
+the instability. The stiffening Yeoh solid stays homogeneous.
 """
 
 

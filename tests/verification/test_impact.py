@@ -379,9 +379,9 @@ def page(result: Result) -> str:
     changes = ", ".join(f"{change:.2g}" for change in result.test.change)
     return f"""# {TITLE}
 
-**What is checked.** Striker, pulse shaper, incident bar, joint, flyer, specimen and transmission side in one
-model ({{ref}}`theory-bar-models`): its parts against closed forms, the whole against what the paper's Fig. 5
-shows.
+**What is checked.** Striker, pulse shaper, incident bar, joint, flyer, specimen and transmission side in
+one model ({{ref}}`theory-bar-models`): the parts are compared with closed forms, the whole test with the
+paper's Fig. 5.
 
 ## Parts
 
@@ -389,9 +389,10 @@ shows.
 20 mm: levels v Z_1 Z_2 / (Z_1 + Z_2) ((Z_1 - Z_2) / (Z_1 + Z_2))^k, largest error
 {np.abs(found / exact - 1).max():.0e}.
 
-*Linear pulse shaper* between equal bars: F = Z v / 2 (1 - exp(-2 k t / Z)) until the striker's rear answers.
-Largest error over Z v / 2 with steps of the striker's length over 64, 128 and 256:
-{", ".join(f"{100 * e:.3f}" for e in errors)} %, fitted order {order.order:.2f} +- {order.standard_error:.2f}.
+*Linear pulse shaper* between equal bars: F = Z v / 2 (1 - exp(-2 k t / Z)) until the wave from the
+striker's rear end arrives. Largest error over Z v / 2 with steps of the striker's length over 64, 128 and
+256: {", ".join(f"{100 * e:.3f}" for e in errors)} %, fitted order {order.order:.2f} +-
+{order.standard_error:.2f}.
 
 *Flight on a spring* instead of a specimen, over that of a rigid flyer: time from separation to arrest
 {swing:.4f}, largest force {largest:.4f}.
@@ -403,28 +404,30 @@ opening / 2: {joint:.3f}.
 ## The test
 
 **Set-up.** Striker {1e3 * STRIKER.length:g} mm at {SPEED:g} m/s, bars of {1e3 * BAR.length:g} mm, Ø 15 mm,
-maraging steel as in the paper; flyer and support a transducer of {1e3 * TRANSDUCER.length:g} mm and a platen
-of 5 mm each (flyer {1e3 * flyer:.1f} g). The specimen is that of open-01 ({DENSITY:g} kg/m³, m = 1.12),
-16 × 22 elements, no slip while pressed. Pulse shaper: the paper's disc of Ø 5.5 mm × 2.0 mm as a neo-Hookean
-rubber. Three things the paper does not say are assumed: the transducer's length, the joint (100 N, gone
-within 20 µm) and the rubber's modulus at 2000 1/s, {SHAPER_MODULUS / 1e6:g} MPa in shear. The last one is
-chosen for the flyer's speed, so that strain rates are no test of the model; times, compression and the order
-of the events follow.
+maraging steel as in the paper; flyer and support a transducer of {1e3 * TRANSDUCER.length:g} mm and a
+platen of 5 mm each (flyer {1e3 * flyer:.1f} g). The specimen is that of open-01 ({DENSITY:g} kg/m³, m =
+1.12), 16 × 22 elements, no slip while pressed. Pulse shaper: the paper's disc of Ø 5.5 mm × 2.0 mm as a
+neo-Hookean rubber. The paper does not give three inputs, which are assumed: the transducer's length, the
+joint (100 N, opened within 20 µm) and the rubber's modulus at 2000 1/s, {SHAPER_MODULUS / 1e6:g} MPa in
+shear. The modulus is chosen for the flyer's speed, so strain rates do not test the model. Times,
+compression and the order of the events do.
 
-Bars and specimen are iterated; the force on a platen changes from pass to pass by {changes} N.
-Up to the arrest the bars did {1e3 * result.work[0]:.2f} mJ of work on the specimen, its own ledger says
-{1e3 * result.work[1]:.2f} mJ; that ledger is balanced to
+Bars and specimen are iterated; the force on a platen changes from pass to pass by {changes} N. Up to the
+arrest the bars do {1e3 * result.work[0]:.2f} mJ of work on the specimen. The energy ledger of the specimen
+gives {1e3 * result.work[1]:.2f} mJ, and is balanced to
 {100 * result.test.response.energy.imbalance()[0]:.2f} %.
 
 {table(["", "time [µs]", "flyer [m/s]", "compression [%]", "force, transmitted [N]"], rows)}
 
-The striker lets go {1e6 * events.striker_parts:.0f} µs after its touch; the shaper took
-{1e-3 * bars.shaper_force.max():.1f} kN and {1e3 * bars.shaper_approach.max():.2f} mm.
+The striker separates {1e6 * events.striker_parts:.0f} µs after first contact. The largest force and
+compression of the shaper are {1e-3 * bars.shaper_force.max():.1f} kN and
+{1e3 * bars.shaper_approach.max():.2f} mm.
 
 {table(["", "paper", "here"], paper)}
 
 **Not in the model.** The bars are one-dimensional and lossless: after the joint breaks the flyer rings at
-125 kHz for ever. It neither tilts nor leaves the axis, which ends the paper's tests at about 70 %.
+125 kHz without damping. The flyer cannot tilt or leave the axis; in the paper's tests this motion ends the
+symmetric part at about 70 %.
 
 **Tolerance.** Face on face {LEVEL_TOLERANCE:g}: round-off. Shaper {100 * SHAPER_TOLERANCE:g} % at the finest
 step, second order. Momentum {MOMENTUM_TOLERANCE:g}; energy {100 * BALANCE_TOLERANCE:g} %; joint

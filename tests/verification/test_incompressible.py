@@ -267,38 +267,38 @@ def page(result: Result) -> str:
     ranges = {name: f"{min(values):.1f} to {max(values):.1f}" for name, values in told.items()}
     return f"""# {TITLE}
 
-**What is checked.** {{py:func}}`explicit.incompressible.run_nearly_incompressible`, which computes what ν
-changes on a coarser mesh:
+**What is checked.** {{py:func}}`explicit.incompressible.run_nearly_incompressible`, which computes the
+effect of ν on a coarser mesh:
 
 Q(fine, ν) = Q(fine, 0.495) + [Q(coarse, ν) − Q(coarse, 0.495)].
 
 **Independent source.** Direct runs with the fine mesh at the same ν. Model: the known-answer shot
 `runs/open-01` with m = 1.12, β = 25 µs on the deviator, one-point elements graded as `kolsky` does.
 
-**Runs.** The meshes that `kolsky identify`, `simulate` and `sweep` take with `--nearly-incompressible`. Cost
-in elements × steps of all runs, the estimate's included, over the run at ν = 0.495 with the same mesh.
-Errors are rms differences from the direct run: *at ν = 0.495, corrected, estimated*. The force over its peak
-of {peak():.1f} N.
+**Runs.** The meshes are those of `kolsky identify`, `simulate` and `sweep` with `--nearly-incompressible`.
+The cost is elements × steps of all runs, including the estimate, relative to the run at ν = 0.495 with the
+same mesh. Errors are rms differences from the direct run: *at ν = 0.495, corrected, estimated*. The error
+of the force is relative to its peak of {peak():.1f} N.
 
 {correction_table(result)}
 
-**ν = 0.4999 costs {found[(48, 64), nu].cost:.1f} to {found[STUDY, nu].cost:.1f} times as much as ν = 0.495**
-this way. ν = 0.49999, for which a direct run on 32 × 44 takes {dear:.0f} times the steps, costs {cheap:.1f}
-times as much. The error of the 5 kHz force falls with order {result.ladder.order:.2f} ±
-{result.ladder.standard_error:.2f} in the coarse mesh's element size.
+**ν = 0.4999 costs {found[(48, 64), nu].cost:.1f} to {found[STUDY, nu].cost:.1f} times as much as ν =
+0.495** with the correction. ν = 0.49999, for which a direct run on 32 × 44 takes {dear:.0f} times the
+steps, costs {cheap:.1f} times as much. The error of the 5 kHz force falls with order
+{result.ladder.order:.2f} ± {result.ladder.standard_error:.2f} in the coarse mesh's element size.
 
 The stiffness factor identified on 24 × 32 (weights of `identify`) is {m["compressible"]:.4f} at ν = 0.495,
 {m["direct"]:.4f} at ν = 0.4999 directly, and {m["corrected"]:.4f} corrected.
 
-**What it is not good for.** The *raw* force rings in dilatational waves, which deviatoric damping leaves
-alone and which every landing node excites anew; when a node lands belongs to its mesh. The correction
-follows the first waves and not the later ones. Take direct runs to look at raw signals.
+**Where it fails.** The *raw* force rings in dilatational waves. Deviatoric damping does not reduce them,
+and every node that touches a platen excites new ones. The time of this contact depends on the mesh. The
+correction describes the first waves and not the later ones. Use direct runs for raw signals.
 
 **Estimate.** The correction of the coarse mesh minus that of the still coarser one: {ranges["force"]} times
 the error of the 5 kHz force, {ranges["radius"]} times that of the radii.
 
 **Tolerance.** Cost {COST:g} at ν = 0.4999. 5 kHz force {100 * FORCE_TOLERANCE:g} % of the peak, below the
-solver's other errors of 1 %; radii {1e6 * RADIUS_TOLERANCE:g} µm, what an outline is measured to; m
+solver's other errors of 1 %; radii {1e6 * RADIUS_TOLERANCE:g} µm, the accuracy of a measured outline; m
 {FACTOR_TOLERANCE:g}. Errors at most {ESTIMATE:g} times their estimates.
 """
 

@@ -222,8 +222,8 @@ def page(result: Result) -> str:
     ]
     return f"""# {TITLE}
 
-**What is checked.** The law that is built from one uniaxial curve, W = U(I1_bar) with
-2 U' = T / (lambda - lambda^-2), in its NumPy and its Warp form.
+**What is checked.** The law of one uniaxial curve, W = U(I1_bar) with 2 U' = T / (lambda - lambda^-2), in
+its NumPy and its Warp form.
 
 **Independent source.** Closed forms: neo-Hookean (2 U' constant), Yeoh with C1 = {C1 / 1e3:g} kPa,
 C2 = C1 / 10, C3 = C1 / 50 (2 U' a polynomial in I1_bar - 3); the energy's own central difference.
@@ -245,13 +245,13 @@ table fall on the data here: round-off |
 
 Error of 2 U' of the sampled Yeoh curve, over mu_0. Away from rest the monotone cubic is of third order
 (fitted {result.yeoh_order.order:.2f} +- {result.yeoh_order.standard_error:.2f}); the limit at rest is an
-extrapolation of the data with s < 0.3 and stays where that line leaves it.
+extrapolation of the data with s < 0.3 and does not improve with more points.
 
 {table(["points", "s > 0.4", "at rest"], rows)}
 
-Stress is the derivative of the energy: the central difference along random motions of 20 random states falls
-as h^2 to {result.difference_error.min():.0e} and then rises with round-off, as expected if only the
-difference is wrong.
+Stress is the derivative of the energy: the central difference along random motions of 20 random states
+falls as h^2 to {result.difference_error.min():.0e} and then rises with round-off, as expected of a correct
+derivative.
 """
 
 

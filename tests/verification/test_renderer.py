@@ -264,10 +264,10 @@ def page(result: Result) -> str:
     surface = result.surface
     return f"""# {TITLE}
 
-What `kolsky virtual make` renders ({{ref}}`theory-virtual-cameras`) is the reference that the
-whole way from pictures to a stiffness is judged by, so its own error must be small beside what is
-measured with it: a bias of less than {mpx * ALLOWED:g} mpx (1 mpx = 0.001 px) is promised. Four
-rays a pixel along each axis, as by default.
+What `kolsky virtual make` renders ({{ref}}`theory-virtual-cameras`) is the reference for
+the test of the whole chain from pictures to a stiffness. Its error must be small compared with the measured
+errors. The limit is a bias of less than {mpx * ALLOWED:g} mpx (1 mpx = 0.001 px). Each pixel has four rays
+along each axis, the default.
 
 | pictures of | against | bias at most, mpx | error of a grey value over the pattern's deviation |
 | --- | --- | --- | --- |
@@ -283,22 +283,20 @@ deviation {mpx * surface.std():.2f}) | {result.surface_grey:.4f} (deviation) |
 | the same pictures | the shift, found by OpenCV's `findTransformECC` | \
 {mpx * np.abs(result.peer).max():.1f} | |
 
-*The board.* A cosine that is averaged over a pixel, smeared by the lens and read between texels
-linearly keeps its phase; its height is multiplied by sinc for the pixel, exp(-2 π² s² f²) for the
-lens and sinc² for the texels. What differs from that is displaced light, projected on the pattern's
-slope.
+*The board.* A cosine keeps its phase when it is averaged over a pixel, blurred by the lens and interpolated
+linearly between texels. Its height is multiplied by sinc for the pixel, exp(-2 π² s² f²) for the lens and
+sinc² for the texels. A difference from that is an error of position, projected on the slope of the pattern.
 
-*The surface.* The lens is left out, so that the sampling by rays is not smoothed: the hardest case.
-The independent ray cast shares the texture and the camera's equations with the renderer, and
-nothing else.
+*The surface.* The lens is omitted, so the sampling by rays is not smoothed. This is the hardest case. The
+independent ray cast shares only the texture and the camera's equations with the renderer.
 
-*Two correlations.* The matching has an error of its own ({{doc}}`dic_correlation`: 0.13 to 0.6 mpx
-on pictures in closed form); what it finds here is the sum of both. ECC interpolates linearly,
-whence its wave, which vanishes at 0, ½ and 1 px, where linear interpolation is right or symmetric:
-there it is off by {mpx * np.abs(result.peer[[0, 5, 10]]).max():.2f} mpx.
+*Two correlations.* The matching has an error too ({{doc}}`dic_correlation`: 0.13 to 0.6 mpx on
+pictures in closed form); its bias here is the sum of both errors. ECC interpolates linearly, so its bias is
+a wave. The wave vanishes at 0, ½ and 1 px, where linear interpolation is exact or symmetric: there the bias
+is {mpx * np.abs(result.peer[[0, 5, 10]]).max():.2f} mpx.
 
 **Tolerance.** {mpx * ALLOWED:g} mpx for the first three rows: a quarter of the noise of a match
-under good light (7 to 10 mpx), and a ninth of what 1 µm is at 56 µm a pixel (18 mpx).
+under good light (7 to 10 mpx), and a ninth of 1 µm at 56 µm a pixel (18 mpx).
 
 ```{{figure}} images/renderer.svg
 :width: 100%

@@ -241,11 +241,11 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** {{ref}}`theory-bar-waves`: two known waves that overlap at the gauges of one bar are
-told apart.
+separated.
 
 **Independent source.** Fourier integrals of both waves at every gauge and at the face, with wavenumbers of
-the printed frequency equation (steel). For the polymer the wavenumbers are the package's own, which
-`tests/unit/bars/test_pochhammer.py` checks: there the separation alone is tested.
+the printed frequency equation (steel). For the polymer the wavenumbers are those of the package, which
+`tests/unit/bars/test_pochhammer.py` checks; only the separation is tested with it.
 
 **Set-up.** Bars of Ø 20 mm, 1.5 m long, gauges {far:g} and {near:g} m from the specimen. Steel,
 ν = 0.29, with a rise of 5 µs; a polymer, a standard linear solid of 5.0 + 0.5 GPa and 12 µs, ν = 0.35, with a
@@ -257,13 +257,13 @@ With noise of {1e3 * NOISE:g} ‰ of the plateau, steel, {REPEATS} records:
 
 {table(["gauges", "at [m]", "largest sigma of the wave away [‰]", "error over sigma, rms"], noisy)}
 
-Where half-waves fit between two gauges they see both waves alike; the noise there is kept and grows with
-time. A third gauge leaves that at zero frequency only. It also shows what does not fit: its records' misfit
-over sigma is
-{misfit}, and {wrong} if the middle gauge's factor is 2 % off.
+If a whole number of half-waves fits between two gauges, they cannot distinguish the two waves. At these
+frequencies noise is kept and grows with time. With a third gauge this happens at zero frequency only. A
+third gauge also shows an error of a gauge: the misfit of its records over sigma is {misfit}, and {wrong} if
+the middle gauge's factor is 2 % off.
 
-**Tolerance.** {100 * TARGET:g} % of the plateau, what the correction of a test needs. Error over sigma 1
-within {SCATTER_TOLERANCE:g}.
+**Tolerance.** {100 * TARGET:g} % of the plateau, the accuracy that the correction of a test needs. Error
+over sigma 1 within {SCATTER_TOLERANCE:g}.
 """
 
 

@@ -164,10 +164,10 @@ def page(result: Result) -> str:
 **What is checked.** How fast the error falls with the element size, fitted over five meshes.
 
 **Independent source.** (1) An exact solution: with ν = 0 a cylinder carries one-dimensional longitudinal
-waves with the speed sqrt(E/rho) and nothing moves sideways. One end is driven by {1e-6:g} of the length along
-a smooth step, the other is held, and d'Alembert's solution with its echoes is compared over four passages.
-(2) Theory for impacts to {100 * SPEED * (END - RISE / 2) / LENGTH:.0f} %: differences between neighbouring
-meshes, so no finest mesh biases the fit.
+waves with the speed sqrt(E/rho), without lateral motion. One end is driven by {1e-6:g} of the length
+along a smooth step, the other is held, and d'Alembert's solution with its echoes is compared over four
+passages. (2) The theory of the order, for impacts to {100 * SPEED * (END - RISE / 2) / LENGTH:.0f} %: the fit
+uses differences between neighbouring meshes, so it does not depend on one finest mesh.
 
 **Set-up.** Meshes of {MESHES[0][0]} × {MESHES[0][1]} to {MESHES[-1][0]} × {MESHES[-1][1]} elements (the wave:
 2 across), neo-Hookean, E = 80 kPa; the step follows the mesh. Impacts: {SPEED:g} m/s after a rise of
@@ -185,7 +185,7 @@ Impacts, root-mean-square difference to half the element, over the largest chang
 {table(["impact", "quantity", *names, "fitted order"], impacts)}
 
 **Tolerance.** Wave: order 2 within {ALLOWED:g}. Frictionless impacts are smooth up to the edge (the faces
-are planes of symmetry): order 2, less {ALLOWED:g}, or better. The edge of a bonded face is a stress
+are planes of symmetry): order 2, minus {ALLOWED:g}, or better. The edge of a bonded face is a stress
 singularity of about r^-0.4 for a nearly incompressible solid, which leaves first order or better: 1, less
 {ALLOWED:g}.
 """

@@ -291,14 +291,14 @@ def page(result: Result) -> str:
     asymmetry = 100 * found[0].difference / found[0].force
     return f"""# {TITLE}
 
-**What is checked.** Force, radius at mid-height and the whole outline of a specimen compressed by 10 to 60 %
-with both faces bonded and the side surface sticking where it rolls onto a platen. The explicit solver gets
-there by slow loading.
+**What is checked.** Force, radius at mid-height and the whole outline of a specimen compressed by 10 to 60
+% with both faces bonded and the side surface sticking where it rolls onto a platen. The explicit solver
+loads the specimen slowly.
 
 **Independent source.** Static solutions of FElupe and DOLFINx (`tests/reference/README.md`): their consensus
 for force and radius, and one outline of each program.
 
-**Set-up.** Neo-Hookean, ν = {POISSON}, E = 80 kPa; the flyer picks up speed in {1e3 * RISE * DURATION:g} ms
+**Set-up.** Neo-Hookean, ν = {POISSON}, E = 80 kPa; the flyer accelerates for {1e3 * RISE * DURATION:g} ms
 and then moves at {found[0].speed:.3f} m/s, {1e3 * DURATION:g} ms in all, about {DURATION / 0.68e-3:.0f}
 passages of a wave along the specimen; mass-proportional damping α = {DRAG:g} 1/s; force is the mean of both
 faces. The kinetic energy is at most {found[0].kinetic.max():.0e} of the elastic one.
@@ -316,11 +316,11 @@ sticks) and DOLFINx (side slips; the same problem while the side has hardly touc
 
 {table(["compression", *(f"FElupe, {n}" for n in names), *(f"DOLFINx, {n}" for n in names)], outlines)}
 
-**What the loading adds.** The drag makes the face forces differ by αMv/2, with the flyer's speed v and the
-specimen's mass M, and the mean of both cancels that: at 10 % the faces differ by {asymmetry[0]:.2f} % here.
-It does not cancel the drag on the *deformation* (the faces approach, the side moves out), which is of first
-order in αv too: αMv(1/12 + R²/8L²) for a homogeneous one. With ten times the drag and ever slower loading,
-16 × 22:
+**What the loading adds.** Because of the drag the face forces differ by αMv/2, with the flyer's speed v and
+the specimen's mass M: by {asymmetry[0]:.2f} % at 10 % here. The mean of both faces cancels this. It does
+not cancel the drag on the *deformation* (the faces approach, the side moves out), which is also of first
+order in αv: αMv(1/12 + R²/8L²) for a homogeneous deformation. With ten times the drag and slower and slower
+loading, 16 × 22:
 
 {
         table(
@@ -335,16 +335,16 @@ order in αv too: αMv(1/12 + R²/8L²) for a homogeneous one. With ten times th
     }
 
 It halves as the speed halves. Scaled to α = {DRAG:g} 1/s the mean force contains {left_over[0]:.2f} % of it
-at 10 %, {left_over[1]:.2f} % at 20 % and {left_over[2:].max():.2f} % or less from 30 % on; it is not taken
-off the errors above.
+at 10 %, {left_over[1]:.2f} % at 20 % and {left_over[2:].max():.2f} % or less from 30 % on. The errors above
+are not corrected for it.
 
-**10 and 20 %.** The reference itself is known to ±{100 * known.sigma[0] / known.force[0]:.2f} % and
-±{100 * known.sigma[1] / known.force[1]:.2f} % there, because a bonded edge is a stress singularity that every
-mesh resolves differently. From 10 % on the side rolls onto the platens, and a mesh does that node by node;
-until the next node lands the specimen is a little too soft, then a little too stiff: between 15 and 25 % two
-neighbours, {names[1]} and {names[2]}, differ by up to {sawtooth:.1f} %, so the error at 20 % does not fall
-from mesh to mesh. The *FElupe* outline at 20 % lies {outside:.0f} µm outside the consensus at mid-height; the
-DOLFINx outline does not, and this solver follows the latter.
+**10 and 20 %.** There the reference is uncertain by ±{100 * known.sigma[0] / known.force[0]:.2f} % and
+±{100 * known.sigma[1] / known.force[1]:.2f} %, because a bonded edge is a stress singularity that every
+mesh resolves differently. From 10 % on the side rolls onto the platens, node by node. The specimen is a
+little too soft before a node touches the platen, and a little too stiff afterwards. Between 15 and 25 % the
+meshes {names[1]} and {names[2]} differ by up to {sawtooth:.1f} %. Therefore the error at 20 % does not fall
+from mesh to mesh. The *FElupe* outline at 20 % lies {outside:.0f} µm outside the consensus at mid-height.
+The DOLFINx outline does not, and this solver agrees with DOLFINx.
 
 **Tolerance.** Force {100 * FORCE_TOLERANCE["coarse"]:g} % on 16 × 22: discretisation. Finer:
 {100 * FORCE_TOLERANCE["fine"]:g} % from 30 to 60 %, where the reference is known to 0.1 %; the same limit is

@@ -333,7 +333,7 @@ def page(result: Result) -> str:
 
     return f"""# {TITLE}
 
-**What is checked.** The arithmetic of {{ref}}`theory-budget`: budgets by sensitivities, the same by
+**What is checked.** The arithmetic of {{ref}}`theory-budget`: budgets by sensitivities, budgets by random
 draws, and bands over repeated tests.
 
 ## Printed examples
@@ -346,31 +346,32 @@ By draws:
 
 {table(result.drawn)}
 
-In JCGM 101, 9.2.4, one rectangular quantity outweighs the others, and the GUM's interval misses that of the
-draws by {result.wide:.2f} u: `tests/helpers/monte_carlo.py` says so.
+In JCGM 101, 9.2.4, one rectangular quantity dominates the others, and the GUM's interval differs from that
+of the draws by {result.wide:.2f} u. `tests/helpers/monte_carlo.py` reports this.
 
 ## A bar test
 
-Three waves in steel bars of 20 mm, recorded in volts of half bridges, white noise of 1 µε; stress, strain
-and rate by three waves. Eight quantities vary. Contributions in percent of the largest stress against their
-closed form:
+The example has three waves in steel bars of 20 mm, recorded in volts of half bridges with white noise of 1
+µε. Stress, strain and rate are computed by three waves. Eight quantities vary. The table compares their
+contributions to the largest stress, in percent, with their closed form:
 
 | quantity | found [%] | closed form [%] |
 | --- | --- | --- |
 {chr(10).join(parts)}
 
 {TRIALS} draws of the quantities and of the noise at every sample, through the same chain, have standard
-deviations within {100 * sigma_off(result):.1f} % of the budget's over the pulse; they know
-their own to 1.1 %.
+deviations within {100 * sigma_off(result):.1f} % of the budget's over the pulse. The
+statistical error of these standard deviations is 1.1 %.
 
 ## Repeated tests
 
-Over few tests the factor 2 holds the truth too seldom: of two tests' intervals only
-{100 * result.held["k = 2"][0]:.0f} % do, with Student's t {100 * result.held["Student's t"][0]:.0f} %.
+With few tests an interval with the factor 2 contains the truth too seldom: with two tests only
+{100 * result.held["k = 2"][0]:.0f} % of the intervals contain it. With Student's t
+{100 * result.held["Student's t"][0]:.0f} % do.
 
-**Tolerances.** {PRINTED} units of the last printed digit; {100 * DRAWN} % of standard
-deviations by draws, four times what 4000 draws know; {HELD} of shares; {CLOSED} of contributions, the bend of
-the bridge and of the areas over one standard uncertainty.
+**Tolerances.** {PRINTED} units of the last printed digit; {100 * DRAWN} % of standard deviations by draws,
+four times the statistical error of 4000 draws; {HELD} of shares; {CLOSED} of contributions, for the
+nonlinearity of the bridge and of the areas over one standard uncertainty.
 """
 
 

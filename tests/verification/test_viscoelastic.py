@@ -413,18 +413,18 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** The branches of `explicit.relaxation` in the time loop, theory in
-[viscoelasticity](#theory-viscoelasticity): a Prony series and a Bergström–Boyce network beside a
+[viscoelasticity](#theory-viscoelasticity): a Prony series and a Bergström–Boyce network, each with a
 neo-Hookean law of 20 kPa, with both elements.
 
-**Independent source.** Homogeneous twins in NumPy, which `tests/unit/explicit/test_relaxation.py`
-holds to closed forms and full tensors; the closed form of storage and loss modulus,
+**Independent source.** Homogeneous models in NumPy, which `tests/unit/explicit/test_relaxation.py` compares
+with closed forms and full tensors; the closed form of storage and loss modulus,
 $E^* = 9 K G^* / (3 K + G^*)$ with $G^* = G' + i G''$ and a bulk modulus that does not relax;
 $\\pi \\varepsilon^2 E'' V$ for the work of a cycle; conservation of energy.
 
 **Held.** Frictionless compression to {100 * STRAIN:g} % within {1e3 * RISE:g} ms, then held to
-{1e3 * HOLD:g} ms, a hundredth of the density so that waves do not mask it, ν = {POISSON:g}. Force
-while held against the incompressible twin; and the energy balance there and in an impact to 60 % at
-2.6 m/s, rough on faces and side, 8 × 11 elements:
+{1e3 * HOLD:g} ms, with a hundredth of the density to suppress waves, ν = {POISSON:g}. The force during the
+hold is compared with the incompressible homogeneous model. The energy balance is that of the hold and of an
+impact to 60 % at 2.6 m/s, rough on faces and side, 8 × 11 elements:
 
 {table(["branches", "element", "force [%]", "imbalance, held [%]", "imbalance, impact [%]"], hold)}
 
@@ -434,17 +434,17 @@ while held against the incompressible twin; and the energy balance there and in 
 {table(["element", "ωτ", "storage [%]", "loss [%]", "work of a cycle [%]"], shake)}
 
 **A planted pair.** Three simulated shots at {SPEEDS[0]:g} to {SPEEDS[-1]:g} m/s with a force noise of
-{NOISE:g} N in bins, a relaxation test and a slow compression are fitted at once for a factor on the law, one
-strength and one time:
+{NOISE:g} N in bins, a relaxation test and a slow compression are fitted together for a factor on the law,
+one strength and one time:
 
 {table(["parameter", "planted", "found", "k = 2 interval"], pairs)}
 
-From the same tests of an elastic specimen no branch is asked for. Over {len(found.values)} draws of the
-noise the root mean square of the normalised errors is {found.rms:.2f} ({found.normalised.size} numbers).
+The same tests of an elastic specimen require no branch. Over {len(found.values)} draws of the noise the
+root mean square of the normalised errors is {found.rms:.2f} ({found.normalised.size} numbers).
 
-**Tolerance.** Force {100 * FORCE_TOLERANCE:.1f} %: ν = {POISSON:g} is worth 0.07 % and the mean of a
-compressible column more at 30 %. Moduli and work of a cycle {100 * MODULUS_TOLERANCE:.1f} %; inertia is worth
-{100 * SLENDER**2 / 3:.2f} %, the mean compression {200 * OFFSET:.2f} %. Energy
+**Tolerance.** Force {100 * FORCE_TOLERANCE:.1f} %: ν = {POISSON:g} contributes 0.07 %, and the mean over a
+compressible column more at 30 %. Moduli and work of a cycle {100 * MODULUS_TOLERANCE:.1f} %; inertia
+contributes {100 * SLENDER**2 / 3:.2f} %, the mean compression {200 * OFFSET:.2f} %. Energy
 {100 * ENERGY_TOLERANCE:.1f} % as everywhere. Normalised errors below 3.5, and their root mean square within
 0.6 to 1.4.
 """

@@ -177,18 +177,18 @@ def page(result: Result) -> str:
     share = 100 * (1 - result.static / result.closed_form).max()
     return f"""# {TITLE}
 
-**What is checked.** Inertia in both directions at once: the speed of guided waves whose length is comparable
-with the radius, and the force that it takes to squeeze a disc sideways fast.
+**What is checked.** Inertia in both directions: the speed of guided waves whose length is comparable with
+the radius, and the force of a fast radial expansion of a disc.
 
 ## Guided waves
 
 **Independent source.** The first longitudinal mode of Pochhammer and Chree for ν = 0.29, from a separate
 root finder (`tests/reference/F_pochhammer_nu0.29.csv`).
 
-**Set-up.** A rod of length 2 a between frictionless faces, compressed slowly by 0.012 % so that nothing lifts
-off, then by a further 0.001 % within 1 ms. Its free vibration splits into standing waves cos(n pi y / L) of
-the side surface, n = 1, 2, 3; the lowest frequency in each is the first mode at a / wavelength = n / 4
-(several frequencies at once are separated by ESPRIT).
+**Set-up.** A rod of length 2 a between frictionless faces, compressed slowly by 0.012 % to keep contact,
+then by a further 0.001 % within 1 ms. Its free vibration is a sum of standing waves cos(n pi y / L) of the
+side surface, n = 1, 2, 3; the lowest frequency in each is the first mode at a / wavelength = n / 4 (several
+frequencies at once are separated by ESPRIT).
 
 {table(header, waves)}
 
@@ -210,14 +210,14 @@ pressed. Largest force error over the largest force, by duration; it falls with 
 
 {table(["duration [ms]", "error [%]"], discs)}
 
-At the longest, inertia is at most {share:.0f} % of the force. The disc stays homogeneous the better the
-flatter it is, at least as (h / a)^2 (spread of the side radius over the radius, 0.2 ms):
+At the longest, inertia is at most {share:.0f} % of the force. A flatter disc stays more homogeneous, at
+least as (h / a)^2 (spread of the side radius over the radius, 0.2 ms):
 
 {table(["a / h", "spread [%]"], flat)}
 
-**Tolerance.** {100 * INERTIA_TOLERANCE:g} % at the longest duration. The closed form knows no
-compressibility; what that leaves belongs to (a / (c duration))^2 with the pressure wave's speed c = 390 m/s,
-and the fall of the error with the duration shows that nothing else is left.
+**Tolerance.** {100 * INERTIA_TOLERANCE:g} % at the longest duration. The closed form has no
+compressibility. The resulting error is of the order (a / (c duration))^2 with the pressure wave's speed c =
+390 m/s. The fall of the error with the duration shows that there is no other error.
 """
 
 

@@ -268,14 +268,15 @@ simulated as `kolsky` does, with the one-point quadrilateral under both forms of
 (`Model.hourglass_form`) and with F-bar: the energy of hourglass control, and how force, outline and the
 *identified* m converge on meshes graded toward the platens and the side.
 
-**Which one to take.** *One-point with stiffness control*, the default: mesh for mesh its force is the
-nearest to the limit and so is its outline, at a third of F-bar's price ([F-bar](fbar.md)). The *viscous*
-form is no better here, and nothing in it pushes a pattern back, so that it is no choice for a slow test.
-*F-bar* has nothing to tune and comes to m from nearer. Take it to check an answer
-(`kolsky simulate --element fbar`) or when `kolsky` warns of artificial energy.
+**Which one to take.** *One-point with stiffness control*, the default: on every mesh its force and outline
+are closest to the limit, at a third of F-bar's cost ([F-bar](fbar.md)). The *viscous* form is not better
+here. It has no restoring force for an hourglass pattern, so do not use it for a slow test. *F-bar* has no
+tuning parameter, and its m is closer to the limit. Use it to check an answer (`kolsky simulate --element
+fbar`) or when `kolsky` warns of artificial energy.
 
-**Independent source.** The shot's known answer, which was not made with any of these meshes; for force and
-outline the elements check each other, since they have one limit and differ in how they come to it.
+**Independent source.** The shot's known answer, which was not made with any of these meshes. For force and
+outline the elements are compared with each other, because they have the same limit and converge to it
+differently.
 
 ## Convergence
 
@@ -286,8 +287,8 @@ the mean of the three limits, each extrapolated with h² over all meshes; and th
 {convergence_table(result)}
 
 The limits of two elements lie at most {100 * spread[0] / peak():.2f} % (force) and {1e6 * spread[1]:.1f} µm
-(outline) apart: what is left on the finest mesh is of that size, so that its error, and the orders with it,
-are known to about a factor of two. "Limit" is each element's own m extrapolated with h², ± the largest
+(outline) apart. The error on the finest mesh is of the same size, so this error and the orders are
+uncertain by about a factor of two. "Limit" is the m of each element extrapolated with h², ± the largest
 distance of a mesh from that law.
 
 One limit and one order for the twelve m (weighted by the noise) give **m = {common.value:.4f} ±
@@ -296,9 +297,9 @@ known answer is {TRUTH}.
 
 **Tolerance.** Artificial energy {100 * ARTIFICIAL:g} % of the strain energy, at the end and largest over
 largest. m within {100 * FACTOR_TOLERANCE["coarse"]:g} % on 16 × 22, {100 * FACTOR_TOLERANCE["fine"]:g} % on
-48 × 64, {100 * FACTOR_TOLERANCE["limit"]:g} % extrapolated: the error of second order that 1.5 % on 16 × 22
-leaves, and the limit's scatter. Limits of two elements within {100 * LIMITS_APART["force"]:g} % of the peak
-and {1e6 * LIMITS_APART["outline"]:g} µm.
+48 × 64, {100 * FACTOR_TOLERANCE["limit"]:g} % extrapolated: the second-order error that corresponds to 1.5
+% on 16 × 22, and the scatter of the limit. Limits of two elements within {100 * LIMITS_APART["force"]:g} %
+of the peak and {1e6 * LIMITS_APART["outline"]:g} µm.
 """
 
 

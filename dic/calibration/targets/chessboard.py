@@ -87,7 +87,7 @@ class Chessboard:
             size = self.columns + columns, self.rows + rows
             if min(size) >= 3 and cv2.findChessboardCornersSB(image, size)[0]:
                 return (
-                    f", but one of {size[0]} x {size[1]}: columns and rows count inner corners, that is "
-                    "squares less one (or the board is not wholly in view)"
+                    f", but one of {size[0]} x {size[1]}: columns and rows count inner corners, which are "
+                    "squares minus one (or the board is not wholly in view)"
                 )
         return "; is it wholly in view, and do columns and rows count corners, not squares?"

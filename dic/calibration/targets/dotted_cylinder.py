@@ -101,7 +101,7 @@ class DottedCylinder:
                 )
             seeds[near] = (column, row)
         if len(seeds) != 3:
-            raise TargetNotFound("two anchors fall on one dot; give each its own place")
+            raise TargetNotFound("two anchors fall on one dot; give each a different place")
         index = np.array([(*place, 1.0) for place in seeds.values()])
         steps = np.linalg.solve(index, dots.centre[list(seeds)])[:2]
         places = grow(dots.centre, seeds, steps)

@@ -406,7 +406,7 @@ def _second_impact(
         frame = float(np.median(np.diff(motion.time)))
         sigma = float(np.hypot(kink.sigma, frame / np.sqrt(12.0)))
         return Event(name, kink.time, sigma, "the flyer's velocity jumps (displacement)")
-    return Event(name, None, None, "neither velocity nor force jumps after the flyer turned back")
+    return Event(name, None, None, "velocity and force have no jump after the flyer turned back")
 
 
 def _slope_jump(motion: FlyerMotion, turn: int, last: int) -> Kink | None:

@@ -86,7 +86,7 @@ class Synchronisation:
             case Agreement.UNDECIDED if self.at_edge:
                 return "the clocks differ by more than the lags searched; correct frames.clock_offset first"
             case Agreement.UNDECIDED:
-                return f"the cross-check does not decide: lag {found}, more than a frame interval"
+                return f"the cross-check is undecided: lag {found}, more than a frame interval"
         return (
             f"the flyer's motion is not that of the signal: residuals of {self.chi2_per_dof**0.5:.3g} times"
             " the cameras' sigma; is it the right channel, and the mass between transducer and specimen?"

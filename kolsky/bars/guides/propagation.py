@@ -310,8 +310,8 @@ def wave_speed(
         first, second = getattr(incident.bar, name), getattr(transmission.bar, name)
         if first != second:
             raise ValueError(
-                f"bars together must be alike, {name} is {first:g} and {second:g}. Cure: calibrate each bar "
-                "by its own echo"
+                f"bars together must be alike, {name} is {first:g} and {second:g}. Cure: calibrate each "
+                "bar by its echo"
             )
     distance = incident.position + transmission.position
     return _fit(

@@ -71,7 +71,7 @@ def face_waves(
     pairs = (windows.incident, windows.reflected, windows.transmitted)
     count = int(min(last - first for first, last in pairs) / interval + 1e-6) + 1
     if count < 4:
-        raise ValueError(f"the shortest window holds {count} samples; it takes 4 or more")
+        raise ValueError(f"the shortest window holds {count} samples; at least 4 are needed")
     first = windows.incident[0]
     reflected = first + 2.0 * travel_time(incident)
     transmitted = first + travel_time(incident) + travel_time(transmission)
@@ -354,8 +354,8 @@ def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, Floa
     closest = min(b - a for a, b in pairwise(places))
     if closest * 10.0 < gauges[0].bar.wave_speed * first.interval:
         raise ValueError(
-            f"two gauges are {closest:g} m apart, a tenth of the way of a wave between samples or less. "
-            "Cure: correct their positions, or average them as one station"
+            f"two gauges are {closest:g} m apart; they must be farther apart than a tenth of the way of a "
+            "wave between two samples. Cure: correct their positions, or average them as one station"
         )
     for gauge in gauges:
         if gauge.bar != gauges[0].bar:

@@ -250,7 +250,7 @@ def _check(faces: FaceWaves, specimen: Specimen) -> None:
         if specimen.diameter > bar.diameter * (1.0 + 1e-9):
             raise ValueError(
                 f"the specimen's diameter = {specimen.diameter} m must not exceed the {name} bar's, "
-                f"{bar.diameter} m: a bar loads only its own cross-section"
+                f"{bar.diameter} m: a bar loads only the area of its face"
             )
 
 

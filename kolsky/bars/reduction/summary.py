@@ -189,7 +189,7 @@ def _modulus(
     part = slice(begin, begin + int(above[0]))
     e, s = strain.value[part], stress.value[part]
     if e.size < FEWEST_SAMPLES:
-        return None, f"no modulus: {e.size} samples rise in equilibrium; it takes {FEWEST_SAMPLES} or more"
+        return None, f"no modulus: {e.size} samples rise in equilibrium; at least {FEWEST_SAMPLES} are needed"
     centred = e - e.mean()
     spread = float(centred @ centred)
     slope = float(centred @ s) / spread
@@ -277,7 +277,7 @@ def _drift_remarks(budget: Budget, quoted: Iterable[str]) -> list[str]:
         share = float((budget.contribution[name][rows] ** 2).sum()) / variance if variance > 0.0 else 0.0
         if share > DOMINATES and np.sqrt(variance) > SMALL * abs(float(budget.value[name])):
             found.append(
-                f"the zero of the gauges and its drift decide the uncertainty of the {name} "
+                f"the zero of the gauges and its drift dominate the uncertainty of the {name} "
                 f"({100 * share:.0f} % of its variance); cure: a longer baseline that ends shortly before "
                 "the pulse, or a bridge that drifts less"
             )
@@ -431,9 +431,9 @@ def remarks(
     found = []
     if reduction.balanced is None:
         found.append(
-            f"the forces on the faces are nowhere in equilibrium within {100 * given.allowance:g} %, so that "
-            "no stress-strain curve of the material follows; cure: a shorter specimen, a pulse shaper, or "
-            "the inverse method (kolsky identify)"
+            f"the forces on the faces are nowhere in equilibrium within {100 * given.allowance:g} %, so "
+            "there is no stress-strain curve of the material; cure: a shorter specimen, a pulse shaper, "
+            "or the inverse method (kolsky identify)"
         )
     else:
         cure = "; cure: a longer pulse, a pulse shaper, or waves.plateau where a shorter span is meant"
@@ -450,14 +450,14 @@ def remarks(
     bent = [name for name in UNITS if name in budget.value and _bent(budget, name)]
     if bent:
         found.append(
-            f"the {', the '.join(bent)} depends on its inputs nonlinearly within their "
-            "uncertainty, so that the band is a first estimate; cure: a better wave speed (kolsky wavespeed)"
+            f"the {', the '.join(bent)} depends on its inputs nonlinearly within their uncertainty; the "
+            "band is a first estimate; cure: a better wave speed (kolsky wavespeed)"
         )
     systematic = {key: value for key, value in given.uncertainty.items() if value > 0.0}
     if not systematic:
         found.append(
-            "no standard uncertainty is declared, so that the bands hold the gauges' noise and zero only; "
-            "cure: add a table [uncertainty]"
+            "no standard uncertainty is declared, so the bands contain only the noise and zero of the "
+            "gauges; cure: add a table [uncertainty]"
         )
     return found
 

@@ -196,7 +196,8 @@ def judge_plateau(
     if span is None or balanced < share * pulse:
         reason = (
             f"no plateau: while the stress stands the forces are balanced for {1e6 * balanced:.3g} us, "
-            f"{100 * balanced / pulse:.0f} % of the pulse of {1e6 * pulse:.4g} us; it takes {100 * share:g} %"
+            f"{100 * balanced / pulse:.0f} % of the pulse of {1e6 * pulse:.4g} us; the least is "
+            f"{100 * share:g} %"
         )
         return Plateau(None, balanced, pulse, reason, reason, reason)
     faults = {}

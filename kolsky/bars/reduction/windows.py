@@ -26,7 +26,7 @@ NO_PART: Mapping[str, str] = MappingProxyType(
     {
         "droop": "a strain gauge does not discharge; droop is of piezoelectric transducers",
         "mass": "nothing lies between a bar's face and the specimen: the wave is carried to the face with "
-        "the bar's own inertia; an insert or a cap there is not modelled",
+        "the inertia of the bar; an insert or a cap there is not modelled",
     }
 )
 """Corrections that do not apply to a test between bars, with the reason."""
@@ -242,7 +242,7 @@ def check_baselines(
         if last > begin:
             raise ValueError(
                 f"{side} gauge: the baseline ends at {last:.6g} s, after the pulse arrives there at "
-                f"{begin:.6g} s, so that it is no rest. Cure: end the baseline before {begin:.6g} s"
+                f"{begin:.6g} s, so it is not at rest. Cure: end the baseline before {begin:.6g} s"
             )
 
 

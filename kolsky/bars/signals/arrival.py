@@ -78,8 +78,8 @@ def find_arrival(
     if inside.size < 4 * width:
         raise ValueError(
             f"{signal.name}: {inside.size} samples between {max(after, signal.start):.6g} s and "
-            f"{min(before, signal.end):.6g} s are too few to find a pulse in; it takes {4 * width} or more. "
-            "Cure: a longer record"
+            f"{min(before, signal.end):.6g} s are too few to find a pulse; at least {4 * width} are "
+            "needed. Cure: a longer record"
         )
     unit = "" if signal.unit == "1" else f" {signal.unit}"
     time, value = time[inside], sign * signal.value[inside]
@@ -90,9 +90,9 @@ def find_arrival(
     if first is None:
         raise ValueError(
             f"{signal.name}: no {'positive' if sign > 0 else 'negative'} pulse: the largest average over "
-            f"{average:.3g} s is {sign * smooth.max():.3g}{unit}, and it takes more than "
-            f"{least:.3g} ({threshold:g} standard deviations of its noise, or what was asked for). Cure: "
-            "check the channel, its declared sign and the clock"
+            f"{average:.3g} s is {sign * smooth.max():.3g}{unit}, and the threshold is {least:.3g} "
+            f"({threshold:g} standard deviations of its noise, or the given one). Cure: check the "
+            "channel, its declared sign and the clock"
         )
     if first < width:
         raise ValueError(

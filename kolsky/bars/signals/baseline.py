@@ -228,10 +228,10 @@ def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, 
     step = (times[1] - times[0]) / max(value.size - 1, 1)
     at = times[0] + step * (first + width * int(bad[0]))
     raise ValueError(
-        f"{name}: the baseline {times[0]:.6g} to {times[1]:.6g} s is not at rest: from {at:.6g} s on it is "
-        f"off its median by {off[bad[0]]:.3g}, more than {RESTING_SHARE:g} times the scatter of its "
-        f"parts, so that it "
-        "holds part of the pulse or a disturbance. Cure: end the baseline before, or begin it behind"
+        f"{name}: the baseline {times[0]:.6g} to {times[1]:.6g} s is not at rest: from {at:.6g} s on it "
+        f"is off its median by {off[bad[0]]:.3g}, more than {RESTING_SHARE:g} times the scatter of its "
+        "parts: it contains part of the pulse or a disturbance. Cure: end the baseline before, or begin "
+        "it behind"
     )
 
 

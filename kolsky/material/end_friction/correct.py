@@ -63,13 +63,13 @@ def cause_of_misfit(best: ModelOptimum, test: MeasuredSpecimen) -> str:
     off = best.off
     worst = int(np.argmax(np.abs(off)))
     share = worst / max(1, off.size - 1)
-    guess = "a toe, or a force whose zero is off" if share < 0.2 else "ends that did not hold as declared"
+    guess = "a toe, or a wrong zero of the force" if share < 0.2 else "ends that did not hold as declared"
     if share > 0.8:
-        guess = "ends that did not hold as declared, a side that landed otherwise, or damage"
+        guess = "ends that did not hold as declared, a side that touched the platens differently, or damage"
     return (
-        f"no law meets the test: the best, {best.model.name}, misses it by {100.0 * best.misfit:.2g} %"
-        f" (rms), most at strain {test.strain[worst]:.3g} ({100.0 * off[worst]:+.1f} %), at most"
-        f" {100.0 * LARGEST_MISFIT:g} % is allowed; likely {guess}"
+        f"no law fits the test: the best, {best.model.name}, misses it by {100.0 * best.misfit:.2g} % "
+        f"(rms), most at strain {test.strain[worst]:.3g} ({100.0 * off[worst]:+.1f} %), at most "
+        f"{100.0 * LARGEST_MISFIT:g} % is allowed; likely {guess}"
     )
 
 
@@ -90,10 +90,10 @@ def _remarks_on(
     if off and max(off.values()) > DISAGREE:
         k = max(off, key=lambda one: off[one])
         said.append(
-            f"{found[k].model.name} meets the test within its noise too and differs from"
-            f" {found[best].model.name} by {100.0 * off[k]:.2g} %: the choice between them rests on their"
-            f" number of constants (weight {weights[k]:.2g}); a test in another mode or the radius at "
-            "mid-height would decide"
+            f"{found[k].model.name} fits the test within its noise too and differs from "
+            f"{found[best].model.name} by {100.0 * off[k]:.2g} %: the choice between them depends on "
+            f"their number of constants (weight {weights[k]:.2g}); a test in another mode or the radius "
+            "at mid-height would distinguish them"
         )
     return tuple(said)
 

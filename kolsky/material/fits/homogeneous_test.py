@@ -223,7 +223,7 @@ def _check_loading(path: Path, strain: FloatArray) -> None:
     if row is not None:
         raise InputError(
             path,
-            f"is no single loading: the strain turns back behind point {row + 1}, at {strain[row]:.6g}",
+            f"is not a single loading: the strain turns back behind point {row + 1}, at {strain[row]:.6g}",
             cure="--loading takes the points up to there; or give a file of the loading alone, in order",
         )
 

@@ -153,9 +153,9 @@ class Healing:
 def _reason(name: str) -> str:
     """Reasons why a test may not determine a property, with the requirements."""
     if name == "Young's modulus to 5 %":
-        return f"; it takes {FEWEST} points or more up to {100.0 * INITIAL:g} % strain"
+        return f"; at least {FEWEST} points are needed up to {100.0 * INITIAL:g} % strain"
     if name.startswith("fracture"):
-        return f"; it takes a stress that falls by {100.0 * DROP:g} % after its largest value"
+        return f"; the stress must fall by {100.0 * DROP:g} % after its largest value"
     return ""
 
 
@@ -200,8 +200,8 @@ def healing(
     for group, word in ((made[0], "undamaged"), (made[1], "healed")):
         if len(group) == 1:
             remarks.append(
-                f"one {word} specimen: how {word} specimens differ is unknown, and so is the uncertainty of"
-                " every efficiency"
+                f"one {word} specimen: the scatter of {word} specimens is unknown, and so is the "
+                "uncertainty of every efficiency"
             )
     return Healing(tuple(made[0]), tuple(made[1]), units, rows, tuple(remarks))
 
@@ -209,7 +209,7 @@ def healing(
 def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> SpecimenProperties:
     """Young's modulus, constants up to the fracture, and the fracture, as far as a test determines them."""
     if test.mode is not Mode.UNIAXIAL or not test.strain.max() > 0.0:
-        raise ValueError(f"{test.name} is no uniaxial tensile test")
+        raise ValueError(f"{test.name} is not a uniaxial tensile test")
     values: dict[str, float] = {}
     modulus = youngs_modulus(test.strain, test.stress)
     if modulus is not None:

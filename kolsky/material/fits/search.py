@@ -218,7 +218,7 @@ end there count as equal."""
 _NO_MODULUS = 1e-6
 """Initial shear modulus over the largest stress below which a search has reached the limit of valid laws."""
 _NO_LAW = (
-    "{}: least squares lead to constants that are no law (the initial shear modulus would not be > 0, or "
+    "{}: least squares lead to constants that are not a law (the initial shear modulus would not be > 0, or "
     "there is no stress at a point); keep the bounds of a positive energy, or take a law with fewer constants"
 )
 _NEAR_BOUND = 1e-7

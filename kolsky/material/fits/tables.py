@@ -231,21 +231,19 @@ def remarks(found: Comparison) -> list[str]:
         if first.fit is not None and first.fit.outcome is FitOutcome.NOT_DETERMINED:
             why = "has constants that the data do not distinguish"
         if first.fit is not None and first.fit.outcome is FitOutcome.UNCONFIRMED:
-            why = "has a minimum that one start alone reached: raise --starts"
+            why = "has a minimum that only one start reached: raise --starts"
         said.append(f"{first.candidate.name} has the least AIC, but {why}")
     if best.fit.bounds_cost > COSTLY:
         said.append(
-            f"the bounds of a positive energy cost {best.candidate.name} a factor of"
-            f" {best.fit.bounds_cost:.3g}"
-            f" in the sum of squares ({', '.join(best.fit.at_bound)} at a bound): --free-bounds lifts them,"
-            " and stability"
-            " is then to be looked at"
+            f"the bounds of a positive energy cost {best.candidate.name} a factor of "
+            f"{best.fit.bounds_cost:.3g} in the sum of squares ({', '.join(best.fit.at_bound)} at a "
+            "bound): --free-bounds removes them; then check the stability"
         )
     if best.fit.durbin_watson < CORRELATED:
         said.append(
             f"residuals of {best.candidate.name} follow each other (Durbin-Watson "
-            f"{best.fit.durbin_watson:.2g}): it misses the curve's shape, and the u of its constants, which "
-            "take every point as new, are too small"
+            f"{best.fit.durbin_watson:.2g}): it misses the curve's shape, and the u of its constants, "
+            "which assume independent points, are too small"
         )
     first_failure = best.first_failure
     if first_failure is not None:

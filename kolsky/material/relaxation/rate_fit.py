@@ -120,7 +120,7 @@ class RateVerdict:
             why = f"at the end of its range: {', '.join(fit.at_bound)}" if fit.at_bound else _chance(p)
             return f"the data do not need rate dependence ({why}, AIC {fit.aic - self.fits[0].aic:+.1f})"
         p, gain = self.probabilities[k - 1], self.fits[k].aic - self.fits[k - 1].aic
-        return f"the data ask for {k} branch{'es' if k > 1 else ''} ({_chance(p)}, AIC {gain:+.1f})"
+        return f"the data require {k} branch{'es' if k > 1 else ''} ({_chance(p)}, AIC {gain:+.1f})"
 
 
 def _chance(probability: float) -> str:
@@ -293,7 +293,7 @@ def fit_prony(
             else fit_prony(law, evidence, n_branches - 1, max_evaluations=max_evaluations).model
         )
     if len(start.series) > n_branches:
-        raise ValueError(f"the start has {len(start.series)} branches, {n_branches} are asked for")
+        raise ValueError(f"the start has {len(start.series)} branches, {n_branches} are requested")
     x = _logs_of(start)
     while len(x) < n_free:
         x = problem.extended(x)

@@ -85,8 +85,8 @@ def forces(view: SpecimenView, panels: Panels) -> str:
         below.set(xlabel="displacement (mm)", ylabel="fit less data (N)")
     return (
         "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % "
-        "from the "
-        "constants alone), and what is left of it over ± 2 standard deviations of the declared noise (grey)."
+        "from the constants alone), and its residual, with ± 2 standard deviations of the declared noise "
+        "(grey)."
     )
 
 
@@ -148,8 +148,8 @@ def strains(view: SpecimenView, panels: Panels) -> str:
             ax.set_title(f"{label_text(share.name, 16)}, {words}", fontsize="medium")
             ax.legend(frameon=False, fontsize="small", title="along")
     return (
-        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, right "
-        "the uniform middle alone, which a fit of the mid-region sees."
+        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, "
+        "right only the uniform middle, which a fit of the mid-region uses."
     )
 
 
@@ -202,8 +202,8 @@ def sheet_histories(view: SheetView, panels: Panels) -> str:
     for one in (panels["force"], panels["misfit"]):
         one.set_xlabel("pad displacement (mm)")
     return (
-        "(a) Force on the pad. (b) Root mean square of simulated less measured displacements over the "
-        "measured ones in the measured region, and what the noise of the points would make of it."
+        "(a) Force on the pad. (b) Root mean square of simulated minus measured displacements over the "
+        "measured ones in the measured region, and the value expected from the noise of the points."
     )
 
 
@@ -312,10 +312,10 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
     else:
         of = names[-1]
     return (
-        "Last step. (a) Simulated displacement. (b) Simulated less measured displacement in the measured "
-        "region. (c) Relative change of the constant that displacements move most, as a field over the "
-        "measured displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a measurement "
-        f"of the whole sheet, before it is made, for {of}, Eqs. (28) to (36)."
+        "Last step. (a) Simulated displacement. (b) Simulated minus measured displacement in the "
+        "measured region. (c) Relative change of the constant that displacements move most, as a field "
+        "over the measured displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a "
+        f"measurement of the whole sheet, before it is made, for {of}, Eqs. (28) to (36)."
     )
 
 
@@ -459,7 +459,7 @@ def loop(view: ActuatorView, panels: Panels) -> str:
     below.set_yscale("log")
     below.set_xlabel("time (s)")
     return (
-        "The closed loop with a simulated plant: (a) wanted angle, plant (lines) and what the camera gave "
+        "The closed loop with a simulated plant: (a) wanted angle, plant (lines) and camera values "
         "(dots), (b) the pressure, (c) the wall time of the controller in each tick and the period, "
         f"{MS / run.rate:.3g} ms (dashed)."
     )

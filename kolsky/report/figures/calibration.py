@@ -57,9 +57,9 @@ def calibration_residuals(result: Calibration, panels: Panels) -> str:
             ax.tick_params(labelleft=False)
         ax.set_title(f"camera {camera}", fontsize="small", pad=3.0)
     return (
-        "Residuals of all points used, measured less expected, where the two cameras saw them; their rms is "
-        f"{result.rms:.3g} px. Vectors that agree with their neighbours would show a lens model too simple "
-        "or a target that is not what it should be."
+        "Residuals of all points used, measured minus expected, where the two cameras saw them; their "
+        f"rms is {result.rms:.3g} px. Vectors that agree with their neighbours would show too simple a "
+        "lens model or a wrong target."
     )
 
 

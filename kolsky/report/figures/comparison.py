@@ -338,8 +338,8 @@ def energy(result: Identification, panels: Panels) -> str:
     low.margins(y=0.2)
     worst = percent(worst_imbalance(result.response))
     return (
-        "Energy ledger of the check run: the work of both platens (line) and what it became (areas, "
-        "stacked), and the share that is not accounted for, over the largest work; "
+        "Energy ledger of the check run: the work of both platens (line) and the energies into which it "
+        "is divided (areas, stacked), and the share that is not accounted for, over the largest work; "
         f"its largest size is {worst}. The legend gives each part’s largest share of that work."
     )
 

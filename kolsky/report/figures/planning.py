@@ -151,9 +151,9 @@ def plan_slopes(plan: Plan, panels: Panels) -> str:
     reach = 100.0 * plan.information.sensitivity.reach
     return (
         "Change of the transmitted force (top) and of the outline (bottom) with each parameter, for "
-        f"{changes}: straight lines through runs within {reach:g} % of the parameter’s scale. Band: "
-        "± what the lines leave out of the force, over that change; ringing is most of it. White: no free "
-        "surface at that height."
+        f"{changes}: straight lines through runs within {reach:g} % of the parameter’s scale. Band: ± the "
+        "part of the force that the lines do not describe, over that change; most of it is ringing. "
+        "White: no free surface at that height."
     )
 
 
@@ -333,5 +333,5 @@ def scan(result: tuple[Scan, Aim | None], panels: Panels) -> str:
     if second:
         panels[PREDICTION_SHOWN[0]].legend(title=second[0].key, fontsize="small")
     varied = " and ".join(one.key for one in scan.varied)
-    aimed = "" if aim is None else "; the cross is the point that comes nearest to what is wanted"
+    aimed = "" if aim is None else "; the cross is the point nearest to the wanted numbers"
     return f"What {varied} do to the test, by the specimen's static curve{aimed}."

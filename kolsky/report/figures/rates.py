@@ -75,9 +75,9 @@ def rate_slope(group: GroupRates, panels: Panels) -> str:
         else " Dashed: the line through the shots; their rates do not support it (see the conditions)."
     )
     return (
-        "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin:"
-        " with what it shares) and, across, the range of the true rate inside the test; mean of the shots"
-        " with its 95 % interval (band) and the interval of one more shot (dotted)."
+        "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: errors of this shot "
+        "only, thin: with shared errors) and, across, the range of the true rate inside the test; mean "
+        "of the shots with its 95 % interval (band) and the interval of one more shot (dotted)."
         + ("" if line is None or line.fit is None else through)
         + " Left: on the scale of rates down to the quasi-static test, where m = 1 by definition; right: the"
         " shots alone. Open circles do not count."
@@ -245,7 +245,7 @@ def rate_stiffness(group: GroupRates, panels: Panels) -> str:
         "next to each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
         " the quasi-static curve times m; open: the quasi-static curve itself"
         + (
-            ", at its own rate, and its level carried to theirs (dotted)."
+            ", at its rate, and its level extended to theirs (dotted)."
             if _slow(group)
             else ". Its rate is not declared, so it is not drawn."
         )
@@ -295,7 +295,7 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
         "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values "
         "at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a "
         "specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’ "
-        "forces: the distance between the lines is no rate sensitivity. Right: outlines in the frames "
+        "forces: the distance between the lines is not a rate sensitivity. Right: outlines in the frames "
         f"nearest to the strains {strains}, measured (markers) and simulated (lines)."
     )
 
@@ -334,9 +334,9 @@ def rate_moduli(result: TimeScales, panels: Panels) -> str:
     ax.margins(x=0.05, y=0.15)
     fitted = "" if result.fitted is None else " Line and band: the fitted model with ±2u."
     return (
-        "Modulus of rubber elasticity, Eq. (M.9), that each test shows by itself, against the mean age of "
-        "the strain: the time of holding after a step, half the duration of a steady ramp, 1/ω of an "
-        f"oscillation. Bars: ±2u.{fitted}"
+        "Modulus of rubber elasticity, Eq. (M.9), of each test, against the mean age of the strain: the "
+        "time of holding after a step, half the duration of a steady ramp, 1/ω of an oscillation. Bars: "
+        f"±2u.{fitted}"
     )
 
 
@@ -356,9 +356,9 @@ def joint_shots(result: JointResult, panels: Panels) -> str:
     ax.margins(y=0.2)
     scatter = 0.0 if result.scatter is None else result.scatter.value
     return (
-        "Stiffness factor of each shot, the shared one times its own most likely part of the scatter; bars: "
-        "±2u of that part. Line and band: the shared factor with its 95 % interval. "
-        f"Scatter: {100.0 * scatter:.2g} %."
+        "Stiffness factor of each shot, the shared factor times the most likely scatter of the shot; "
+        "bars: ±2u of that part. Line and band: the shared factor with its 95 % interval. Scatter: "
+        f"{100.0 * scatter:.2g} %."
     )
 
 

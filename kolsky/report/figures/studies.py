@@ -65,7 +65,7 @@ def sweep_maps(result: SweepAnalysis, panels: Panels) -> str:
     names = ", ".join(
         f"{SYMBOLS[key]} ({100.0 * output.error:.2g} %)" for key, output in _interpolated(result).items()
     )
-    others = "" if result.box.dimension == 2 else ", the other parameters where the best run has them"
+    others = "" if result.box.dimension == 2 else ", the other parameters at the values of the best run"
     return (
         f"Misfits, Eqs. (M.3) to (M.5), interpolated between the runs{others}; in brackets the interpolant’s "
         f"error over the standard deviation of the runs: {names}. Circles: runs; crosses: runs that did not "
@@ -186,8 +186,9 @@ def sweep_indices(result: SweepAnalysis, panels: Panels) -> str:
     ax.set_xlabel("Misfit (–)")
     ax.legend(loc="upper center", ncols=min(len(result.indices.names), 6))
     return (
-        "Share of each misfit’s variance over the box that a parameter causes, by itself or with others "
-        "(total Sobol’ indices, bars, 95 % intervals of the bootstrap), and by itself (first order, dots)."
+        "Share of each misfit’s variance over the box that a parameter causes, alone or together with "
+        "others (total Sobol’ indices, bars, 95 % intervals of the bootstrap), and alone (first order, "
+        "dots)."
     )
 
 

@@ -316,7 +316,7 @@ def speckle_floor(result: Speckles, panels: Panels) -> str:
         "centred there, the larger of x and y, from the noise of the static frames. (c) Share of the subsets "
         "that reach a floor."
     )
-    return text if quality.wanted is None else f"{text} Dotted: the floor asked for."
+    return text if quality.wanted is None else f"{text} Dotted: the wanted floor."
 
 
 STRAINS = {"exx": "$E_{xx}$ (%)", "eyy": "$E_{yy}$ (%)", "exy": "$E_{xy}$ (%)"}

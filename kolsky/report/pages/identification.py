@@ -63,9 +63,9 @@ _VERDICTS = {
     Verdict.BOUND_REACHED: "The interval reaches past a bound of the design: the data do not exclude that "
     "bound, and only the other end of the interval is a result. Where a value beyond is possible, "
     "widen the design and run again; where none is (no friction is the least), hold the parameter there.",
-    Verdict.OTHER_VALLEY: "At another value the force's ringing falls in step with the measured one nearly "
-    "as well: the value may be whole oscillations off. Hold the parameter at an independent value, or "
-    "declare its uncertainty.",
+    Verdict.OTHER_VALLEY: "At another value the force's ringing fits the measured one nearly as well: the "
+    "value may be wrong by whole oscillations. Hold the parameter at an independent value, or declare its "
+    "uncertainty.",
     Verdict.CONDITIONAL: "Another parameter lies on a bound of the design and this one compensates for it: "
     "the value and its interval hold only if that bound is right. Widen that bound, or hold that "
     "parameter at an independent value.",

@@ -105,7 +105,7 @@ def _aimed(aim: Aim) -> list[tuple[str, str]]:
         words, factor = WORDS[name]
         given = numbers.plain(factor * getattr(aim.numbers, name), 4)
         lines.append((words, f"{given}, wanted {numbers.plain(factor * value, 4)}"))
-    return [*lines, ("reached", "yes" if aim.reached else "no, this is the nearest within the ranges")]
+    return [*lines, ("reached", "yes" if aim.reached else "no, this is the nearest point within the ranges")]
 
 
 MOST_LISTED = 200
@@ -266,7 +266,7 @@ def _table(result: Budget) -> dict[str, Any]:
             f"({numbers.plain(2.0 * scale * low, 3)} to {numbers.plain(2.0 * scale * high, 3)})",
         ),
     ]
-    facts.append(("re-fit less whole search, without errors", _part(scale * result.closure, scale * total)))
+    facts.append(("re-fit minus whole search, without errors", _part(scale * result.closure, scale * total)))
     facts.append(("realisations", ", ".join(f"{n} {how}" for how, n in result.counts.items())))
     if result.searched:
         facts.append(

@@ -91,8 +91,8 @@ SOURCES = {
     "force and shape": "the noise of force and outline",
     "force scale": "the uncertainty of the force’s scale",
     "motion scale": "the uncertainty of the motion’s scale",
-    "flyer motion": "the noise of what moves the front face",
-    "common errors of the outline": "what the errors of outline points have in common",
+    "flyer motion": "the noise of the front face's motion",
+    "common errors of the outline": "the errors common to outline points",
     "material curve": "the uncertainty of the quasi-static curve",
 }
 """Words for the keys of `Estimate.noise_parts`."""
@@ -192,8 +192,8 @@ def _curve(result: Identification) -> list[str]:
     strain = equivalent_strain(reached, last)
     return [
         f"Measuring the quasi-static curve to a nominal strain of {numbers.plain(strain, 2)} instead of "
-        f"{numbers.plain(last, 2)} would support what {numbers.percent(share)} of the specimen’s volume was "
-        "strained to; no part of the interval covers this"
+        f"{numbers.plain(last, 2)} would cover the strains of {numbers.percent(share)} of the specimen’s "
+        "volume; no part of the interval covers this"
     ]
 
 

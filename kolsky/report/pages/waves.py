@@ -154,7 +154,7 @@ def render_check(shot: ShotBase | CheckedBars) -> str:
     ]
     return render_page(
         "check.html",
-        kind="What was understood of a shot",
+        kind="Contents of a shot",
         heading=shot.name,
         subject="check",
         figures=draw_figures(shot),

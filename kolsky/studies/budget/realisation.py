@@ -88,7 +88,9 @@ def factors_of(sizes: Mapping[str, Any]) -> tuple[Factor, ...]:
             raise ValueError(f"{key} = {written!r}: {said['msg']}") from None
         value = getattr(getattr(made, table), name)
         if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
-            raise ValueError(f"{key} = {written!r} is no standard uncertainty; it must be a number above 0")
+            raise ValueError(
+                f"{key} = {written!r} is not a standard uncertainty; it must be a number above 0"
+            )
         found.append(Factor(key, float(value)))
     return tuple(found)
 
@@ -257,7 +259,7 @@ def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step
         runs = runner.run("check", np.vstack([x, up, down]), runner.problem.refined)
         prediction = runs.prediction
         if prediction is None or len(runs.rows) < 2 * len(x) + 1:
-            raise ValueError("the re-fit needs every run beside its point to complete")
+            raise ValueError("the re-fit needs every run next to its point to complete")
         objective = runner.objective(np.asarray(prediction.inside.all(axis=0)), slowly=True)
         vectors, d = objective.vectors(prediction), len(x)
         slope = (vectors[1 : d + 1] - vectors[d + 1 :]).T / (up - down).sum(axis=1)

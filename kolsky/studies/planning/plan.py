@@ -101,9 +101,7 @@ def camera_heights(found: Information, count: int) -> list[Choice]:
     """
     heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):
-        raise ValueError(
-            f"of the {len(heights)} heights of the map 1 or more can be chosen, asked was {count}"
-        )
+        raise ValueError(f"of the {len(heights)} heights of the map 1 or more can be chosen, got {count}")
     chosen = _chosen(found, found.by_height(), count, best_groups)
     return [Choice(c, heights[list(p.chosen)], _deviations(p.information, found)) for c, p in chosen]
 

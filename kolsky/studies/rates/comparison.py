@@ -329,12 +329,12 @@ def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[s
     found = [
         f"{shot.name} is not counted: {shot.verdict.value}"
         if not np.isfinite(shot.m) or shot.sigma_own > 0.0
-        else f"{shot.name} is not counted: it has no uncertainty, so that it would decide alone"
+        else f"{shot.name} is not counted: it has no uncertainty, so it would dominate the mean"
         for shot in shots
         if not shot.counted
     ]
     found += [
-        f"{shot.name} is counted as asked for, though it is {shot.verdict.value}"
+        f"{shot.name} is included as requested, though it is {shot.verdict.value}"
         for shot in counted
         if shot.verdict in WITHHELD
     ]
@@ -374,9 +374,11 @@ def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
 def _rates_remarks(counted: Sequence[RatedShot]) -> list[str]:
     rates = {shot.quasi_static.rate for shot in counted}
     if rates and rates != {None} and len(rates) > 1:
-        return ["the quasi-static curves have different rates, or not all are declared: no line to them"]
+        return [
+            "the quasi-static curves have different rates, or not all are declared: no line to them is drawn"
+        ]
     if rates == {None}:
-        return ['no curve has a strain_rate: add strain_rate = "0.03 1/s" to [curve] for a line to it']
+        return ['no curve has a strain_rate: add strain_rate = "0.03 1/s" to [curve] to draw a line to it']
     return []
 
 

@@ -116,7 +116,7 @@ def _group_row(group: GroupRates) -> dict[str, Any]:
         "slope, 95 % low (1/decade)": of(fit, lambda f: f.interval(1)[0]),
         "slope, 95 % high (1/decade)": of(fit, lambda f: f.interval(1)[1]),
         "scatter about the line (1)": of(fit, lambda f: f.between),
-        "slope noticed with probability 0.9 (1/decade)": of(fit, lambda f: f.noticeable(1)),
+        "slope detected with probability 0.9 (1/decade)": of(fit, lambda f: f.noticeable(1)),
         "slope may be claimed": "no verdict" if line is None else line.verdict.value,
         "decades to the quasi-static rate": of(lever, lambda v: v.decades),
         "slope from the quasi-static rate (1/decade)": of(lever, lambda v: v.slope),

@@ -150,7 +150,7 @@ def _between(y: FloatArray, s: FloatArray, X: FloatArray, method: Between) -> fl
         inner = np.linalg.inv(X.T @ (X * w[:, None])) @ (X.T @ (X * (w**2)[:, None]))
         return max(0.0, float((_generalised_q(y, s**2, X) - (n - p)) / (w.sum() - np.trace(inner))))
     if method not in METHODS:
-        raise ValueError(f"{method!r} is no estimator of the scatter; there are {', '.join(METHODS)}")
+        raise ValueError(f"{method!r} is not an estimator of the scatter; there are {', '.join(METHODS)}")
 
     def excess(variance: float) -> float:
         total = s**2 + variance
@@ -443,7 +443,7 @@ def _criteria(fit: MixedFit | None, span: float, spread: float, y: FloatArray) -
             "1",
             False,
             f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: its "
-            "error would move the line without a visible residual: repeat the test at that rate",
+            "error would change the line without a visible residual: repeat the test at that rate",
         ),
         Criterion(
             "half width of the slope's interval over the mean",

@@ -71,7 +71,7 @@ def test_a_region_is_drawn_changed_and_saved(tmp_path: Path) -> None:
         assert made["region"] == {"polygon": [[20, 20], [100, 20], [105, 90]]}
         text.set_value("1, 2\nthree")
         user.find(marker="corners").trigger("blur")
-        await user.should_see("'three' is no corner")
+        await user.should_see("'three' is not a corner")
 
     walk(tmp_path / "root", tmp_path / "main.py", steps)
     assert (folder / "dic.toml").read_text("utf-8").startswith("# a plane\n")

@@ -134,7 +134,7 @@ def test_a_port_in_use_is_refused_and_the_next_is_found() -> None:
 
 def test_no_folder_is_refused(tmp_path: Path) -> None:
     done = run_kolsky("open", tmp_path / "none", code=2)
-    assert "is no folder" in done.stderr
+    assert "is not a folder" in done.stderr
 
 
 def test_without_the_extra_the_cure_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -143,7 +143,7 @@ def test_values_of_the_model_take_the_place_of_the_declared_ones(tmp_path: Path)
     made = load_shot(copy_with(tmp_path / "one", cause("model.damping", 3.2e-5)))
     assert made.model.damping == pytest.approx(3.2e-5, rel=1e-9)
     assert changed_value(cause("interface.faces", 0.3), {}) is None
-    with pytest.raises(InputError, match="no single value"):
+    with pytest.raises(InputError, match="not a single value"):
         copy_with(tmp_path / "one", cause("interface.faces", 0.3))
 
 

@@ -147,7 +147,7 @@ def test_of_many_tabs_at_once_no_change_is_lost_or_torn(tmp_path: Path) -> None:
 
 def test_a_text_that_is_no_toml_is_not_written(tmp_path: Path) -> None:
     one = draft(tmp_path)
-    with pytest.raises(InputError, match="is no valid TOML"):
+    with pytest.raises(InputError, match="is not valid TOML"):
         one.write(SMALL + "x = \n")
     assert (tmp_path / "shot.toml").read_text() == SMALL
 

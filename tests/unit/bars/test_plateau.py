@@ -152,7 +152,7 @@ def test_a_plateau_is_as_long_as_the_declared_share_of_the_pulse(balanced, quote
     assert (found.span is not None) is quoted
     assert found.balanced == pytest.approx(balanced * 1e-6)
     if not quoted:
-        assert "balanced for 40 us, 29 % of the pulse of 138 us; it takes 30 %" in found.reason
+        assert "balanced for 40 us, 29 % of the pulse of 138 us; the least is 30 %" in found.reason
     assert judged(3e8 * trapezoid(), ratio=ratio, share=0.2).span is not None
 
 

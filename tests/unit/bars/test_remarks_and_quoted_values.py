@@ -89,7 +89,7 @@ def test_no_equilibrium_is_remarked():
 
 
 def test_a_missing_modulus_is_remarked_where_there_is_equilibrium():
-    why = "no modulus: 2 samples rise in equilibrium; it takes 10 or more"
+    why = "no modulus: 2 samples rise in equilibrium; at least 10 are needed"
     assert remarks(modulus=why) == [f"{why}; cure: a slower rise of the pulse (a pulse shaper)"]
     assert len(remarks(modulus=why, balanced=None)) == 1  # that of the equilibrium
 

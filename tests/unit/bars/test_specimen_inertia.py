@@ -172,7 +172,7 @@ def test_every_correction_is_in_the_log(tmp_path):
     assert log["radial inertia"].applied
     assert "the specimen is soft" in log["radial inertia"].reason
     assert not log["mass"].applied
-    assert "carried to the face with the bar's own inertia" in log["mass"].reason
+    assert "carried to the face with the inertia of the bar" in log["mass"].reason
     assert "inertia" in result.validity
     assert result.valid is not None
     rows = {row.quantity.name: row for row in result.budget.contributions}

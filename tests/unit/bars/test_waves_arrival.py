@@ -114,7 +114,7 @@ def test_there_is_none_in_noise():
         (np.zeros(7000), 1, "no positive pulse: the largest average over 3.9e-06 s is 0"),
         (-pulse(STEP * np.arange(7000), 150e-6, 15e-6), 1, "no positive pulse.* its declared sign"),
         (np.ones(7000), 1, "the pulse is there at the first sample.* a longer pre-trigger"),
-        (np.zeros(100), 1, "100 samples between 0 s and .* are too few .* it takes 196 or more"),
+        (np.zeros(100), 1, "100 samples between 0 s and .* are too few .* at least 196 are needed"),
         (np.zeros(7000), 2, r"the sign of a pulse = 2 must be \+1 or -1"),
     ],
 )

@@ -269,7 +269,7 @@ DAMAGE = {
     "text that is no choice": (_put("kind", np.bytes_(b"odd")), "'odd', expected one of 'as it should be'"),
     "a choice that is none": (_put("colours", np.array([b"RED", b"PINK"])), "'PINK', expected one of 'RED'"),
     "groups not numbered": (lambda f: f["entry/points"].move("1", "2"), "numbered from 0"),
-    "a name that is a path": (_put("gauges/names", np.array([b"../points"])), "no parameter name"),
+    "a name that is a path": (_put("gauges/names", np.array([b"../points"])), "is not a parameter name"),
     "an attribute": (lambda f: f["entry"].attrs.__setitem__("sensor", [1, 2, 3]), "expected 2 integers"),
     "columns of two lengths": (_put("row_x", np.zeros(3), "m"), "row_label: has size 2"),
     "refused by the dataclass": (lambda f: f["entry/number"].__setitem__((), -1), "must not be negative"),

@@ -105,7 +105,7 @@ def test_the_force_is_that_of_felupe(axis: str, travel: float, frictionless: boo
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"moving": "pad"}, "names 'pad', no group of the mesh"),
+        ({"moving": "pad"}, "names 'pad', which is not a group of the mesh"),
         ({"moving": "plate"}, "shares points with"),
         ({"mesh": "gel.stl"}, "ends in '.stl'"),
         ({"mesh": "cut.msh"}, "cannot be read as a mesh"),

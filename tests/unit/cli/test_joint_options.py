@@ -31,7 +31,7 @@ def test_values_that_cannot_be_name_the_command_line() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("a", "b", "--diagnose"), "--diagnose is for one shot by itself"),
+        (("a", "b", "--diagnose"), "--diagnose is for a single shot"),
         (("a", "b", "--gain-each", "much"), "--gain-each"),
         (("a", "b", "--each", "--no-scatter"), "--no-scatter is for several shots together"),
         (("a", "--each", "--slow-tests", "x", "--curve-nodes", "4"), "--slow-tests, --curve-nodes is for"),

@@ -78,7 +78,7 @@ def test_what_is_no_address(named: str) -> None:
 def test_a_file_that_is_no_scheduler_file(tmp_path: Path, text: str) -> None:
     (tmp_path / FILE).write_text(text)
     said = refused(str(tmp_path / FILE))
-    assert "is no scheduler file" in said
+    assert "is not a scheduler file" in said
     assert FILE in said
 
 

@@ -128,7 +128,7 @@ def test_a_misfit_that_nothing_explains_is_said_and_a_right_shot_is_quiet() -> N
     assert not list(cause_warnings(CauseAnalysis((none,), np.array([2.1, 1.1]))))
     assert not list(cause_warnings(CauseAnalysis((none,), np.array([25.0, 1.0])), explained=True))
     (lost,) = cause_warnings(CauseAnalysis((), np.full(2, nan), lost="the run ended"))
-    assert lost == "which input may be wrong could not be tried: the run ended"
+    assert lost == "the search for a wrong input failed: the run ended"
 
 
 def test_change_is_value_less_what_is_declared() -> None:

@@ -41,7 +41,7 @@ def test_a_good_fit_is_left_alone() -> None:
     ("channel", "change", "number"),
     [
         # Predicted are 0.12 and 0.16 N: 0.2 N in quadrature, and 0.04 N of the slow part.
-        ("force", {"residual": 0.402}, "2.01 times what"),
+        ("force", {"residual": 0.402}, "2.01 times the residual expected"),
         ("force", {"slow_residual": 0.1004}, "2.51 times that"),
         ("outline", {"residual": 9e-6}, "9 um rms"),
     ],
@@ -143,7 +143,7 @@ def test_a_channel_of_a_tenth_of_the_information(share: float, verdict: Verdict)
         assert not list(fit_warnings(result))
         e = replace(result.estimates[M], outcome=Verdict.CONDITIONAL)
         told = said(replace(result, estimates={M: e}))
-        assert "the force carries 9.9 % of the information on stiffness_factor: the answer is that of" in told
+        assert "the force carries 9.9 % of the information on stiffness_factor: the answer comes from" in told
     assert (outcome(shared(1.0 - share)) is Verdict.FORCE_ALONE) == (share < 0.1)
 
 

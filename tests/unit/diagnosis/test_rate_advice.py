@@ -42,7 +42,7 @@ def test_it_is_given_for_a_branch_that_explains_half_of_what_is_left() -> None:
 
 def test_beside_a_likely_input_it_must_explain_more_than_that() -> None:
     (text,) = rate_advice(None, FIT, least=0.59)
-    assert "A second shot at a third of the speed settles it" in text
+    assert "A second shot at a third of the speed distinguishes the two" in text
     assert rate_advice(None, FIT, least=0.6) == ()
 
 

@@ -360,7 +360,7 @@ def cases() -> list[tuple[str, str, str]]:
             "   cols: 30000000\n   dt: d\n   data: [ 1 ]\n",
             "R holds 1 numbers, must hold 3 × 3",
         ),
-        ("opencv words", '{"R": ["a", "b"]}', "R holds something that is no number"),
+        ("opencv words", '{"R": ["a", "b"]}', "R contains a value that is not a number"),
         ("nothing", "hello\n", "is no camera file known here; known are: VIC-3D project XML, DICe"),
         ("empty", "", "is no camera file known here"),
     ]
@@ -392,7 +392,7 @@ def test_opencv_models_beyond_brown_s_are_refused(tmp_path: Path, lens: str) -> 
 
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "picture.tif").write_bytes(b"II*\0\x08\0\0\0")
-    with pytest.raises(CameraFileError, match="is no text"):
+    with pytest.raises(CameraFileError, match="is not a text file"):
         read_rig(tmp_path / "picture.tif")
     (tmp_path / "project.z3d").write_bytes(b"PK\3\4\0\0")
     with pytest.raises(CameraFileError, match="packed archive; unpack it"):

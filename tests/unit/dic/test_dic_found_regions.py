@@ -144,7 +144,7 @@ def test_a_flyer_that_hardly_comes_in_is_told_by_looks(plain):
     """Within seven frames of motion it fills five rows more: too few to be followed."""
     usable = np.arange(FRAMES) < STATIC + 4
     found = search(plain, usable=usable)
-    assert "look like neither" in found.why
+    assert "do not resemble either" in found.why
     assert extent(found.specimen)[2] in (7.0, 8.0)
 
 

@@ -267,7 +267,7 @@ def test_a_series_of_tiffs(tmp_path, pages):
 
 def test_time_stamps_for_numbers_are_refused(tmp_path):
     series(tmp_path, [1700000000, 1700000001, 1700009999])
-    with pytest.raises(PictureError, match="no frame numbers"):
+    with pytest.raises(PictureError, match="not frame numbers"):
         open_pictures(tmp_path)
 
 

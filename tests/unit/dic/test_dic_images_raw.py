@@ -167,10 +167,10 @@ def test_entities_are_not_read(tmp_path):
 
 def test_half_a_recording_is_named(tmp_path):
     (tmp_path / "a.mraw").write_bytes(b"\0")
-    with pytest.raises(PictureError, match=r"no a.cih or .cihx beside it"):
+    with pytest.raises(PictureError, match=r"no a.cih or .cihx next to it"):
         open_pictures(tmp_path / "a.mraw")
     (tmp_path / "b.cih").write_text(cih())
-    with pytest.raises(PictureError, match=r"no b.mraw beside it"):
+    with pytest.raises(PictureError, match=r"no b.mraw next to it"):
         open_pictures(tmp_path / "b.cih")
     (tmp_path / "a.cih").write_bytes(b"\0\1\2")
     with pytest.raises(PictureError, match='no line of the form "name : value"'):

@@ -139,7 +139,7 @@ def test_a_chessboard_is_located():
 def test_a_board_of_which_squares_were_counted_says_its_inner_corners():
     R, t = pose((0.2, 0.3, 0.3), (4.8e-3, 3.0e-3), 0.1)
     picture = averaged(flat(squares, R, t), noise=1.0)
-    with pytest.raises(TargetNotFound, match=r"10 x 7 inner corners, but one of 9 x 6: .* squares less one"):
+    with pytest.raises(TargetNotFound, match=r"10 x 7 inner corners, but one of 9 x 6: .* squares minus one"):
         detect(picture, Chessboard(columns=10, rows=7, pitch=1.2e-3))
 
 

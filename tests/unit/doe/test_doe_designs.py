@@ -236,9 +236,9 @@ def test_refusals_of_other_designs() -> None:
         fractional_factorial(CUBE, "a b")
     with pytest.raises(ValueError, match="letters a to z with or without a sign"):
         fractional_factorial(CUBE, "a b a*b")
-    with pytest.raises(ValueError, match=r"multiplies \['c'\], which stand for no parameter"):
+    with pytest.raises(ValueError, match=r"multiplies \['c'\], which are letters of no parameter"):
         fractional_factorial(CUBE, "a b ac")
-    with pytest.raises(ValueError, match="stands for one parameter"):
+    with pytest.raises(ValueError, match="a single letter names one parameter"):
         fractional_factorial(CUBE, "a b -a")
     with pytest.raises(ValueError, match="two parameters or more"):
         central_composite(LINE)

@@ -301,7 +301,7 @@ def test_the_best_window_moves_to_where_the_base_is_blind():
     assert best_window(groups, 5, base=knows_first).chosen == tuple(range(15, 20))
     costs = [-np.linalg.slogdet(groups[i : i + 5].sum(axis=0))[1] for i in range(16)]
     assert best_window(groups, 5).chosen[0] == int(np.argmin(costs))
-    with pytest.raises(ValueError, match="no choice decides all"):
+    with pytest.raises(ValueError, match="no choice determines all"):
         best_window(groups, 1)
     with pytest.raises(ValueError, match=r"length must be in \[1, 20\]"):
         best_window(groups, 21)

@@ -509,7 +509,7 @@ def test_the_runs_it_asks_for_do() -> None:
     needed = found.runs_needed
     assert needed is not None
     assert 32 < needed < 1000
-    with pytest.raises(SurrogateError, match=f"about {needed} runs would do"):
+    with pytest.raises(SurrogateError, match=f"about {needed} runs would be enough"):
         found.require()
     n = 2 ** int(np.ceil(np.log2(needed)))
     large = sobol(QUALITY_BOX, n, rng=1).points

@@ -339,7 +339,7 @@ def test_the_pulses_have_the_impulse_and_nothing_presses_after_a_simulation_is_l
 
 
 def test_more_steps_than_were_run_are_refused() -> None:
-    with pytest.raises(ValueError, match="5 steps are asked for, the pulse's response has 4"):
+    with pytest.raises(ValueError, match="5 steps are requested, the pulse's response has 4"):
         pulse_on_bars([PULSE_BAR], step=STEP, n=4).histories(np.zeros((1, 5)), "path")
 
 

@@ -224,7 +224,7 @@ def test_an_answer_rests_on_the_runs_that_completed(losing: Callable[[Lost], Non
         ),
         (
             lambda m, numerics: m > 0.8,
-            r"do not carry a surrogate \(.*\): 6 of 7 .* ended INVERTED at 700.0 us",
+            r"no surrogate can be fitted to the runs .* \(.*\): 6 of 7 .* ended INVERTED at 700.0 us",
         ),
         (
             lambda m, numerics: np.full(len(m), numerics.mesh == (8, 11)),

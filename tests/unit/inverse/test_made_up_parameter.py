@@ -161,5 +161,5 @@ def test_what_a_contact_law_must_read(monkeypatch: pytest.MonkeyPatch) -> None:
     require_effect(["stickiness"], "bonded", "frictionless")
     with pytest.raises(ValueError, match=r'choose the law "bonded" or "bonded_release" in its \[interface\]'):
         require_effect(["stickiness"], "rough", "rough")
-    with pytest.raises(ValueError, match="stickiness has no effect beside friction"):
+    with pytest.raises(ValueError, match="stickiness has no effect together with friction"):
         require_effect(["friction", "stickiness"], "bonded", "bonded")

@@ -154,7 +154,7 @@ def test_a_search_that_is_stopped_goes_on_where_it_ended(
 
 
 def test_shots_that_cannot_be_joined_are_refused(shots: list[Shot]) -> None:
-    with pytest.raises(ValueError, match="one shot by itself is identified alone"):
+    with pytest.raises(ValueError, match="one shot is not a joint identification"):
         identify_shots(shots[:1], SETTINGS)
     with pytest.raises(ValueError, match="two shots are called a"):
         identify_shots([shots[0], shots[0]], SETTINGS)
@@ -234,7 +234,7 @@ def test_what_does_not_relax_stays_as_it_is() -> None:
 def test_it_says_which_strength_would_be_seen() -> None:
     weak = {e.name: as_not_seen(e) for e in (STRENGTH, TIME)}
     (said,) = needed_strength(weak)
-    assert "prony_strength_1 and what depends on it are not seen: it takes a strength above 0.1, 2 " in said
+    assert "prony_strength_1 and what depends on it are not seen: a strength above 0.1 is needed, 2 " in said
     assert "without one prony_time_1 has no value" in said
     assert "has no value" not in needed_strength({"prony_strength_1": weak["prony_strength_1"]})[0]
     # One that is seen, and one that something else speaks against.

@@ -257,7 +257,7 @@ def test_a_law_is_the_lists_or_the_shots(tmp_path):
     law += 'largest_strain = "50 %"\nrelative_sigma = "1 %"\n'
     path = list_file(tmp_path, DYNAMICS_LIST.replace("[test.hold]", law + "[test.hold]"))
     assert read_slow_list(path).law.initial_shear_modulus == pytest.approx(30e3)
-    with pytest.raises(InputError, match="shots' own"):
+    with pytest.raises(InputError, match="that of the shots"):
         read_slow_tests(path)
 
 

@@ -338,7 +338,7 @@ def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
     assert found.chi2 == pytest.approx(float(w @ (a - w @ a / w.sum()) ** 2))
     assert found.probability == pytest.approx(chi2.sf(found.chi2, 2), rel=1e-9)
     assert found.ratio == pytest.approx(1.02 / 0.54)
-    assert "b contradicts the other shots by the force by itself" in found.sentence
+    assert "b contradicts the other shots by the force alone" in found.sentence
     pair = shot_agreement(["a", "b"], asks([0.02, -0.46], [0.01, 0.03]), scatter=True)
     assert pair.shots == ("a", "b")
     # Two estimates: the square of their difference over the sum of their variances.
@@ -449,7 +449,9 @@ def test_no_cause_is_named_that_explains_little() -> None:
     partial = replace(weak, gain=300.0, share=0.4)
     strong = replace(weak, key="clock_offset", amount=2e-5, sigma=1e-6, gain=200.0, share=0.8)
     assert cause_sentence([weak]).startswith("no single input of one shot explains the misfit")
-    assert cause_sentence([partial, weak]).endswith("by 300); it leaves the most: expect a second cause")
+    assert cause_sentence([partial, weak]).endswith(
+        "by 300); most of the misfit remains: expect a second cause"
+    )
     assert cause_sentence([strong, replace(weak, gain=16.0)]) == (
         "the likeliest cause is the force record of a, 20 ± 2 us late: check its clock (explains 80 % of a "
         "squared residual; -2 ln L falls by 200); next: the force of a, 1.1 ± 0.06 times what all data "

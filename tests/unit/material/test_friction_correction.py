@@ -376,7 +376,7 @@ def test_poissons_ratio_moves_the_constants():
 
 
 @pytest.mark.parametrize(
-    ("where", "words"), [(0, "a toe"), (N - 1, "landed otherwise"), (N // 2, "did not hold")]
+    ("where", "words"), [(0, "a toe"), (N - 1, "touched the platens differently"), (N // 2, "did not hold")]
 )
 def test_a_refusal_names_where_the_test_is_missed(where, words):
     test = made_test()
@@ -394,7 +394,7 @@ def test_a_test_that_no_law_meets_is_refused(misfit, refused, monkeypatch):
     monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test, theta=misfit)])
     monkeypatch.setattr(correct, "model_fit", lambda *a: SimpleNamespace(weight=1.0))
     if refused:
-        with pytest.raises(ValueError, match="no law meets the test: the best, factor, misses it by 3 %"):
+        with pytest.raises(ValueError, match="no law fits the test: the best, factor, misses it by 3 %"):
             correct_friction(band(), SPECIMEN, EndFriction("bonded"), laws=())
     else:
         assert correct_friction(band(), SPECIMEN, EndFriction("bonded"), laws=()).misfit == pytest.approx(
@@ -405,7 +405,7 @@ def test_a_test_that_no_law_meets_is_refused(misfit, refused, monkeypatch):
 def test_a_law_that_meets_the_test_as_well_is_named(plain, monkeypatch):
     test = made_test(noise=0.05)
     made = _correction(band(), test, [found(test), found(test, off=0.1)], np.array([0.9, 0.1]), [])
-    assert "meets the test within its noise too and differs from factor by 5 %" in made.remarks[0]
+    assert "fits the test within its noise too and differs from factor by 5 %" in made.remarks[0]
 
 
 def test_more_nodes_are_tried_until_the_residual_is_noise(monkeypatch):

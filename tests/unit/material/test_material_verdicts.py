@@ -104,7 +104,7 @@ def test_one_test_has_the_toes_sigma_and_the_declared_scale():
     np.testing.assert_allclose(band.modes[1], 0.03 * band.stress)
     # Each sample lies 2 N/m^2 off its neighbours' line, sqrt(1.5) of the noise.
     assert band.noise[0] == pytest.approx(2.0 / np.sqrt(1.5) / norm.ppf(0.75), rel=1e-3)
-    assert found.remarks == ("one test: how specimens differ is unknown and not in the band",)
+    assert found.remarks == ("one test: the scatter between specimens is unknown and not in the band",)
 
 
 @pytest.mark.parametrize(("past", "remarks"), [(0.24, 0), (0.26, 1)])
@@ -184,7 +184,7 @@ def test_a_branch_is_significant_lowers_aic_and_is_determined(probability, chi_s
     verdict = RateVerdict((rate_fit(20.0, 1), rate_fit(chi_square, 3, at_bound=bound)), (probability,))
     assert verdict.branches == branches
     assert verdict.fit is verdict.fits[branches]
-    assert verdict.sentence.startswith("the data ask for 1 branch (" if branches else "the data do not need")
+    assert verdict.sentence.startswith("the data require 1 branch (" if branches else "the data do not need")
     if not branches:
         assert f"AIC {chi_square + 6 - 22:+.1f}" in verdict.sentence
 

@@ -80,7 +80,7 @@ def test_a_law_that_is_wrong_in_strain_is_no_rate_dependence() -> None:
     found = compare_slow(LAW, (noisy,), required_branches(LAW, [noisy], at_most=1).fits)
     assert found.chosen is not None
     assert found.chosen.name == CURVE
-    assert "do not ask for rate dependence" in found.sentence
+    assert "do not require rate dependence" in found.sentence
     # 60 values of their own noise, k of them used up: chi-square within 3.5 of its deviations
     k = found.chosen.parameters
     assert abs(found.chosen.deviance - (60 - k)) < 3.5 * np.sqrt(2.0 * (60 - k))
@@ -126,7 +126,7 @@ def test_a_choice_needs_strong_evidence_and_no_doubt() -> None:
     worse = ModelComparison((elastic, replace(prony, deviance=100.0, doubt="at an end")), n, 1.0, {})
     assert worse.chosen is elastic  # a doubtful model that is worse by BIC, by 6.0, hinders nothing
     assert ModelComparison(pair, n, 2.1, {}).chosen is None
-    assert "no model describes" in ModelComparison(pair, n, 2.1, {}).sentence
+    assert "none describes" in ModelComparison(pair, n, 2.1, {}).sentence
     # at n = 1e6 BIC prefers the smaller model where AICc prefers the larger: no choice
     small, large = Candidate("elastic", 1, 20.0, {}), Candidate("prony", 3, 0.0, {})
     assert ModelComparison((small, large), 10**6, 1.0, {}).chosen is None

@@ -211,7 +211,7 @@ def test_the_distance_is_the_largest_of_the_relative_ones() -> None:
 def test_faces_that_hold_are_refused(tmp_path: Path) -> None:
     text = PAPER.read_text("utf-8").replace("[run]", '[interface]\nfaces = "bonded"\n\n[run]')
     (tmp_path / "t.toml").write_text(text)
-    with pytest.raises(InputError, match="hold the flyer back"):
+    with pytest.raises(InputError, match="hold the flyer permanently"):
         read_test(tmp_path / "t.toml")
 
 

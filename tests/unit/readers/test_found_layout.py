@@ -108,7 +108,7 @@ ROWS = [f"{i};0,{10 + i}" for i in range(12)]
         ([*ROWS[:4], "4;0,6;7", *ROWS[5:]], "line 6: has 3 fields, the header has 2"),
         ([*ROWS[:4], "4;0.6", *ROWS[5:]], "line 6: column 't (s)' is not a number: '0.6'"),  # two signs
         ([row.replace("0,", "1.234,") for row in ROWS], "line 13: most fields between its semicolons"),
-        ([f"{row} s" for row in ROWS], "no plain numbers: '11;0,21 s'. Cure: export numbers without"),
+        ([f"{row} s" for row in ROWS], "not plain numbers: '11;0,21 s'. Cure: export numbers without"),
     ],
 )
 def test_what_is_no_table_is_refused_with_its_place(rows: list[str], words: str, tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def test_a_rate_or_interval_keeps_its_unit_wherever_it_stands(
         ({"dt [ms]": ["1 us"]}, ".", "two units, us and ms"),
         ({"Sample rate": ["800 kHz"], "dt": ["1.25 ms"]}, ".", "contradict each other"),
         ({"Sample rate": ["800 kHz"], "dt": ["1.3 us"]}, ".", "contradict each other"),  # by 4 %
-        ({"Sample rate": ["800 (auto)"]}, ".", "no number that can be read"),
+        ({"Sample rate": ["800 (auto)"]}, ".", "is not a number that can be read"),
     ],
 )
 def test_a_clock_that_can_mean_two_things_is_none(

@@ -217,7 +217,7 @@ def test_a_damaged_first_line_is_not_taken_for_a_header(tmp_path):
     lines = path.read_text().splitlines()
     lines[1] = lines[1].replace("-5.0", "-5.O", 1)
     path.write_text("\n".join(lines) + "\n")
-    with pytest.raises(InputError, match=r"line 2: is neither a header nor samples: '-5.O"):
+    with pytest.raises(InputError, match=r"line 2: cannot be read as a header or as samples: '-5.O"):
         read_recordings(path, ["CH1 (V)"])
 
 

@@ -71,7 +71,7 @@ def test_a_missing_channel_is_an_error_that_names_those_there_are(name, tmp_path
 def test_a_unit_that_nobody_says_is_not_guessed(name, tmp_path):
     made = ALL[name]
     path = made.write(tmp_path / made.name)
-    with pytest.raises(InputError, match=r'does not say the unit.*unit = "V"'):
+    with pytest.raises(InputError, match=r'does not state the unit.*unit = "V"'):
         read_recordings(path, [made.channels[0]], layout=replace(layout_of(name), unit=None))
 
 

@@ -73,7 +73,7 @@ def test_rows_of_a_terminal() -> None:
     assert rows["outline, information"] == "30 % of m"
     assert rows["force, detectable"] == "a residual above 0.4 N rms"
     late = rows["force, late by"]
-    assert late == "-0.20 ± 1.00 us: on time, notices 1.5 us"
+    assert late == "-0.20 ± 1.00 us: on time, detects 1.5 us"
 
 
 def test_tables_of_a_page() -> None:

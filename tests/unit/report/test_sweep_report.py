@@ -125,7 +125,7 @@ def test_a_rough_misfit_is_refused_with_the_runs_it_would_take() -> None:
     assert output.surrogate is None
     assert output.error > 0.2
     assert "about" in output.refused
-    assert "runs would do if the misfit is smooth" in output.refused
+    assert "runs would be enough if the misfit is smooth" in output.refused
     assert "Phi_F" not in found.indices.outputs
     with pytest.raises(ValueError, match="has no interpolant"):
         found.map("Phi_F", "friction", "damping")

@@ -247,7 +247,7 @@ def test_pulses_that_were_cut_apart_are_put_together(tmp_path):
     rest = whole.value[row : row + 51].mean()  # -15 to -5 us
     np.testing.assert_allclose(record.value[1050:2025], rest, rtol=1e-12)
     np.testing.assert_allclose(record.time, 0.2e-6 * np.arange(3075), atol=1e-12)
-    assert any("put together from pulses that were cut apart" in note for note in given.notes)
+    assert any("assembled from separate pulses" in note for note in given.notes)
     found, right = check_bars(tmp_path / "cut"), check_bars(BAR_01)
     np.testing.assert_allclose(found.arrival.time, right.arrival.time, atol=0.2e-6)
 

@@ -61,7 +61,7 @@ def test_microstrain_of_a_file_is_microstrain(tmp_path, unit):
 
 def test_a_file_without_units_is_refused_until_one_is_declared(tmp_path):
     folder = folder_of(tmp_path / "a", ["inc", "tra"], 1e6)
-    with pytest.raises(InputError, match=r"does not say the unit of channel 'inc'") as error:
+    with pytest.raises(InputError, match=r"does not state the unit of channel 'inc'") as error:
         load_waves(folder)
     assert 'unit = "V"' in error.value.cure
     folder = folder_of(tmp_path / "b", ["inc", "tra"], 1e6, recorder=ONE + 'unit = "mV"\n')

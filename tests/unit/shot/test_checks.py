@@ -120,7 +120,7 @@ def test_a_quiet_span_after_the_test_is_a_baseline() -> None:
     assert "time_constant" in refused(check_baseline, volts, 0.0, Toml(force=charged), last=1e-3)
     few = refused(check_baseline, volts[:15], 0.0, Toml(), last=1e-3)
     assert "holds 15 samples" in few
-    assert "a quiet span after the last frame at 1000 us will do" in few
+    assert "a quiet span after the last frame at 1000 us is sufficient" in few
 
 
 def channel(**changed: Any) -> ForceChannel:
@@ -273,8 +273,8 @@ def test_times_of_another_unit_or_trigger_are_named() -> None:
     for factor, shift, cure in (
         (1e3, 0.0, "its times are 1000 times those"),
         (1e-6, 0.0, "its times are 1e-06 times those"),
-        (1.0, 2e-3, "its times are 2000 us later all along"),
-        (1.0, -58.3, "its times are -58.300000000 s later all along"),
+        (1.0, 2e-3, "its times are 2000 us later throughout"),
+        (1.0, -58.3, "its times are -58.300000000 s later throughout"),
         (1.05, 0.0, "are two columns swapped?"),
         (900.0, 0.0, "are two columns swapped?"),
     ):
@@ -424,7 +424,7 @@ def test_a_curve_is_one_branch_of_one_sign(row: int, strain: float, stress: floa
 def test_strains_beyond_twenty_are_none() -> None:
     strain = np.linspace(0.0, 20.0, 6)
     curve(strain, 1e3 * strain, TENSED)
-    assert "is no strain of an elastomer" in refused(curve, 1.001 * strain, 1e3 * strain, TENSED)
+    assert "is not a strain of an elastomer" in refused(curve, 1.001 * strain, 1e3 * strain, TENSED)
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,9 @@ def test_the_window_ends_with_symmetry(result, tmp_path):
     ended = window(toml, t, t[-1], scope, t, symmetry_end=float(t[30]))
     assert whole == (t[STATIC - 1], t[-1])
     assert ended == (t[STATIC - 1], t[29])
-    assert "where the flyer leaves" in next(symmetry_warning({"symmetry_end": t[30], "window_end": ended[1]}))
+    assert "where the flyer's direction changes" in next(
+        symmetry_warning({"symmetry_end": t[30], "window_end": ended[1]})
+    )
     assert "end the window there" in next(symmetry_warning({"symmetry_end": t[30], "window_end": t[-1]}))
     assert not list(symmetry_warning({"symmetry_end": np.inf, "window_end": t[-1]}))
 

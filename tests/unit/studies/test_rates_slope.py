@@ -200,7 +200,7 @@ def test_an_unexplained_shot_is_left_out_and_named(verdict: Verdict) -> None:
     assert f"c is not counted: {verdict.value}" in group.remarks
     (kept,) = compare([*GOOD, replace(bad, keep_unexplained=True)]).groups
     assert [shot.name for shot in kept.counted] == ["a", "b", "c"]
-    assert f"c is counted as asked for, though it is {verdict.value}" in kept.remarks
+    assert f"c is included as requested, though it is {verdict.value}" in kept.remarks
 
 
 @pytest.mark.parametrize("verdict", [Verdict.AT_BOUND, Verdict.NOT_SEEN, Verdict.DISAGREEING])

@@ -86,7 +86,7 @@ def test_declared_parts_are_listed_and_add_up(found: Identification) -> None:
     status = {part.key: part.status for part in found.systematic}
     assert status["poisson"] == "varied"
     assert status["damping"] == "not declared, counted as exact"
-    assert status["friction"] == "no part: nothing slides"
+    assert status["friction"] == "no effect: nothing slides"
     assert status["Z_offset"] == "declared exact"
     e = found.estimates["stiffness_factor"]
     shifts = [part.shifts["stiffness_factor"] for part in found.systematic if part.shifts]

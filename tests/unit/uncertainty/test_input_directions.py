@@ -200,7 +200,7 @@ def linear(**changes: list[float]) -> InputDirections:
         directions=tuple(
             InputDirection(key, 0.5, np.array(change), float("nan")) for key, change in changes.items()
         ),
-        absent={"friction": "no part: nothing slides"},
+        absent={"friction": "no effect: nothing slides"},
     )
 
 
@@ -219,7 +219,7 @@ def test_the_optimum_follows_what_it_can_and_leaves_the_rest() -> None:
 
 
 def test_an_input_without_a_direction_says_why() -> None:
-    with pytest.raises(KeyError, match="friction: no part: nothing slides"):
+    with pytest.raises(KeyError, match="friction: no effect: nothing slides"):
         linear()["friction"]
     with pytest.raises(KeyError, match="no such input"):
         linear()["colour"]

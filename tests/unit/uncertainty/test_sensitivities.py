@@ -59,11 +59,11 @@ def test_rows_of_a_terminal_say_what_is_exact_and_what_leaves_no_residual() -> N
 def test_the_caution_names_the_largest_that_is_undeclared() -> None:
     (said,) = caution((LENGTH, CLOCK), ANSWER)
     assert "[force] clock_offset" in said
-    assert "1 us of it would move stiffness_factor by -3 %" in said
+    assert "1 us of it would change stiffness_factor by -3 %" in said
     assert "and so is one more" in said
     declared = replace(CLOCK, status="varied", sigma=1e-6)
     (said,) = caution((LENGTH, declared), ANSWER)
-    assert "1 % of it would move stiffness_factor by +2 %; declare specimen_length" in said
+    assert "1 % of it would change stiffness_factor by +2 %; declare specimen_length" in said
     assert list(caution((declared,), ANSWER)) == []
     assert list(caution((), ANSWER)) == []
 
@@ -74,5 +74,5 @@ def test_what_leaves_no_residual_is_said_once() -> None:
     force = part("sensitivity", 0.01, 0.0, alike=("specimen_density",))
     first, second = invisible_inputs((curve, density, force))
     assert "the data show only m times the curve" in first
-    assert "scale the force: a wrong specimen_density is a force gain" in second
+    assert "does not change the motion: a wrong specimen_density acts as a force gain" in second
     assert list(invisible_inputs((replace(curve, visible=float("nan")),))) == []

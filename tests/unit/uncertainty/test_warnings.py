@@ -147,7 +147,7 @@ def test_runs_that_did_not_complete() -> None:
     texts = collect_warnings(clean(design=design), checks=CHECKS, interface=BONDED)
     assert len(texts) == 3  # the count, and the first run of each kind with its moment, element and cure
     count = "3 of 22 runs did not complete (2 in design: INVERTED, 1 in refinement: STEP_COLLAPSED)"
-    assert texts[0] == f"{count}; the surrogate rests on the others"
+    assert texts[0] == f"{count}; the surrogate uses the others"
     for text, run, outcome in zip(
         texts[1:], (3, 17), (Outcome.INVERTED, Outcome.STEP_COLLAPSED), strict=True
     ):
@@ -214,7 +214,9 @@ def test_numbers_that_cannot_be_trusted() -> None:
     text = said(replace(estimate(outcome=Verdict.DISAGREEING), surrogate={"check_shift_sigmas": 0.63}))
     assert "still moved the optimum by 0.63 sigma" in text
     parts = {"force and shape": 0.0019, "flyer motion": 0.001}
-    assert said(estimate(noise_parts=parts)) == "the interval leaves out the noise of the material curve"
+    assert (
+        said(estimate(noise_parts=parts)) == "the interval does not include the noise of the material curve"
+    )
     small = replace(clean().terms, chi2_shape=clean().terms.n_shape / 4.0)
     assert "2 times smaller than its declared sigma" in said(clean(terms=small))
     ledger = clean().response.energy
@@ -265,7 +267,7 @@ def test_the_window_and_the_flyers_direction() -> None:
         "the window ends at 1.1 ms, where"
     )
     text = said(clean(), conditioned_ratio=0.8)
-    assert "stress is 0.8 times that" in text
+    assert "the stress of the conditioned curve is 0.8 times as large" in text
     assert "about 1.25 times as large" in text
 
 
@@ -323,7 +325,7 @@ def test_threshold_of_methods_that_disagree(distance: float, said: int) -> None:
 
 def test_runs_that_would_do() -> None:
     result = estimate(outcome=Verdict.DISAGREEING)
-    for needed, words in ((23.0, "about 23 runs around"), (float("inf"), "more runs would hardly help")):
+    for needed, words in ((23.0, "about 23 runs around"), (float("inf"), "more runs do not reduce it")):
         assert words in said(replace(result, surrogate={**result.surrogate, "runs_needed": needed}))
     # Several parameters rest on steps on the refined mesh, which no number of other runs makes better.
     several = replace(result.estimates["stiffness_factor"], name="damping")
@@ -376,14 +378,14 @@ def test_lost_runs_that_were_to_tell_the_meshs_error() -> None:
         LostRun(coarser_graded(usual, refined), "", is_graded=True),
     )
     across, along = clean().mesh
-    assert fine.startswith(
-        f"the run at the answer on the graded mesh of 64 x 86 elements was lost ({ended}),"
-    )
+    assert fine.startswith(f"the run at the answer on the graded mesh of 64 x 86 elements failed ({ended});")
     assert f"come from the coarser mesh of {across} x {along} elements, which usually makes that part" in fine
     assert "give another --refined-mesh" in fine
-    assert few.startswith("the run at the answer on the graded mesh of 40 x 54 elements was lost, so that")
+    assert few.startswith(
+        "the run at the answer on the graded mesh of 40 x 54 elements failed; the correction"
+    )
     (element,) = texts(LostRun(usual.with_other_element(), ended, is_graded=False))
-    assert element.startswith(f"the run at the answer with fbar elements on 20 x 27 was lost ({ended}),")
+    assert element.startswith(f"the run at the answer with fbar elements on 20 x 27 failed ({ended});")
     assert "graded" not in element
     assert "give another --mesh" in element
     assert texts() == ()

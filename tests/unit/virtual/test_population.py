@@ -61,9 +61,9 @@ def test_a_shot_is_the_same_whatever_else_is_drawn(tmp_path: Path) -> None:
         ('"specimen.diameter" = { low = "8 mm", high = "1.2 cm" }', "must be written alike"),
         ('"specimen.diameter" = { low = "12 mm", high = "8 mm" }', "not below low"),
         ('"scope.bits" = { low = 0, high = 3, spread = "log" }', "above 0"),
-        ('"scope.bits" = { mean = 12 }', "is no draw"),
+        ('"scope.bits" = { mean = 12 }', "is not a distribution"),
         ('"specimen.height" = { low = "8 mm", high = "9 mm" }', "is not a known key"),
-        ('"name.first" = { low = 1, high = 2 }', "is no table"),
+        ('"name.first" = { low = 1, high = 2 }', "is not a table"),
         ('"material.poisson" = { low = 0.6, high = 0.7 }', r"\[0, 0.49999\]"),
     ],
 )
