@@ -38,6 +38,9 @@ class Whitening:
     patterns: FloatArray | None = None
     """Changes of the data by one standard deviation of each common error, shape [n, k]; None if there are
     none."""
+    counts: FloatArray | float = 1.0
+    """Number of independent values that each entry counts as in the log determinant [-], shape [k] or one
+    number; below one where `sigma` is enlarged because entries are not independent."""
 
     def __post_init__(self) -> None:
         if not (self.sigma > 0.0).all():
@@ -70,7 +73,7 @@ class Whitening:
     def log_determinant(self) -> float:
         """ln det C [-]."""
         total, _ = self._common
-        return float(2.0 * np.log(self.sigma).sum() + np.log(total).sum())
+        return float(2.0 * (self.counts * np.log(self.sigma)).sum() + np.log(total).sum())
 
 
 BatchRun = Callable[[FloatArray], FloatArray]

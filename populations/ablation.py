@@ -25,6 +25,7 @@ from scipy.stats import binomtest
 from benchmarks.identify import UPDATES, Ledger
 from kolsky.identification import identify
 from kolsky.inverse.settings import Numerics, Settings
+from kolsky.inverse.surrogate_mesh_search import starts
 from populations.driver import add_meshes, answers, command, write
 from populations.wrong_input_rows import CURVE, RIGHT, ROWS
 from populations.wrong_inputs import POPULATION, Job, attempt, judged, made
@@ -61,6 +62,12 @@ def _unmoved(runner: Any, objective: Any, slope: Any, last: Any, search: Any) ->
     return last, slope, runner.front
 
 
+def _with_every_point(runner: Any, start: Any, numerics: Any) -> Any:
+    """`starts` with weights that count every point of the outline."""
+    points, objective = starts(runner, start, numerics)
+    return points, replace(objective, balanced=False)
+
+
 def _without_path_noise(runner: Any, points: Any, runs: Any, inside: Any) -> Any:
     """`deviance_with_path_noise` of the runs with the fitted path only."""
     found = np.full(len(points), np.inf)
@@ -92,6 +99,10 @@ SWITCHES: dict[str, Switch] = {
         ((f"{INVERSE}.valleys.LIKELY", {"balanced": 1, "force": 0}),),
     ),
     "summit": Switch("the steps from a floor to its summit", ((f"{INVERSE}.valleys.FARTHEST", 0),)),
+    "balanced": Switch(
+        "a frame's points as one value on coarse meshes",
+        ((f"{INVERSE}.surrogate_mesh_search.starts", _with_every_point),),
+    ),
     "path_noise_of_valleys": Switch(
         "the flyer's noise when valleys are compared",
         ((f"{INVERSE}.valleys.deviance_with_path_noise", _without_path_noise),),

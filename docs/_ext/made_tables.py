@@ -10,6 +10,7 @@ line, ``<!-- commands kolsky -->`` the commands of the command line,
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` answers of
 known shots, ``<!-- pooled NAME -->`` shots and their mean,
 ``<!-- coverage NAME -->`` a study of coverage, ``<!-- meshed NAME -->`` what the mesh does to answers,
+``<!-- ablated NAME -->`` and ``<!-- undiagnosed NAME -->`` answers without one mechanism,
 ``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
 ``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
@@ -274,6 +275,22 @@ def meshed(name: str) -> str:
     return _not_yet(name) if made is None else table(made["each"])
 
 
+def ablated(name: str) -> str:
+    """Right shots identified without one mechanism, as `populations.ablation` prints them."""
+    from populations.ablation import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made["each"])
+
+
+def undiagnosed(name: str) -> str:
+    """Wrong inputs identified without one mechanism, as `populations.ablation` prints them."""
+    from populations.ablation import diagnosis_table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else diagnosis_table(made["each"])
+
+
 def planted(name: str) -> str:
     """Planted shots that relax, or do not, as `populations.joint_coverage_counts` prints them."""
     from populations.joint_coverage_counts import table
@@ -381,6 +398,8 @@ TABLES = {
     "pooled": pooled,
     "coverage": coverage,
     "meshed": meshed,
+    "ablated": ablated,
+    "undiagnosed": undiagnosed,
     "planted": planted,
     "advised": advised,
     "equilibria": equilibria,

@@ -240,6 +240,7 @@ PATTERN_ERROR = 0.2
 WITHOUT_DISCREPANCIES = frozenset(
     {
         "_of_force",
+        "counts",
         "data",
         "front_noise",
         "kept",
@@ -356,8 +357,12 @@ class Objective:
         """Independent errors: noise, discrepancy and pattern error in quadrature, shape [k]."""
         tau = np.full(len(self.data), self.shape_discrepancy)
         tau[: self.n_force] = self.force_discrepancy
-        many = np.where(self._of_force | (not self.balanced), 1.0, np.sqrt(self.points_per_frame))
-        return np.asarray(many * np.sqrt(self.noise**2 + tau**2 + self.pattern_variance))
+        return np.sqrt((self.noise**2 + tau**2 + self.pattern_variance) / self.counts)
+
+    @cached_property
+    def counts(self) -> FloatArray:
+        """Number of independent values that each entry counts as [-], shape [k]; 1 unless `balanced`."""
+        return np.where(self._of_force | (not self.balanced), 1.0, 1.0 / self.points_per_frame)
 
     @cached_property
     def pattern_variance(self) -> FloatArray:
@@ -377,7 +382,7 @@ class Objective:
         """The weights of a part of the data; they apply to rows of its entries, see `mask`."""
         if part not in self._whitenings:
             use = self.mask(part)
-            self._whitenings[part] = Whitening(self.own_sigma[use], self.common[:, use])
+            self._whitenings[part] = Whitening(self.own_sigma[use], self.common[:, use], self.counts[use])
         return self._whitenings[part]
 
     def whitened(self, rows: FloatArray, part: Part = "joint") -> FloatArray:

@@ -235,8 +235,9 @@ def _least_squares_on(
 
     def weighting(residual: FloatArray) -> Whitening:
         weighed = objective.with_discrepancy(objective.data + residual[:k])
-        patterns = np.pad(weighed.common, ((0, 0), (0, len(known))))
-        return Whitening(np.concatenate([weighed.own_sigma, np.ones(len(known))]), patterns)
+        patterns, ones = np.pad(weighed.common, ((0, 0), (0, len(known)))), np.ones(len(known))
+        sigma, counts = (np.concatenate([each, ones]) for each in (weighed.own_sigma, weighed.counts))
+        return Whitening(sigma, patterns, counts)
 
     found = least_squares(
         run,

@@ -116,6 +116,9 @@ def test_a_frame_of_ten_points_weighs_as_one_where_balanced() -> None:
     for balanced, mean in ((False, 40.0 / 44.0), (True, 0.5)):
         weighed = replace(one, balanced=balanced)
         assert (weighed.gain(slope) @ weighed.data)[0] == pytest.approx(mean, rel=1e-12)
+    # ln det C counts four values of each channel, with the sigma of which ten points have that of one.
+    whole = 8.0 * np.log(NOISE_FORCE) + 8.0 * np.log(NOISE_SHAPE * np.sqrt(10.0))
+    assert weighed.whitening().log_determinant == pytest.approx(whole, rel=1e-12)
 
 
 def test_covariance_of_an_exact_fit_is_gauss_newton() -> None:
