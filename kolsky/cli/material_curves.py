@@ -340,7 +340,7 @@ def material_relaxation(
 
     slow = read_slow_list(tests)
     folder = usable_folder(out)
-    together = _joint_comparison(tests, joint, branches) if joint else None
+    together = _joint_comparison(tests, joint, branches, folder) if joint else None
     rated = [collected_shot(shot, group="all") for shot in shots]
     with texts.refused(cure="correct the list or the tables that it names", place=tests):
         result = analyse_rate_dependence(slow, rated, at_most=branches)
@@ -365,9 +365,14 @@ def material_relaxation(
     )
 
 
-def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int) -> "ModelComparison":
+def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder: Path) -> "ModelComparison":
     """Identify shots and slow tests together with each model; the network only if the slow tests are
-    histories."""
+    histories.
+
+    All models share the runs in `folder`: those without relaxation are made once, and the same command
+    continues an interrupted comparison.
+    """
+    from doe.ledger import LedgerError
     from kolsky.cli.terminal import progress_bars
     from kolsky.inverse.joint_result import JointSettings
     from kolsky.inverse.parameters import with_relaxation
@@ -379,10 +384,14 @@ def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int) -> "Mod
     slow, shots = read_slow_tests(tests), [load_shot(path) for path in paths]
     found = {}
     cure = "give shots of one material with one set of free parameters"
-    with progress_bars() as progress, texts.refused(cure=cure, place=shots[0].folder):
+    refused = texts.refused(cure=cure, place=shots[0].folder, errors=(ValueError, LedgerError))
+    folder.mkdir(parents=True, exist_ok=True)
+    with progress_bars() as progress, refused:
         for name, kind, number in joint_models(slow, branches):
             relaxing = [with_relaxation(shot, kind, number) for shot in shots]
-            found[name] = identify_shots(relaxing, JointSettings(), slow=slow, progress=progress)
+            found[name] = identify_shots(
+                relaxing, JointSettings(), slow=slow, ledger=folder / "joint.sqlite", progress=progress
+            )
         return compare_joint(found)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import exp, inf, log
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,8 +11,11 @@ import pytest
 
 from explicit.materials import LAWS, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
+from kolsky import joint_identification
+from kolsky.cli.material_curves import _joint_comparison
 from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest, RateModel
 from kolsky.material.relaxation.rate_fit import required_branches
+from kolsky.studies import rate_models
 from kolsky.studies.rate_models import (
     CURVE,
     NETWORK,
@@ -182,3 +186,19 @@ def test_joint_results_share_the_elastic_model() -> None:
         compare_joint({"prony": one, "prony:2": joint(-23.0, 4.0 * log(90.0) - 31.0, 4)})
     with pytest.raises(ValueError, match="did not compare"):
         compare_joint({"prony": SimpleNamespace(choice=None, estimates={})})
+
+
+def test_models_of_shots_share_their_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every model is compared with the elastic one, whose runs the ledger then already has."""
+    asked: list[Any] = []
+
+    def identify_shots(shots: Any, settings: Any, **more: Any) -> None:
+        asked.append(more)
+
+    monkeypatch.setattr(joint_identification, "identify_shots", identify_shots)
+    monkeypatch.setattr(rate_models, "compare_joint", lambda found: list(found))
+    runs = Path(__file__).resolve().parents[3] / "runs"
+    names: Any = _joint_comparison(runs / "relaxation" / "slow.toml", [runs / "open-01"], 2, tmp_path / "out")
+    assert names[:2] == ["prony", "prony:2"]
+    assert {more["ledger"] for more in asked} == {tmp_path / "out" / "joint.sqlite"}
+    assert len(asked) == len(names)
