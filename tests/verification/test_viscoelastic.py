@@ -421,10 +421,11 @@ Bergström–Boyce network, each with a neo-Hookean law of 20 kPa.
 modulus have the closed form $E^* = 9 K G^* / (3 K + G^*)$, with $G^* = G' + i G''$ and a bulk modulus that
 does not relax. The work of a cycle is $\\pi \\varepsilon^2 E'' V$. Energy is conserved.
 
-**Held.** Frictionless compression to {100 * STRAIN:g} % takes {1e3 * RISE:g} ms and is then held to
-{1e3 * HOLD:g} ms. The density is a hundredth to suppress waves, and ν = {POISSON:g}. The force during the
-hold is compared with the incompressible homogeneous model. The energy balance is that of the hold and of an
-impact. The impact is to 60 % at 2.6 m/s, rough on faces and side, with 8 × 11 elements:
+**Held.** The specimen is compressed without friction to {100 * STRAIN:g} % within {1e3 * RISE:g} ms, then
+held to {1e3 * HOLD:g} ms. Its density is reduced to a hundredth, which suppresses waves, and ν =
+{POISSON:g}. The force during the hold is compared with the incompressible homogeneous model. The energy
+balance is that of the hold and of an impact. The impact is to 60 % at 2.6 m/s, rough on faces and side,
+with 8 × 11 elements:
 
 {table(["branches", "element", "force [%]", "imbalance, held [%]", "imbalance, impact [%]"], hold)}
 
