@@ -54,7 +54,7 @@ error of the nominal stress and the k = 2 band [%]:
 | --- | --- | --- | --- | {" | ".join(["---"] * len(SHOWN))} | --- | --- | --- |
 {chr(10).join(rows)}
 {left}
-Coverage is the share of strains and of {draws} draws whose k = 2 band contains the truth. A draw has
+Coverage is the share of strains and of {draws} draws with the truth inside the k = 2 band. A draw has
 {SPECIMENS} specimens. Their stiffness scatters by {100 * SCATTER:g} % and their samples by
 {100 * NOISE:g} %. The derivative of the correction is applied. The errors of a curve are the same at all
 strains, so a coverage from a hundred draws is uncertain by 2 %. GetFEM's forces are not in the table. Its

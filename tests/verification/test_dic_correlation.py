@@ -280,7 +280,7 @@ def row(result: Result) -> tuple[str, str, str]:
 
 def draw(result: Result, figure: Figure) -> None:
     """Left: mean error of noise-free pictures over the shift. Middle: standard deviation of the error over
-    the subset's side, and its floor. Right: errors over their own sigma, compressed and stretched."""
+    the subset's side, and its floor. Right: errors over their stated sigma, compressed and stretched."""
     left, middle, right = figure.subplots(1, 3)
     for (size, bias), style in zip(result.s_curve.items(), ("-o", "--s"), strict=True):
         left.plot(SHIFTS, 1e3 * bias, style, markersize=2.5, label=f"speckles of {size:g} px")

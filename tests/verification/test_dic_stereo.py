@@ -267,8 +267,8 @@ middle of the subset.
 
 **Set-up.** The pictures have 128 × 128 px at {5400 * 1e-3 / (0.3 - RADIUS):.1f} px/mm, and the cylinder has
 R = {1e3 * RADIUS:g} mm. The cameras are {ANGLES[0]:g}° and {ANGLES[1]:g}° apart and have distorted lenses.
-Speckles have 0.35 mm. The noise is {100 * NOISE:g} % of the range from black to white. Only points whose
-whole subset lies in both pictures are used. Errors are those of points seen at less than {STEEPEST:g}°.
+Speckles have 0.35 mm. The noise is {100 * NOISE:g} % of the range from black to white. A point is used only
+if its whole subset lies in both pictures. Errors are those of points seen at less than {STEEPEST:g}°.
 
 {table(HEAD, lines)}
 

@@ -464,11 +464,10 @@ Row 4 ends only because of the number of steps. The named element is the one tha
 ## Divergence
 
 The energy of a specimen that starts at rest cannot exceed the work of the platens. If the kinetic energy
-exceeds {MOTION_LIMIT:g} times their largest work so far, the simulation has diverged. In row 6 the cause is
-a curve whose energy falls with strain. Another example is row 0 with a step that is measured only once.
-When the specimen is compressed, this step is too long. The run ends at
-{1e3 * result.unstable.end_times[0]:.3f} ms, when its recorded forces differ by {result.astray:.2g} N from
-those of the sound run.
+exceeds {MOTION_LIMIT:g} times their largest work so far, the simulation has diverged. In row 6 the energy
+of the curve falls with strain. Another example is row 0 with a step that is measured only once. When the
+specimen is compressed, this step is too long. The run ends at {1e3 * result.unstable.end_times[0]:.3f} ms,
+when its recorded forces differ by {result.astray:.2g} N from those of the sound run.
 
 **Tolerance.** Bits, elements and outcomes must be equal. The forces of the unstable run may differ by
 {ONSET:g} N, the resolution of a force measurement.

@@ -393,8 +393,9 @@ elements is {FINE[2]:g} times the smallest, which is at the edge.
 {forces(result)}
 
 **Where the solution is not unique.** With f = 0.05 the edge is unstable from about 32 % on. The meshes of
-the reference jump to branches whose forces differ by 5 % and more. Nothing is compared beyond 30 %. For f =
-0.1 and 0.2 some meshes jump. The meshes without a jump agree with each other and are the reference.
+the reference jump to other branches, and their forces differ by 5 % and more. Nothing is compared beyond
+30 %. For f = 0.1 and 0.2 some meshes jump. The meshes without a jump agree with each other and are the
+reference.
 
 **An element that fails.** With f = 0.1 the edge folds sharply. Past about 55 % the *one-point* elements at
 the fold of the fine mesh tangle and overlap. The run completes, but the error of the force at 60 % is

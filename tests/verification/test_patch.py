@@ -205,9 +205,9 @@ def page(result: Result) -> str:
     header = ["state", "interior, fp64", "interior, fp32", "face force, fp64", "face force, fp32"]
     return f"""# {TITLE}
 
-**What is checked.** In a homogeneous state every interior node of *any* mesh must be in equilibrium, on
-the axis of symmetry too. A homogeneous state is imposed on a 7 × 9 mesh whose interior nodes were moved at
-random by up to {DISTORTION:.0%} of an element, ν = {POISSON}, neo-Hookean.
+**What is checked.** In a homogeneous state every interior node of *any* mesh must be in equilibrium, on the
+axis of symmetry too. The interior nodes of a 7 × 9 mesh are moved at random by up to {DISTORTION:.0%} of an
+element. A homogeneous state is imposed on this mesh, with ν = {POISSON} and a neo-Hookean law.
 
 **Independent source.** The element's gradient is compared with the imposed one. The resultant on a face is
 compared with the closed-form neo-Hookean stress. The forces come from the solver's own element function,

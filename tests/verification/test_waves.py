@@ -177,8 +177,8 @@ def page(result: Result) -> str:
     share = 100 * (1 - result.static / result.closed_form).max()
     return f"""# {TITLE}
 
-**What is checked.** Inertia is tested in both directions. The first test is the speed of guided waves whose
-length is comparable with the radius. The second is the force of a fast radial expansion of a disc.
+**What is checked.** Inertia is tested in both directions. The first test is the speed of guided waves with
+a length comparable with the radius. The second is the force of a fast radial expansion of a disc.
 
 ## Guided waves
 
