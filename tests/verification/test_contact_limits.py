@@ -477,8 +477,8 @@ first contact of single nodes dominates. Above f = {last:g} the results are iden
 area. When this stress reaches the release stress, the node is released. From then on its contact is rough.
 The specimen is pulled by 5 %, pressed by 5 % and pulled again (ν = 0.495). With bonded faces the tensile
 forces are {-bonded[0, 0]:.2f} N and {-bonded[2, 0]:.2f} N. With a release stress of 1 kPa the tensile force
-is {-released[0, 0]:.3f} N, the compressive force is {released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N),
-and the second pull has no force.
+is {-released[0, 0]:.3f} N. The compressive force is {released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N).
+The second pull has no force.
 
 **Tolerance.** The penetration may be {1e6 * GAP_TOLERANCE:.0e} µm, the round-off of a height, and 1 µm for
 the penalty. The momentum may differ by {MOMENTUM_TOLERANCE:.0e}, because positions 0.6 µm apart have an

@@ -362,9 +362,9 @@ specimen's current contact radius. Specimen and parts are iterated. The transmit
 {changes} N from pass to pass. At the end the displacement of the face is {1e6 * result.travel[0]:.3f} µm.
 With the characteristic bar it is {1e6 * result.travel[1]:.3f} µm.
 
-**Result.** On the face the characteristic bar is within {worst:.3f} N of the elastic parts,
-{100 * worst / peak:.2f} % of the peak of {peak:.1f} N ({others}).
-Differences from the elastic parts, raw and low-passed (Butterworth, fourth order, forward and backward):
+**Result.** The peak of the force on the face is {peak:.1f} N. The characteristic bar is within {worst:.3f}
+N of the elastic parts, {100 * worst / peak:.2f} % of the peak ({others}). The table gives differences from
+the elastic parts, raw and low-passed (Butterworth, fourth order, forward and backward):
 
 {table(header, rows)}
 

@@ -617,7 +617,7 @@ force.
 **Tolerance.** The limits of patch, energy and closed form are those of their pages. The gradient may differ
 by 1e-8, because of central differences in fp64 and K/μ = 100. The step bound must not be below 1 (one-point
 {BOUND_FLOOR["one_point"]:g}). F-bar's static force may differ by {100 * STATIC_TOLERANCE["coarse"]:g} % on
-16 × 22 and {100 * STATIC_TOLERANCE["fine"]:g} % on 48 × 66, its radius by
+16 × 22 and {100 * STATIC_TOLERANCE["fine"]:g} % on 48 × 66. Its radius may differ by
 {1e6 * RADIUS_TOLERANCE["coarse"]:g} and {1e6 * RADIUS_TOLERANCE["fine"]:g} µm. Extrapolated static forces,
 from both elements or from one, must be within {100 * LIMIT_TOLERANCE:g} % of the reference. The 5 kHz force
 may differ by {100 * IMPACT_TOLERANCE["coarse"]:g} % on 16 × 22 and {100 * IMPACT_TOLERANCE["fine"]:g} % on

@@ -223,10 +223,10 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** The law of one uniaxial curve is W = U(I1_bar) with 2 U' = T / (lambda - lambda^-2).
-Its NumPy and its Warp form are checked.
+Its NumPy form and its Warp form are tested.
 
-**Independent source.** There are two closed forms. The neo-Hookean law has a constant 2 U'. Yeoh's law with
-C1 = {C1 / 1e3:g} kPa, C2 = C1 / 10 and C3 = C1 / 50 makes 2 U' a polynomial in I1_bar - 3. The stress is
+**Independent source.** There are two closed forms. The neo-Hookean law has a constant 2 U'. Yeoh's law has
+C1 = {C1 / 1e3:g} kPa, C2 = C1 / 10 and C3 = C1 / 50. Its 2 U' is a polynomial in I1_bar - 3. The stress is
 also compared with the central difference of the energy.
 
 | check | measured | allowed | reason |

@@ -345,8 +345,8 @@ above are not corrected for it.
 resolves it differently. From 10 % on the side rolls onto the platens, node by node. The specimen is a
 little too soft before a node touches the platen, and a little too stiff afterwards. Between 15 and 25 % the
 meshes {names[1]} and {names[2]} differ by up to {sawtooth:.1f} %. Therefore the error at 20 % does not fall
-from mesh to mesh. The *FElupe* outline at 20 % lies {outside:.0f} µm outside the consensus at mid-height.
-The DOLFINx outline does not, and this solver agrees with DOLFINx.
+from mesh to mesh. At 20 % the *FElupe* outline lies {outside:.0f} µm outside the consensus at mid-height.
+The DOLFINx outline agrees with the consensus, and this solver agrees with DOLFINx.
 
 **Tolerance.** On 16 × 22 the force may differ by {100 * FORCE_TOLERANCE["coarse"]:g} %, the discretisation
 error. On finer meshes the limit is {100 * FORCE_TOLERANCE["fine"]:g} % from 30 to 60 %, where the reference
