@@ -460,7 +460,7 @@ integrated.
 The penalty has the default stiffness, 1e13 Pa/m. Between two nodes the surface is straight, so its
 penetration is not larger than that of the nodes.
 
-**Penalty to kinematic,** f = 0.3:
+**Penalty to kinematic.** The coefficient of friction is f = 0.3:
 
 {penalty(result)}
 

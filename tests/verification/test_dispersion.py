@@ -231,7 +231,7 @@ and bisected with Bessel functions of complex arguments. For ν = 0.29 another p
 eight decimals (`tests/reference/F_pochhammer_nu0.29.csv`). The c / c_0 of the table differs by
 {result.reference_error:.0e} at most.
 
-Relative error of the wavenumber, by Poisson's ratio and ωa / c_0:
+The table gives the relative error of the wavenumber, by Poisson's ratio and ωa / c_0:
 
 {table(["ν", *(f"{w:g}" for w in FREQUENCIES)], roots)}
 

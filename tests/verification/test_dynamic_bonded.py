@@ -355,7 +355,8 @@ flyer's speed is V (10 s³ − 15 s⁴ + 6 s⁵) with s = t/{1e6 * RISE:g} µs. 
 the mean over 1 µs from the impulse. Both histories are filtered on one grid by the same low-pass:
 Butterworth, fourth order, forward and backward, with Gustafsson's treatment of the ends.
 
-Rms difference over the reference's peak low-passed force, in brackets over its rms [%]:
+The table gives the rms difference over the reference's peak low-passed force, and in brackets over its rms
+[%]:
 
 {table(["mesh", *labels], forces)}
 
@@ -387,8 +388,8 @@ The small-strain difference falls with the order {order.order:.2f} ± {order.sta
 second order would show as {second:.2f}, because 96 × 132 has an error too. The last column has the damping
 of Mates et al. (2012). It removes the short waves, as in a real solid.
 
-**Outline.** Rms normal distance of the surface nodes to the reference's outline at 0.25, 0.5 … 1.5 ms
-(slip: to 1.25 ms) [µm]:
+**Outline.** The table gives the rms normal distance of the surface nodes to the reference's outline at
+0.25, 0.5 … 1.5 ms (slip: to 1.25 ms) [µm]:
 
 {table(["mesh", "stick", "slip"], outlines)}
 

@@ -342,7 +342,7 @@ cross-sections 150 mm apart. It is compared with the first longitudinal mode of 
 
 {table(["a / wavelength", "exact c / c_0", *(f"{1e3 * s:.2g} mm, error [%]" for s in SIZES)], phase)}
 
-Fitted order of the error at the shortest wave: {result.phase_order.order:.2f} +-
+The fitted order of the error at the shortest wave is {result.phase_order.order:.2f} +-
 {result.phase_order.standard_error:.2f}.
 
 *Steps of the impedance.* The table gives the transmitted share of an impulse, 2 Z_2 / (Z_1 + Z_2), and the

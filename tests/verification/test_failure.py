@@ -443,9 +443,9 @@ The batch has eight simulations (8 × 11 elements, bonded, ν = 0.495, to {1e3 *
 
 {table(["row", "what is special", "outcome", "end [ms]", "steps", "element", "R, Y [mm]"], ends)}
 
-Every row is identical to the last bit to a batch of one, in which the lanes share one simulation:
-{"yes" if good["alone"] else "NO"}. The sound rows are identical to those of a batch without the failures:
-{"yes" if good["without"] else "NO"}.
+Every row must be identical to the last bit to a batch of one, in which the lanes share one simulation.
+Result: {"yes" if good["alone"] else "NO"}. The sound rows must be identical to those of a batch without the
+failures. Result: {"yes" if good["without"] else "NO"}.
 
 `Response.describe` gives it as a sentence, here for row {FAILED[0]}: "{batch.describe(FAILED[0])}."
 

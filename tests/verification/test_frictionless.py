@@ -161,16 +161,16 @@ damping. The platen moves by {STROKE:.0%} of the length along a fifth-order smoo
 {1e3 * LOADING:.0f} ms, about {LOADING / 0.68e-3:.0f} passages of a wave. The force is the mean of both
 faces.
 
-Force error [%]:
+The first table gives the force error [%]:
 
 {table(header, rows)}
 
-Error of the mean side radius, in brackets its spread along the side [µm]:
+The second table gives the error of the mean side radius, and in brackets its spread along the side [µm]:
 
 {table(header, radii)}
 
-Largest force error up to 50 % against the duration of loading (neo-Hookean, ν = 0.495); fitted power
-{result.order.order:.3f} +- {result.order.standard_error:.3f}:
+The third table gives the largest force error up to 50 % against the duration of loading (neo-Hookean, ν =
+0.495). The fitted power is {result.order.order:.3f} +- {result.order.standard_error:.3f}:
 
 {table(["duration [ms]", "error [%]"], slow)}
 

@@ -225,7 +225,8 @@ material.
 | power of the damping stress in uniform stretching over 3 beta mu (strain rate)^2 V, minus 1 | \
 {result.rate_power:.1e} | 1e-13 |
 
-Force on interior nodes over the largest corner force, and relative error of the force on a face:
+The table gives the force on interior nodes over the largest corner force, and the relative error of the
+force on a face:
 
 {table(header, rows)}
 

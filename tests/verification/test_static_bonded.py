@@ -304,11 +304,11 @@ and radius are compared with their consensus, outlines with each program.
 mass-proportional damping is α = {DRAG:g} 1/s. The force is the mean of both faces. The kinetic energy is at
 most {found[0].kinetic.max():.0e} of the elastic one.
 
-Force error [%]:
+The first table gives the force error [%]:
 
 {table(header, forces)}
 
-Error of the radius at mid-height [µm]:
+The second table gives the error of the radius at mid-height [µm]:
 
 {table(["compression", "reference [mm]", *names], radii)}
 

@@ -192,7 +192,7 @@ L) of the side surface, n = 1, 2, 3. The lowest frequency in each is the first m
 
 {table(header, waves)}
 
-Fitted order of the error for n = 2 and 3: {orders}.
+The fitted order of the error for n = 2 and 3 is {orders}.
 
 **Tolerance.** The speed may differ by {100 * WAVE_TOLERANCE:g} % on the finest mesh. The element is of
 second order and has 32 elements a wavelength at n = 3.
