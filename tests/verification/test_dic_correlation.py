@@ -333,9 +333,10 @@ not corrected ({{ref}}`theory-correlation`), and the mean error is {1e3 * result
 mpx.
 
 *Compression.* A pattern with speckles of {COARSE:g} px is shortened from {STRETCHES[0]:g} to
-{STRETCHES[-1]:g} of its length and widened by the root of the inverse. The standard deviation of the errors
-over their sigma is {low:.2f} to {high:.2f}. For speckles as short as the pixels this does not hold, because
-their interpolation error is not noise. The sigma contains this error only as far as the residual shows it.
+{STRETCHES[-1]:g} of its length. It is widened by the root of the inverse. The standard deviation of the
+errors over their sigma is {low:.2f} to {high:.2f}. For speckles as short as the pixels this does not hold,
+because their interpolation error is not noise. The sigma contains this error only as far as the residual
+shows it.
 
 **Tolerances.** The package specifies a bias of {1e3 * BIAS:g} mpx and an S-curve of {1e3 * S_CURVE:g} mpx.
 The standard deviation may be {OVER_FLOOR:g} times the floor. The reasons are rounding, the coupling of

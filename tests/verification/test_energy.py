@@ -167,8 +167,8 @@ steps and f = 0.3 the fitted power is {result.order.order:.2f} +- {result.order.
 
 {table(["step [µs]", "imbalance [%]"], steps)}
 
-The first contact of a node is inelastic, as kinematic contact must be. Its loss is proportional to the mass
-of the nodes and halves with the element and its step:
+In kinematic contact the first contact of a node is inelastic. Its loss is proportional to the mass of the
+nodes and halves with the element and its step:
 
 {table(["mesh", "lost by landing [% of work]"], landing)}
 

@@ -274,7 +274,7 @@ Q(fine, ν) = Q(fine, 0.495) + [Q(coarse, ν) − Q(coarse, 0.495)].
 
 **Independent source.** The results are compared with direct runs on the fine mesh at the same ν. The model
 is the known-answer shot `runs/open-01` with m = 1.12 and β = 25 µs on the deviator. Its one-point elements
-are graded as `kolsky` does.
+have the default grading of `kolsky`.
 
 **Runs.** The meshes are those of `kolsky identify`, `simulate` and `sweep` with `--nearly-incompressible`.
 The cost is elements × steps of all runs, including the estimate, relative to the run at ν = 0.495 with the

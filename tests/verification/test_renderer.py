@@ -284,7 +284,8 @@ deviation {mpx * surface.std():.2f}) | {result.surface_grey:.4f} (deviation) |
 
 *The board.* A cosine keeps its phase when it is averaged over a pixel, blurred by the lens and interpolated
 linearly between texels. Its height is multiplied by sinc for the pixel, exp(-2 π² s² f²) for the lens and
-sinc² for the texels. A difference from that is an error of position, projected on the slope of the pattern.
+sinc² for the texels. A difference from this closed form is an error of position, projected on the slope of
+the pattern.
 
 *The surface.* The lens is omitted, so the sampling by rays is not smoothed. This is the hardest case. The
 independent ray cast shares only the texture and the camera's equations with the renderer.

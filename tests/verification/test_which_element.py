@@ -264,9 +264,10 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** The known-answer shot `runs/open-01` (m = {TRUTH}, ν = 0.499, β = 25 µs, bonded, 56 %)
-is simulated as `kolsky` does. The elements are F-bar and the one-point quadrilateral under both forms of
-hourglass control (`Model.hourglass_form`). The energy of hourglass control is compared, and how force,
-outline and the *identified* m converge. The meshes are graded toward the platens and the side.
+is simulated with the settings of `kolsky`. The elements are F-bar and the one-point quadrilateral under
+both forms of hourglass control (`Model.hourglass_form`). The energy of hourglass control is compared. The
+convergence of force, outline and the *identified* m is compared too. The meshes are graded toward the
+platens and the side.
 
 **Which one to take.** The default is *one-point with stiffness control*. On every mesh its force and
 outline are closest to the limit, at a third of F-bar's cost ([F-bar](fbar.md)). The *viscous* form is not
@@ -297,7 +298,7 @@ One limit and one order are fitted to the twelve m (weighted by the noise). They
 of a mesh from the law. The known answer is {TRUTH}.
 
 **Tolerance.** The artificial energy may be {100 * ARTIFICIAL:g} % of the strain energy, at the end and
-largest over largest. m may differ by {100 * FACTOR_TOLERANCE["coarse"]:g} % on 16 × 22,
+largest over largest. The factor m may differ by {100 * FACTOR_TOLERANCE["coarse"]:g} % on 16 × 22,
 {100 * FACTOR_TOLERANCE["fine"]:g} % on 48 × 64 and {100 * FACTOR_TOLERANCE["limit"]:g} % extrapolated. This
 is the second-order error that corresponds to 1.5 % on 16 × 22, and the scatter of the limit. The limits of
 two elements may differ by {100 * LIMITS_APART["force"]:g} % of the peak and
