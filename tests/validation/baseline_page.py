@@ -144,9 +144,9 @@ def verdict(done: dict[str, Any]) -> str:
             continue
         low, high = (100 * end([row["coverage"] for row in rows]) for end in (min, max))
         said.append(
-            f"- {words}: {sum(row['within_band'] for row in rows)} of {len(rows)} inside their band at every"
-            f" strain,\n  worst error {100 * max(row['worst_to_half'] for row in rows):.2f} %, coverage"
-            f" {low:.1f} to {high:.1f} %."
+            f"- {words}: {sum(row['within_band'] for row in rows)} of {len(rows)} are inside their band at every"
+            f" strain.\n  The worst error is {100 * max(row['worst_to_half'] for row in rows):.2f} %, the"
+            f" coverage {low:.1f} to {high:.1f} %."
         )
     return "\n".join([*said, *(outside(name, row) for name, row in done.items() if not row["within_band"])])
 
