@@ -145,8 +145,8 @@ def verdict(done: dict[str, Any]) -> str:
         low, high = (100 * end([row["coverage"] for row in rows]) for end in (min, max))
         said.append(
             f"- {words}: {sum(row['within_band'] for row in rows)} of {len(rows)} are inside their band at"
-            f" every strain.\n  The worst error is {100 * max(row['worst_to_half'] for row in rows):.2f} %, the"
-            f" coverage {low:.1f} to {high:.1f} %."
+            f" every strain.\n  The worst error is {100 * max(row['worst_to_half'] for row in rows):.2f} %,"
+            f" the coverage {low:.1f} to {high:.1f} %."
         )
     return "\n".join([*said, *(outside(name, row) for name, row in done.items() if not row["within_band"])])
 

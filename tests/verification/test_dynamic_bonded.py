@@ -394,7 +394,7 @@ of Mates et al. (2012). It removes the short waves, as in a real solid.
 {table(["mesh", "stick", "slip"], outlines)}
 
 **Energy.** The balance closes to {imbalance[COARSE]:.0e} of the external work on 16 × 22 and to
-{imbalance[Grid(48, 66)]:.0e} on 48 × 66. At the end, 48 × 66 [mJ]:
+{imbalance[Grid(48, 66)]:.0e} on 48 × 66. The table gives the energies at the end, on 48 × 66 [mJ]:
 
 {table(["energy", "this solver", "FElupe"], energies)}
 
