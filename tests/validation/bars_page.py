@@ -207,7 +207,7 @@ compared.
 :width: 100%
 :alt: Forces and stress over strain of two epoxy specimens
 
-Left: forces at both faces; grey, the longest span with |R| within {100 * ALLOWANCE:.0f} %. Right: stress
+Left: forces at both faces; the longest span with |R| within {100 * ALLOWANCE:.0f} % is grey. Right: stress
 over strain and the authors' columns ("2w"). The transmitted pulse of sample 1 arrives {gap:.0f} µs late,
 because of a gap or an uneven face. Data: Yao.
 ```
@@ -253,9 +253,9 @@ time, the pulse arrives within {rest:.2f} µs of the prediction. The root mean s
 :width: 100%
 :alt: Forces, equilibrium and true stress over true strain of a copper specimen
 
-Left: forces at both faces, with dispersion corrected. Middle: R(t) with the gauge's distance of the file and
-waves only shifted, and with the calibrated distance and dispersion; dotted, the allowance; grey, the span of
-equilibrium. Right: true stress over true strain. Data: Los Alamos National Laboratory.
+Left: forces at both faces, with dispersion corrected. Middle: R(t) with and without the calibrated distance
+and dispersion, the allowance (dotted) and the span of equilibrium (grey). Right: true stress over true strain.
+Data: Los Alamos National Laboratory.
 ```
 
 Equilibrium holds from {span_of(test)}. The table compares two models of copper, Preston, Tonks and Wallace

@@ -52,9 +52,9 @@ The tissue phantom database of Dawood and others
 66.7 % of each of four silicones. Eleven laws are fitted to the mean at 1000 strains by least squares in
 engineering stress. Their Ogden terms are µ/α (…), and their Yeoh law of one term is the neo-Hookean law.
 Their Mooney-Rivlin law of second order has C10, C01 and C20 (`mooney_rivlin_c20` here). Their
-Veronda-Westmann and Humphrey laws are those of {{ref}}`theory-materials`. With *their* constants these laws
-give their sums of squares within {own:.0e} of each, for all {count} fits. Laws, curve and mean are
-therefore the same.
+Veronda-Westmann and Humphrey laws are those of {{ref}}`theory-materials`. For all {count} fits, these laws
+with *their* constants give their sums of squares within {own:.0e}. Laws, curve and mean are therefore the
+same.
 
 The table gives the sums of squares of the fits here (those of the database are 1). Ogden's terms are fitted
 with positive moduli, as in the database. The other laws are fitted without the bounds of a positive energy,
@@ -64,11 +64,11 @@ because some published constants are outside these bounds.
 
 Every sum of squares here agrees with the published one to four digits or is smaller. If the minimum is
 unique, constants agree within {constants:.1e} of their value. Their two-term Ogden fit of EF50_0T ended
-with two equal terms. Twelve starts find a fourth of its sum. With positive moduli a third term does not
-improve the fit. Two of the three exponents become equal, and the outcome is *not determined*. With moduli
-of either sign, two terms fit {free_low:.0f} to {free_high:.0f} times better than theirs. Each of these fits
-has a negative modulus, so the energy can become negative. {free_words} between principal stretches of a
-tenth and ten.
+with two equal terms. With twelve starts the sum of squares is a fourth of theirs. With positive moduli a
+third term does not improve the fit. Two of the three exponents become equal, and the outcome is *not
+determined*. With moduli of either sign, two terms fit {free_low:.0f} to {free_high:.0f} times better than
+theirs. Each of these fits has a negative modulus, so the energy can become negative. {free_words} between
+principal stretches of a tenth and ten.
 
 ## Rubber in three modes together
 

@@ -331,8 +331,8 @@ def row(result: Result) -> tuple[str, str, str]:
 
 def draw(result: Result, figure: Figure) -> None:
     """Top left: distance of the penalty law from the kinematic one, f = 0.3 (grey: 1 µm). Top right:
-    distance of Coulomb's law from the rough one. Bottom left: first waves with bonded faces that are
-    released. Bottom right: largest force of a slow pull until the faces are released."""
+    distance of Coulomb's law from the rough one. Bottom left: first waves with released bonded faces.
+    Bottom right: largest force of a slow pull up to the release."""
     (left, right), (waves, pulled) = figure.subplots(2, 2)
     left.loglog(STIFFNESS, 1e6 * result.depth, "o-", label="penetration, largest")
     left.loglog(STIFFNESS, 1e6 * result.penalty.outline, "s-", label="outline, rms")

@@ -163,10 +163,10 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: phase velocity by Poisson's ratio (circles: reference for 0.29; dotted: Rayleigh waves).
-    Top right: the pulse at its start and after 0.5 and 2 m, and the recovered pulse. Middle: force at the
-    second cross-section of a finite-element bar, and the force propagated from the first. Bottom: their
-    difference, by the size of the elements."""
+    """Top left: phase velocity by Poisson's ratio (circles: reference; dotted: Rayleigh waves). Top right:
+    the pulse at its start and after 0.5 and 2 m, and the recovered pulse. Middle: force at the second
+    section of a finite-element bar, and the force propagated from the first. Bottom: their difference, by
+    element size."""
     grid = figure.add_gridspec(3, 2, height_ratios=(1.25, 1.0, 0.8))
     mode, pulse = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     force = figure.add_subplot(grid[1, :])

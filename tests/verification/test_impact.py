@@ -290,10 +290,9 @@ MARKED = tuple(name for name in NAMES if name != "tensile_dip")
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """From the top: gauge at the middle of the incident bar; velocity of flyer and bar's end; flyer's
-    transducer (the second impact leaves the axis); transmitted force at its transducer; paths of flyer and
-    bar's end. Flyer and transducers are low-passed at 50 kHz. Dotted: what the program found in the
-    signals."""
+    """From the top: incident gauge; velocity of flyer and bar's end; flyer's transducer (the second impact
+    leaves the axis); transmitted force; paths of flyer and bar's end. Transducers and flyer are low-passed
+    at 50 kHz. Dotted: what the program found in the signals."""
     bars, events = result.test.bars, result.events
     axes = figure.subplots(5, 1, sharex=True, height_ratios=(1, 1, 1, 1.1, 1))
     every = slice(None, None, 8)

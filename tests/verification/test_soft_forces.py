@@ -177,10 +177,10 @@ def _beyond(result: Result, event: Event, name: str) -> float:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top: flyer's transducer, the same after mass compensation, and the true force on the specimen, below
-    10 kHz. Middle: velocity of the flyer. Dotted lines are events as found in the signals, grey bands two
-    of their sigmas. Bottom: difference of the faces' forces, and inertia, over the stress. The band is the
-    validity window, the dashed line its allowance."""
+    """Top: flyer's transducer, raw and after mass compensation, and the true force, below 10 kHz. Middle:
+    flyer's velocity with the events found (dotted) and two sigmas (grey). Bottom: difference of the faces'
+    forces, and inertia, over the stress; the band is the validity window, the dashed line the allowance.
+    """
     force, speed, share = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.0, 1.0))
     every, ms = slice(None, None, 4), 1e3
     inside = slice(None, -200)  # a filter has no future at the record's end

@@ -300,9 +300,9 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Left: expanded uncertainty (k = 2) of a bar test over the quantity's largest value. Lines are the
-    budget, points every tenth sample of 4000 draws with noise. Right: share of intervals of the mean of n
-    tests that hold the truth. Lines are Student's distribution, points 4000 series."""
+    """Left: expanded uncertainty (k = 2) of a bar test over the quantity's largest value; budget (lines)
+    and 4000 draws with noise (points). Right: share of intervals of the mean of n tests that hold the
+    truth; Student's distribution (lines) and 4000 series (points)."""
     left, right = figure.subplots(1, 2)
     for i, name in enumerate(OUTPUTS):
         peak = np.abs(result.budget.value[name]).max()

@@ -355,10 +355,10 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: held compression, homogeneous models (lines) and time loop, one-point element (points). Top
-    right: moduli of the series (lines) and of the time loop (points). Bottom left: the fitted pair of every
-    draw with its k = 2 intervals, and the planted one (cross). Bottom right: transmitted force of the three
-    shots (points), the fit with a branch (lines) and without (dashed)."""
+    """Top left: held compression, models (lines) and time loop (points). Top right: moduli of the series
+    (lines) and of the time loop (points). Bottom left: fitted pairs with k = 2 intervals, and the planted
+    pair (cross). Bottom right: transmitted force (points), fit with a branch (lines) and without (dashed).
+    """
     (a, b), (c, d) = figure.subplots(2, 2)
     for k, name in enumerate(BRANCHES):
         part = result.held[name, "one_point"]
