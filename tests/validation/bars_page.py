@@ -254,8 +254,8 @@ time, the pulse arrives within {rest:.2f} µs of the prediction. The root mean s
 :alt: Forces, equilibrium and true stress over true strain of a copper specimen
 
 Left: forces at both faces, with dispersion corrected. Middle: R(t) with and without the calibrated distance
-and dispersion, the allowance (dotted) and the span of equilibrium (grey). Right: true stress over true strain.
-Data: Los Alamos National Laboratory.
+and dispersion, the allowance (dotted) and the span of equilibrium (grey). Right: true stress over true
+strain. Data: Los Alamos National Laboratory.
 ```
 
 Equilibrium holds from {span_of(test)}. The table compares two models of copper, Preston, Tonks and Wallace
