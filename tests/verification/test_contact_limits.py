@@ -440,9 +440,9 @@ def page(result: Result) -> str:
 surface has rolled onto the platen. The platens' impulses equal the specimen's momentum to round-off. The
 energy balance closes, with stick, slip and release. The laws have the correct limits. Coulomb's law becomes
 the frictionless one for f = 0 and the rough one for f towards infinity. The law with release becomes the
-rough one and the bonded one. These limits hold to the last bit. A penalty formulation converges to the
-kinematic one. The page [Coulomb friction](friction.md) has static solutions with friction by another
-program.
+rough one for a release stress of 0 and the bonded one for an infinite release stress. These limits hold to
+the last bit. A penalty formulation converges to the kinematic one. The page [Coulomb friction](friction.md)
+has static solutions with friction by another program.
 
 **Independent source.** The results are compared with the balance of momentum and the closed forms of a
 uniform state. The kinematic laws are compared with the penalty formulation. Its springs of stiffness k per

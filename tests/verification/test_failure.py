@@ -433,8 +433,8 @@ cause, time and element, and keeps every history up to its end.
 
 **Independent source.** Node positions are stored at the end and just before. From them NumPy computes J, s,
 the stable step and the kinetic energy, with the element constants of a rectangle in closed form. Each
-simulation is also compared with the same simulation in a batch of one, and with one that ends at the time
-of the failure.
+simulation is also compared with the same simulation in a batch of one. Another comparison is with a
+simulation that ends at the time of the failure.
 
 ## A batch with every failure
 

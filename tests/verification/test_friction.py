@@ -426,9 +426,9 @@ a node is {max(slow, ledger.penetration):.0e} m.
 **Tolerance.** The force may differ by {100 * FORCE_TOLERANCE["16 × 22"]:g} % on 16 × 22 and
 {100 * FORCE_TOLERANCE["32 × 44"]:g} % on 32 × 44, beyond the reference's uncertainty. This allows for the
 loading and the first contact of the side's nodes. On 32 × 44 the radius at mid-height may differ by
-{1e3 * RADIUS_TOLERANCE:g} mm and the outline (rms) by {1e3 * OUTLINE_TOLERANCE:g} mm, beyond the
-uncertainty of the radii. The measured differences are {middle:.3f} mm and {outline:.3f} mm. Energy may
-differ by {100 * ENERGY_TOLERANCE:g} %, momentum by {MOMENTUM_TOLERANCE:.0e}. The penetration may be
+{1e3 * RADIUS_TOLERANCE:g} mm and the outline (rms) by {1e3 * OUTLINE_TOLERANCE:g} mm. The uncertainty of
+the radii is added. The measured differences are {middle:.3f} mm and {outline:.3f} mm. Energy may differ by
+{100 * ENERGY_TOLERANCE:g} %, momentum by {MOMENTUM_TOLERANCE:.0e}. The penetration may be
 {GAP_TOLERANCE:.0e} m.
 """
 

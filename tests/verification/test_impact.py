@@ -384,7 +384,7 @@ the paper's Fig. 5.
 
 ## Parts
 
-*Face on face.* Between equal bars the force is Z v / 2 for 2 L / c_0, and the free end moves at v. Both are
+*Face on face.* Between equal bars the force is Z v / 2 for 2 L / c_0. The free end moves at v. Both are
 exact to round-off. A striker of Ø 20 mm has the levels v Z_1 Z_2 / (Z_1 + Z_2) ((Z_1 - Z_2) /
 (Z_1 + Z_2))^k. Their largest error is {np.abs(found / exact - 1).max():.0e}.
 
@@ -406,10 +406,11 @@ breaks the joint is {joint:.3f} of strength times opening / 2.
 {1e3 * BAR.length:g} mm and Ø 15 mm, of maraging steel as in the paper. Flyer and support each have a
 transducer of {1e3 * TRANSDUCER.length:g} mm and a platen of 5 mm (flyer {1e3 * flyer:.1f} g). The specimen
 is that of open-01 ({DENSITY:g} kg/m³, m = 1.12). It has 16 × 22 elements and does not slip while it is
-pressed. The pulse shaper is the paper's disc of Ø 5.5 mm × 2.0 mm as a neo-Hookean rubber. Three inputs are
-assumed, because the paper does not give them: the transducer's length, the joint (100 N, opened within 20
-µm) and the rubber's shear modulus at 2000 1/s, {SHAPER_MODULUS / 1e6:g} MPa. The modulus is chosen for the
-flyer's speed, so strain rates do not test the model. Times, compression and the order of the events do.
+pressed. The pulse shaper is the paper's disc of Ø 5.5 mm × 2.0 mm as a neo-Hookean rubber. The paper does
+not give three inputs. The transducer's length, the joint (100 N, opened within 20 µm) and the rubber's
+shear modulus are therefore assumed. The modulus is {SHAPER_MODULUS / 1e6:g} MPa at 2000 1/s. It is chosen
+for the flyer's speed, so strain rates do not test the model. Times, compression and the order of the events
+do.
 
 Bars and specimen are iterated. The force on a platen changes from pass to pass by {changes} N. Up to the
 arrest the bars do {1e3 * result.work[0]:.2f} mJ of work on the specimen. The energy ledger of the specimen

@@ -171,9 +171,9 @@ fit uses differences between neighbouring meshes, so it does not depend on one f
 
 **Set-up.** The meshes have {MESHES[0][0]} × {MESHES[0][1]} to {MESHES[-1][0]} × {MESHES[-1][1]} elements
 (the wave: 2 across). The specimen is neo-Hookean with E = 80 kPa, and the step follows the mesh. The
-impacts have {SPEED:g} m/s after a rise of {1e3 * RISE:g} ms, and last to {1e3 * END:g} ms. Compared are the
-impulse on the transmission platen, and radius and height of the side surface at the nodes of the coarsest
-mesh, 19 times.
+impacts have {SPEED:g} m/s after a rise of {1e3 * RISE:g} ms, and last to {1e3 * END:g} ms. The impulse on
+the transmission platen is compared. Radius and height of the side surface are compared at the nodes of the
+coarsest mesh, 19 times.
 
 The first table gives the root-mean-square error of the wave over the stroke and over the force. The fitted
 orders are {position.order:.3f} +- {position.standard_error:.3f} and {force.order:.3f} +-

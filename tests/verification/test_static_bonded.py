@@ -336,9 +336,9 @@ drag, slower and slower loading, and 16 × 22 elements:
         )
     }
 
-This part halves as the speed halves. For α = {DRAG:g} 1/s the mean force contains {left_over[0]:.2f} % of
-it at 10 %, {left_over[1]:.2f} % at 20 % and {left_over[2:].max():.2f} % or less from 30 % on. The errors
-above are not corrected for it.
+This part halves as the speed halves. For α = {DRAG:g} 1/s its share of the mean force is
+{left_over[0]:.2f} % at 10 %, {left_over[1]:.2f} % at 20 % and at most {left_over[2:].max():.2f} % from 30 %
+on. The errors above are not corrected for it.
 
 **10 and 20 %.** There the reference is uncertain by ±{100 * known.sigma[0] / known.force[0]:.2f} % and
 ±{100 * known.sigma[1] / known.force[1]:.2f} %. A bonded edge is a stress singularity, and every mesh

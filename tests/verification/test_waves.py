@@ -204,9 +204,9 @@ inertia needs the face-mean pressure (rho a^2 / 8) [e'' / (1 - e)^2 + 3 e'^2 / (
 neo-Hookean stress mu (1 / lambda - lambda^2) with lambda = 1 - e is added to it.
 
 **Set-up.** A disc with a / h = 20, 32 × 2 elements and ν = {DISC_POISSON} is compressed by
-{DISC_STROKE:.0%} without friction, along a smooth step of ninth order. The force is the mean of both faces,
-up to 52 % of the duration, while the platens are pressed. The table gives the largest force error over the
-largest force. It falls with the power {result.disc_order.order:.2f} of the duration:
+{DISC_STROKE:.0%} without friction. The motion is a smooth step of ninth order. The force is the mean of
+both faces, up to 52 % of the duration, while the platens are pressed. The table gives the largest force
+error over the largest force. It falls with the power {result.disc_order.order:.2f} of the duration:
 
 {table(["duration [ms]", "error [%]"], discs)}
 
