@@ -74,8 +74,8 @@ programs computed its force. `kolsky material fit --specimen` finds its constant
 {thesis_rows()}
 
 C20 determines only a hundredth of the force. Two meshes of DOLFINx agree within 0.01 %. GetFEM's force is
-from one mesh of twelve elements. The error of C20 from it exceeds its interval, which does not contain an
-error of the force.
+from one mesh of twelve elements, and the interval does not contain its error. With this force the error of
+C20 exceeds the interval.
 
 ## Constants of twenty bonded cylinders
 

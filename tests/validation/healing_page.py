@@ -81,8 +81,8 @@ Terryn and others fit the tensile tests of a self-healing elastomer. They cut sp
 for 40 min at 80 °C and test them again. The measured curves are not published.
 `python tests/validation/healing_page.py` computes this page from the printed numbers.
 `kolsky material healing` ({{doc}}`../howto/material_fit`) makes such a table from curves, with the
-uncertainty of every efficiency. A test does so with planted constants and fractures
-(`tests/unit/cli/test_healing_command.py`).
+uncertainty of every efficiency. `tests/unit/cli/test_healing_command.py` tests this command with planted
+constants and fractures.
 
 ## Table 1: laws and stability
 

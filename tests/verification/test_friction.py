@@ -387,8 +387,8 @@ consensus of FElupe and DOLFINx ([Static bonded compression](static_bonded.md)).
 **Set-up.** The specimen is neo-Hookean with E = 80 kPa and ν = 0.495. The loading is slow as in the bonded
 case: {1e3 * DURATION:g} ms, with α = {DRAG:g} 1/s and β = {DAMPING:g} s (see *Flutter*). The force is the
 mean of both faces. Drag and damping together make the force 0.3 % too large at 10 % and 0.1 % at 30 %. This
-is not corrected. The kinetic energy is at most {kinetic:.0e} of the elastic one. The largest of the 32 × 44
-elements is {FINE[2]:g} times the smallest, which is at the edge.
+is not corrected. The kinetic energy is at most {kinetic:.0e} of the elastic one. The mesh has 32 × 44
+elements. The smallest are at the edge, and the largest are {FINE[2]:g} times as large.
 
 {forces(result)}
 
