@@ -37,28 +37,28 @@ def page() -> str:
     head = " | ".join(f"{100 * e:.0f} %" for e in SHOWN)
     return f"""# End friction in the quasi-static test
 
-`python -m populations.baseline_specimens --workers 4` makes the numbers, `python
-tests/validation/baseline_page.py` this page.
+`python -m populations.baseline_specimens --workers 4` makes the numbers.
+`python tests/validation/baseline_page.py` writes this page.
 
 ## Against other programs
 
-Programs that share no code with this package compressed specimens of known laws: DOLFINx, and FElupe with
-DOLFINx (`tests/reference`, tables A and I, with scripts). All specimens are nearly incompressible,
+Other programs compressed specimens of known laws. They share no code with this package: DOLFINx, and FElupe
+with DOLFINx (`tests/reference`, tables A and I, with scripts). All specimens are nearly incompressible,
 $\\nu = 0.495$ at rest with $U = K/2\\,(J - 1)^2$. Each force was computed on two meshes that agree within
 0.2 %. The force is treated as a measured test with an unknown law, and the end friction is corrected
 ({{doc}}`../howto/reference_curve`). The settings of the correction were chosen on the specimens without a
-letter and on `mooney_rivlin_c` with f = 0.3; the others are used for the test only. Error of the nominal
-stress found, with the k = 2 band [%]:
+letter and on `mooney_rivlin_c` with f = 0.3. The others are used for the test only. The table gives the
+error of the nominal stress and the k = 2 band [%]:
 
 | specimen | size [mm] | ends | made by | {head} | worst to 50 % | in the band | coverage |
 | --- | --- | --- | --- | {" | ".join(["---"] * len(SHOWN))} | --- | --- | --- |
 {chr(10).join(rows)}
 {left}
-Coverage is the share of strains and of {draws} draws whose k = 2 band contains the truth. A draw has
-{SPECIMENS} specimens, whose stiffness scatters by {100 * SCATTER:g} % and whose samples scatter by
-{100 * NOISE:g} %; the derivative of the correction is applied. The errors of a curve are the same at all
+Coverage is the share of strains and of {draws} draws with the truth inside the k = 2 band. A draw has
+{SPECIMENS} specimens. Their stiffness scatters by {100 * SCATTER:g} % and their samples by
+{100 * NOISE:g} %. The derivative of the correction is applied. The errors of a curve are the same at all
 strains, so a coverage from a hundred draws is uncertain by 2 %. GetFEM's forces are not in the table. Its
-contact is node by node, and with friction two of its meshes differ by more than 2 % when the side touches a
+contact is node by node. With friction two of its meshes differ by more than 2 % when the side touches a
 platen (`tests/reference/H_meshes.csv`).
 
 {verdict(done)}
@@ -67,15 +67,15 @@ platen (`tests/reference/H_meshes.csv`).
 
 The specimen is the silicone of a thesis (its Table 3.3; 80 mm by 70 mm, 10 mm of compression, f = 0.7). Two
 programs computed its force. `kolsky material fit --specimen` finds its constants by inverse finite elements
-(`python -m populations.thesis_cylinder`), k = 2:
+(`python -m populations.thesis_cylinder`). Intervals are k = 2:
 
 | made by | C10 [Pa], planted 1404.9 | off | C20 [Pa], planted 699.4 | off |
 | --- | --- | --- | --- | --- |
 {thesis_rows()}
 
 C20 determines only a hundredth of the force. Two meshes of DOLFINx agree within 0.01 %. GetFEM's force is
-from one mesh of twelve elements. The error of C20 from it exceeds its interval, which does not contain an
-error of the force.
+from one mesh of twelve elements, and the interval does not contain its error. With this force the error of
+C20 exceeds the interval.
 
 ## Constants of twenty bonded cylinders
 
@@ -84,10 +84,10 @@ error of the force.
 ## Laws with the same force
 
 The platens shear the specimen, and shear depends on I2. A curve of the first invariant and a law of both
-invariants can therefore fit one force equally well and differ by several per cent in their uniaxial stress.
-Laws are weighted by Schwarz's criterion, and the band contains their spread. If two laws that fit the test
-differ by more than 2 %, a warning names them. If the radius at mid-height was measured (`--bulge`), it is
-fitted together with the force.
+invariants can therefore fit one force equally well. Their uniaxial stress may still differ by several per
+cent. Laws are weighted by Schwarz's criterion, and the band contains their spread. If two laws that fit the
+test differ by more than 2 %, a warning names them. If the radius at mid-height was measured (`--bulge`), it
+is fitted together with the force.
 """
 
 
@@ -100,15 +100,16 @@ def cylinders() -> str:
     every = sum(len(row["cylinder"]["constants"]) for row in rows)
     mesh = 100.0 * max(row["mesh"] for row in rows)
     return f"""`python -m populations.bonded_cylinders --seed {seed} --out FOLDER` makes twenty random
-cylinders of four laws and computes their force with FElupe, which has biquadratic elements with a continuous
-pressure, another contact and another Newton iteration. Two meshes, 14 and 9 elements across, differ by at
-most {mesh:.2f} %. Richardson's extrapolation of both gives the force without the mesh error. The side touches
+cylinders of four laws. FElupe computes their force with biquadratic elements with a continuous pressure,
+another contact and another Newton iteration. Two meshes, 14 and 9 elements across, differ by at most
+{mesh:.2f} %. Richardson's extrapolation of both gives the force without the mesh error. The side touches
 the platens node by node, so the force is uneven by some tenths of a per cent. Each of 20 readings has
 {100.0 * READING_NOISE:g} % noise. The inputs of `kolsky material fit` are size, ends and law, without
 Poisson's ratio.
 
-**{right} of {len(rows)} are right: every constant that the answer calls determined is inside its k = 2
-interval ({determined} of {every} constants are determined).** Errors with half of the interval:
+**{right} of {len(rows)} are right.** In these, every constant that the answer calls determined is inside
+its k = 2 interval ({determined} of {every} constants are determined). The table gives errors with half of
+the interval:
 
 | law | length over diameter | strain (%) | ν | meshes (%) | found minus planted | right |
 | --- | --- | --- | --- | --- | --- | --- |
@@ -116,10 +117,10 @@ interval ({determined} of {every} constants are determined).** Errors with half 
 
 The requirement is 18. The intervals contain an error of the force that is common to neighbouring strains
 ({{py:func}}`kolsky.material.end_friction.correct.slow_error`). The forces of the two programs differ by 0.3
-to 0.5 % at some strains, mostly where the side touches the platens, and second constants determine only a
-few tenths of a per cent of the force. The size of that error was chosen on the cylinders of seed 27183 (19
-of 20 right); the cylinders of the table were not used for that. The row that is not right has a Jm of 4 ×
-10⁹, which is the law without that term: the command calls such a value *not determined*.
+to 0.5 % at some strains, mostly where the side touches the platens. Second constants determine only a few
+tenths of a per cent of the force. The size of that error was chosen on the cylinders of seed 27183 (19 of
+20 right). The cylinders of the table were not used for that. The row that is not right has a Jm of 4 × 10⁹,
+which is the law without that term. The command calls such a value *not determined*.
 
 A force that the law does not describe widens the intervals. An example is `bonded/push.csv` of the
 project's cases (80 mm by 70 mm, the constants of the thesis, ν = 0.4995). At 14 % strain it is 1.2 % below
@@ -143,9 +144,9 @@ def verdict(done: dict[str, Any]) -> str:
             continue
         low, high = (100 * end([row["coverage"] for row in rows]) for end in (min, max))
         said.append(
-            f"- {words}: {sum(row['within_band'] for row in rows)} of {len(rows)} inside their band at every"
-            f" strain,\n  worst error {100 * max(row['worst_to_half'] for row in rows):.2f} %, coverage"
-            f" {low:.1f} to {high:.1f} %."
+            f"- {words}: {sum(row['within_band'] for row in rows)} of {len(rows)} are inside their band at"
+            f" every strain.\n  The worst error is {100 * max(row['worst_to_half'] for row in rows):.2f} %,"
+            f" the coverage {low:.1f} to {high:.1f} %."
         )
     return "\n".join([*said, *(outside(name, row) for name, row in done.items() if not row["within_band"])])
 

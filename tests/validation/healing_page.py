@@ -77,27 +77,26 @@ def page() -> str:
     truth = "true" if stable else "not so"
     return f"""# Healing efficiencies: Tables 1 to 3 of a self-healing actuator
 
-Terryn and others fit the tensile tests of a self-healing elastomer, cut specimens in half, heal them for 40
-min at 80 °C and test them again. The measured curves are not published. `python
-tests/validation/healing_page.py` computes this page from the printed numbers. `kolsky material healing`
-({{doc}}`../howto/material_fit`) makes such a table from curves, with the uncertainty of every efficiency. A
-test does so with planted constants and fractures (`tests/unit/cli/test_healing_command.py`).
+Terryn and others fit the tensile tests of a self-healing elastomer. They cut specimens in half, heal them
+for 40 min at 80 °C and test them again. The measured curves are not published.
+`python tests/validation/healing_page.py` computes this page from the printed numbers.
+`kolsky material healing` ({{doc}}`../howto/material_fit`) makes such a table from curves, with the
+uncertainty of every efficiency. `tests/unit/cli/test_healing_command.py` tests this command with planted
+constants and fractures.
 
 ## Table 1: laws and stability
 
-- "Neo-Hookean: stable for all strains": {truth}, by Drucker's criterion between principal stretches of a
-  tenth and ten. The paper states that Mooney-Rivlin, Ogden of two terms and Yeoh are unstable beyond 75, 58
-  and 89 %. Their constants are not printed, so this cannot be checked.
-- The volumetric terms of Yeoh's law
-  are printed with exponents 4, 4 and 6; they should be 2, 4 and 6.
-- Ogden's energy is printed with µ/α;
-  with the constants of Table 2 it must be 2µ/α² ({{doc}}`materials`).
+- The sentence "Neo-Hookean: stable for all strains" is {truth}, by Drucker's criterion between principal
+  stretches of a tenth and ten. The paper states that Mooney-Rivlin, Ogden of two terms and Yeoh are unstable
+  beyond 75, 58 and 89 %. Their constants are not printed, so this cannot be checked.
+- The volumetric terms of Yeoh's law are printed with exponents 4, 4 and 6. They should be 2, 4 and 6.
+- Ogden's energy is printed with µ/α. With the constants of Table 2 it must be 2µ/α² ({{doc}}`materials`).
 
 ## Table 2: norm of residuals and RMSE
 
 Both laws were fitted to the same points, and the norm is RMSE times the root of their number. The printed,
 rounded values require {ogden[0]:.0f} to {ogden[1]:.0f} points (Ogden) and {neo[0]:.0f} to {neo[1]:.0f}
-(neo-Hookean): both are satisfied with {np.ceil(low):.0f} to {np.floor(high):.0f}. {words}
+(neo-Hookean). Both are satisfied with {np.ceil(low):.0f} to {np.floor(high):.0f}. {words}
 
 ## Table 3: recovery
 
@@ -107,19 +106,18 @@ rounded values require {ogden[0]:.0f} to {ogden[1]:.0f} points (Ogden) and {neo[
   printed.
 - The unit of D₁ is printed as MPa. It is 1/MPa, because K = 2/D₁ = {2.0 / D1:.2f} MPa gives the
   measured ν = {ratio_at_rest(C10, D1):.3f} (healed: {ratio_at_rest(h10, h1):.3f}).
-- **One undamaged
-  specimen** was tested. The scatter of undamaged specimens is therefore unknown, and no efficiency has an
-  interval; the column RMSE is that of the healed ones. In this case `kolsky material healing` prints the
-  reason instead of an uncertainty.
+- **One undamaged specimen** was tested. The scatter of undamaged specimens is therefore unknown, and no
+  efficiency has an interval. The column RMSE is that of the healed ones. In this case
+  `kolsky material healing` prints the reason instead of an uncertainty.
 - An RMSE of 0.03 MPa for C₁₀ is {100 * 0.03 / h10:.0f} % of it, while E and the fracture stress scatter by
   {100 * 0.01 / 0.70:.1f} and {100 * 4 / 304:.1f} %. A neo-Hookean stress is proportional to C₁₀, so the
   RMSE cannot be the scatter of C₁₀ between these specimens.
 - E by regression from 0 to 5 % is {E:.3f} MPa for the undamaged constants and {healed_E:.3f} MPa for the
-  healed ones, compared with measured 0.68 and 0.70 MPa: by the constants the healed material is
+  healed ones. The measured values are 0.68 and 0.70 MPa. By the constants the healed material is
   {100 * (1 - healed_E / E):.0f} % softer, by the regression 3 % stiffer.
 - **At fracture** (128 %) the undamaged constants give {at_break:.0f} kPa with free sides (side stretch
-  {narrowing(C10, D1, 1.28):.3f}), compared with measured 316 kPa: {at_break - 316.0:+.0f} kPa,
-  {abs(at_break - 316.0) / 18.0:.1f} times the RMSE of the fit. The constants were fitted with the
+  {narrowing(C10, D1, 1.28):.3f}). The measured value is 316 kPa. The difference is {at_break - 316.0:+.0f}
+  kPa, {abs(at_break - 316.0) / 18.0:.1f} times the RMSE of the fit. The constants were fitted with the
   assumption ε₂ = −0.44 ε₁ for the sides ({{doc}}`materials`).
 """
 

@@ -42,8 +42,8 @@ DOCS = TESTS.parent / "docs" / "validation"
 PAGE = """# Laws fitted to silicones and rubbers
 
 This page compares fits of `kolsky.material` ({{ref}}`theory-homogeneous`) to homogeneous tests of other
-laboratories with the published fits. `python tests/validation/materials_page.py` writes this page; `pytest
---slow tests/validation/test_soft_laws.py` tests its numbers. The data are not part of the project.
+laboratories with the published fits. `python tests/validation/materials_page.py` writes this page.
+`pytest --slow tests/validation/test_soft_laws.py` tests its numbers. The data are not part of the project.
 
 ## Four silicones in compression
 
@@ -52,9 +52,9 @@ The tissue phantom database of Dawood and others
 66.7 % of each of four silicones. Eleven laws are fitted to the mean at 1000 strains by least squares in
 engineering stress. Their Ogden terms are µ/α (…), and their Yeoh law of one term is the neo-Hookean law.
 Their Mooney-Rivlin law of second order has C10, C01 and C20 (`mooney_rivlin_c20` here). Their
-Veronda-Westmann and Humphrey laws are those of {{ref}}`theory-materials`. With *their* constants these laws
-give their sums of squares within {own:.0e} of each, for all {count} fits. Laws, curve and mean are
-therefore the same.
+Veronda-Westmann and Humphrey laws are those of {{ref}}`theory-materials`. For all {count} fits, these laws
+with *their* constants give their sums of squares within {own:.0e}. Laws, curve and mean are therefore the
+same.
 
 The table gives the sums of squares of the fits here (those of the database are 1). Ogden's terms are fitted
 with positive moduli, as in the database. The other laws are fitted without the bounds of a positive energy,
@@ -64,15 +64,15 @@ because some published constants are outside these bounds.
 
 Every sum of squares here agrees with the published one to four digits or is smaller. If the minimum is
 unique, constants agree within {constants:.1e} of their value. Their two-term Ogden fit of EF50_0T ended
-with two equal terms; twelve starts find a fourth of its sum. With positive moduli a third term does not
-improve the fit: two of the three exponents become equal, and the outcome is *not determined*. With moduli
-of either sign, two terms fit {free_low:.0f} to {free_high:.0f} times better than theirs. Each of these fits
-has a negative modulus, so the energy can become negative; {free_words} between principal stretches of a
-tenth and ten.
+with two equal terms. With twelve starts the sum of squares is a fourth of theirs. With positive moduli a
+third term does not improve the fit. Two of the three exponents become equal, and the outcome is *not
+determined*. With moduli of either sign, two terms fit {free_low:.0f} to {free_high:.0f} times better than
+theirs. Each of these fits has a negative modulus, so the energy can become negative. {free_words} between
+principal stretches of a tenth and ten.
 
 ## Rubber in three modes together
 
-Constants published for *one* mode of Treloar's data, compared with the fit of that mode here:
+The table compares constants published for *one* mode of Treloar's data with the fit of that mode here:
 
 {single}
 
@@ -94,39 +94,37 @@ kPa and, in brackets, that of residual over measured stress. The laws are in the
 {caption}
 ```
 
-No law of I₁ only fits tension and equibiaxial tension of natural rubber together, as Treloar (1975) found;
-three terms of Ogden fit both. For Meunier's silicone a law of I₁ only (Yeoh) fits nearly as well. For
+No law of I₁ only fits tension and equibiaxial tension of natural rubber together, as Treloar (1975) found.
+Three terms of Ogden fit both. For Meunier's silicone a law of I₁ only (Yeoh) fits nearly as well. For
 Kawabata's and Meunier's digitised tests no published constants of the same laws are available.
 
 ## Errors in two papers
 
-These errors were found by computing the tables again; the tests check the arithmetic.
+These errors were found by computing the tables again. The tests check the arithmetic.
 
 *Characterisation of soft tissue* (thesis, Section 3.2.1, Tables 3.3 and 3.4).
 
 {thesis}
 
 - Eq. (3.3) has C₁₀ instead of 2 C₁₀, which Eqs. (3.4) to (3.9) use. Eq. (3.8) divides the transverse stress
-  by the axial stretch; Eq. (3.9) is nevertheless correct.
-- E₀ of three rows is 3 µ₀ only with digits that
-  are not printed.
+  by the axial stretch. Eq. (3.9) is nevertheless correct.
+- E₀ of three rows is 3 µ₀ only with digits that are not printed.
 - **One R² is impossible.** √(1 − R²) is a distance of curves divided by the spread of
   the data. By the triangle inequality each value lies in an interval about that of the best law, for any
   data (last two columns). The curve of the Mooney-Rivlin constants is close to that of the reduced
   polynomial, so its R² must be above {least_r2:.4f}.
-- "Stable for all strains" is true of all four,
-  between principal stretches of a tenth and ten.
+- "Stable for all strains" is true of all four, between principal stretches of a tenth and ten.
 
 *Self-healing pneumatic actuator* (Table 2).
 
-- µ₀ = 2 C₁₀ = 0.218 MPa and µ₁ = 0.218 MPa agree if the Ogden law has 2µ/α² before its bracket; Table 1 of
-  the text has µ/α, with which µ₀ would be 1.4 % lower. K = 2 / D₁ of both gives the measured ν = 0.44.
-- The transverse strain is assumed as ε₂ = −νε₁ up to ε₁ = 1.28. This gives J = {J:.3f}: the specimen would
+- µ₀ = 2 C₁₀ = 0.218 MPa and µ₁ = 0.218 MPa agree if the Ogden law has 2µ/α² before its bracket. Table 1 of
+  the text has µ/α. With it µ₀ would be 1.4 % lower. K = 2 / D₁ of both gives the measured ν = 0.44.
+- The transverse strain is assumed as ε₂ = −νε₁ up to ε₁ = 1.28. This gives J = {J:.3f}. The specimen would
   have lost {lost:.0f} % of its volume. With the constants of the paper the free sides would then carry
-  {across:.2f} MPa (true stress, tension-positive), and the axial true stress would be {along:.2f} MPa
-  instead of {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch` finds the stretch
-  that leaves the sides free.
-- The second invariant is printed with a plus sign, ½ [(tr B)² + tr B²]; it should be a minus sign.
+  {across:.2f} MPa (true stress, tension-positive). The axial true stress would be {along:.2f} MPa instead of
+  {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch` finds the stretch that leaves
+  the sides free.
+- The second invariant is printed with a plus sign, ½ [(tr B)² + tr B²]. It should be a minus sign.
 """
 
 

@@ -204,30 +204,31 @@ def page(result: Result) -> str:
     ]
     return f"""# {TITLE}
 
-**What is checked.** The boundary v = F / Z + 2 h with the echo h(t) = g(t - 2 L / c), g = F / Z + h, that
-represents a whole elastic bar.
+**What is checked.** A boundary represents a whole elastic bar. It is v = F / Z + 2 h with the echo h(t) =
+g(t - 2 L / c) and g = F / Z + h.
 
-**Independent source.** Closed forms. (1) *Force*: a linear rod with ν = 0 of impedance Z_s carries the
-flyer's wave f = Z_s v(t - L/c) to the bar; there F = 2 (f - Z_s h) / (1 + Z_s / Z) until the echo of the
-rod returns, evaluated recursively over the round trips of the bar. (2) *Path of the platen*: with the
-recorded impulse I it is -(I(t) + 2 I(t - T) + 2 I(t - 2 T) + ...) / Z. (3) *Energy*: the flyer's work minus
-the work on the specimen is the integral of F v.
+**Independent source.** There are three closed forms. (1) *Force*: a linear rod with ν = 0 and impedance Z_s
+carries the flyer's wave f = Z_s v(t - L/c) to the bar. There F = 2 (f - Z_s h) / (1 + Z_s / Z) until the
+echo of the rod returns. It is evaluated recursively over the round trips of the bar. (2) *Path of the
+platen*: with the recorded impulse I it is -(I(t) + 2 I(t - T) + 2 I(t - 2 T) + ...) / Z. (3) *Energy*: the
+flyer's work minus the work on the specimen is the integral of F v.
 
-**Set-up.** Rod of {1e3 * LENGTH:g} mm and {ROD:.2f} N s/m, {", ".join(map(str, MESHES))} elements, driven by
-{1e6 * STROKE:.2f} µm; bars of 20 and 100 times its impedance, endless or with an echo every {ECHO:g}
-passages of the rod (bars this soft only to make the effect large). Half the stable step.
+**Set-up.** A rod of {1e3 * LENGTH:g} mm and {ROD:.2f} N s/m has {", ".join(map(str, MESHES))} elements and
+is driven by {1e6 * STROKE:.2f} µm. The bars have 20 and 100 times its impedance. They are endless, or have
+an echo every {ECHO:g} passages of the rod. Such soft bars only make the effect large. The step is half the
+stable step.
 
 {table(header, rows)}
 
-On the bar of the paper ({STEEL.impedance:g} N s/m, {1e6 * STEEL.round_trip:g} µs) an impact to 60 %
-(16 × 22, bonded) moves the platen by {1e6 * result.steel_travel:.1f} µm; its path is off by
+On the bar of the paper ({STEEL.impedance:g} N s/m, {1e6 * STEEL.round_trip:g} µs) an impact to 60 % (16 ×
+22, bonded) moves the platen by {1e6 * result.steel_travel:.1f} µm. The error of its path is
 {100 * result.steel:.2f} %.
 
-**Tolerance.** Force {100 * FORCE_TOLERANCE:g} % on the finest mesh: second order in the element, plus the
-echo that is interpolated between 1024 stored values a round trip. Path {100 * PLATEN_TOLERANCE:g} %: the
-platen moves with the force of the step before, which is a first-order error in the step. Work
-{100 * WORK_TOLERANCE:g} % of the flyer's: the ledger is that at the beginning of the step that contains a
-time.
+**Tolerance.** The force may differ by {100 * FORCE_TOLERANCE:g} % on the finest mesh. The element is of
+second order, and the echo is interpolated between 1024 stored values for each round trip. The path may
+differ by {100 * PLATEN_TOLERANCE:g} %. The platen moves with the force of the previous step, which is a
+first-order error in the step. The work may differ by {100 * WORK_TOLERANCE:g} % of the flyer's work. The
+ledger refers to the beginning of the step that contains a time.
 
 """
 

@@ -179,35 +179,36 @@ def page(result: Result) -> str:
 of threads (failing neighbours: [Failure](failure.md)). Single precision is sufficient for every quantity
 that an instrument measures. The page also gives the cost of the two kinds of damping.
 
-**Independent source.** The same simulation in a batch of one; the closed form of the damped stability
-bound.
+**Independent source.** A batch is compared with the same simulation in a batch of one. The step is compared
+with the closed form of the damped stability bound.
 
 ## Bits
 
-Seven simulations that differ in every parameter, material and motion (8 × 11 elements, Coulomb contact, to
-{1e3 * END:g} ms), together and in batches of one; every array of the response, energies included, is
-compared:
+Seven simulations differ in every parameter, material and motion (8 × 11 elements, Coulomb contact, to
+{1e3 * END:g} ms). They run together and in batches of one. Every array of the response is compared,
+energies included:
 
 {table(["batch of seven", "every row identical to a batch of one"], bits)}
 
 ## Precision
 
-16 × 22 elements, bonded, 2.6 m/s to 60 %, undamped. State and elements in single precision change the forces
-by at most {1e3 * result.force_difference:.2f} mN of {result.largest_force:.1f} N and the side surface by at
-most {1e3 * 1e6 * result.place_difference:.1f} nm.
+The specimen has 16 × 22 elements, is bonded, and is compressed at 2.6 m/s to 60 % without damping. State
+and elements in single precision change the forces by at most {1e3 * result.force_difference:.2f} mN of
+{result.largest_force:.1f} N. They change the side surface by at most
+{1e3 * 1e6 * result.place_difference:.1f} nm.
 
-**Tolerance.** {FORCE_TOLERANCE:g} N and {1e6 * PLACE_TOLERANCE:g} µm: a force measurement resolves
-3 N and the cameras 0.03 mm.
+**Tolerance.** Forces may differ by {FORCE_TOLERANCE:g} N and positions by {1e6 * PLACE_TOLERANCE:g} µm. A
+force measurement resolves 3 N and the cameras 0.03 mm.
 
 ## Damping and the step
 
-Stable step of the undeformed 16 × 22 specimen, ν = 0.495. Full damping makes xi = beta omega / 2, so the
-step is the undamped one times sqrt(1 + xi^2) - xi:
+The table gives the stable step of the undeformed 16 × 22 specimen with ν = 0.495. Full damping makes xi =
+beta omega / 2. The step is then the undamped one times sqrt(1 + xi^2) - xi:
 
 {table(header, steps)}
 
-**Tolerance.** {100 * STEP_TOLERANCE:g} % against the closed form: at rest full damping is exactly beta times
-the stiffness.
+**Tolerance.** The step may differ by {100 * STEP_TOLERANCE:g} % from the closed form. At rest full damping
+is exactly beta times the stiffness.
 """
 
 

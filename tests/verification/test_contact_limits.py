@@ -330,9 +330,9 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: distance of the penalty law from the kinematic one, f = 0.3 (grey: 1 µm). Top
-    right: distance of Coulomb's law from the rough one. Bottom left: first waves with bonded faces that let
-    go. Bottom right: largest force of a slow pull until the faces let go."""
+    """Top left: distance of the penalty law from the kinematic one, f = 0.3 (grey: 1 µm). Top right:
+    distance of Coulomb's law from the rough one. Bottom left: first waves with released bonded faces.
+    Bottom right: largest force of a slow pull up to the release."""
     (left, right), (waves, pulled) = figure.subplots(2, 2)
     left.loglog(STIFFNESS, 1e6 * result.depth, "o-", label="penetration, largest")
     left.loglog(STIFFNESS, 1e6 * result.penalty.outline, "s-", label="outline, rms")
@@ -436,54 +436,58 @@ def page(result: Result) -> str:
     bonded, released = twice()
     return f"""# {TITLE}
 
-**What is checked.** With every law, no node penetrates a platen at any step, also after the side surface
-has rolled onto it. The platens' impulses equal the specimen's momentum to round-off, and the energy balance
-closes, with stick, slip and release. The laws have the correct limits. Coulomb's law becomes the
-frictionless one for f = 0 and the rough one for f towards infinity. The law with release becomes the rough
-one and the bonded one. These limits hold to the last bit. A penalty formulation converges to the kinematic
-one. Static solutions with friction by another program are on the page [Coulomb friction](friction.md).
+**What is checked.** No node penetrates a platen at any step, with any law. This holds also after the side
+surface has rolled onto the platen. The platens' impulses equal the specimen's momentum to round-off. The
+energy balance closes, with stick, slip and release. The laws have the correct limits. Coulomb's law becomes
+the frictionless one for f = 0 and the rough one for f towards infinity. The law with release becomes the
+rough one for a release stress of 0 and the bonded one for an infinite release stress. These limits hold to
+the last bit. A penalty formulation converges to the kinematic one. The page [Coulomb friction](friction.md)
+has static solutions with friction by another program.
 
-**Independent source.** The balance of momentum; the closed forms of a uniform state; for the kinematic laws
-the penalty formulation, whose springs of stiffness k per area let a node penetrate by pressure over k.
+**Independent source.** The results are compared with the balance of momentum and the closed forms of a
+uniform state. The kinematic laws are compared with the penalty formulation. Its springs of stiffness k per
+area let a node penetrate by pressure over k.
 
-**Set-up.** 16 × 22 elements, neo-Hookean, E = 80 kPa, ν = 0.495, β = 2.5e-5 s, faces and side with one law,
-2.6 m/s to 1.5 ms (60 %).
+**Set-up.** The specimen has 16 × 22 elements and is neo-Hookean, with E = 80 kPa, ν = 0.495 and β = 2.5e-5
+s. Faces and side have one law. The impact is at 2.6 m/s and lasts to 1.5 ms (60 %).
 
-**Ledgers.** {N_STEPS} steps of {1e6 * STEP:g} µs, all nodes at every step. Two positions within a step give
-its velocity, so the momentum is compared with the impulses and not integrated.
+**Ledgers.** The run has {N_STEPS} steps of {1e6 * STEP:g} µs, and all nodes are checked at every step. Two
+positions within a step give its velocity. The momentum is therefore compared with the impulses and not
+integrated.
 
 {ledgers(result)}
 
-(Penalty with the default stiffness, 1e13 Pa/m. Between two nodes the surface is straight, so its
-penetration is not larger than theirs.)
+The penalty has the default stiffness, 1e13 Pa/m. Between two nodes the surface is straight, so its
+penetration is not larger than that of the nodes.
 
-**Penalty to kinematic,** f = 0.3:
+**Penalty to kinematic.** The coefficient of friction is f = 0.3:
 
 {penalty(result)}
 
-(Order fitted from {STIFFNESS[FITTED][0]:.0e} Pa/m on.) In a static frictionless compression to 20 % every
-node of a face penetrates by pressure over stiffness, within {worst:.0e}.
+The order is fitted from {STIFFNESS[FITTED][0]:.0e} Pa/m on. In a static frictionless compression to 20 %
+every node of a face penetrates by pressure over stiffness, within {worst:.0e}.
 
 **Coulomb to rough.** A node slips only if its pressure is below its shear stress over f. The outline
-approaches the rough one with the order {slope} in 1/f up to f = {FRICTION[SLIPPING][-1]:g}; beyond, the
-first contact of single nodes dominates, and above f = {last:g} the results are identical to the last bit.
+approaches the rough one with the order {slope} in 1/f up to f = {FRICTION[SLIPPING][-1]:g}. Beyond, the
+first contact of single nodes dominates. Above f = {last:g} the results are identical to the last bit.
 
 {friction(result)}
 
-**Release.** A node is released when its tensile contact stress, impulse over interval and over its
-undeformed area, reaches the release stress. From then on its contact is rough. The specimen is pulled by 5
-%, pressed by 5 % and pulled again (ν = 0.495). With bonded faces the tensile forces are {-bonded[0, 0]:.2f}
-N and {-bonded[2, 0]:.2f} N. With a release stress of 1 kPa the tensile force is {-released[0, 0]:.3f} N,
-the compressive force is {released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N), and the second pull has no
-force.
+**Release.** The tensile contact stress of a node is its impulse over the interval and over its undeformed
+area. When this stress reaches the release stress, the node is released. From then on its contact is rough.
+The specimen is pulled by 5 %, pressed by 5 % and pulled again (ν = 0.495). With bonded faces the tensile
+forces are {-bonded[0, 0]:.2f} N and {-bonded[2, 0]:.2f} N. With a release stress of 1 kPa the tensile force
+is {-released[0, 0]:.3f} N. The compressive force is {released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N).
+The second pull has no force.
 
-**Tolerance.** Penetration {1e6 * GAP_TOLERANCE:.0e} µm, round-off of a height, and 1 µm for the penalty.
-Momentum {MOMENTUM_TOLERANCE:.0e}: positions with an error of 1e-18 m, 0.6 µm apart. Energy
-{100 * ENERGY_TOLERANCE:g} %. The order of the penalty is 1 within {ORDER_TOLERANCE:g}. The order in
-friction is at least {FRICTION_ORDER:g}, minus its scatter: theory gives 1, but nodes stick and slip one by
-one. The penetration agrees with its closed form within {PRESS_TOLERANCE:.0e}, because of the remaining
-motion. The force of the pull may be {100 * PULL_TOLERANCE:g} % below the closed form, which is half of the
-strain. Slow loading, penalty against Coulomb: {100 * STATIC_TOLERANCE:g} %.
+**Tolerance.** The penetration may be {1e6 * GAP_TOLERANCE:.0e} µm, the round-off of a height, and 1 µm for
+the penalty. The momentum may differ by {MOMENTUM_TOLERANCE:.0e}, because positions 0.6 µm apart have an
+error of 1e-18 m. The energy may differ by {100 * ENERGY_TOLERANCE:g} %. The order of the penalty is 1
+within {ORDER_TOLERANCE:g}. The order in friction is at least {FRICTION_ORDER:g}, minus its scatter: theory
+gives 1, but nodes stick and slip one by one. The penetration agrees with its closed form within
+{PRESS_TOLERANCE:.0e}, because of the remaining motion. The force of the pull may be
+{100 * PULL_TOLERANCE:g} % below the closed form, which is half of the strain. In slow loading, penalty and
+Coulomb may differ by {100 * STATIC_TOLERANCE:g} %.
 """
 
 

@@ -280,7 +280,7 @@ def row(result: Result) -> tuple[str, str, str]:
 
 def draw(result: Result, figure: Figure) -> None:
     """Left: mean error of noise-free pictures over the shift. Middle: standard deviation of the error over
-    the subset's side, and its floor. Right: errors over their own sigma, compressed and stretched."""
+    the subset's side, and its floor. Right: errors over their stated sigma, compressed and stretched."""
     left, middle, right = figure.subplots(1, 3)
     for (size, bias), style in zip(result.s_curve.items(), ("-o", "--s"), strict=True):
         left.plot(SHIFTS, 1e3 * bias, style, markersize=2.5, label=f"speckles of {size:g} px")
@@ -314,9 +314,9 @@ def page(result: Result) -> str:
 
 Pictures are computed from a closed-form pattern at the material point of each pixel
 (`tests/helpers/speckle_pictures.py`). The motion is therefore exact, without interpolation. The pictures
-have {SIDE}² px, speckles of 5 px, eight bits, noise of {SIGMA:g} grey levels, {REPEATS} pairs that differ
-in their noise. Subsets have 21 px every 5 px, and every first guess has an error of 0.2 px in both
-directions. The floor √(2σ²/ΣG²) is {1e3 * result.floor:.2f} mpx (1 mpx = 0.001 px); rounding to eight bits
+have {SIDE}² px, speckles of 5 px, eight bits and noise of {SIGMA:g} grey levels. There are {REPEATS} pairs
+that differ in their noise. Subsets have 21 px every 5 px. Every first guess has an error of 0.2 px in both
+directions. The floor √(2σ²/ΣG²) is {1e3 * result.floor:.2f} mpx (1 mpx = 0.001 px). Rounding to eight bits
 adds one per cent to σ.
 
 | motion | shape | prefilter, px | bias, mpx | std, mpx | stated sigma, mpx | std of error / sigma |
@@ -325,22 +325,24 @@ adds one per cent to σ.
 
 All points are found. A shape function with more parameters has more scatter, as in every unbiased estimate.
 
-*S-curve.* Shifts from 0 to 1 px without noise: {curves}, peak to peak.
+*S-curve.* For shifts from 0 to 1 px without noise, the peak-to-peak bias is: {curves}.
 
-*A template read between pixels*, as after a change of the reference picture, with the pair exchanged: mean
-error {1e3 * result.update_bias:+.2f} mpx. If no noise is declared, its effect is not corrected
-({{ref}}`theory-correlation`), and the mean error is {1e3 * result.update_bias_untold:+.2f} mpx.
+*A template read between pixels.* This happens after a change of the reference picture. The pair is
+exchanged, and the mean error is {1e3 * result.update_bias:+.2f} mpx. If no noise is declared, its effect is
+not corrected ({{ref}}`theory-correlation`), and the mean error is {1e3 * result.update_bias_untold:+.2f}
+mpx.
 
-*Compression.* A pattern with speckles of {COARSE:g} px, from {STRETCHES[0]:g} to {STRETCHES[-1]:g} of its
-length and widened by the root of the inverse: the standard deviation of the errors over their sigma is
-{low:.2f} to {high:.2f}. For speckles as short as the pixels this does not hold: their interpolation error
-is not noise, and the sigma contains it only as far as the residual shows it.
+*Compression.* A pattern with speckles of {COARSE:g} px is shortened from {STRETCHES[0]:g} to
+{STRETCHES[-1]:g} of its length. It is widened by the root of the inverse. The standard deviation of the
+errors over their sigma is {low:.2f} to {high:.2f}. For speckles as short as the pixels this does not hold,
+because their interpolation error is not noise. The sigma contains this error only as far as the residual
+shows it.
 
-**Tolerances.** Bias {1e3 * BIAS:g} mpx and S-curve {1e3 * S_CURVE:g} mpx: the specification of the package.
-The standard deviation may be {OVER_FLOOR:g} times the floor, because of rounding, the coupling of
-displacement and gradients, and the noise of the template's gradients. Normalised errors 1 within
-{CALIBRATED:g}: {REPEATS} × 500 independent subsets; compressed, 1 within {COMPRESSED:g}: there are fewer
-subsets, and one spectrum represents the pattern.
+**Tolerances.** The package specifies a bias of {1e3 * BIAS:g} mpx and an S-curve of {1e3 * S_CURVE:g} mpx.
+The standard deviation may be {OVER_FLOOR:g} times the floor. The reasons are rounding, the coupling of
+displacement and gradients, and the noise of the template's gradients. Normalised errors must be 1 within
+{CALIBRATED:g} for {REPEATS} × 500 independent subsets. For a compressed pattern they must be 1 within
+{COMPRESSED:g}: there are fewer subsets, and one spectrum represents the pattern.
 """
 
 

@@ -257,17 +257,18 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on
-a curved surface, gives their standard deviations, and accepts no false match
+a curved surface. It gives their standard deviations and accepts no false match
 ({{ref}}`theory-stereo-matching`).
 
 **Independent source.** `speckle_pictures.py` intersects every ray of both cameras with the cylinder and
 never warps a picture. The same rays give the place in camera 1 of a pixel of camera 0. A subset with an
-affine shape function lies on the mean of the cylinder over its width w, $w^2/24R$ below its middle.
+affine shape function lies on the mean of the cylinder over its width w. This mean is $w^2/24R$ below the
+middle of the subset.
 
-**Set-up.** 128 × 128 px, {5400 * 1e-3 / (0.3 - RADIUS):.1f} px/mm, R = {1e3 * RADIUS:g} mm, cameras
-{ANGLES[0]:g}° and {ANGLES[1]:g}° apart with distorted lenses, speckles of 0.35 mm, noise {100 * NOISE:g} % of
-the range from black to white. Points whose whole subset lies in both pictures; errors of those seen at less
-than {STEEPEST:g}°.
+**Set-up.** The pictures have 128 × 128 px at {5400 * 1e-3 / (0.3 - RADIUS):.1f} px/mm, and the cylinder has
+R = {1e3 * RADIUS:g} mm. The cameras are {ANGLES[0]:g}° and {ANGLES[1]:g}° apart and have distorted lenses.
+Speckles have 0.35 mm. The noise is {100 * NOISE:g} % of the range from black to white. A point is used only
+if its whole subset lies in both pictures. Errors are those of points seen at less than {STEEPEST:g}°.
 
 {table(HEAD, lines)}
 
@@ -275,19 +276,20 @@ At 18 px/mm an affine shape function is too stiff for every subset. Quadratic su
 negligible bias, and their scatter is smaller than the bias of affine subsets.
 
 **False matches.** Accepted matches are displaced along their epipolar lines by {PUSHED[0]:g} to
-{PUSHED[1]:g} px and matched again, with any correlation allowed ({DRAWS} rounds with a third of the points,
-whose neighbours are true). Those that converge more than 1 px from the truth are false matches. {counts}.
+{PUSHED[1]:g} px. They are matched again, with any correlation allowed. Each of the {DRAWS} rounds displaces
+a third of the points, and their neighbours are true. Points that converge more than 1 px from the truth are
+false matches. {counts}.
 
 {table(["angle [°]", "gate", "stopped by it", "pass without it"], gates)}
 
 With other speckles in camera 1, with every point as a seed and with every correlation allowed, {accepted}
 of {tried} points are accepted.
 
-**Tolerance.** Bias {1e6 * BIAS:g} µm: the noise of a mean, and the fourth order of the cylinder. The affine
-bias must be the mean sagitta within {100 * SAGITTA:g} %. Error over sigma {SCALED[0]:g} to {SCALED[1]:g} at
-{ANGLES[0]:g}°. At {ANGLES[1]:g}° the flanks are foreshortened by a half. There the error of a quadratic
-function is visible above a noise of a few thousandths of a pixel. No false match may pass, even if any one
-gate is removed.
+**Tolerance.** The bias may be {1e6 * BIAS:g} µm, for the noise of a mean and the fourth order of the
+cylinder. The affine bias must be the mean sagitta within {100 * SAGITTA:g} %. The error over sigma must be
+{SCALED[0]:g} to {SCALED[1]:g} at {ANGLES[0]:g}°. At {ANGLES[1]:g}° the flanks are foreshortened by a half.
+There the error of a quadratic function is visible above a noise of a few thousandths of a pixel. No false
+match may pass, even if any one gate is removed.
 """
 
 

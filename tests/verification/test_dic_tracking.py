@@ -198,15 +198,15 @@ with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{ref
 | --- | --- | --- | --- | --- | --- |
 {lines}
 
-*Drift.* With a new reference in every frame there are {len(LAMBDA) - 2} changes in the chain, and the last
-error is {ratio(result.always, usual):.2f} times that with few changes. With independent errors of the
+*Drift.* With a new reference in every frame there are {len(LAMBDA) - 2} changes in the chain. The last
+error is then {ratio(result.always, usual):.2f} times that with few changes. With independent errors of the
 matches it would be {sum_ratio(result):.2f} times.
 
 *Omitted frames* have only the effect of larger steps: {half:.2f} and {quarter:.2f} times the error.
 
-*Sigma.* Over all frames the standard deviation of the errors over their sigma is within
-{usual.normalised.min():.2f} and {usual.normalised.max():.2f} for speckles of 8 px. Speckles of 5 px are at
-the end hardly higher than a pixel. The error grows much more than the noise explains, and sigma grows with
+*Sigma.* For speckles of 8 px the standard deviation of the errors over their sigma is within
+{usual.normalised.min():.2f} and {usual.normalised.max():.2f} over all frames. Speckles of 5 px are at the
+end hardly higher than a pixel. Their error grows much more than the noise explains. The sigma grows with
 the residual ({result.fine.normalised.min():.2f} to {result.fine.normalised.max():.2f}).
 """
 

@@ -163,10 +163,10 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: phase velocity by Poisson's ratio (circles: reference for 0.29; dotted: Rayleigh waves).
-    Top right: the pulse where it starts and after ways of 0.5 and 2 m, by Fourier integrals, and what is
-    recovered from the latter. Middle: force at the second cross-section of a finite-element bar, and what the
-    force at the first becomes on the way there. Bottom: their difference, by the size of the elements."""
+    """Top left: phase velocity by Poisson's ratio (circles: reference; dotted: Rayleigh waves). Top right:
+    the pulse at its start and after 0.5 and 2 m, and the recovered pulse. Middle: force at the second
+    section of a finite-element bar, and the force propagated from the first. Bottom: their difference, by
+    element size."""
     grid = figure.add_gridspec(3, 2, height_ratios=(1.25, 1.0, 0.8))
     mode, pulse = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     force = figure.add_subplot(grid[1, :])
@@ -221,46 +221,49 @@ def page(result: Result) -> str:
     ]
     return f"""# {TITLE}
 
-**What is checked.** {{ref}}`theory-bar-waves`: the first longitudinal mode, and pulses that it carries.
+**What is checked.** The first longitudinal mode of {{ref}}`theory-bar-waves` is tested, and pulses that
+travel in it.
 
 ## The mode
 
-**Independent source.** Roots of the printed frequency equation (Graff 1975, Eq. 8.2.34), bracketed and
-bisected with Bessel functions of complex arguments; a table of another program for ν = 0.29
-(`tests/reference/F_pochhammer_nu0.29.csv`, eight decimals), from which c / c_0 differs by
+**Independent source.** The roots of the printed frequency equation (Graff 1975, Eq. 8.2.34) are bracketed
+and bisected with Bessel functions of complex arguments. For ν = 0.29 another program printed a table with
+eight decimals (`tests/reference/F_pochhammer_nu0.29.csv`). The c / c_0 of the table differs by
 {result.reference_error:.0e} at most.
 
-Relative error of the wavenumber, by Poisson's ratio and ωa / c_0:
+The table gives the relative error of the wavenumber, by Poisson's ratio and ωa / c_0:
 
 {table(["ν", *(f"{w:g}" for w in FREQUENCIES)], roots)}
 
 ## Pulses
 
-**Independent source.** Fourier integrals of a pulse whose transform is known: {1e6 * PULSE.duration:g} µs
-long, {1e6 * PULSE.rise:g} µs from 10 to 90 %, with a ripple of {100 * PULSE.ripple:g} % at
-{1e-3 * PULSE.ripple_frequency:g} kHz; Simpson's rule with wavenumbers of the printed equation. No fast
-transform, no table, no window.
+**Independent source.** A pulse with a known transform is computed by Fourier integrals. It is
+{1e6 * PULSE.duration:g} µs long, rises from 10 to 90 % in {1e6 * PULSE.rise:g} µs, and has a ripple of
+{100 * PULSE.ripple:g} % at {1e-3 * PULSE.ripple_frequency:g} kHz. The integrals use Simpson's rule and
+wavenumbers of the printed equation. They use no fast transform, no table and no window.
 
-**Set-up.** Steel bar of Ø {2e3 * RADIUS:g} mm, ν = {POISSON:g}, {1e9 * STEP:g} ns from sample to sample.
-Largest error over the pulse's peak [%]:
+**Set-up.** The steel bar has Ø {2e3 * RADIUS:g} mm and ν = {POISSON:g}. The interval between samples is
+{1e9 * STEP:g} ns. The table gives the largest error over the pulse's peak [%]:
 
 {table(["way [m]", "sent along", "recovered", "plain shift"], pulses)}
 
 ## A bar of finite elements
 
-**Independent source.** Three-dimensional elasticity: the axisymmetric mesh of {{ref}}`theory-bar-models`,
-whose force through cross-sections does not use modes. A pulse of {1e6 * LOAD.rise:g} µs rise acts evenly on
-the end of a rod of {LENGTH:g} m. The force at {NEAR:g} m is propagated to {FAR:g} m. The other modes stay
-near the end. Largest difference over the peak:
+**Independent source.** Three-dimensional elasticity is computed with the axisymmetric mesh of
+{{ref}}`theory-bar-models`. Its force through cross-sections does not use modes. A pulse of
+{1e6 * LOAD.rise:g} µs rise acts evenly on the end of a rod of {LENGTH:g} m. The force at {NEAR:g} m is
+propagated to {FAR:g} m. The other modes stay near the end. The table gives the largest difference over the
+peak:
 
 {table(["elements [mm]", "across the radius", "difference [%]"], sizes)}
 
-A plain shift leaves {100 * result.element_shift:.1f} %. Fitted order of the difference in the size of the
-elements: {result.order.order:.2f} +- {result.order.standard_error:.2f}. The difference is therefore the
-mesh error, and it falls below {100 * PULSE_TOLERANCE:g} %.
+A plain shift has an error of {100 * result.element_shift:.1f} %. The fitted order of the difference in the
+size of the elements is {result.order.order:.2f} +- {result.order.standard_error:.2f}. The difference is
+therefore the mesh error, and it falls below {100 * PULSE_TOLERANCE:g} %.
 
-**Tolerance.** {ROOT_TOLERANCE:.0e} of a wavenumber; {100 * PULSE_TOLERANCE:g} % of a pulse's peak, on the
-finest mesh too; order 2 within {ORDER_TOLERANCE:g}.
+**Tolerance.** A wavenumber may differ by {ROOT_TOLERANCE:.0e} of itself. A pulse may differ by
+{100 * PULSE_TOLERANCE:g} % of its peak, also on the finest mesh. The order must be 2 within
+{ORDER_TOLERANCE:g}.
 """
 
 

@@ -249,8 +249,8 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top: transmitted force, 5 kHz, and its difference from the reference below. Bottom left: difference of
-    the low-passed force against the mesh, filled marks for the side that sticks (FElupe), open ones for the
+    """Top: transmitted force at 5 kHz; below, its difference from the reference. Bottom left: difference of
+    the low-passed force against the mesh. Filled marks are the side that sticks (FElupe), open marks the
     side that slips (DOLFINx). Bottom right: outlines at 0.25 to 1.5 ms, top to bottom."""
     top, bottom = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
     force, below = top.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
@@ -341,20 +341,22 @@ def page(result: Result) -> str:
     labels = [f"{side}, {1e-3 * f:g} kHz" for side in sides for f in CUTOFFS]
     return f"""# {TITLE}
 
-**What is checked.** Force history and outline of a specimen struck at {SPEED} m/s and compressed to 60 % in
-{1e3 * END:g} ms, without damping. Waves are reflected without loss, the faces are under compression and
-tension, and the side rolls onto the platens. This is the hardest case of the manual.
+**What is checked.** A specimen is struck at {SPEED} m/s and compressed to 60 % in {1e3 * END:g} ms, without
+damping. Its force history and outline are compared. Waves are reflected without loss, the faces are under
+compression and tension, and the side rolls onto the platens. This is the hardest case of the manual.
 
-**Independent source.** `tests/reference/README.md`: FElupe elements, explicit, 48 × 66, with a sticking
-side; DOLFINx, implicit, 32 × 44, to 1.417 ms, with a side that slides without friction. The estimated error
-of their force at 5, 10 and 20 kHz is 0.5, 1 and 2 % rms; of the outlines 0.01 mm rms.
+**Independent source.** Two programs computed the case (`tests/reference/README.md`). FElupe elements were
+run explicitly on 48 × 66, with a sticking side. DOLFINx was run implicitly on 32 × 44 to 1.417 ms, with a
+side that slides without friction. The estimated error of their force at 5, 10 and 20 kHz is 0.5, 1 and 2 %
+rms. That of their outlines is 0.01 mm rms.
 
-**Set-up.** Neo-Hookean, ν = {POISSON}, E = 80 kPa; lower platen rigid; flyer speed V (10 s³ − 15 s⁴ + 6 s⁵)
-with s = t/{1e6 * RISE:g} µs. Force is the transmitted one, as the mean over 1 µs from the impulse. Both
-histories are low-passed on one grid by the same fourth-order Butterworth filter, forward and backward, with
-Gustafsson's treatment of the ends.
+**Set-up.** The specimen is neo-Hookean with ν = {POISSON} and E = 80 kPa. The lower platen is rigid. The
+flyer's speed is V (10 s³ − 15 s⁴ + 6 s⁵) with s = t/{1e6 * RISE:g} µs. The force is the transmitted one,
+the mean over 1 µs from the impulse. Both histories are filtered on one grid by the same low-pass:
+Butterworth, fourth order, forward and backward, with Gustafsson's treatment of the ends.
 
-Rms difference over the reference's peak low-passed force, in brackets over its rms [%]:
+The table gives the rms difference over the reference's peak low-passed force, and in brackets over its rms
+[%]:
 
 {table(["mesh", *labels], forces)}
 
@@ -362,11 +364,11 @@ The two norms differ by a factor of 2 to 3, because the force reaches its peak o
 sticking side, the difference after 1 ms does not fall with the mesh. The side then touches the platens and
 sticks at first contact, which is sensitive to a gap of 0.02 mm. With a sliding side the difference falls.
 
-**Error of 16 × 22.** The error is the numerical dispersion of shear waves: a third of the time step changes
-the force by {100 * result.half_step.of_peak:.2f} % of the peak, and at a fiftieth of the motion (1.2 %
-compression, where the problem is linear) the difference from a 96 × 132 mesh is as large. The shear wave's
-speed is √(μ/ρ) = 5.5 m/s in reference coordinates at any compression, so a mesh with elements of size h has
-no shear waves above √(μ/ρ)/(πh), and those below are too slow:
+**Error of 16 × 22.** The error is the numerical dispersion of shear waves. It is not the time step: a third
+of the step changes the force by {100 * result.half_step.of_peak:.2f} % of the peak. At a fiftieth of the
+motion (1.2 % compression) the problem is linear, and the difference from a 96 × 132 mesh is as large. In
+reference coordinates the shear wave's speed is √(μ/ρ) = 5.5 m/s at any compression. A mesh with elements of
+size h has no shear waves above √(μ/ρ)/(πh), and those below are too slow:
 
 {
         table(
@@ -382,24 +384,25 @@ no shear waves above √(μ/ρ)/(πh), and those below are too slow:
         )
     }
 
-The small-strain difference falls with the order {order.order:.2f} ± {order.standard_error:.2f}; an error of
+The small-strain difference falls with the order {order.order:.2f} ± {order.standard_error:.2f}. An error of
 second order would show as {second:.2f}, because 96 × 132 has an error too. The last column has the damping
-of Mates et al. (2012), which removes the short waves, as in a real solid.
+of Mates et al. (2012). It removes the short waves, as in a real solid.
 
-**Outline.** Rms normal distance of the surface nodes to the reference's outline at 0.25, 0.5 … 1.5 ms
-(slip: to 1.25 ms) [µm]:
+**Outline.** The table gives the rms normal distance of the surface nodes to the reference's outline at
+0.25, 0.5 … 1.5 ms (slip: to 1.25 ms) [µm]:
 
 {table(["mesh", "stick", "slip"], outlines)}
 
 **Energy.** The balance closes to {imbalance[COARSE]:.0e} of the external work on 16 × 22 and to
-{imbalance[Grid(48, 66)]:.0e} on 48 × 66. At the end, 48 × 66 [mJ]:
+{imbalance[Grid(48, 66)]:.0e} on 48 × 66. The table gives the energies at the end, on 48 × 66 [mJ]:
 
 {table(["energy", "this solver", "FElupe"], energies)}
 
-**Tolerance.** 5 kHz force: {100 * COARSE_TOLERANCE:g} % of the peak on the graded mesh of 16 × 22 (the
-uniform mesh exceeds it); {100 * FINE_TOLERANCE:g} % of the peak on refined meshes, twice the error of the
-reference. Outline {1e3 * PROFILE_TOLERANCE:g} mm rms on 48 × 66: 0.01 mm for the reference and 0.01 mm for
-the mesh. Energy {100 * ENERGY_TOLERANCE:g} % of the external work.
+**Tolerance.** The 5 kHz force may differ by {100 * COARSE_TOLERANCE:g} % of the peak on the graded mesh of
+16 × 22. The uniform mesh exceeds this. On refined meshes the limit is {100 * FINE_TOLERANCE:g} % of the
+peak, twice the error of the reference. The outline may differ by {1e3 * PROFILE_TOLERANCE:g} mm rms on 48 ×
+66: 0.01 mm for the reference and 0.01 mm for the mesh. The energy must balance to
+{100 * ENERGY_TOLERANCE:g} % of the external work.
 """
 
 

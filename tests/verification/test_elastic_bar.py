@@ -268,8 +268,7 @@ def row(result: Result) -> tuple[str, str, str]:
 def draw(result: Result, figure: Figure) -> None:
     """Top left: phase velocity in the mesh, by size of the elements (bar of radius a). Top right: change of
     the transmitted force from pass to pass. Middle: open-01, force at the face and at the transducer's
-    mid-section of the elastic parts. Bottom: one-dimensional models minus the elastic parts,
-    20 kHz."""
+    mid-section. Bottom: one-dimensional models minus the elastic parts, 20 kHz."""
     grid = figure.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 0.8))
     waves, passes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     force, difference = figure.add_subplot(grid[1, :]), figure.add_subplot(grid[2, :])
@@ -328,42 +327,44 @@ def page(result: Result) -> str:
     worst = result.bands(result.face_difference["characteristic bar"])["raw"][1]
     return f"""# {TITLE}
 
-**What is checked.** The linear elastic mesh of {{ref}}`theory-bar-models`: first the mesh, then the
-one-dimensional bars that usually replace it.
+**What is checked.** The linear elastic mesh of {{ref}}`theory-bar-models` is tested first. Then it is
+compared with the one-dimensional bars that usually replace it.
 
 ## The mesh by itself
 
-*Statics.* Nodal forces of the closed-form displacements of uniform compression, compared with the loads on
-both faces: {result.static:.0e} of the force. *Energy* of the parts in the test below: balanced to
-{result.imbalance:.0e} of the work.
+*Statics.* The closed-form displacements of uniform compression give nodal forces. They differ from the
+loads on both faces by {result.static:.0e} of the force. *Energy.* In the test below the energy of the parts
+is balanced to {result.imbalance:.0e} of the work.
 
-*Guided waves.* A pulse of 2.5 µs on the end of a bar, phase velocity between two cross-sections 150 mm apart,
-against the first longitudinal mode of Pochhammer and Chree for ν = 0.29 from a separate root finder:
+*Guided waves.* A pulse of 2.5 µs acts on the end of a bar. The phase velocity is measured between two
+cross-sections 150 mm apart. It is compared with the first longitudinal mode of Pochhammer and Chree for ν =
+0.29, from a separate root finder:
 
 {table(["a / wavelength", "exact c / c_0", *(f"{1e3 * s:.2g} mm, error [%]" for s in SIZES)], phase)}
 
-Fitted order of the error at the shortest wave: {result.phase_order.order:.2f} +-
+The fitted order of the error at the shortest wave is {result.phase_order.order:.2f} +-
 {result.phase_order.standard_error:.2f}.
 
-*Steps of the impedance.* The transmitted share of an impulse, 2 Z_2 / (Z_1 + Z_2), and the reflected share,
-(Z_2 - Z_1) / (Z_1 + Z_2), 2.5 mm elements:
+*Steps of the impedance.* The table gives the transmitted share of an impulse, 2 Z_2 / (Z_1 + Z_2), and the
+reflected share, (Z_2 - Z_1) / (Z_1 + Z_2). The elements have 2.5 mm.
 
 {table(["bars", "passes, closed form", "found", "returns, closed form", "found"], steps)}
 
 ## The shot open-01 on elastic parts
 
-**Set-up.** The model of `runs/open-01` (16 × 22, bonded, its true stiffness) on the parts of Fig. 3 of
-Mates and others: platen {1e3 * PLATEN.length:g} mm, transducer {1e3 * TRANSDUCER_LENGTH:g} mm (an
-assumption: the paper does not give it), platen, bar {1e3 * BAR.length:g} mm, all Ø {2e3 * BAR.radius:g} mm,
-{YOUNG / 1e9:g} GPa, ν = {POISSON}, {STEEL:g} kg/m³, the transducer {TRANSDUCER.density:g} kg/m³;
-{result.n_elements} elements of {1e3 * SIZE:g} mm, {result.n_steps} steps. The force acts on the face within
-the specimen's current contact radius. Specimen and parts are iterated: the transmitted force changes by
-{changes} N from pass to pass. At the end the displacement of the face is {1e6 * result.travel[0]:.3f} µm;
-with the characteristic bar it is {1e6 * result.travel[1]:.3f} µm.
+**Set-up.** The model is that of `runs/open-01` (16 × 22, bonded, its true stiffness). Its parts are those
+of Fig. 3 of Mates and others: platen {1e3 * PLATEN.length:g} mm, transducer {1e3 * TRANSDUCER_LENGTH:g} mm,
+platen, bar {1e3 * BAR.length:g} mm. The transducer's length is an assumption, because the paper does not
+give it. All parts have Ø {2e3 * BAR.radius:g} mm, {YOUNG / 1e9:g} GPa and ν = {POISSON}. The density is
+{STEEL:g} kg/m³, and {TRANSDUCER.density:g} kg/m³ for the transducer. The parts have {result.n_elements}
+elements of {1e3 * SIZE:g} mm and take {result.n_steps} steps. The force acts on the face within the
+specimen's current contact radius. Specimen and parts are iterated. The transmitted force changes by
+{changes} N from pass to pass. At the end the displacement of the face is {1e6 * result.travel[0]:.3f} µm.
+With the characteristic bar it is {1e6 * result.travel[1]:.3f} µm.
 
-**Result.** On the face the characteristic bar is within {worst:.3f} N of the elastic parts,
-{100 * worst / peak:.2f} % of the peak of {peak:.1f} N ({others}).
-Differences from the elastic parts, raw and low-passed (Butterworth, fourth order, forward and backward):
+**Result.** The peak of the force on the face is {peak:.1f} N. The characteristic bar is within {worst:.3f}
+N of the elastic parts, {100 * worst / peak:.2f} % of the peak ({others}). The table gives differences from
+the elastic parts, raw and low-passed (Butterworth, fourth order, forward and backward):
 
 {table(header, rows)}
 
@@ -371,11 +372,12 @@ Differences from the elastic parts, raw and low-passed (Butterworth, fourth orde
 the mass between them. Compare such a record at its place ({{py:func}}`explicit.bars.lines.section_force`),
 or below 5 kHz.
 
-**Tolerance.** On the face {FORCE_LIMIT:g} N, the resolution of the paper's transducer, and
-{100 * SHARE_LIMIT:g} % of the peak. At the transducer the same tolerances hold for the 5 kHz signal, with
-one-dimensional sections and with the uniform bar at the transducer's place. Statics {STATIC_TOLERANCE:g},
-energy {ENERGY_TOLERANCE:g}: round-off. Phase velocity {100 * PHASE_TOLERANCE:g} % on the finest mesh:
-second order. Steps {STEP_TOLERANCE:g}: long-wave limit.
+**Tolerance.** On the face the force may differ by {FORCE_LIMIT:g} N, the resolution of the paper's
+transducer, and by {100 * SHARE_LIMIT:g} % of the peak. At the transducer the same limits hold for the 5 kHz
+signal. There the models are one-dimensional sections, and the uniform bar at the transducer's place.
+Statics may differ by {STATIC_TOLERANCE:g} and energy by {ENERGY_TOLERANCE:g}, because of round-off. The
+phase velocity may differ by {100 * PHASE_TOLERANCE:g} % on the finest mesh, which is of second order. Steps
+may differ by {STEP_TOLERANCE:g}, because the closed form is the limit of long waves.
 """
 
 

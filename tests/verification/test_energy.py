@@ -146,36 +146,36 @@ def page(result: Result) -> str:
     landing = [[mesh, f"{100 * share:.2f}"] for mesh, share in result.impact_share.items()]
     return f"""# {TITLE}
 
-**What is checked.** The work of both platens must equal the sum of kinetic, strain and hourglass energy and
-of the losses by damping, hourglass control, friction and nodes that touch a platen. Every term is active:
-Coulomb friction on faces and side, stiffness-proportional damping 2.5e-5 s of either kind,
-mass-proportional damping 100 1/s, and behind the transmission platen the steel bar of the paper with its
-returning wave.
+**What is checked.** The work of both platens must equal a sum of energies and losses. The energies are
+kinetic, strain and hourglass energy. The losses are damping, hourglass control, friction and nodes that
+touch a platen. Every term is active. Faces and side have Coulomb friction. Stiffness-proportional damping
+is 2.5e-5 s of either kind, mass-proportional damping 100 1/s. The steel bar of the paper with its returning
+wave is behind the transmission platen.
 
-**Independent source.** Conservation of energy: each term is summed separately, from other quantities than
-the other terms. The work is computed a second time outside the solver, from the recorded impulses, the
-flyer's motion and the bar's closed form; largest difference {100 * result.work_error:.3f} % of the work.
+**Independent source.** Energy is conserved. Each term is summed separately, from other quantities than the
+other terms. The work is computed a second time outside the solver, from the recorded impulses, the flyer's
+motion and the bar's closed form. The largest difference is {100 * result.work_error:.3f} % of the work.
 
-**Set-up.** 16 × 22 elements, neo-Hookean, E = 80 kPa, ν = 0.495; 2.6 m/s after a rise of 50 µs,
-to {1e3 * END:g} ms (60 %). Shares of the work at the end, and the largest residual of the whole run over the
-largest work:
+**Set-up.** The specimen has 16 × 22 elements and is neo-Hookean, with E = 80 kPa and ν = 0.495. The impact
+has 2.6 m/s after a rise of 50 µs, and lasts to {1e3 * END:g} ms (60 %). The table gives shares of the work
+at the end, and the largest residual of the whole run over the largest work:
 
 {table(header, rows)}
 
-The residual depends on the step (default step about 1.5 µs with deviatoric damping). Fixed steps, f = 0.3;
-fitted power {result.order.order:.2f} +- {result.order.standard_error:.2f}:
+The residual depends on the step (the default step is about 1.5 µs with deviatoric damping). With fixed
+steps and f = 0.3 the fitted power is {result.order.order:.2f} +- {result.order.standard_error:.2f}:
 
 {table(["step [µs]", "imbalance [%]"], steps)}
 
-The first contact of a node is inelastic, as kinematic contact must be. Its loss is proportional to the mass
-of the nodes and halves with the element and its step:
+In kinematic contact the first contact of a node is inelastic. Its loss is proportional to the mass of the
+nodes and halves with the element and its step:
 
 {table(["mesh", "lost by landing [% of work]"], landing)}
 
-**Tolerance.** {100 * TOLERANCE:.1f} % of the external work, more than ten times smaller than the error of a
-force measurement. A term that was missing or counted twice would be visible (damping is 7 % and more,
-friction at f = 0.1 is 4 %). The tolerance of the second computation of the work is 0.05 %: it uses the mean
-force over 0.5 µs, and the ledger is that at the beginning of a step.
+**Tolerance.** The residual may be {100 * TOLERANCE:.1f} % of the external work, which is less than a tenth
+of the error of a force measurement. A missing term, or one counted twice, would be visible: damping is 7 %
+and more, friction at f = 0.1 is 4 %. The second computation of the work may differ by 0.05 %. It uses the
+mean force over 0.5 µs, and the ledger refers to the beginning of a step.
 """
 
 

@@ -232,15 +232,16 @@ def page(result: Result) -> str:
     )
     return f"""# {TITLE}
 
-**What is checked.** The elements of {{ref}}`theory-equilibrium`, above all for nearly incompressible
-solids. The quick tests in `tests/unit/equilibrium` have patch tests of every element. They also compare
-tangents and derivatives with differences, and follower pressure and contact with closed forms.
+**What is checked.** The elements of {{ref}}`theory-equilibrium` are tested, above all for nearly
+incompressible solids. The quick tests in `tests/unit/equilibrium` have patch tests of every element. They
+also compare tangents and derivatives with differences, and follower pressure and contact with closed forms.
 
 ## A thick cylinder under pressure
 
-Plane strain, radii 1 and 2 m, neo-Hookean with K / mu = {NEARLY:.0e}, inner radius taken to 1.5 m by the
-pressure of the incompressible closed form (axisymmetric, follower pressure, mixed). Relative error of the
-inner radius with {ACROSS[0]}, {ACROSS[1]} and {ACROSS[2]} elements across:
+The cylinder is in plane strain, with radii of 1 and 2 m, and neo-Hookean with K / mu = {NEARLY:.0e}. The
+pressure of the incompressible closed form takes the inner radius to 1.5 m (axisymmetric, follower pressure,
+mixed). The table gives the relative error of the inner radius with {ACROSS[0]}, {ACROSS[1]} and {ACROSS[2]}
+elements across:
 
 | element | {" | ".join(map(str, ACROSS))} | fitted order | theory |
 | --- | --- | --- | --- | --- | --- |
@@ -250,37 +251,37 @@ The 8-node quadrilateral and the 6-node triangle converge more slowly because of
 
 ## Cook's membrane
 
-Simo and Armero (1992), Section 4.2: K / mu = 5000, finite strain, plane strain. Rise of the upper right
-corner [mm]:
+The membrane is that of Simo and Armero (1992), Section 4.2: K / mu = 5000, finite strain, plane strain. The
+table gives the rise of the upper right corner [mm]:
 
 | element | {" | ".join(map(str, ACROSS))} |
 | --- | --- | --- | --- |
 {membrane}
 
-DOLFINx 0.5.2 with the triangles of Taylor and Hood, another formulation with a continuous pressure, has
-{peer} mm with {cells} cells along an edge, and their limit (Aitken's rule on the last three) is
+DOLFINx 0.5.2 with the triangles of Taylor and Hood is another formulation with a continuous pressure. It
+has {peer} mm with {cells} cells along an edge. Their limit (Aitken's rule on the last three) is
 {result.membrane_of_peer[0]:.3f} mm. On {FINE} x {FINE} elements {fine} (`tests/reference/L_dolfinx.py`; the
 tolerance is {100 * TIP_HELD:.1f} %).
 
 ## Inf-sup constants
 
-By the eigenvalue test of Chapelle and Bathe (1993) on a clamped unit square, uniform meshes of {ACROSS[0]},
-{ACROSS[1]} and {ACROSS[2]} elements along an edge:
+The constants are those of the eigenvalue test of Chapelle and Bathe (1993) on a clamped unit square. The
+meshes are uniform, with {ACROSS[0]}, {ACROSS[1]} and {ACROSS[2]} elements along an edge:
 
 | element | {" | ".join(map(str, ACROSS))} |
 | --- | --- | --- | --- |
 {constants}
 
 On a clamped cube of 27 elements: {solids}. The mean dilatation of the 4-node quadrilateral and the 8-node
-hexahedron has a chessboard pattern of the pressure without effect on the displacements: their displacements
-converge, but their pressures may not. The 10-node tetrahedron with a constant pressure fails too, and is
-refused in a mixed model.
+hexahedron has a chessboard pattern of the pressure. This pattern has no effect on the displacements, so the
+displacements converge. The pressures may not converge. The 10-node tetrahedron with a constant pressure
+fails too, and is refused in a mixed model.
 
 ## Another program
 
-Forces of a bonded strip, 6 × 3 × 1 27-node hexahedra at nu = 0.45, in five steps to 125 %: they differ from
-those of FElupe by at most {result.peer:.0e}. `python -m benchmarks.equilibrium` compares any mesh and takes
-the time of both.
+A bonded strip of 6 × 3 × 1 27-node hexahedra at nu = 0.45 is stretched in five steps to 125 %. Its forces
+differ from those of FElupe by at most {result.peer:.0e}. `python -m benchmarks.equilibrium` compares any
+mesh and takes the time of both.
 """
 
 

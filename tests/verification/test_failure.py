@@ -361,8 +361,9 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Left: transmission force of the batch, each simulation to its end (dot), linear below 10 N. Right:
-    kinetic energy over the largest work of the platens so far; above the limit a simulation has diverged."""
+    """Left: transmission force of each simulation of the batch to its end (dot); the axis is linear below
+    10 N. Right: kinetic energy over the largest work of the platens so far. Above the limit a simulation
+    has diverged."""
     left, right = figure.subplots(1, 2)
     batch = result.batch
     for i, outcome in enumerate(batch.outcomes):
@@ -430,20 +431,21 @@ def page(result: Result) -> str:
 **What is checked.** If a simulation cannot continue, it ends without affecting the others. It reports
 cause, time and element, and keeps every history up to its end.
 
-**Independent source.** Node positions at the end and just before, from which NumPy computes J, s, the
-stable step and the kinetic energy with the element constants of a rectangle in closed form; the same
-simulation in a batch of one; the same simulation with an end time at which it failed.
+**Independent source.** Node positions are stored at the end and just before. From them NumPy computes J, s,
+the stable step and the kinetic energy, with the element constants of a rectangle in closed form. Each
+simulation is also compared with the same simulation in a batch of one. Another comparison is with a
+simulation that ends at the time of the failure.
 
 ## A batch with every failure
 
-Eight simulations (8 × 11 elements, bonded, ν = 0.495, to {1e3 * END:g} ms, `max_steps`
+The batch has eight simulations (8 × 11 elements, bonded, ν = 0.495, to {1e3 * END:g} ms, `max_steps`
 {STEPPING.max_steps}, `floor` {STEPPING.floor:g}, `past_data` "stop"):
 
 {table(["row", "what is special", "outcome", "end [ms]", "steps", "element", "R, Y [mm]"], ends)}
 
-Every row is identical to the last bit to a batch of one, in which the lanes share one simulation:
-{"yes" if good["alone"] else "NO"}. The sound rows are identical to those of a batch without the failures:
-{"yes" if good["without"] else "NO"}.
+Every row must be identical to the last bit to a batch of one, in which the lanes share one simulation.
+Result: {"yes" if good["alone"] else "NO"}. The sound rows must be identical to those of a batch without the
+failures. Result: {"yes" if good["without"] else "NO"}.
 
 `Response.describe` gives it as a sentence, here for row {FAILED[0]}: "{batch.describe(FAILED[0])}."
 
@@ -451,24 +453,24 @@ Every row is identical to the last bit to a batch of one, in which the lanes sha
 
 The table compares the element that the solver names with the element that has the extreme value in NumPy.
 It gives this value at the last check without a failure and at the end. Motion, inverted elements and, by
-default, the stable step are checked every {CHECK_EVERY} steps, the end of the data (here s = {SHORT}) at
-every step if it ends a run. The last column is yes if every force, impulse, outline and energy before the
-end is identical to that of a run that ends there, and is NaN after it:
+default, the stable step are checked every {CHECK_EVERY} steps. The end of the data (here s = {SHORT}) is
+checked at every step if it ends a run. The last column compares every force, impulse, outline and energy
+with those of a run that ends there. It is yes if they are identical before the end and NaN after it:
 
 {table(["row", "named", "found", "value", "before", "at the end", "same history"], seen)}
 
-Row 4 ends only because of the number of steps; the named element is the one that limits the step.
+Row 4 ends only because of the number of steps. The named element is the one that limits the step.
 
 ## Divergence
 
 The energy of a specimen that starts at rest cannot exceed the work of the platens. If the kinetic energy
-exceeds {MOTION_LIMIT:g} times their largest work so far, the simulation has diverged. In row 6 the cause is
-a curve whose energy falls with strain. Another example is row 0 with a step that is measured only once, so
-it is too long when the specimen is compressed. That run ends at {1e3 * result.unstable.end_times[0]:.3f}
-ms, when its recorded forces differ by {result.astray:.2g} N from those of the sound run.
+exceeds {MOTION_LIMIT:g} times their largest work so far, the simulation has diverged. In row 6 the energy
+of the curve falls with strain. Another example is row 0 with a step that is measured only once. When the
+specimen is compressed, this step is too long. The run ends at {1e3 * result.unstable.end_times[0]:.3f} ms,
+when its recorded forces differ by {result.astray:.2g} N from those of the sound run.
 
-**Tolerance.** None where bits, elements and outcomes are compared; {ONSET:g} N for the forces of the unstable
-run, what a force measurement resolves.
+**Tolerance.** Bits, elements and outcomes must be equal. The forces of the unstable run may differ by
+{ONSET:g} N, the resolution of a force measurement.
 """
 
 

@@ -148,40 +148,42 @@ def page(result: Result) -> str:
     slow = [[f"{1e3 * t:g}", f"{100 * e:.4f}"] for t, e in zip(DURATIONS, result.slow, strict=True)]
     return f"""# {TITLE}
 
-**What is checked.** Between frictionless platens the specimen deforms homogeneously, so force and radius at
-a given compression follow from the law only: neo-Hookean, and a Yeoh solid given to the solver as 300
-points of its uniaxial curve.
+**What is checked.** Between frictionless platens the specimen deforms homogeneously. Force and radius at a
+given compression therefore depend on the law only. Two laws are tested: neo-Hookean, and a Yeoh solid given
+to the solver as 300 points of its uniaxial curve.
 
-**Independent source.** Closed form: sigma_i = 2 W_1 J^(-5/3) (lambda_i^2 - I_1/3) + K (J - 1), no lateral
-stress, solved for the lateral stretch by a separate program (`tests/reference/C_frictionless_analytic.csv`).
+**Independent source.** The closed form is sigma_i = 2 W_1 J^(-5/3) (lambda_i^2 - I_1/3) + K (J - 1),
+without lateral stress. A separate program solves it for the lateral stretch
+(`tests/reference/C_frictionless_analytic.csv`).
 
-**Set-up.** 8 × 12 elements, specimen {2e3 * RADIUS:g} × {1e3 * LENGTH:g} mm, E = 80 kPa, no damping of any
-kind; the platen moves by {STROKE:.0%} of the length along a fifth-order smooth step in
-{1e3 * LOADING:.0f} ms, about {LOADING / 0.68e-3:.0f} passages of a wave; mean of both face forces.
+**Set-up.** The specimen of {2e3 * RADIUS:g} × {1e3 * LENGTH:g} mm has 8 × 12 elements, E = 80 kPa and no
+damping. The platen moves by {STROKE:.0%} of the length along a fifth-order smooth step in
+{1e3 * LOADING:.0f} ms, about {LOADING / 0.68e-3:.0f} passages of a wave. The force is the mean of both
+faces.
 
-Force error [%]:
+The first table gives the force error [%]:
 
 {table(header, rows)}
 
-Error of the mean side radius, in brackets its spread along the side [µm]:
+The second table gives the error of the mean side radius, and in brackets its spread along the side [µm]:
 
 {table(header, radii)}
 
-Largest force error up to 50 % against the duration of loading (neo-Hookean, ν = 0.495); fitted power
-{result.order.order:.3f} +- {result.order.standard_error:.3f}:
+The third table gives the largest force error up to 50 % against the duration of loading (neo-Hookean, ν =
+0.495). The fitted power is {result.order.order:.3f} +- {result.order.standard_error:.3f}:
 
 {table(["duration [ms]", "error [%]"], slow)}
 
-**Tolerance.** Force {100 * FORCE_TOLERANCE:.1f} %: the remaining error is the inertia of the loading, which
-falls with the square of its duration, as the table shows. Radius {1e6 * RADIUS_TOLERANCE["stable"]:.1f} µm
-up to 50 % and {1e6 * RADIUS_TOLERANCE["past"]:.0f} µm at 60 %.
+**Tolerance.** The force may differ by {100 * FORCE_TOLERANCE:.1f} %. The remaining error is the inertia of
+the loading. It falls with the square of the duration, as the table shows. The radius may differ by
+{1e6 * RADIUS_TOLERANCE["stable"]:.1f} µm up to 50 % and by {1e6 * RADIUS_TOLERANCE["past"]:.0f} µm at 60 %.
 
 **Loading must not be slower.** The homogeneous state exists at 60 %, but for a neo-Hookean solid it is
-unstable: the compressed free surface is unstable beyond a stretch of 0.444 (a compression of 55.6 %; Biot
+unstable. Its compressed free surface is unstable below a stretch of 0.444 (a compression of 55.6 %; Biot
 1963). The solver shows this: with loading in 0.2 s the specimen leaves the homogeneous state at
-{100 * result.onset:.1f} %, and the spread of the neo-Hookean radii in the table is the beginning of it. Up
-to 50 %, slower loading is more accurate. Past Biot's limit the loading must be faster than the growth of
-the instability. The stiffening Yeoh solid stays homogeneous.
+{100 * result.onset:.1f} %. The spread of the neo-Hookean radii in the table is the beginning of this
+instability. Up to 50 %, slower loading is more accurate. Past Biot's limit the loading must be faster than
+the growth of the instability. The stiffening Yeoh solid stays homogeneous.
 """
 
 

@@ -222,11 +222,12 @@ def page(result: Result) -> str:
     ]
     return f"""# {TITLE}
 
-**What is checked.** The law of one uniaxial curve, W = U(I1_bar) with 2 U' = T / (lambda - lambda^-2), in
-its NumPy and its Warp form.
+**What is checked.** The law of one uniaxial curve is W = U(I1_bar) with 2 U' = T / (lambda - lambda^-2).
+Its NumPy form and its Warp form are tested.
 
-**Independent source.** Closed forms: neo-Hookean (2 U' constant), Yeoh with C1 = {C1 / 1e3:g} kPa,
-C2 = C1 / 10, C3 = C1 / 50 (2 U' a polynomial in I1_bar - 3); the energy's own central difference.
+**Independent source.** There are two closed forms. The neo-Hookean law has a constant 2 U'. Yeoh's law has
+C1 = {C1 / 1e3:g} kPa, C2 = C1 / 10 and C3 = C1 / 50. Its 2 U' is a polynomial in I1_bar - 3. The stress is
+also compared with the central difference of the energy.
 
 | check | measured | allowed | reason |
 | --- | --- | --- | --- |
@@ -243,15 +244,15 @@ table fall on the data here: round-off |
 | curvature of the energy along a rank-one motion over the bound that the stable step uses | \
 {result.tangent_ratio:.2f} | 1 | must be a bound |
 
-Error of 2 U' of the sampled Yeoh curve, over mu_0. Away from rest the monotone cubic is of third order
-(fitted {result.yeoh_order.order:.2f} +- {result.yeoh_order.standard_error:.2f}); the limit at rest is an
-extrapolation of the data with s < 0.3 and does not improve with more points.
+The table gives the error of 2 U' of the sampled Yeoh curve over mu_0. Away from rest the monotone cubic is
+of third order (fitted {result.yeoh_order.order:.2f} +- {result.yeoh_order.standard_error:.2f}). The limit
+at rest is extrapolated from the data with s < 0.3. It does not improve with more points.
 
 {table(["points", "s > 0.4", "at rest"], rows)}
 
-Stress is the derivative of the energy: the central difference along random motions of 20 random states
-falls as h^2 to {result.difference_error.min():.0e} and then rises with round-off, as expected of a correct
-derivative.
+Stress is the derivative of the energy. For 20 random states the central difference is taken along random
+motions. Its error falls as h^2 to {result.difference_error.min():.0e} and then rises with round-off, as
+expected of a correct derivative.
 """
 
 

@@ -205,13 +205,14 @@ def page(result: Result) -> str:
     header = ["state", "interior, fp64", "interior, fp32", "face force, fp64", "face force, fp32"]
     return f"""# {TITLE}
 
-**What is checked.** In a homogeneous state every interior node of *any* mesh must be in equilibrium, on
-the axis of symmetry too. A homogeneous state is imposed on a 7 × 9 mesh whose interior nodes were moved at
-random by up to {DISTORTION:.0%} of an element, ν = {POISSON}, neo-Hookean.
+**What is checked.** In a homogeneous state every interior node of *any* mesh must be in equilibrium, on the
+axis of symmetry too. The interior nodes of a 7 × 9 mesh are moved at random by up to {DISTORTION:.0%} of an
+element. A homogeneous state is imposed on this mesh, with ν = {POISSON} and a neo-Hookean law.
 
-**Independent source.** The imposed gradient itself, and the closed-form neo-Hookean stress for the
-resultant on a face. The forces come from the solver's own element function, launched through Warp in both
-precisions; the element constants are tested in NumPy as well, without any material.
+**Independent source.** The element's gradient is compared with the imposed one. The resultant on a face is
+compared with the closed-form neo-Hookean stress. The forces come from the solver's own element function,
+launched through Warp in both precisions. The element constants are tested in NumPy as well, without any
+material.
 
 | quantity | measured | allowed |
 | --- | --- | --- |
@@ -224,13 +225,14 @@ precisions; the element constants are tested in NumPy as well, without any mater
 | power of the damping stress in uniform stretching over 3 beta mu (strain rate)^2 V, minus 1 | \
 {result.rate_power:.1e} | 1e-13 |
 
-Force on interior nodes over the largest corner force, and relative error of the force on a face:
+The table gives the force on interior nodes over the largest corner force, and the relative error of the
+force on a face:
 
 {table(header, rows)}
 
-**Tolerance.** Round-off (2.2e-16; 1.2e-7) times {AMPLIFICATION}: the bulk modulus, 100 times the shear
-modulus, multiplies the rounding of J - 1, and sums over corners and the small differences of the smallest
-state lose two digits more. 1e-13 where no modulus enters.
+**Tolerance.** The tolerance is {AMPLIFICATION} times the round-off (2.2e-16; 1.2e-7). The bulk modulus is
+100 times the shear modulus and multiplies the rounding of J - 1. Sums over corners and the small
+differences of the smallest state lose two more digits. Where no modulus enters, the tolerance is 1e-13.
 """
 
 

@@ -179,9 +179,9 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top: strain at the gauges of the steel bar (left) and of the polymer bar (right). Middle: the waves at
-    the specimen's face, separated (lines) and exact (circles). Bottom, steel: scatter of the wave away from
-    the specimen over 20 records with noise of 0.2 % of the plateau, and its stated sigma."""
+    """Top: strain at the gauges of the steel bar (left) and of the polymer bar (right). Middle: the waves
+    at the specimen's face, separated (lines) and exact (circles). Bottom, steel: scatter of the wave away
+    from the specimen over 20 records with 0.2 % noise, and its stated sigma."""
     axes = figure.subplots(3, 2, height_ratios=(1.0, 1.2, 0.9))
     for column, name in enumerate(("steel", "polymer")):
         bar, found, exact = scene(name), result.clean[name], result.exact[name]
@@ -240,30 +240,31 @@ def page(result: Result) -> str:
     far, near = PLACES["two gauges"]
     return f"""# {TITLE}
 
-**What is checked.** {{ref}}`theory-bar-waves`: two known waves that overlap at the gauges of one bar are
-separated.
+**What is checked.** Two known waves overlap at the gauges of one bar. The method of
+{{ref}}`theory-bar-waves` must separate them.
 
-**Independent source.** Fourier integrals of both waves at every gauge and at the face, with wavenumbers of
-the printed frequency equation (steel). For the polymer the wavenumbers are those of the package, which
-`tests/unit/bars/test_pochhammer.py` checks; only the separation is tested with it.
+**Independent source.** Both waves are computed by Fourier integrals at every gauge and at the face. For
+steel the wavenumbers are those of the printed frequency equation. For the polymer they are those of the
+package, so only the separation is tested with it. `tests/unit/bars/test_pochhammer.py` checks these
+wavenumbers.
 
-**Set-up.** Bars of Ø 20 mm, 1.5 m long, gauges {far:g} and {near:g} m from the specimen. Steel,
-ν = 0.29, with a rise of 5 µs; a polymer, a standard linear solid of 5.0 + 0.5 GPa and 12 µs, ν = 0.35, with a
-rise of 40 µs. Without noise, largest error over the plateau:
+**Set-up.** The bars have Ø 20 mm and 1.5 m, with gauges at {far:g} and {near:g} m from the specimen. The
+steel bar has ν = 0.29 and a rise of 5 µs. The polymer is a standard linear solid of 5.0 + 0.5 GPa and 12
+µs, with ν = 0.35 and a rise of 40 µs. The table gives the largest error over the plateau without noise:
 
 {table(["bar", "overlap at the nearer gauge [µs]", "toward [%]", "away [%]"], clean)}
 
-With noise of {1e3 * NOISE:g} ‰ of the plateau, steel, {REPEATS} records:
+The next table is for steel, with noise of {1e3 * NOISE:g} ‰ of the plateau and {REPEATS} records:
 
 {table(["gauges", "at [m]", "largest sigma of the wave away [‰]", "error over sigma, rms"], noisy)}
 
 If a whole number of half-waves fits between two gauges, they cannot distinguish the two waves. At these
 frequencies noise is kept and grows with time. With a third gauge this happens at zero frequency only. A
-third gauge also shows an error of a gauge: the misfit of its records over sigma is {misfit}, and {wrong} if
-the middle gauge's factor is 2 % off.
+third gauge also shows an error of a gauge. The misfit of its records over sigma is {misfit}. If the middle
+gauge's factor is 2 % off, it is {wrong}.
 
-**Tolerance.** {100 * TARGET:g} % of the plateau, the accuracy that the correction of a test needs. Error
-over sigma 1 within {SCATTER_TOLERANCE:g}.
+**Tolerance.** The waves may differ by {100 * TARGET:g} % of the plateau, the accuracy that the correction
+of a test needs. The error over sigma must be 1 within {SCATTER_TOLERANCE:g}.
 """
 
 

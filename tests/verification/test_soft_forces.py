@@ -177,10 +177,10 @@ def _beyond(result: Result, event: Event, name: str) -> float:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top: flyer's transducer, the same after mass compensation, and the true force on the specimen, below
-    10 kHz. Middle: velocity of the flyer; dotted lines: events as found in the signals, grey: two of their
-    sigmas on either side. Bottom: difference of the faces' forces, and inertia, over the stress; the band is
-    the validity window, dashed its allowance."""
+    """Top: flyer's transducer, raw and after mass compensation, and the true force, below 10 kHz. Middle:
+    flyer's velocity with the events found (dotted) and two sigmas (grey). Bottom: difference of the faces'
+    forces, and inertia, over the stress; the band is the validity window, the dashed line the allowance.
+    """
     force, speed, share = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.0, 1.0))
     every, ms = slice(None, None, 4), 1e3
     inside = slice(None, -200)  # a filter has no future at the record's end
@@ -252,19 +252,20 @@ def page(result: Result) -> str:
     ]
     return f"""# {TITLE}
 
-**What is checked.** The forces and events of {{ref}}`theory-soft-forces`, found in the signals of a flyer
-test with a known answer: the test of {{doc}}`impact`, simulated from the striker on.
+**What is checked.** Forces and events of {{ref}}`theory-soft-forces` are found in the signals of a flyer
+test with a known answer. It is the test of {{doc}}`impact`, simulated from the striker on.
 
-**Set-up.** The flyer's displacement at {1e-3 / FRAME:.0f} 000 frames a second with {1e6 * NOISE_FRAME:g} µm
-of noise, its transducer at its mid-section and the transmitted one at {1e-6 / SAMPLE:g} MHz with
-{NOISE_FLYER:g} N and {NOISE_BACK:g} N. Platen and half the transducer, {1e3 * result.mass:.1f} g, lie between
-the flyer's transducer and the specimen.
+**Set-up.** The flyer's displacement is recorded at {1e-3 / FRAME:.0f} 000 frames a second with
+{1e6 * NOISE_FRAME:g} µm of noise. The flyer's transducer shows the force at its mid-section. This force and
+the transmitted one are recorded at {1e-6 / SAMPLE:g} MHz, with noise of {NOISE_FLYER:g} N and
+{NOISE_BACK:g} N. Platen and half the transducer, {1e3 * result.mass:.1f} g, lie between the flyer's
+transducer and the specimen.
 
-**Force on the specimen.** From the wave's arrival to the second impact the transducer differs by
-{rms(result.raw - result.true):.0f} N rms from the force on the specimen, whose peak is
-{result.true.max():.0f} N. After mass compensation with the acceleration of the flyer's path the difference
-is {result.error(result.truth("separation")):.1f} N rms below 10 kHz, from separation to just before the
-second impact.
+**Force on the specimen.** The force on the specimen has a peak of {result.true.max():.0f} N. From the
+wave's arrival to the second impact the transducer differs from it by {rms(result.raw - result.true):.0f} N
+rms. The mass is compensated with the acceleration of the flyer's path. Then the difference is
+{result.error(result.truth("separation")):.1f} N rms below 10 kHz, from separation to just before the second
+impact.
 
 **Clocks.** The flyer's motion is compared with its transducer's signal, up to a tenth of the specimen's
 length. This flyer is accelerated for 0.4 ms, and the specimen's unknown share of the force grows during
@@ -273,8 +274,8 @@ this time. With a flyer that starts within 50 µs the lag is ten times as accura
 
 {table(["planted [µs]", "found [µs]", "sigma [µs]", "gain", "verdict"], lags)}
 
-**Events** [µs since the striker's touch], with standard uncertainties. In the model the joint transmits
-force again when the gap is 20 µm: {1e6 * HOLD:.0f} µs before the second impact.
+**Events** are given in µs since the striker's touch, with standard uncertainties. In the model the joint
+transmits force again when the gap is 20 µm. This is {1e6 * HOLD:.0f} µs before the second impact.
 
 {table(["event", "simulation", "all signals", "displacement alone"], events)}
 
@@ -284,9 +285,9 @@ of the bar behind the specimen.
 **Validity window.** Inertia and the difference of the faces' forces are
 {result.validity.sentence}.
 
-**Tolerance.** Force {FORCE_TOLERANCE:g} N: {1e3 * result.mass:.0f} g times the error of an acceleration
-from frames 8 µs apart. Lags {LAG_SIGMAS:g} sigmas. Events {EVENT_SIGMAS:g} sigmas; for joint and impact
-{1e6 * HOLD:.0f} µs are added.
+**Tolerance.** The force may differ by {FORCE_TOLERANCE:g} N. This is {1e3 * result.mass:.0f} g times the
+error of an acceleration from frames 8 µs apart. Lags may differ by {LAG_SIGMAS:g} sigmas and events by
+{EVENT_SIGMAS:g} sigmas. For joint and impact {1e6 * HOLD:.0f} µs are added.
 """
 
 

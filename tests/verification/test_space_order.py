@@ -161,33 +161,36 @@ def page(result: Result) -> str:
     position, force = result.wave_orders
     return f"""# {TITLE}
 
-**What is checked.** How fast the error falls with the element size, fitted over five meshes.
+**What is checked.** The test fits over five meshes how fast the error falls with the element size.
 
-**Independent source.** (1) An exact solution: with ν = 0 a cylinder carries one-dimensional longitudinal
-waves with the speed sqrt(E/rho), without lateral motion. One end is driven by {1e-6:g} of the length
-along a smooth step, the other is held, and d'Alembert's solution with its echoes is compared over four
-passages. (2) The theory of the order, for impacts to {100 * SPEED * (END - RISE / 2) / LENGTH:.0f} %: the fit
-uses differences between neighbouring meshes, so it does not depend on one finest mesh.
+**Independent source.** (1) There is an exact solution. With ν = 0 a cylinder carries one-dimensional
+longitudinal waves with the speed sqrt(E/rho), without lateral motion. One end is driven by {1e-6:g} of the
+length along a smooth step, the other is held. D'Alembert's solution with its echoes is compared over four
+passages. (2) The theory gives the order for impacts to {100 * SPEED * (END - RISE / 2) / LENGTH:.0f} %. The
+fit uses differences between neighbouring meshes, so it does not depend on one finest mesh.
 
-**Set-up.** Meshes of {MESHES[0][0]} × {MESHES[0][1]} to {MESHES[-1][0]} × {MESHES[-1][1]} elements (the wave:
-2 across), neo-Hookean, E = 80 kPa; the step follows the mesh. Impacts: {SPEED:g} m/s after a rise of
-{1e3 * RISE:g} ms, to {1e3 * END:g} ms; impulse on the transmission platen, radius and height of the side
-surface at the nodes of the coarsest mesh, 19 times.
+**Set-up.** The meshes have {MESHES[0][0]} × {MESHES[0][1]} to {MESHES[-1][0]} × {MESHES[-1][1]} elements
+(the wave: 2 across). The specimen is neo-Hookean with E = 80 kPa, and the step follows the mesh. The
+impacts have {SPEED:g} m/s after a rise of {1e3 * RISE:g} ms, and last to {1e3 * END:g} ms. The impulse on
+the transmission platen is compared. Radius and height of the side surface are compared at the nodes of the
+coarsest mesh, 19 times.
 
-Wave, root-mean-square error over the stroke and over the force; fitted orders {position.order:.3f} +-
-{position.standard_error:.3f} and {force.order:.3f} +- {force.standard_error:.3f}. The speed of the wave, from
-the arrival of the front at the far end, is off by {result.speed_error:.1e} on the finest mesh.
+The first table gives the root-mean-square error of the wave over the stroke and over the force. The fitted
+orders are {position.order:.3f} +- {position.standard_error:.3f} and {force.order:.3f} +-
+{force.standard_error:.3f}. The arrival of the front at the far end gives the speed of the wave. Its error
+is {result.speed_error:.1e} on the finest mesh.
 
 {table(["element [mm]", "displacement", "force"], waves)}
 
-Impacts, root-mean-square difference to half the element, over the largest change:
+The second table gives the root-mean-square difference of the impacts to half the element, over the largest
+change:
 
 {table(["impact", "quantity", *names, "fitted order"], impacts)}
 
-**Tolerance.** Wave: order 2 within {ALLOWED:g}. Frictionless impacts are smooth up to the edge (the faces
-are planes of symmetry): order 2, minus {ALLOWED:g}, or better. The edge of a bonded face is a stress
-singularity of about r^-0.4 for a nearly incompressible solid, which leaves first order or better: 1, less
-{ALLOWED:g}.
+**Tolerance.** The order of the wave must be 2 within {ALLOWED:g}. Frictionless impacts are smooth up to the
+edge, because the faces are planes of symmetry. Their order must be at least 2, minus {ALLOWED:g}. The edge
+of a bonded face is a stress singularity of about r^-0.4 for a nearly incompressible solid. The order must
+then be at least 1, minus {ALLOWED:g}.
 """
 
 

@@ -214,8 +214,8 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Left: force error, with the reference's uncertainty in grey. Right: outlines at 20, 40 and 60 %, one
-    half; lines are the reference, points the nodes of two meshes."""
+    """Left: force error; the grey band is the reference's uncertainty. Right: outlines at 20, 40 and 60 %
+    (one half). Lines are the reference, points the nodes of two meshes."""
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     percent = 100 * COMPRESSION
     band = 100 * result.reference.sigma / result.reference.force
@@ -291,36 +291,38 @@ def page(result: Result) -> str:
     asymmetry = 100 * found[0].difference / found[0].force
     return f"""# {TITLE}
 
-**What is checked.** Force, radius at mid-height and the whole outline of a specimen compressed by 10 to 60
-% with both faces bonded and the side surface sticking where it rolls onto a platen. The explicit solver
-loads the specimen slowly.
+**What is checked.** A specimen is compressed by 10 to 60 %. Both faces are bonded, and the side surface
+sticks where it rolls onto a platen. The explicit solver loads the specimen slowly. Force, radius at
+mid-height and the whole outline are compared.
 
-**Independent source.** Static solutions of FElupe and DOLFINx (`tests/reference/README.md`): their consensus
-for force and radius, and one outline of each program.
+**Independent source.** FElupe and DOLFINx computed static solutions (`tests/reference/README.md`). Force
+and radius are compared with their consensus, outlines with each program.
 
-**Set-up.** Neo-Hookean, ν = {POISSON}, E = 80 kPa; the flyer accelerates for {1e3 * RISE * DURATION:g} ms
-and then moves at {found[0].speed:.3f} m/s, {1e3 * DURATION:g} ms in all, about {DURATION / 0.68e-3:.0f}
-passages of a wave along the specimen; mass-proportional damping α = {DRAG:g} 1/s; force is the mean of both
-faces. The kinetic energy is at most {found[0].kinetic.max():.0e} of the elastic one.
+**Set-up.** The specimen is neo-Hookean with ν = {POISSON} and E = 80 kPa. The flyer accelerates for
+{1e3 * RISE * DURATION:g} ms and then moves at {found[0].speed:.3f} m/s. The loading takes
+{1e3 * DURATION:g} ms, about {DURATION / 0.68e-3:.0f} passages of a wave along the specimen. The
+mass-proportional damping is α = {DRAG:g} 1/s. The force is the mean of both faces. The kinetic energy is at
+most {found[0].kinetic.max():.0e} of the elastic one.
 
-Force error [%]:
+The first table gives the force error [%]:
 
 {table(header, forces)}
 
-Error of the radius at mid-height [µm]:
+The second table gives the error of the radius at mid-height [µm]:
 
 {table(["compression", "reference [mm]", *names], radii)}
 
-Normal distance of the surface nodes to the reference's outline, rms (largest) [µm], against FElupe (side
-sticks) and DOLFINx (side slips; the same problem while the side has hardly touched):
+The next table gives the normal distance of the surface nodes to the reference's outline, rms (largest)
+[µm]. The side sticks in FElupe and slips in DOLFINx. While the side has hardly touched, both solve the same
+problem.
 
 {table(["compression", *(f"FElupe, {n}" for n in names), *(f"DOLFINx, {n}" for n in names)], outlines)}
 
 **What the loading adds.** Because of the drag the face forces differ by αMv/2, with the flyer's speed v and
-the specimen's mass M: by {asymmetry[0]:.2f} % at 10 % here. The mean of both faces cancels this. It does
-not cancel the drag on the *deformation* (the faces approach, the side moves out), which is also of first
-order in αv: αMv(1/12 + R²/8L²) for a homogeneous deformation. With ten times the drag and slower and slower
-loading, 16 × 22:
+the specimen's mass M. Here this is {asymmetry[0]:.2f} % at 10 %. The mean of both faces cancels it. The
+mean does not cancel the drag on the *deformation* (the faces approach, the side moves out). That part is
+also of first order in αv: αMv(1/12 + R²/8L²) for a homogeneous deformation. The table has ten times the
+drag, slower and slower loading, and 16 × 22 elements:
 
 {
         table(
@@ -334,23 +336,24 @@ loading, 16 × 22:
         )
     }
 
-It halves as the speed halves. Scaled to α = {DRAG:g} 1/s the mean force contains {left_over[0]:.2f} % of it
-at 10 %, {left_over[1]:.2f} % at 20 % and {left_over[2:].max():.2f} % or less from 30 % on. The errors above
-are not corrected for it.
+This part halves as the speed halves. For α = {DRAG:g} 1/s its share of the mean force is
+{left_over[0]:.2f} % at 10 %, {left_over[1]:.2f} % at 20 % and at most {left_over[2:].max():.2f} % from 30 %
+on. The errors above are not corrected for it.
 
 **10 and 20 %.** There the reference is uncertain by ±{100 * known.sigma[0] / known.force[0]:.2f} % and
-±{100 * known.sigma[1] / known.force[1]:.2f} %, because a bonded edge is a stress singularity that every
-mesh resolves differently. From 10 % on the side rolls onto the platens, node by node. The specimen is a
+±{100 * known.sigma[1] / known.force[1]:.2f} %. A bonded edge is a stress singularity, and every mesh
+resolves it differently. From 10 % on the side rolls onto the platens, node by node. The specimen is a
 little too soft before a node touches the platen, and a little too stiff afterwards. Between 15 and 25 % the
 meshes {names[1]} and {names[2]} differ by up to {sawtooth:.1f} %. Therefore the error at 20 % does not fall
-from mesh to mesh. The *FElupe* outline at 20 % lies {outside:.0f} µm outside the consensus at mid-height.
-The DOLFINx outline does not, and this solver agrees with DOLFINx.
+from mesh to mesh. At 20 % the *FElupe* outline lies {outside:.0f} µm outside the consensus at mid-height.
+The DOLFINx outline agrees with the consensus, and this solver agrees with DOLFINx.
 
-**Tolerance.** Force {100 * FORCE_TOLERANCE["coarse"]:g} % on 16 × 22: discretisation. Finer:
-{100 * FORCE_TOLERANCE["fine"]:g} % from 30 to 60 %, where the reference is known to 0.1 %; the same limit is
-held at 10 and 20 %. Radius {1e3 * RADIUS_TOLERANCE["coarse"]:g} mm on 16 × 22 and
-{1e3 * RADIUS_TOLERANCE["fine"]:g} mm finer; outline {1e3 * RADIUS_TOLERANCE["fine"]:g} mm rms finer, against
-DOLFINx up to 30 % and FElupe from 30 % on.
+**Tolerance.** On 16 × 22 the force may differ by {100 * FORCE_TOLERANCE["coarse"]:g} %, the discretisation
+error. On finer meshes the limit is {100 * FORCE_TOLERANCE["fine"]:g} % from 30 to 60 %, where the reference
+is known to 0.1 %. The same limit holds at 10 and 20 %. The radius may differ by
+{1e3 * RADIUS_TOLERANCE["coarse"]:g} mm on 16 × 22 and by {1e3 * RADIUS_TOLERANCE["fine"]:g} mm on finer
+meshes. The outline may differ by {1e3 * RADIUS_TOLERANCE["fine"]:g} mm rms on finer meshes. It is compared
+with DOLFINx up to 30 % and with FElupe from 30 % on.
 """
 
 

@@ -132,32 +132,33 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 **What is checked.** Central differences are of second order. A bonded specimen is compressed by
-{STROKE:.0%} along a fifth-order smooth step in {1e3 * DURATION:g} ms; no node touches a platen, so the
+{STROKE:.0%} along a fifth-order smooth step in {1e3 * DURATION:g} ms. No node touches a platen, so the
 motion is smooth. The step is fixed (`Stepping.largest_step`) and halved from {1e6 * STEPS[0]:g} to
-{1e6 * STEPS[-1]:g} µs; the solver must report exactly the requested step.
+{1e6 * STEPS[-1]:g} µs. The solver must report exactly the requested step.
 
-**Independent source.** Theory: the difference between the results of a step and of half that step falls
-with the order of the scheme. No reference run is used, so none can bias the fit.
+**Independent source.** In theory, the difference between the results of a step and of half that step falls
+with the order of the scheme. The test uses no reference run.
 
-**Set-up.** 8 × 11 elements, neo-Hookean, E = 80 kPa, ν = 0.495, rigid support; forces, impulse and the
-displacements of all nodes at {", ".join(f"{1e3 * t:g}" for t in TIMES)} ms, over their largest value.
+**Set-up.** The specimen has 8 × 11 elements and is neo-Hookean, with E = 80 kPa and ν = 0.495. The support
+is rigid. Forces, impulse and the displacements of all nodes are compared at
+{", ".join(f"{1e3 * t:g}" for t in TIMES)} ms, relative to their largest value.
 
-Undamped, difference to half the step, by step [µs]:
+The first table has no damping. It gives the difference to half the step, by step [µs]:
 
 {table(["quantity", *steps, "fitted order"], rows(result.undamped, result.order))}
 
-With deviatoric damping of {DAMPING:g} s; order fitted to the three smallest steps:
+The second table has deviatoric damping of {DAMPING:g} s. The order is fitted to the three smallest steps:
 
 {table(["quantity", *steps, "fitted order"], rows(result.damped, result.damped_order))}
 
-The damping stress uses the velocity of half a step before, which keeps the scheme explicit and is of first
-order. It is visible only when the second-order part is small: at a step of {1e6 * USUAL_STEP:g} µs (16 × 22
+The damping stress uses the velocity of half a step before. This keeps the scheme explicit and is of first
+order. It is visible only when the second-order part is small. At a step of {1e6 * USUAL_STEP:g} µs (16 × 22
 elements) the first-order part is {100 * lag(result, "transmission force"):.2f} % of the largest force and
 {100 * lag(result, "positions"):.2f} % of the largest displacement.
 
-**Tolerance.** Order 2 (1 with damping) within {ALLOWED:g}: the next term of the error at the coarsest steps
-changes the fit by 0.03, and the remaining second-order part by 0.05. First-order part of the force at the
-usual step at most {100 * LAG_TOLERANCE:g} %.
+**Tolerance.** The order must be 2 (1 with damping) within {ALLOWED:g}. The next term of the error at the
+coarsest steps changes the fit by 0.03, and the remaining second-order part by 0.05. The first-order part of
+the force at the usual step may be at most {100 * LAG_TOLERANCE:g} %.
 """
 
 

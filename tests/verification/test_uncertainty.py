@@ -300,9 +300,9 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Left: expanded uncertainty (k = 2) of a bar test over the quantity's largest value; lines are the
-    budget, points every tenth sample of 4000 draws, noise included. Right: how often the interval of the
-    mean of n tests holds the truth; lines are Student's distribution, points 4000 series."""
+    """Left: expanded uncertainty (k = 2) of a bar test over the quantity's largest value; budget (lines)
+    and 4000 draws with noise (points). Right: share of intervals of the mean of n tests that hold the
+    truth; Student's distribution (lines) and 4000 series (points)."""
     left, right = figure.subplots(1, 2)
     for i, name in enumerate(OUTPUTS):
         peak = np.abs(result.budget.value[name]).max()
@@ -333,8 +333,8 @@ def page(result: Result) -> str:
 
     return f"""# {TITLE}
 
-**What is checked.** The arithmetic of {{ref}}`theory-budget`: budgets by sensitivities, budgets by random
-draws, and bands over repeated tests.
+**What is checked.** The page tests the arithmetic of {{ref}}`theory-budget`. It covers budgets by
+sensitivities, budgets by random draws, and bands over repeated tests.
 
 ## Printed examples
 
@@ -359,19 +359,20 @@ contributions to the largest stress, in percent, with their closed form:
 | --- | --- | --- |
 {chr(10).join(parts)}
 
-{TRIALS} draws of the quantities and of the noise at every sample, through the same chain, have standard
-deviations within {100 * sigma_off(result):.1f} % of the budget's over the pulse. The
-statistical error of these standard deviations is 1.1 %.
+The quantities are drawn {TRIALS} times, with noise at every sample, and go through the same chain. The
+standard deviations of the results are within {100 * sigma_off(result):.1f} % of the budget's over the
+pulse. Their statistical error is 1.1 %.
 
 ## Repeated tests
 
-With few tests an interval with the factor 2 contains the truth too seldom: with two tests only
+With few tests an interval with the factor 2 contains the truth too seldom. With two tests only
 {100 * result.held["k = 2"][0]:.0f} % of the intervals contain it. With Student's t
 {100 * result.held["Student's t"][0]:.0f} % do.
 
-**Tolerances.** {PRINTED} units of the last printed digit; {100 * DRAWN} % of standard deviations by draws,
-four times the statistical error of 4000 draws; {HELD} of shares; {CLOSED} of contributions, for the
-nonlinearity of the bridge and of the areas over one standard uncertainty.
+**Tolerances.** Printed examples may differ by {PRINTED} units of the last printed digit. Standard
+deviations by draws may differ by {100 * DRAWN} %, four times the statistical error of 4000 draws. Shares
+may differ by {HELD}. Contributions may differ by {CLOSED}, because bridge and areas are nonlinear over one
+standard uncertainty.
 """
 
 

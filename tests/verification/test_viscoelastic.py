@@ -355,10 +355,10 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: held compression, homogeneous twins (lines) and time loop, one-point element (points). Top
-    right: moduli of the series (lines) and of the time loop (points). Bottom left: the fitted pair of every
-    draw of the noise with its k = 2 intervals, and the planted one (cross). Bottom right: transmitted force
-    of the three shots: data (points), the fit with a branch (lines) and without (dashed)."""
+    """Top left: held compression, models (lines) and time loop (points). Top right: moduli of the series
+    (lines) and of the time loop (points). Bottom left: fitted pairs with k = 2 intervals, and the planted
+    pair (cross). Bottom right: transmitted force (points), fit with a branch (lines) and without (dashed).
+    """
     (a, b), (c, d) = figure.subplots(2, 2)
     for k, name in enumerate(BRANCHES):
         part = result.held[name, "one_point"]
@@ -412,41 +412,42 @@ def page(result: Result) -> str:
         pairs.append([name, *(f"{unit * value:.4g}" for value in numbers), interval])
     return f"""# {TITLE}
 
-**What is checked.** The branches of `explicit.relaxation` in the time loop, theory in
-[viscoelasticity](#theory-viscoelasticity): a Prony series and a Bergström–Boyce network, each with a
-neo-Hookean law of 20 kPa, with both elements.
+**What is checked.** The branches of `explicit.relaxation` are tested in the time loop, with both elements.
+The theory is in [viscoelasticity](#theory-viscoelasticity). The branches are a Prony series and a
+Bergström–Boyce network, each with a neo-Hookean law of 20 kPa.
 
-**Independent source.** Homogeneous models in NumPy, which `tests/unit/explicit/test_relaxation.py` compares
-with closed forms and full tensors; the closed form of storage and loss modulus,
-$E^* = 9 K G^* / (3 K + G^*)$ with $G^* = G' + i G''$ and a bulk modulus that does not relax;
-$\\pi \\varepsilon^2 E'' V$ for the work of a cycle; conservation of energy.
+**Independent source.** Homogeneous models in NumPy give the held force.
+`tests/unit/explicit/test_relaxation.py` compares them with closed forms and full tensors. Storage and loss
+modulus have the closed form $E^* = 9 K G^* / (3 K + G^*)$, with $G^* = G' + i G''$ and a bulk modulus that
+does not relax. The work of a cycle is $\\pi \\varepsilon^2 E'' V$. Energy is conserved.
 
-**Held.** Frictionless compression to {100 * STRAIN:g} % within {1e3 * RISE:g} ms, then held to
-{1e3 * HOLD:g} ms, with a hundredth of the density to suppress waves, ν = {POISSON:g}. The force during the
-hold is compared with the incompressible homogeneous model. The energy balance is that of the hold and of an
-impact to 60 % at 2.6 m/s, rough on faces and side, 8 × 11 elements:
+**Held.** The specimen is compressed without friction to {100 * STRAIN:g} % within {1e3 * RISE:g} ms, then
+held to {1e3 * HOLD:g} ms. Its density is reduced to a hundredth, which suppresses waves, and ν =
+{POISSON:g}. The force during the hold is compared with the incompressible homogeneous model. The energy
+balance is that of the hold and of an impact. The impact is to 60 % at 2.6 m/s, rough on faces and side,
+with 8 × 11 elements:
 
 {table(["branches", "element", "force [%]", "imbalance, held [%]", "imbalance, impact [%]"], hold)}
 
-**Oscillation.** {AMPLITUDE:g} about a compression of {OFFSET:g}, one branch of strength
-{PAIR.strengths[0]:g}; differences from the closed forms:
+**Oscillation.** The compression oscillates by {AMPLITUDE:g} about {OFFSET:g}, with one branch of strength
+{PAIR.strengths[0]:g}. The table gives differences from the closed forms:
 
 {table(["element", "ωτ", "storage [%]", "loss [%]", "work of a cycle [%]"], shake)}
 
-**A planted pair.** Three simulated shots at {SPEEDS[0]:g} to {SPEEDS[-1]:g} m/s with a force noise of
-{NOISE:g} N in bins, a relaxation test and a slow compression are fitted together for a factor on the law,
-one strength and one time:
+**A planted pair.** Three shots at {SPEEDS[0]:g} to {SPEEDS[-1]:g} m/s are simulated with a force noise of
+{NOISE:g} N in bins. They are fitted together with a relaxation test and a slow compression. The fit
+estimates a factor on the law, one strength and one time:
 
 {table(["parameter", "planted", "found", "k = 2 interval"], pairs)}
 
 The same tests of an elastic specimen require no branch. Over {len(found.values)} draws of the noise the
 root mean square of the normalised errors is {found.rms:.2f} ({found.normalised.size} numbers).
 
-**Tolerance.** Force {100 * FORCE_TOLERANCE:.1f} %: ν = {POISSON:g} contributes 0.07 %, and the mean over a
-compressible column more at 30 %. Moduli and work of a cycle {100 * MODULUS_TOLERANCE:.1f} %; inertia
-contributes {100 * SLENDER**2 / 3:.2f} %, the mean compression {200 * OFFSET:.2f} %. Energy
-{100 * ENERGY_TOLERANCE:.1f} % as everywhere. Normalised errors below 3.5, and their root mean square within
-0.6 to 1.4.
+**Tolerance.** The force may differ by {100 * FORCE_TOLERANCE:.1f} %. Of this, ν = {POISSON:g} contributes
+0.07 %, and the mean over a compressible column more at 30 %. Moduli and work of a cycle may differ by
+{100 * MODULUS_TOLERANCE:.1f} %. Inertia contributes {100 * SLENDER**2 / 3:.2f} %, the mean compression
+{200 * OFFSET:.2f} %. The energy may differ by {100 * ENERGY_TOLERANCE:.1f} %, as everywhere. Normalised
+errors must be below 3.5, and their root mean square within 0.6 to 1.4.
 """
 
 

@@ -177,47 +177,47 @@ def page(result: Result) -> str:
     share = 100 * (1 - result.static / result.closed_form).max()
     return f"""# {TITLE}
 
-**What is checked.** Inertia in both directions: the speed of guided waves whose length is comparable with
-the radius, and the force of a fast radial expansion of a disc.
+**What is checked.** Inertia is tested in both directions. The first test is the speed of guided waves with
+a length comparable with the radius. The second is the force of a fast radial expansion of a disc.
 
 ## Guided waves
 
-**Independent source.** The first longitudinal mode of Pochhammer and Chree for ν = 0.29, from a separate
-root finder (`tests/reference/F_pochhammer_nu0.29.csv`).
+**Independent source.** A separate root finder computed the first longitudinal mode of Pochhammer and Chree
+for ν = 0.29 (`tests/reference/F_pochhammer_nu0.29.csv`).
 
-**Set-up.** A rod of length 2 a between frictionless faces, compressed slowly by 0.012 % to keep contact,
-then by a further 0.001 % within 1 ms. Its free vibration is a sum of standing waves cos(n pi y / L) of the
-side surface, n = 1, 2, 3; the lowest frequency in each is the first mode at a / wavelength = n / 4 (several
-frequencies at once are separated by ESPRIT).
+**Set-up.** A rod of length 2 a lies between frictionless faces. It is compressed slowly by 0.012 % to keep
+contact, then by a further 0.001 % within 1 ms. Its free vibration is a sum of standing waves cos(n pi y /
+L) of the side surface, n = 1, 2, 3. The lowest frequency in each is the first mode at a / wavelength = n /
+4. ESPRIT separates several frequencies.
 
 {table(header, waves)}
 
-Fitted order of the error for n = 2 and 3: {orders}.
+The fitted order of the error for n = 2 and 3 is {orders}.
 
-**Tolerance.** {100 * WAVE_TOLERANCE:g} % on the finest mesh: second order in the element, 32 elements a
-wavelength at n = 3.
+**Tolerance.** The speed may differ by {100 * WAVE_TOLERANCE:g} % on the finest mesh. The element is of
+second order and has 32 elements a wavelength at n = 3.
 
 ## Radial inertia
 
-**Independent source.** A homogeneous incompressible disc of radius a and nominal compression e needs the
-face-mean pressure (rho a^2 / 8) [e'' / (1 - e)^2 + 3 e'^2 / (2 (1 - e)^3)], to which the static neo-Hookean
-stress mu (1 / lambda - lambda^2), lambda = 1 - e, is added here.
+**Independent source.** A homogeneous incompressible disc has radius a and nominal compression e. Its
+inertia needs the face-mean pressure (rho a^2 / 8) [e'' / (1 - e)^2 + 3 e'^2 / (2 (1 - e)^3)]. The static
+neo-Hookean stress mu (1 / lambda - lambda^2) with lambda = 1 - e is added to it.
 
-**Set-up.** a / h = 20, 32 × 2 elements, ν = {DISC_POISSON}, no friction, compressed by {DISC_STROKE:.0%}
-along a smooth step of ninth order; mean of both faces up to 52 % of its duration, while the platens are
-pressed. Largest force error over the largest force, by duration; it falls with the power
-{result.disc_order.order:.2f} of the duration:
+**Set-up.** A disc with a / h = 20, 32 × 2 elements and ν = {DISC_POISSON} is compressed by
+{DISC_STROKE:.0%} without friction. The motion is a smooth step of ninth order. The force is the mean of
+both faces, up to 52 % of the duration, while the platens are pressed. The table gives the largest force
+error over the largest force. It falls with the power {result.disc_order.order:.2f} of the duration:
 
 {table(["duration [ms]", "error [%]"], discs)}
 
-At the longest, inertia is at most {share:.0f} % of the force. A flatter disc stays more homogeneous, at
-least as (h / a)^2 (spread of the side radius over the radius, 0.2 ms):
+At the longest duration, inertia is at most {share:.0f} % of the force. A flatter disc stays more
+homogeneous, at least as (h / a)^2. The table gives the spread of the side radius over the radius at 0.2 ms:
 
 {table(["a / h", "spread [%]"], flat)}
 
-**Tolerance.** {100 * INERTIA_TOLERANCE:g} % at the longest duration. The closed form has no
-compressibility. The resulting error is of the order (a / (c duration))^2 with the pressure wave's speed c =
-390 m/s. The fall of the error with the duration shows that there is no other error.
+**Tolerance.** The force may differ by {100 * INERTIA_TOLERANCE:g} % at the longest duration. The closed
+form has no compressibility. The resulting error is of the order (a / (c duration))^2 with the pressure
+wave's speed c = 390 m/s. The error falls with the duration, so there is no other error.
 """
 
 
