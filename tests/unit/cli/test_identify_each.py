@@ -139,7 +139,7 @@ def test_a_lost_worker_is_said_with_what_is_done(why: Callable[[], Exception]) -
                 kept.set()
             return future
 
-    with pytest.raises(InputError, match=r"with [01] of 2 shots identified \(.*(kill|died)"):
+    with pytest.raises(InputError, match=r"after [01] of 2 shots were identified \(.*(kill|died)"):
         run_jobs(Dies, [ALIKE, ALIKE], lambda done: None)
 
 

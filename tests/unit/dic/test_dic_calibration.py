@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from test_dic_cylinder import patch, rig
+from test_dic_cylinder import RIG, patch
 
 import dic.calibration.views
 from dic import Camera
@@ -522,7 +522,7 @@ def turned(cameras, x):
 
 def test_a_pose_moves_by_its_turns_and_tilts_and_keeps_its_length():
     x = np.array([1e-3, -2e-3, 3e-3, 4e-3, -5e-3])
-    cameras = rig()
+    cameras = RIG
     (R, t), (Q, s) = turn_rig(cameras, x).relative, turned(cameras, x).relative
     np.testing.assert_allclose(R, Q, atol=1e-12)
     np.testing.assert_allclose(t, s, atol=1e-15)
@@ -533,7 +533,7 @@ def test_a_pose_moves_by_its_turns_and_tilts_and_keeps_its_length():
 
 
 def test_a_camera_that_was_knocked_is_put_back_as_far_as_the_rays_tell():
-    true = rig()
+    true = RIG
     _, pixels, sigma = seen(true)
     wrong = turned(true, np.array([4e-4, 1e-4, -3e-4, 2e-4, 0.0]))
     found = refine(wrong, *pixels, sigma)
@@ -548,12 +548,12 @@ def test_a_camera_that_was_knocked_is_put_back_as_far_as_the_rays_tell():
 def test_right_cameras_are_left_alone():
     """Made sets of points of the true rig: the rule must not be moved by their noise."""
     for seed in range(6):
-        _, pixels, sigma = seen(rig(), seed)
-        assert not refine(rig(), *pixels, sigma).helps
+        _, pixels, sigma = seen(RIG, seed)
+        assert not refine(RIG, *pixels, sigma).helps
 
 
 def test_false_matches_pull_little():
-    true = rig()
+    true = RIG
     _, pixels, sigma = seen(true)
     wrong = turned(true, np.array([4e-4, 0.0, 0.0, 0.0, 0.0]))
     pixels[1][:15] += np.random.default_rng(1).uniform(-4.0, 4.0, (15, 2))
@@ -563,7 +563,7 @@ def test_false_matches_pull_little():
 
 def test_the_rule_wants_a_fifth_on_points_that_were_left_out():
     zero = np.zeros(3)
-    made = Refinement(rig(), zero, zero[:2], np.eye(5), 1.0, 0.1, 1.0, 1.0 - LEAST_GAIN, 100)
+    made = Refinement(RIG, zero, zero[:2], np.eye(5), 1.0, 0.1, 1.0, 1.0 - LEAST_GAIN, 100)
     assert made.helps
     assert not replace(made, held_out_after=1.0 - LEAST_GAIN + 1e-6).helps
     assert LEAST_GAIN == 0.2
@@ -571,7 +571,7 @@ def test_the_rule_wants_a_fifth_on_points_that_were_left_out():
 
 
 def test_the_prior_is_the_calibrations_covariance_of_turns_and_tilts():
-    cameras = rig()
+    cameras = RIG
     rng = np.random.default_rng(2)
     A = rng.standard_normal((26, 26)) * 1e-4
     with_covariance = replace(cameras, covariance=A @ A.T)
@@ -586,7 +586,7 @@ def test_the_prior_is_the_calibrations_covariance_of_turns_and_tilts():
 
 def test_what_the_points_do_not_tell_stays_as_small_as_the_fault():
     """Over a small specimen some turns and tilts are hardly seen; with noise alone they would run away."""
-    true = rig()
+    true = RIG
     for seed in range(3):
         _, pixels, sigma = seen(true, seed)
         found = refine(turned(true, np.array([2e-4, 0.0, 0.0, 0.0, 0.0])), *pixels, sigma)
@@ -597,17 +597,17 @@ def test_what_the_points_do_not_tell_stays_as_small_as_the_fault():
 
 @pytest.mark.parametrize("n", [39, 5])
 def test_too_few_points_are_refused(n):
-    _, pixels, sigma = seen(rig())
+    _, pixels, sigma = seen(RIG)
     with pytest.raises(ValueError, match="needs 40 pairs"):
-        refine(rig(), pixels[0][:n], pixels[1][:n], sigma[:n])
+        refine(RIG, pixels[0][:n], pixels[1][:n], sigma[:n])
     with pytest.raises(ValueError, match="positive"):
-        refine(rig(), *pixels, 0.0 * sigma)
+        refine(RIG, *pixels, 0.0 * sigma)
 
 
 def test_points_left_out_take_no_part():
     """Every second point moved by 3 px: fitted to the others, a pose says so; fitted to themselves, less."""
-    _, pixels, sigma = seen(rig())
+    _, pixels, sigma = seen(RIG)
     pixels[1][::2, 1] += 3.0
-    found = refine(rig(), *pixels, sigma)
+    found = refine(RIG, *pixels, sigma)
     # each half fits its own points; the other half is then 3 px off
     assert found.held_out_after == pytest.approx(3.0, rel=0.1)

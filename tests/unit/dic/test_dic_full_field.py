@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from speckle_pictures import RenderedCylinder
-from test_dic_cylinder import rig
+from test_dic_cylinder import RIG
 
 from dic.correlation.subsets import Shape, overlap_correlation
 from dic.full_field.measure import Extensometer, FullFieldSettings, extension, extensions, noise_from_matches
@@ -127,7 +127,7 @@ def test_a_subset_that_a_mask_cuts_in_half_is_biased_many_times_as_much():
 
 def test_the_bias_of_a_cylinder_is_that_of_its_sagitta():
     """Of first order: the surface bends away by x²/2R, a third of h²/2R on average, seen as disparity."""
-    cameras, R = rig(), 4.75e-3
+    cameras, R = RIG, 4.75e-3
     body = RenderedCylinder(radius=R)
     angle, y = np.meshgrid(np.linspace(-0.6, 0.6, 15), np.linspace(0.0, 6e-3, 9))
     X = np.column_stack([R * np.sin(angle.ravel()), y.ravel(), R * np.cos(angle.ravel())])
@@ -176,7 +176,7 @@ def test_noise_is_what_explains_the_correlation_of_two_noisy_pictures():
 def test_the_frame_of_a_plane_looks_at_the_cameras():
     x, y = np.meshgrid(np.linspace(-2e-3, 2e-3, 5), np.linspace(0.0, 4e-3, 5))
     X = np.column_stack([x.ravel(), y.ravel(), 0.2 * x.ravel()])
-    frame = plane_frame(X, rig())
+    frame = plane_frame(X, RIG)
     np.testing.assert_allclose(frame.positions(X)[:, 2], 0.0, atol=1e-15)
     assert frame.rotation[2, 2] > 0.0  # toward the cameras, which look along -Z
     assert frame.rotation[1] @ [0, 1, 0] == pytest.approx(1.0)

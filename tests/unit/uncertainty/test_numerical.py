@@ -263,9 +263,7 @@ def test_an_identification_says_which_graded_run_it_has_lost(monkeypatch: pytest
     monkeypatch.setattr(mesh_error, "run_side_by_side", losing)
     found = identify(short, SETTINGS)
     (said,) = [text for text in found.warnings if "graded mesh" in text]
-    assert said.startswith(
-        "the run at the answer on the graded mesh of 8 x 10 elements was lost (INVERTED at "
-    )
+    assert said.startswith("the run at the answer on the graded mesh of 8 x 10 elements failed (INVERTED at ")
     assert "come from the coarser mesh of 6 x 8 elements" in said
     assert said in to_json(found)["warnings"]
     assert found.surrogate["lost_mesh_runs"] == 1.0
