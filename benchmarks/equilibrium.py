@@ -59,7 +59,8 @@ def strip(cells: tuple[int, ...], kind: str, device: str = "cpu") -> Model:
 
 
 def ours(model: Model, pulls: FloatArray, linear: str, *, derivatives: bool) -> dict[str, Any]:
-    """Times [s], counts and forces of a solution, and time of its derivatives [s], 0 without derivatives."""
+    """Times [s], counts and forces of a solution. The time of its derivatives [s] is 0 without
+    derivatives."""
     options = Newton(tolerance=1e-8, linear=linear)
     started, cpu = time.perf_counter(), time.process_time()
     found = solve(model, {"pull": pulls}, newton=options)

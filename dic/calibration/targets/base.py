@@ -101,8 +101,8 @@ def grow(
     """Lattice places of points, found outward from seeds with known places.
 
     A neighbour is predicted one step further. The step of a place is that of the previous place, corrected by
-    the position found, so that it adapts to perspective, lens distortion and a curved board. The points
-    nearest to their predictions are assigned first, each point once.
+    the measured position. It adapts to perspective, lens distortion and a curved board. The points nearest to
+    their predictions are assigned first, each point once.
 
     ``points``: dots in the picture [px], shape [n, 2]. ``seeds``: point number -> its place (column, row).
     ``steps``: from a seed to its neighbour in the next column and in the next row [px], shape [2, 2].
@@ -142,7 +142,7 @@ def grow(
 
 
 def homography_outliers(index: FloatArray, points: FloatArray, limit: float) -> NDArray[np.bool_]:
-    """Points off a plane lattice seen in perspective by more than `limit` steps, shape [n].
+    """True for points that deviate from a plane lattice in perspective by more than `limit` steps, shape [n].
 
     ``index``: lattice places, shape [n, 2]. ``points``: dots in the picture [px], shape [n, 2]. ``limit``:
     allowed distance from the fitted homography, in steps of the lattice.

@@ -30,7 +30,8 @@ class Charuco:
     dictionary: str = "DICT_5X5_100"
     """OpenCV's name of the markers' dictionary."""
     legacy: bool = False
-    """Boards printed with OpenCV before 4.6, with even rows, begin with a white square."""
+    """True for boards with an even number of rows that were printed with OpenCV before 4.6: they begin with a
+    white square."""
 
     def __post_init__(self) -> None:
         counts(3, columns=self.columns, rows=self.rows)
@@ -56,7 +57,7 @@ class Charuco:
         return board
 
     def geometry(self) -> Geometry:
-        """Its corners; every one is known by its markers, so there is one numbering."""
+        """Its corners. The markers identify every corner, so there is only one numbering."""
         points = np.asarray(self._board().getChessboardCorners(), dtype=np.float64).reshape(-1, 3)
         n = len(points)
         return Geometry(
@@ -79,7 +80,9 @@ class Charuco:
         rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
         step = self._step(rough, np.ravel(numbers))
         gap = 0.5 * (1.0 - self.marker / self.pitch) * step
-        reach = int(np.clip(0.8 * gap, 3, 15))  # short of the markers in the neighbouring squares
+        reach = int(
+            np.clip(0.8 * gap, 3, 15)
+        )  # the window does not reach the markers in the neighbouring squares
         pixels = refined(picture, rough, reach)
         ids = np.ravel(numbers).astype(np.int64)
         order = np.argsort(ids)
