@@ -493,7 +493,7 @@ def _outlines(
         contour = contours[k]
         area = area_of(contour) + 0.5 * len(
             contour
-        )  # the outline runs through pixel centres and is half a pixel too small
+        )  # through pixel centres: half a pixel too small
         if area < LEAST_AREA:
             continue
         x, y, w, h = box_of(contour)

@@ -208,7 +208,7 @@ def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntA
 
 
 def _line(grey: GreyNoise) -> Noise:
-    """The straight line of variance over grey value if the noise has one, else its mean."""
+    """The straight line of variance over grey value if the noise has one; otherwise the mean variance."""
     if grey.intercept > 0.0 and grey.slope > 0.0:
         return Noise(floor=grey.intercept**0.5, gain=grey.slope)
     return Noise(floor=grey.sigma)

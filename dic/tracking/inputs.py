@@ -22,28 +22,28 @@ class Tracking:
     Raises
     ------
     ValueError
-        A value outside its range; the message names it.
+        If a value is outside its range; the message names it.
     """
 
     correlation: Correlation = field(default_factory=Correlation)
     """Settings of the match of one subset."""
     update_stretch: float = 1.5
-    """A point gets the current picture as its new reference when its subset has been stretched or flattened
-    by this factor since the last reference; above 1."""
+    """A point gets the current picture as its new reference if its subset has been stretched or flattened by
+    this factor since the last reference. Above 1."""
     update_zncc: float = 0.9
     """A point also gets a new reference when its correlation is below this value in two successive frames."""
     growth: float = 1.0
-    """Largest growth of a flattened subset in the material picture. It grows at changes of reference, so that
-    its shortest side in the current picture is kept. 1: no growth."""
+    """Largest growth of a flattened subset in the material picture. A subset grows at changes of reference,
+    to keep its shortest side in the current picture. 1: no growth."""
     return_every: int = 5
     """Number of frames between attempts to return to an earlier reference; 0: never."""
     search: int = 24
-    """Half width of the window around its guess in which a point is searched by cross-correlation, if all
-    other guesses fail [px]; 0: no search."""
+    """Half width of the search window [px]; 0: no search. If all other guesses fail, cross-correlation
+    searches a point in this window around its guess."""
     neighbour_gate: float = 1.0
     """Largest distance of a point from the position predicted by at least two of its neighbours [px]."""
     least_valid: float = 0.2
-    """A frame in which a smaller share of the points is found is searched again with seeds."""
+    """If a smaller share of the points is found in a frame, the frame is searched again with seeds."""
 
     def __post_init__(self) -> None:
         checks = (
@@ -69,8 +69,8 @@ class Track:
     warp: FloatArray
     """Total warps, shape [n_frames, n_points, 12]; meaningful where the outcome is VALID."""
     covariance: FloatArray
-    """Covariance of the position: noise of the match and of all earlier reference updates [px²], shape
-    [n_frames, n_points, 2, 2]."""
+    """Covariance of the position [px²], shape [n_frames, n_points, 2, 2]: noise of the match and of all
+    earlier changes of reference."""
     zncc: FloatArray
     """Correlation with the reference used, shape [n_frames, n_points]."""
     outcome: IntArray

@@ -82,7 +82,7 @@ class Charuco:
         gap = 0.5 * (1.0 - self.marker / self.pitch) * step
         reach = int(
             np.clip(0.8 * gap, 3, 15)
-        )  # the window does not reach the markers in the neighbouring squares
+        )  # clear of the markers in neighbouring squares
         pixels = refined(picture, rough, reach)
         ids = np.ravel(numbers).astype(np.int64)
         order = np.argsort(ids)
