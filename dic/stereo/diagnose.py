@@ -102,7 +102,7 @@ def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Of
     sure = (np.abs(value) >= SURE * sigma) & (np.abs(value) >= LEAST_FAINT)
     if not np.any(sure):
         return None
-    fitted = np.where(sure, np.round(value), value)  # across the lines the calibration causes a part of a pixel
+    fitted = np.where(sure, np.round(value), value)  # fractions of a pixel: calibration
     after = p1 + (basis @ fitted)[2:]
     sizes = [float(np.median(np.abs(epipolar_slopes(rig, p0, p)[0]))) for p in (p1, after)]
     if sizes[1] > REMAINING_SHARE * sizes[0]:

@@ -90,7 +90,8 @@ MOST_SEARCHED = 31
 def guided_match(pair: Pair) -> Match:
     """Match seeds, then neighbours of matched points, then all points with the requested shape function.
 
-    A point without a guess is NO_FIRST_GUESS. A point that converged off its epipolar line or far from its guess is a STEREO_MISMATCH.
+    A point without a guess is NO_FIRST_GUESS. A point that converged off its epipolar line or far from its
+    guess is a STEREO_MISMATCH.
     """
     n = len(pair.points)
     near = neighbourhood(pair.points, pair.search.neighbours)

@@ -45,7 +45,7 @@ def _complete_basis(axis: FloatArray, near: FloatArray | None = None) -> FloatAr
         near = np.eye(3)[np.argmin(np.abs(axis))]
     e1 = near - (near @ axis) * axis
     e1 = e1 / np.linalg.norm(e1)
-    (a, b, c), (x, y, z) = axis.tolist(), e1.tolist()  # for two vectors numpy.cross takes a hundred times as long
+    (a, b, c), (x, y, z) = axis.tolist(), e1.tolist()  # numpy.cross is a hundred times slower
     return np.array([e1, [b * z - c * y, c * x - a * z, a * y - b * x], axis])
 
 

@@ -62,7 +62,7 @@ class Predictor:
             for k, part in enumerate(PARTS):
                 self.order[k] = int(np.argmin(median(off[..., part].max(axis=-1), axis=-1)))
         self._foretold = {}
-        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess that led to a match
+        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a guess that led to a match
         advanced = rows[~repeated]
         for history in (self.frame, self.warp):
             for place in (2, 1):

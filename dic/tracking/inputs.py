@@ -80,12 +80,12 @@ class Track:
     frame_outcome: IntArray | None = None
     """`dic.FrameOutcome` of the pictures, shape [n_frames]; None if they were not checked."""
     excess: FloatArray | None = None
-    """Excess of the residual's variance over that of the noise, relative to the noise; the largest one of all
-    matches in the chain of references from the material picture [-], shape [n_frames, n_points]; NaN where
-    not found, None if not computed."""
+    """Excess of the residual's variance over that of the noise, relative to the noise [-], shape [n_frames,
+    n_points]. It is the largest of all matches in the chain of references from the material picture. NaN
+    where the point was not found, None if not computed."""
     root: FloatArray | None = None
     """Covariance of the positions due to the noise of the first reference only, in the material picture
-    [px²], shape [n_points, 2, 2]; NaN for points without a template, None if not known."""
+    [px²], shape [n_points, 2, 2]. NaN for points without a template, None if not known."""
 
 
 Picture = NDArray[Any]
@@ -95,7 +95,7 @@ Series = Pictures | Sequence[Picture] | Picture
 CONTRAST = 0.1
 """A picture with less than this share of the material picture's contrast is black."""
 ROUGHNESS = 0.8
-"""In pure noise neighbouring pixels differ as much as distant ones; a picture above this ratio is noise."""
+"""In pure noise neighbouring pixels differ as much as distant pixels. A picture above this ratio is noise."""
 THINNED = 4
 """Stride of rows and columns in the comparison of neighbouring pixels."""
 CLIPPED = 0.5
@@ -126,7 +126,7 @@ def _mean_and_spread(grey: NDArray[np.float32]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Scene:
-    """Mean and contrast by which a picture of the specimen is recognised, from the material picture."""
+    """Mean and contrast of the material picture. A picture of the specimen is recognised by them."""
 
     mean: float
     """Mean grey value [grey]."""
@@ -141,9 +141,10 @@ class Scene:
     def judge(self, picture: Picture | None) -> FrameOutcome:
         """Outcome of a picture: whether it shows the specimen.
 
-        A picture is saturated if at least half of its pixels lie within 2 % of its largest grey value and
-        that lies above the mean of the material picture. It is black if its contrast is below a tenth of the
-        material picture's, or if neighbouring pixels differ as much as distant ones do.
+        A picture is saturated if at least half of its pixels lie within 2 % of its largest grey value, and
+        this value is above the mean of the material picture. It is black if its contrast is below a tenth of
+        that of the material picture. It is also black if neighbouring pixels differ as much as distant ones
+        do.
 
         ``picture``: the frame, shape [rows, columns]; None if it could not be read.
         """
@@ -183,8 +184,8 @@ class FramesAhead:
     """Frames of a series, read and prepared on request or one block in advance.
 
     On a GPU the pictures of a block are sent and filtered together. A thread reads, decodes and sends the
-    next block while the frames of the present block are searched. On a CPU the thread would only compete with
-    the search for cores.
+    next block while the frames of the present block are searched. On a CPU there is no such thread, because
+    it would compete with the search for cores.
 
     ``noise``: standard deviation of a grey value, or `dic.correlation.Noise` [grey]. ``prefilter``: standard
     deviation of the Gaussian before the match [px]. ``border``: width of the border that is cut off before
@@ -212,7 +213,7 @@ class FramesAhead:
         self._worker = ThreadPoolExecutor(1) if self.together else None
 
     def expect(self, frames: Sequence[int]) -> None:
-        """Announce the frames that will be requested, in this order, to read them ahead."""
+        """Announce the next frames in the order of their requests. They are read ahead."""
         if self._worker is not None:
             self._to_come = list(frames)
             self._begin()
@@ -256,7 +257,7 @@ class FramesAhead:
 
     def _read_block(self, frames: list[int], shape: tuple[int, ...]) -> Block:
         pictures = {frame: read(self.pictures, frame) for frame in frames}
-        # all others are prepared, or rejected, on request
+        # all other frames are prepared or rejected on request
         fit = [
             frame
             for frame, picture in pictures.items()
