@@ -174,7 +174,9 @@ class Box:
         """A smaller box about a point, shape [d], with `fraction` of this box's edges, intersected with this
         one.
 
-        Edges are measured in the unit box, so a logarithmic parameter has the same ratio everywhere. The part outside this box is cut off. Near a face the new box is therefore shorter, and `centre` is not its middle. Raises
+        Edges are measured in the unit box, so a logarithmic parameter has the same ratio everywhere. The part
+        outside this box is cut off. Near a face the new box is therefore shorter, and `centre` is not its
+        middle. Raises
         ValueError if `centre` is outside this box or `fraction` outside (0, 1].
         """
         if not 0.0 < fraction <= 1.0:

@@ -111,11 +111,11 @@ TABLES = {"messages": messages, "outcomes": outcomes, "figures": figures}
 
 
 def fill(app, name, source) -> None:
-    """Put the tables where a page asks for them."""
+    """Insert the tables that a page requests."""
     source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
 
 
 def setup(app):
-    """Look at every page before it is read."""
+    """Register with Sphinx: every page is processed before it is read."""
     app.connect("source-read", fill)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -38,7 +38,8 @@ class _Quiet(LoggerAdapter):
 def write_in_turn(lock: Lock) -> None:
     """Let a process write to the cache only while it holds `lock`. Every process calls this first.
 
-    After each write the cache removes old records with two queries to its database. If another process adds a record between the two, the cache would remove it.
+    After each write the cache removes old records with two queries to its database. If another process adds a
+    record between the two, the cache would remove it.
     """
     write = JupyterCacheBase.cache_notebook_bundle
 
@@ -73,7 +74,7 @@ def run_all(app, env, docnames) -> None:
         name for name, path in paths.items() if "\nkernelspec:" in Path(path).read_text("utf-8")[:500]
     ]
     notebooks.sort(key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
-    get_cache(env.mystnb_config.execution_cache_path).db.dispose()  # otherwise two processes would both create its tables
+    get_cache(env.mystnb_config.execution_cache_path).db.dispose()  # else two processes would create its tables
     fork = get_context("fork")
     with ProcessPoolExecutor(min(2, os.cpu_count() or 1), fork, write_in_turn, (fork.Lock(),)) as pool:
         waiting = [pool.submit(run, paths[name], env.myst_config, env.mystnb_config) for name in notebooks]

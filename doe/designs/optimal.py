@@ -34,7 +34,9 @@ def d_optimal(
 ) -> Design:
     """The n distinct candidates that determine a polynomial best; exchanges may end in a local optimum.
 
-    Each start is a random choice. One point at a time is exchanged for the candidate that increases the determinant most, until no exchange increases it. The best result of all starts is returned. ``n``: at least the number of
+    Each start is a random choice. One point at a time is exchanged for the candidate that increases the
+    determinant most, until no exchange increases it. The best result of all starts is returned. ``n``: at
+    least the number of
     terms and at most that of the candidates. ``rng``: integer seed or NumPy generator of the starts.
     ``candidates``: points that meet the constraints, in parameter units, shape [c, d]. Default: a grid of
     five levels per parameter. ``degree``: of the polynomial in the unit box's coordinates, all terms up to

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from operator import index
 
 import numpy as np
-import scipy  # submodules load on first use: the statistics take half a second, and most designs do not need them
+import scipy  # submodules load on first use: the statistics take half a second
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 

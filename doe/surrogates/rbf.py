@@ -162,7 +162,8 @@ def _refuse_twins(unit_points: FloatArray) -> None:
 class ResponseSurrogate:
     """Predicts the response vector. A cost is computed from the prediction.
 
-    A cost with absolute values has a kink where the response is smooth in the parameters. One surrogate is sufficient for every cost.
+    A cost with absolute values has a kink where the response is smooth in the parameters. One surrogate is
+    sufficient for every cost.
     """
 
     box: Box

@@ -96,8 +96,8 @@ def sample_posterior(
     Raises
     ------
     ValueError
-        If the start is outside the box, a prior is negative or missing, the power is not > 0, or there
-        are too many coordinates.
+        If the start is outside the box, a prior is negative or missing, the power is not > 0, or there are
+        too many coordinates.
     ImportError
         If emcee is not installed: `pip install 'kolsky[bayes]'`.
     """
@@ -176,7 +176,7 @@ def _first(
     sampled: Indices,
     rng: int,
 ) -> FloatArray:
-    """Starting points around the optimum; the spread of each coordinate is its conditional standard
+    """Starting points around the optimum. The spread of each coordinate is its conditional standard
     deviation.
     """
     generator = np.random.default_rng(rng)
