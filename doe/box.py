@@ -176,8 +176,7 @@ class Box:
 
         Edges are measured in the unit box, so a logarithmic parameter has the same ratio everywhere. The part
         outside this box is cut off. Near a face the new box is therefore shorter, and `centre` is not its
-        middle. Raises
-        ValueError if `centre` is outside this box or `fraction` outside (0, 1].
+        middle. Raises ValueError if `centre` is outside this box or `fraction` outside (0, 1].
         """
         if not 0.0 < fraction <= 1.0:
             raise ValueError(f"fraction must be in (0, 1], got {fraction}")

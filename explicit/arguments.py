@@ -214,7 +214,7 @@ def in_one_copy(values: Mapping[str, tuple[NDArray[Any], Any]], where: Any) -> d
     arrays = {}
     for name, (numbers, dtype) in converted.items():
         array: Any = wp.array(ptr=memory.ptr + places[name], dtype=dtype, shape=numbers.shape, device=where)
-        array._ref = memory  # which lives as long as its parts
+        array._ref = memory  # it lives as long as its parts
         arrays[name] = array
     return arrays
 
@@ -385,7 +385,7 @@ def output_of(
     for name, shape in shapes.items():
         place = whole.ptr + begin * wp.types.type_size_in_bytes(wp.float64)
         part: Any = wp.array(ptr=place, dtype=wp.float64, shape=shape, device=where)
-        part._ref = whole  # which lives as long as its parts
+        part._ref = whole  # it lives as long as its parts
         setattr(output, name, part)
         begin += prod(shape)
     return output, whole

@@ -396,7 +396,7 @@ def _work(jobs: Sequence[SharedRun], threads: int, progress: Progress | None) ->
         return
     with ThreadPoolExecutor(min(threads, len(jobs) + len(tasks))) as pool:
         finished = as_completed([pool.submit(job.run) for job in jobs])
-        joined = [pool.submit(task) for task in tasks]  # no thread starts a launch while another launch is waiting
+        joined = [pool.submit(task) for task in tasks]  # no thread starts one while another is waiting
         _report((future.result() for future in finished), progress)
         for future in joined:
             future.result()

@@ -74,7 +74,7 @@ def run_all(app, env, docnames) -> None:
         name for name, path in paths.items() if "\nkernelspec:" in Path(path).read_text("utf-8")[:500]
     ]
     notebooks.sort(key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
-    get_cache(env.mystnb_config.execution_cache_path).db.dispose()  # else two processes would create its tables
+    get_cache(env.mystnb_config.execution_cache_path).db.dispose()  # creates its tables once
     fork = get_context("fork")
     with ProcessPoolExecutor(min(2, os.cpu_count() or 1), fork, write_in_turn, (fork.Lock(),)) as pool:
         waiting = [pool.submit(run, paths[name], env.myst_config, env.mystnb_config) for name in notebooks]

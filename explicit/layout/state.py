@@ -136,7 +136,7 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
         while k < n_partials:  # the control warp passes no bound
             partials[k] = ZERO
             k += wp.block_dim()
-        if lane == 0:  # nodes where fewer than four elements meet gather nothing from here
+        if lane == 0:  # zeros for nodes where fewer than four elements meet
             beyond = 4 * corner_stride(body.n_elements)
             fields.corner_r[beyond] = zero
             fields.corner_y[beyond] = zero
@@ -312,7 +312,7 @@ def layout_on_chips(precision: Precision, structs: Structs, cluster: int) -> Sta
         while k < n_partials:
             partials[k] = ZERO
             k += block
-        if node == 0:  # nodes where fewer than four elements meet gather nothing from here
+        if node == 0:  # zeros for nodes where fewer than four elements meet
             fields.corner_r[mine + 4 * block] = zero
             fields.corner_y[mine + 4 * block] = zero
 
