@@ -62,11 +62,11 @@ class Setup:
     """Common properties of the experiments of a group."""
 
     diameter: float
-    """Of the specimen [m]."""
+    """Diameter of the specimen [m]."""
     length: float
-    """Of the specimen [m]."""
+    """Length of the specimen [m]."""
     density: float
-    """Of the specimen [kg/m^3]."""
+    """Density of the specimen [kg/m^3]."""
     speed: float
     """Speed of a flyer that reaches `strain` exactly at the end of the window [m/s]."""
     strain: float

@@ -491,9 +491,7 @@ def _outlines(
     area_of, box_of, ellipse_of = cv2.contourArea, cv2.boundingRect, cv2.fitEllipseDirect
     for k in np.flatnonzero((tree[0, :, 3] < 0) & (lengths >= 8)).tolist():
         contour = contours[k]
-        area = area_of(contour) + 0.5 * len(
-            contour
-        )  # through pixel centres: half a pixel too small
+        area = area_of(contour) + 0.5 * len(contour)  # through pixel centres: half a pixel too small
         if area < LEAST_AREA:
             continue
         x, y, w, h = box_of(contour)

@@ -351,7 +351,7 @@ def _creep(
     lowest, highest = min(float(total.min()), viscous), max(float(total.max()), viscous)
 
     def rate(t: float, state: FloatArray) -> list[float]:
-        v = min(max(float(state[0]), lowest), highest)  # the viscous stretch lags behind, so only a trial value can be outside
+        v = min(max(float(state[0]), lowest), highest)  # only a trial value can be outside
         stress = ratio * float(cauchy(np.interp(t, time, total) - v))
         stretch = np.exp(v)
         chain = np.sqrt((stretch**2 + 2.0 / stretch) / 3.0)

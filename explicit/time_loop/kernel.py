@@ -106,7 +106,9 @@ def time_loop_kernel(
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     HALF, ZERO = wp.float64(0.5), wp.float64(0.0)
     control_size = int(CONTROL_SIZE)
-    residents = SHARING if block <= SMALL_BLOCK else 1 # a multiprocessor must have registers for these blocks
+    residents = (
+        SHARING if block <= SMALL_BLOCK else 1
+    )  # a multiprocessor must have registers for these blocks
 
     @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents), cluster_dim=cluster)
     def time_loop(body: Body, batch: Batch, state: State, output: Output, first: int):

@@ -1,4 +1,4 @@
-"""Made-up identified shots with a rate each, for tests of what is made of several of them."""
+"""Synthetic identified shots with one rate each, for tests of evaluations over several shots."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def found(name: str, m: float, *, parts: dict[str, float], numerical: float = 0.
 
 
 def history(rate: float, *, spread: float = 0.05) -> StrainHistory:
-    """The synthetic result's motion, said to have another rate."""
+    """The motion of the synthetic result with another declared rate."""
     time = np.linspace(0.0, 1.5e-3, 301)
     return StrainHistory(
         time=time,

@@ -80,9 +80,7 @@ class Charuco:
         rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
         step = self._step(rough, np.ravel(numbers))
         gap = 0.5 * (1.0 - self.marker / self.pitch) * step
-        reach = int(
-            np.clip(0.8 * gap, 3, 15)
-        )  # clear of the markers in neighbouring squares
+        reach = int(np.clip(0.8 * gap, 3, 15))  # clear of the markers in neighbouring squares
         pixels = refined(picture, rough, reach)
         ids = np.ravel(numbers).astype(np.int64)
         order = np.argsort(ids)
