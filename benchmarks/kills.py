@@ -351,7 +351,7 @@ def main() -> int:
     ]
     out = said.out or Path(tempfile.mkdtemp(prefix="kills-"))
     out.mkdir(parents=True, exist_ok=True)
-    base = out / "work"  # the commands' inputs stay there, so that all rows have the same inputs
+    base = out / "work"  # the commands' inputs stay there: all rows have the same inputs
     for left in (*base.glob("trial-*"), *base.glob("*-undisturbed-*")):
         shutil.rmtree(left)
     with ThreadPoolExecutor(said.workers) as pool:

@@ -103,7 +103,7 @@ CENTRAL = Stencil(np.array([0.0, 1.0, -1.0]), np.array([0.0, 0.5, -0.5]))
 FORWARD = Stencil(np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))
 """(-3 f(p) + 4 f(p + h) - f(p + 2 h)) / 2 h."""
 BACKWARD = Stencil(-FORWARD.offsets, -FORWARD.weights)
-"""The same on the other side."""
+"""The same formula on the other side."""
 
 
 def stencil_for(name: str, value: float, widest: float) -> Stencil:

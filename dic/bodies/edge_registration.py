@@ -1,4 +1,4 @@
-"""Position of a body of which only an edge strip is visible at rest.
+"""Position of a body with only an edge strip visible at rest.
 
 The strip has too few rows for a subset, but it moves as a rigid body. The static pictures of both cameras are
 compared pixel by pixel with the material picture. The only unknown is the translation along the axis. The

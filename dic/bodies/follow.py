@@ -92,7 +92,7 @@ def match_body(
     `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``mask``: pixels of the body in
     the region's picture, shape [rows, columns]; None: those within its corners. ``rigid``: True for a body
     that only translates. ``name``: name of the stages in progress reports of `follow_bodies`. Raises
-    ValueError: a region outside the picture, or no frame that both cameras saw.
+    ValueError if the region is outside the picture, or if both cameras saw no common frame.
     """
     material = material_frame(health, region.frame)
     if mask is None:
@@ -110,9 +110,9 @@ def match_body(
 def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -> float:
     """Share of a subset that pictures must show if only a strip of the body is in view.
 
-    A subset that is wider than the strip extends past it on both sides. The strip then contains hardly more
-    than `Correlation.least_pixels` of its area, and no margin would remain for pixels that the other camera
-    does not see.
+    A subset that is wider than the strip extends past it on both sides. The strip then contains little more
+    than `Correlation.least_pixels` of its area. No margin would remain for pixels that the other camera does
+    not see.
     """
     share = uniform_filter(mask.astype(np.float64), size=settings.subset, mode="constant")
     x, y = np.round(points).astype(int).T

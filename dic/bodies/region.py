@@ -46,8 +46,8 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
 
     ``corners``: at least three corners (x, y) in order [px]. The last is joined to the first. The even-odd
     rule decides what is inside. ``shape``: rows and columns of the picture. Returns: shape [rows, columns].
-    Raises ValueError: fewer than three corners, a corner that is not finite, or a polygon without a pixel of
-    the picture.
+    Raises ValueError if there are fewer than three corners, if a corner is not finite, or if the polygon
+    contains no pixel of the picture.
     """
     vertices = np.asarray(corners, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[0] < 3 or vertices.shape[1] != 2:
@@ -76,8 +76,8 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
     ``mask``: pixels of the body, shape [rows, columns]. ``step``: distance of adjacent points [px] (1 or
     more). ``margin``: smallest distance of a point from the nearest pixel outside the mask [px]; the area
     beyond the picture's border is outside. Returns: positions (x, y) [px], shape [n, 2]: whole numbers, i.e.
-    pixel centres. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError: a step
-    below 1, a negative margin, or no remaining point.
+    pixel centres. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError if the
+    step is below 1, if the margin is negative, or if no point remains.
     """
     if step < 1 or margin < 0.0:
         raise ValueError(f"step must be at least 1 px and margin not negative, got {step} and {margin}")

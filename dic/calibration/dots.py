@@ -201,11 +201,11 @@ def _fit_discs(
 ) -> tuple[FloatArray, FloatArray]:
     """Centres of dark discs and their standard deviations, all dots of a picture at once.
 
-    With d the offset from the centre and q = √(dᵀ M d), so that q = 1 is the outline, the model is
+    Let d be the offset from the centre and q = √(dᵀ M d); the outline is q = 1. The model is
 
         I = (B + g · d) (1 - D Φ(-δ / s)),     δ = (q - 1) q / |M d|                               (CC.3)
 
-    with δ the distance from the outline to first order, Φ the normal distribution and s the blur. The
+    δ is the distance from the outline to first order, Φ the normal distribution and s the blur. The
     brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. Only the edge determines
     the position. Unlike in a centroid, the noise of the surrounding surface has no effect.
     """

@@ -84,8 +84,8 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
 
     ``rig``: the cameras; their covariance, if it is known, is the prior. ``pixels0``, ``pixels1``: the same
     points in both pictures [px], shape [n, 2]. ``sigma``: standard deviations of their epipolar distances
-    [px], shape [n]. Raises ValueError: fewer than `LEAST_POINTS` points, shapes that do not match, a sigma
-    that is not positive.
+    [px], shape [n]. Raises ValueError if there are fewer than `LEAST_POINTS` points, if shapes do not match,
+    or if a sigma is not positive.
     """
     n = len(pixels0)
     if n < LEAST_POINTS or pixels1.shape != pixels0.shape or np.shape(sigma) != (n,):

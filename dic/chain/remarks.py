@@ -307,8 +307,9 @@ def speckles(
 
     ``frames``: static frames with a usable picture. ``pixels``: positions of the body's points at rest in its
     picture [px], shape [n, 2]; NaN where not visible. Their convex hull is assessed. ``subset``: side of the
-    subsets [px]. ``wanted``: predicted standard deviation that a subset should reach [px]. Raises ValueError:
-    fewer than three points, all points on one line, or no contrast between them.
+    subsets [px]. ``wanted``: predicted standard deviation that a subset should reach [px]. Raises ValueError
+    if there are fewer than three points, if all points are on one line, or if there is no contrast between
+    them.
     """
     chosen = list(frames)[:MOST_AVERAGED]
     finite = pixels[np.isfinite(pixels).all(axis=1)]

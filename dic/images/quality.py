@@ -316,9 +316,9 @@ def speckle_quality(
     ``picture``: grey values, shape [rows, columns]; preferably the mean of static frames. ``mask``: the
     pixels of the specimen, shape [rows, columns]; None: all. ``subset``: side of the square subset [px]: odd,
     5 to 101. ``noise``: standard deviation of a pixel of one frame [grey], or its dependence on the grey
-    value. ``averaged``: number of frames of which the picture is the mean. ``wanted``: floor to be reached
-    [px]; if given, `SpeckleQuality.needed` is computed. Raises ValueError: a value outside its range, or a
-    picture without contrast in the mask.
+    value. ``averaged``: number of averaged frames in the picture. ``wanted``: requested floor [px]; if given,
+    `SpeckleQuality.needed` is computed. Raises ValueError if a value is outside its range, or if the picture
+    has no contrast in the mask.
     """
     f = np.asarray(picture, dtype=np.float64)
     used = np.ones(f.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)

@@ -85,7 +85,8 @@ class StrainHistory:
 
     @property
     def principal_angle(self) -> tuple[FloatArray, FloatArray]:
-        """Angle of the larger stretch from around toward along, in (-π/2, π/2] [rad], and its sigma.
+        """Angle of the larger stretch, from the direction around toward that along, in (-π/2, π/2] [rad], and
+        its sigma.
 
         The sigma is a first-order estimate. Where the two stretches are equal within their noise, the sigma
         exceeds a right angle. The direction is then undefined. Shapes [n_frames, n_points].

@@ -195,7 +195,7 @@ def static_mean(
 
     ``shared``: share of the variance that is common to all frames [-]. Returns: positions [m], shape
     [n_points, 3]; NaN for a point that is valid in none of the frames. Returns: covariances [m²], shape
-    [n_points, 3, 3]; likewise. Raises ValueError: no frames, or `shared` outside [0, 1].
+    [n_points, 3, 3]; likewise. Raises ValueError if there are no frames, or if `shared` is outside [0, 1].
     """
     if not len(frames) or not 0.0 <= shared <= 1.0:
         raise ValueError(f"frames must be given and shared be in [0, 1], got {list(frames)} and {shared}")

@@ -10,13 +10,13 @@ that of an error budget, ``<!-- drawn NAME -->`` that of a population of drawn s
 -->`` answers of known shots, ``<!-- pooled NAME -->`` shots and their mean, ``<!-- coverage NAME -->`` a
 study of coverage, ``<!-- meshed NAME -->`` the mesh errors of answers, ``<!-- ablated NAME -->`` and
 ``<!-- undiagnosed NAME -->`` answers without one mechanism, ``<!-- planted NAME -->`` and ``<!-- advised NAME
--->`` planted shots that relax, ``<!-- equilibria NAME -->`` times of equilibria, ``<!-- killed NAME -->``,
-``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` results of the tests with kills, long runs and damaged
-files, ``<!-- solved NAME -->`` the solver's speed, ``<!-- priced NAME -->`` the cost of an answer, ``<!--
-grown NAME -->`` the growth of the time with the size and ``<!-- campaigns NAME -->`` the time on several
-workers. NAME is a file NAME.json of benchmarks/results or populations/results. ``<!-- named inputs -->`` are
-inputs with separate tests (tests/fuzz/named.py). At any place of a line, ``<!-- names laws -->`` becomes the
-names of the registry.
+-->`` synthetic shots with relaxation, ``<!-- equilibria NAME -->`` times of equilibria, ``<!-- killed NAME
+-->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` results of the tests with kills, long runs and
+damaged files, ``<!-- solved NAME -->`` the solver's speed, ``<!-- priced NAME -->`` the cost of an answer,
+``<!-- grown NAME -->`` the growth of the time with the size and ``<!-- campaigns NAME -->`` the time on
+several workers. NAME is a file NAME.json of benchmarks/results or populations/results. ``<!-- named inputs
+-->`` are inputs with separate tests (tests/fuzz/named.py). At any place of a line, ``<!-- names laws -->``
+becomes the names of the registry.
 """
 
 import importlib

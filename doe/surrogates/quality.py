@@ -75,7 +75,7 @@ class Fitness:
     def require(self) -> None:
         """Raise an error if the surrogate is not good enough.
 
-        Raises SurrogateError: the message gives the number of runs needed.
+        Raises SurrogateError; the message gives the number of needed runs.
         """
         if not self.good:
             raise SurrogateError(f"the surrogate is not good enough: {self}")

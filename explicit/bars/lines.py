@@ -540,7 +540,7 @@ def _summit(signal: FloatArray, after: int | None, before: int | None) -> int | 
 
 
 def _first(happens: NDArray[np.bool_], after: int | None = 0) -> int | None:
-    """First index from `after` on at which the condition is met; None without one, or if `after` is missing."""
+    """First index from `after` on that meets the condition; None without one, or if `after` is missing."""
     if after is None:
         return None
     places = np.flatnonzero(happens[after:])

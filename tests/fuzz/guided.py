@@ -2,7 +2,7 @@
 
 Needs Atheris (`pip install atheris`, Linux, CPython up to 3.11 or as its own page says). NAME is a target as
 `python -m tests.fuzz --all` prints it, e.g. "recorder mat"; `-max_total_time=600` ends it after ten minutes.
-What is answered by another error than a refusal is kept by libFuzzer as `crash-*`.
+Inputs that cause another error than a rejection are stored by libFuzzer as `crash-*`.
 """
 
 import sys

@@ -21,9 +21,9 @@ def fitted_order(h: ArrayLike, error: ArrayLike) -> FittedOrder:
     """Fit error = C h^p by least squares in log-log.
 
     ``h``: step or element sizes, any unit, all different, shape [n], n >= 3. ``error``: error at each size,
-    any unit, positive, shape [n]. Raises ValueError: fewer than three sizes, repeated sizes, or a size or
-    error that is not positive and finite. An error of exactly 0 has no order: the tested property is exact to
-    round-off.
+    any unit, positive, shape [n]. Raises ValueError if there are fewer than three sizes, if sizes are
+    repeated, or if a size or error is not positive and finite. An error of exactly 0 has no order: the tested
+    property is exact to round-off.
     """
     sizes, errors = np.asarray(h, dtype=float), np.asarray(error, dtype=float)
     if sizes.ndim != 1 or sizes.shape != errors.shape or sizes.size < 3:
@@ -56,7 +56,7 @@ def assert_order(
     ``h``, ``error``: as for `fitted_order`. ``expected``: the order that theory gives [-]. ``tolerance``:
     allowed distance of the fitted order, and largest allowed standard error [-]. ``at_least``: accept any
     order above ``expected - tolerance`` ("first order or better"). Returns: the fit, for a page or a message.
-    Raises AssertionError: with the table of sizes, errors and local orders.
+    Raises AssertionError with the table of sizes, errors and local orders.
     """
     fit = fitted_order(h, error)
     too_low = fit.order < expected - tolerance

@@ -11,7 +11,7 @@ from kolsky.studies.rates.records import QuasiStatic, RatedShot, StrainHistory
 
 LENGTH, DIAMETER = 6.5e-3, 9.5e-3
 SHEAR = 25e3
-"""Shear modulus of the made-up baseline, a neo-Hookean solid [Pa]."""
+"""Shear modulus of the synthetic baseline, a neo-Hookean solid [Pa]."""
 
 
 def baseline(rate: float | None = 0.01, *, source: str = "ab" * 32) -> QuasiStatic:

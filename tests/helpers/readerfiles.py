@@ -298,7 +298,7 @@ def yokogawa_wfm(path: Path) -> Path:
 
 
 def rohde_schwarz(path: Path) -> Path:
-    """Two channels: an XML header, the samples beside it in .Wfm.bin."""
+    """Two channels: an XML header, and the samples in .Wfm.bin next to it."""
     stop = START + SAMPLES * INTERVAL
     values = {
         "SignalFormat": "eRS_SIGNAL_FORMAT_FLOAT", "TraceType": "eRS_TRACE_TYPE_NORMAL",

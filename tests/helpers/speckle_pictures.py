@@ -144,8 +144,8 @@ def render(
     0 to 1. 0 samples the pixel's centre. A larger value gives the mean over the square by 3 x 3 Gauss points.
     ``gain``, ``offset``: grey values are ``gain × pattern + offset``, as under another light. ``noise``:
     standard deviation of Gaussian noise, independent from pixel to pixel [grey]. ``bits``: the camera's
-    depth: grey values are rounded, and saturate at 0 and 2**bits - 1. None: neither. Raises ValueError: a
-    fill outside 0 to 1, a noise that is negative, bits outside 1 to 16.
+    depth: grey values are rounded, and saturate at 0 and 2**bits - 1. None: neither. Raises ValueError if the
+    fill is outside 0 to 1, the noise is negative, or the bits are outside 1 to 16.
     """
     if not 0.0 <= fill <= 1.0:
         raise ValueError(f"fill must be from 0 to 1, got {fill}")
@@ -253,7 +253,7 @@ class Speckles:
         u, v = arc / self.pitch, height / self.pitch
         i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
         bright = np.ones(u.shape)
-        for di in (-1, 0, 1):  # a disc reaches 1.05 cells and its rim from the middle of its own
+        for di in (-1, 0, 1):  # a disc with its rim reaches at most 1.05 cells from the middle of its cell
             for dj in (-1, 0, 1):
                 a, b = (i + di) % self.cells, (j + dj) % self.cells
                 du = u - (i + di + 0.5 + jitter[a, b, 0])

@@ -1,4 +1,4 @@
-"""One fault: a few tokens of a function changed, and the tests that must notice."""
+"""One fault: a change of a few tokens of a function, and the tests that must detect it."""
 
 from dataclasses import dataclass
 

@@ -72,7 +72,7 @@ class Target(Protocol):
 def positive(**lengths: float) -> None:
     """Reject lengths that are not positive and finite.
 
-    Raises ValueError: naming the length.
+    Raises ValueError; its message names the length.
     """
     for name, value in lengths.items():
         if not (np.isfinite(value) and value > 0.0):
@@ -82,7 +82,7 @@ def positive(**lengths: float) -> None:
 def counts(least: int, **numbers: int) -> None:
     """Reject numbers of columns or rows outside `least` to 1000.
 
-    Raises ValueError: naming the number.
+    Raises ValueError; its message names the number.
     """
     for name, value in numbers.items():
         if not (isinstance(value, int) and least <= value <= 1000):

@@ -15,8 +15,8 @@ from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, co
 class Charuco:
     """Inner corners of a ChArUco board, numbered as OpenCV numbers them; part of it may be out of view.
 
-    Raises ValueError: too few squares, a marker not smaller than its square, an unknown dictionary or one too
-    small.
+    Raises ValueError if there are too few squares, if a marker is not smaller than its square, or if the
+    dictionary is unknown or too small.
     """
 
     columns: int

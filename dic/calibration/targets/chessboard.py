@@ -21,7 +21,8 @@ class Chessboard:
     Camera 0's picture defines the numbering. Camera 1 uses the numbering that fits it. One camera may
     therefore be rolled relative to the other.
 
-    Raises ValueError: fewer than three corners in a row or column, or a pitch that is not positive.
+    Raises ValueError if there are fewer than three corners in a row or column, or if the pitch is not
+    positive.
     """
 
     columns: int
