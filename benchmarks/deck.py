@@ -19,8 +19,8 @@ the forces on this wedge."""
 
 
 def deck(mesh: Mesh, *, end: float, step: float) -> str:
-    """The input of the bonded problem up to time `end` with the fixed step of ``*DYNAMIC`` [s]; it prints the
-    forces on the lower face at every step."""
+    """The input of the bonded problem up to time `end` with the fixed step of ``*DYNAMIC`` [s]. CalculiX then
+    prints the forces on the lower face at every step."""
     return "\n".join([*_mesh(mesh), *_material(), *_history(end, step)]) + "\n"
 
 

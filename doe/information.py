@@ -9,8 +9,8 @@ so that Cov p = G diag(s^2) G^T = H^-1. A datum's share of the variance of p is 
 is also its share in the information about p, because the part of the other parameters is removed.
 
 The information of independent data adds up. D-optimal data have the largest det H and thus the smallest
-volume of the joint interval. A-optimal data have the smallest trace of H^-1, i.e. the smallest mean variance
-of the parameters in units of their scale (Pukelsheim, *Optimal Design of Experiments*, 1993).
+volume of the joint interval. A-optimal data have the smallest trace of H^-1. This is the smallest mean
+variance of the parameters in units of their scale (Pukelsheim, *Optimal Design of Experiments*, 1993).
 """
 
 from __future__ import annotations

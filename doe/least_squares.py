@@ -223,8 +223,8 @@ def least_squares(
     ``max_steps``: largest number of trial points of a search. ``at_rest``: > 0; a search has converged if its
     next undamped step is shorter than this [standard deviations].
 
-    Returns one result for each start, smallest deviance first. If a search ended by a failed run or by the
-    step limit, `converged` is False, `ended` gives the reason, and the result is its best point. Raises
+    Returns one result for each start, smallest deviance first. A search may end by a failed run or by the
+    step limit. Then `converged` is False, `ended` gives the reason, and the result is its best point. Raises
     ValueError if the runs at all starts failed.
     """
     if not 0.0 < step <= 0.1:

@@ -115,8 +115,8 @@ class Ending:
 class EnergyLedger:
     """Energy balance at the surface times of a batch: the work of the platens and the other energies.
 
-    Every field is an energy [J], shape [n_samples, n_surface_times]. A field ends in NaN after the end time
-    of a simulation that did not complete (see `Response.outcomes`), and is NaN at the times that
+    Every field is an energy [J], shape [n_samples, n_surface_times]. A field is NaN after the end time of a
+    simulation that did not complete (see `Response.outcomes`). It is also NaN at the times that
     `Sampling.ledger_every` omits.
     """
 

@@ -2,12 +2,12 @@
 
 Shots of the population of `populations.wrong_inputs` (each seed gives one population) are identified with all
 mechanisms. They are also identified with one mechanism switched off at a time. Search, weights and
-uncertainty are tested on correct shots. The first columns of their table are the element updates over those
-of 100 runs of the solver's problem, and the errors of m, nu and beta over their standard uncertainties (root
-mean square). Then follow the error of m and its uncertainty. The last columns count shots with a larger error
-of m than with all mechanisms, and shots with every true value within k = 2. The diagnosis is tested on wrong
-inputs, with one shot for each row of that study. Its table gives the rank of the correct cause. A mechanism
-is unnecessary if no result is significantly worse without it.
+uncertainty are tested on correct shots. The first column of their table gives the element updates over those
+of 100 runs of the solver's problem. The next gives the errors of m, nu and beta over their standard
+uncertainties (root mean square). Then follow the error of m and its uncertainty. The last columns count shots
+with a larger error of m than with all mechanisms, and shots with every true value within k = 2. The diagnosis
+is tested on wrong inputs, with one shot for each row of that study. Its table gives the rank of the correct
+cause. A mechanism is unnecessary if no result is significantly worse without it.
 """
 
 import argparse

@@ -1,9 +1,9 @@
 """Synthetic bar signals with a known answer: `python -m populations.bar_signals [--count N] [--workers N]`.
 
 The study draws two populations of tests between bars. The thresholds were chosen on the first population and
-are tested on the second. It counts four results: offsets of the first rises relative to their sigma; correct
-and wrong distances that are distinguished; mean stresses reported for flow and for increasing stress; drifts
-after the baseline within their sigma. It writes `populations/results/bar_signals.json`.
+are tested on the second. It counts offsets of the first rises relative to their sigma, and distinguished
+correct and wrong distances. It also counts reported mean stresses for flow and for increasing stress, and
+drifts after the baseline within their sigma. It writes `populations/results/bar_signals.json`.
 `tests/validation/bars_page.py` makes a table of this file.
 """
 

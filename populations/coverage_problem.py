@@ -36,9 +36,9 @@ LEAST_INSIDE = 0.9
 """Smallest share of the outline's points that must be visible [-]. The other points have rolled onto a
 platen."""
 FORCE_SIGMA, FLYER_SIGMA, OUTLINE_SIGMA, CURVE_SIGMA = 0.146, 1e-6, 4e-6, 0.002
-"""Noise of open-01 for four readings: a sample of the force [N], a displacement of the flyer [m], a point of
-the outline [m], and a stress of the quasi-static curve relative to its value [-]. Each experiment has a
-random multiple of it, see `NOISE`."""
+"""Noise of four readings of open-01: force sample [N], displacement of the flyer [m], point of the outline
+[m], and relative noise of a stress of the quasi-static curve [-]. Each experiment has a random multiple of
+it, see `NOISE`."""
 NOISE = (0.6, 1.6)
 """Range of an instrument's noise over that of open-01, log-uniformly distributed [-]."""
 TRUTH_ELEMENTS = ("fbar", "one_point")

@@ -2,8 +2,8 @@
 constants or curve.
 
 The kernels read a cubic for every interval of Marlow's law. It follows from the quotient 2 U' and its slope
-at both ends: two unknowns at every knot. The monotone cubic gives the slopes from the points of a curve, so
-the derivative by a point sums its effects on the neighbouring quotients and slopes.
+at both ends: two unknowns at every knot. The monotone cubic gives the slopes from the points of a curve. The
+derivative by a point is therefore the sum of its effects on the neighbouring quotients and slopes.
 """
 
 from collections.abc import Callable
@@ -93,9 +93,9 @@ def gradient(
     Raises
     ------
     ValueError
-        If there is not exactly one sample, a requested time is before the start, the wave in a bar returns
-        within a segment, the cotangent has other shapes than the histories, or the run does not reach its
-        end.
+        If there is not exactly one sample, or a requested time is before the start. If the wave in a bar
+        returns within a segment, or the run does not reach its end. If the cotangent and the histories have
+        different shapes.
     """
     if checkpoint_every < 1:
         raise ValueError(f"checkpoint_every must be >= 1 step, got {checkpoint_every}")

@@ -187,8 +187,8 @@ def jacobian(
     """Derivatives of forces, impulses and side surface by parameters, in one batch of perturbed runs.
 
     Differences are central, (f(p + h) - f(p - h)) / 2 h, and one-sided of second order where a bound of the
-    parameter is near. The error of an entry is the Richardson estimate r^2 / (r^2 - 1) |D(h) - D(h / r)|
-    from the chosen step and the next smaller one; on the narrow side of the V it is about the round-off.
+    parameter is near. The error of an entry is the Richardson estimate r^2 / (r^2 - 1) |D(h) - D(h / r)| from
+    the chosen step and the next smaller one. For steps below the minimum of the V it is about the round-off.
 
     Parameters
     ----------
@@ -209,8 +209,8 @@ def jacobian(
     Raises
     ------
     ValueError
-        If there is not exactly one sample, a parameter is unknown, repeated or has no effect in the model, a
-        step leaves a parameter's range, or a run does not complete.
+        If there is not exactly one sample, or a run does not complete. If a parameter is unknown, repeated or
+        without effect in the model, or a step leaves its range.
     """
     names, ladder = tuple(parameters), np.asarray(relative_steps, dtype=float)
     _check(model, samples, names, ladder)

@@ -310,8 +310,8 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     Raises
     ------
     ValueError
-        If there is not exactly one sample, it refers to a material or motion that the model does not have,
-        the precision is single, or the support or a contact law has no adjoint.
+        If there is not exactly one sample, or it refers to a missing material or motion. If the precision is
+        single, or the support or a contact law has no adjoint.
     """
     if len(samples) != 1:
         raise ValueError(f"samples must be one sample, the point to differentiate at, got {len(samples)}")

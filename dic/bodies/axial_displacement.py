@@ -349,7 +349,7 @@ class AxialDisplacement:
     """Standard deviation of the mean position at rest [m]. It is common to all later displacements."""
     from_rim: bool = False
     """True if no static frame shows the body. The rim of the body's face at the specimen's upper end then
-    gives the position at rest, and the displacement in the static frames is zero as declared."""
+    gives the position at rest. The displacement in the static frames is zero by declaration."""
     rim_disagreement: tuple[float, float] | None = None
     """Height at rest of the rim of the body's face above the specimen's upper end, and its standard deviation
     [m]. The specimen's length gives the upper end. None if the body or its rim is not visible at rest."""

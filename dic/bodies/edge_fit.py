@@ -1,8 +1,8 @@
 """Edge between two bodies in strips of pictures, by a maximum-likelihood fit of the rows' covariance.
 
 The rows of a strip are parallel to the edge; each column crosses it. Each column is a sample of a Gaussian
-process: the paint of each body has a covariance that ends at the edge, and the optics blur the result. The
-mean and the shading of each row are removed; the brightness of the bodies has no effect.
+process. The paint of each body has a covariance that ends at the edge. The optics blur the result. The mean
+and the shading of each row are removed; the brightness of the bodies has no effect.
 """
 
 from collections.abc import Iterable, Iterator

@@ -1,8 +1,8 @@
 """Rest position of the flyer from its rim. Until the flyer moves, its face touches the specimen's upper end.
 
 Every picture is sampled at the same positions on the flyer's cylinder. The paint then ends at the rim in all
-frames of a camera (`dic.bodies.edge_fit`). The rim's position on the body, the specimen's declared length and
-its lower end give the translation at rest, even if no picture shows the flyer at rest.
+frames of a camera (`dic.bodies.edge_fit`). The translation at rest follows from the rim's position on the
+body, the specimen's declared length and its lower end. No picture needs to show the flyer at rest.
 """
 
 from dataclasses import dataclass

@@ -295,7 +295,7 @@ def _upper(x: Single, bell: Single) -> Single:
     """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2).
 
     Hastings' approximation (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26) takes a tenth
-    of the time of SciPy's, which was a third of that of the fit.
+    of the time of SciPy's function.
     """
     t = 1.0 / (1.0 + HASTINGS[0] / np.sqrt(2.0, dtype=x.dtype) * np.abs(x))
     total = np.zeros_like(t)

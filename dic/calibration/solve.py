@@ -351,7 +351,7 @@ class Verdicts:
     good: list[View]
     """Views with the points used."""
     used: dict[tuple[int, int], NDArray[np.bool_]]
-    """(pair, camera) -> which points of the view were used."""
+    """Mask of the used points of a view, by (pair, camera)."""
     bad: dict[int, str]
     """Pair -> reason why it was left out."""
 
@@ -535,7 +535,7 @@ def calibrate(
     dic.calibration.bundle.Undetermined
         If the pictures do not determine the requested parameters.
     ValueError
-        Lists of different lengths, or an unknown distortion model.
+        If lists have different lengths, or the distortion model is unknown.
     """
     n = len(views0)
     targets = list(target) if isinstance(target, Sequence) else [target] * n

@@ -24,8 +24,8 @@ from dic.surfaces.surface_history import CentrePoints, referenced, static_mean, 
 MODEL = 0.06
 """Standard deviation of an edge due to effects that the model does not include [px]."""
 PHASES = (0.0, 0.5)
-"""Shifts of the strip that are tried [px]: the error of a fit depends on the sub-pixel position of the
-strip's rows, with a period of one pixel."""
+"""Tried shifts of the strip [px]. The error of a fit depends on the sub-pixel position of the strip's rows,
+with a period of one pixel."""
 LEAST_GAP = 0.5
 """Largest gap in the paint before the edge that is ignored [px]."""
 SHARE = 0.4

@@ -1,8 +1,8 @@
 """A series of pictures of one camera: from a file, from memory, or decoded once; limits for all readers.
 
-Limits are checked before memory is allocated. Grey values of 10 and 12 bits may be packed without gaps,
-most significant bit first, as in TIFF (12 bits), Photron's `.mraw` and Phantom's P10 and P12L: four values
-of 10 bits in five bytes, two of 12 bits in three.
+Limits are checked before memory is allocated. Grey values of 10 and 12 bits may be packed without gaps, most
+significant bit first: four values of 10 bits in five bytes, two of 12 bits in three. Such formats are TIFF
+(12 bits), Photron's `.mraw` and Phantom's P10 and P12L.
 """
 
 import operator

@@ -30,8 +30,8 @@ class SurrogateError(ValueError):
 class Kernel:
     """A radial function of the distance in the unit box, and the degree of its polynomial tail.
 
-    Raises ValueError if the name is unknown, the degree too low for it, or `shape` is missing, not positive,
-    or given for a kernel that has none.
+    Raises ValueError if the name is unknown or its degree is too low. Also if `shape` is missing or not
+    positive, or if the kernel has no shape parameter.
     """
 
     name: str

@@ -191,8 +191,8 @@ class ResponseSurrogate:
         ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``kernels``: candidates. A single candidate
         is used without comparison. Raises ValueError if a point is outside the box, shapes do not match, or
         an option is outside its range. Raises SurrogateError if a response is not finite, or no kernel can be
-        used: too few runs (the message gives the required number), coinciding runs, an ill-conditioned
-        system.
+        used. Causes are too few runs (the message gives the required number), coinciding runs, or an
+        ill-conditioned system.
         """
         x, y = checked_runs(box, points, responses)
         components = PrincipalComponents.fit(y, scale=scale, variance=variance)

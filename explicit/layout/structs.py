@@ -184,7 +184,7 @@ class Control(IntEnum):
     SMALLEST_STEP = 4
     FIRST_STEP = 5
     PAST_DATA = 6
-    """Largest volume past the material's data [m^3]."""
+    """Largest volume beyond the material's data [m^3]."""
     MOST_STRAINED = 7
     """Largest s = sqrt(I1_bar - 3) [-]."""
     FORCE_FLYER = 8

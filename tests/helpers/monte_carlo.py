@@ -58,8 +58,8 @@ def monte_carlo(
     trials). ``distributions``: by name of the quantity, a key of `DISTRIBUTIONS` or "t". Without an entry
     "normal", or with finite degrees of freedom "t", scaled by sigma (JCGM 101, 6.4.9). ``correlations``:
     coefficients of pairs of quantities, which must be normal then. ``probability``: of the coverage intervals
-    [-]. Raises ValueError if an option or quantity is impossible, a t distribution has fewer than 3 degrees
-    of freedom (its standard deviation would not exist), or an output is not finite or changes its shape.
+    [-]. Raises ValueError if an option or quantity is impossible, or an output is not finite or changes its
+    shape. Also if a t distribution has fewer than 3 degrees of freedom: it has no standard deviation then.
     """
     check_quantities(quantities)
     if trials < 100:

@@ -1,4 +1,4 @@
-"""Force of the bonded strip of `benchmarks/equilibrium.py` by DOLFINx, as its manual shows hyperelasticity.
+"""Force of the bonded strip of `benchmarks/equilibrium.py` by DOLFINx, as in its manual for hyperelasticity.
 
 Usage: /usr/bin/python3 J_dolfinx.py 20x5x1 [--order 2] [--solver mumps] [--out J_strip.csv]
 

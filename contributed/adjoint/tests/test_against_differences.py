@@ -54,8 +54,8 @@ POINT = {
 BAR = CharacteristicBar(impedance=30.0, round_trip=3e-4)
 """A light and short bar: the platen in front of it moves by half a millimetre."""
 ALLOWED = 1e-6
-"""Allowed difference between a gradient and its difference quotient [-]: round-off of the objective, 1e-15
-amplified a hundredfold by the run, over a step of 1e-6 or more."""
+"""Allowed difference between a gradient and its difference quotient [-]. It is the round-off of the objective
+over a step of 1e-6 or more. The run amplifies the round-off of 1e-15 a hundredfold."""
 FORWARD = 1e-10
 """Allowed distance from `explicit.run` over the largest value [-]. The cause is round-off, because only
 `explicit.run` uses fused multiply-adds. Contact amplifies it; a force divides it by the interval of a
@@ -279,8 +279,8 @@ MESHES = ((8, 11), (16, 22), (32, 44))
 WIDE, BETWEEN = (0.03, 0.02, 0.015), (1e-5, 5e-6, 2.5e-6)
 """Ladders of steps that include some landings, and between two landings [-]."""
 BOTTOM = 1e-7
-"""Allowed change of a derivative at the minimum of the V [-]: round-off of 1e-15, amplified a hundredfold by
-a few hundred steps, over a step of 1e-5."""
+"""Allowed change of a derivative at the minimum of the V [-]. It is the round-off of 1e-15 over a step of
+1e-5. A few hundred steps amplify it a hundredfold."""
 ADJOINT = 1e-7
 """Allowed distance of the differences from the adjoint, over the derivative [-]: as `BOTTOM`."""
 WAVE = 3e-3

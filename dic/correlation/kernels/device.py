@@ -424,8 +424,8 @@ def _without(expected: str) -> Iterator[None]:
 
 
 def coefficients(greys: Sequence[NDArray[np.float32]], prefilter: float, device: str) -> Any:
-    """Coefficients of the quintic B-splines through pictures of one shape, with mirrored margins, on a
-    device; shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
+    """Coefficients of the quintic B-splines through pictures of one shape, on a device. They have mirrored
+    margins; shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
     where = select_device(device)
     if where.is_cuda:
         return on_device(greys, prefilter, where)

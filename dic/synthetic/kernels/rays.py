@@ -430,9 +430,9 @@ def across(
 ):
     """Weighted sums of rays along the rows: the integral of the blurred light over a pixel's width.
 
-    `table` holds the weights of a pixel's rays along one axis for lenses of the standard deviations
-    `sharpest`, `sharpest + step`, ... [px]. Away from the plane of focus the circle of confusion, a disc of
-    diameter coc |1/focus - 1/depth|, adds a sixteenth of its square to the variance.
+    `table` contains the weights of a pixel's rays along one axis for lenses of the standard deviations
+    `sharpest`, `sharpest + step`, ... [px]. Out of focus the circle of confusion has the diameter coc
+    |1/focus - 1/depth|. It adds a sixteenth of the square of this diameter to the variance.
     """
     index, row, column = wp.tid()
     for c in range(column, column + run):
