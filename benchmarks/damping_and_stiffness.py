@@ -22,8 +22,8 @@ from kolsky.shot.load import load_shot
 FACTORS = np.linspace(0.6, 1.3, 36)
 """Stiffness factors of the runs."""
 NEAR, EVERY = 4, 5
-"""A parabola uses this number of runs on either side of the minimum. A coarse design uses one run in the
-second number."""
+"""A parabola uses this number of runs on either side of the minimum. The second number is the interval of the
+runs in a coarse design."""
 OPEN_01 = Path(__file__).parents[1] / "runs" / "open-01"
 
 

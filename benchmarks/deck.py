@@ -4,7 +4,7 @@ Units are mm, t, s, N and MPa. In metres CalculiX 2.20 gives much too low forces
 without a message. Example: 0.15 N instead of 0.84 N in mm (static, 10 %, nu = 0.495). Elements are CAX4R,
 one-point quadrilaterals as in the solver; CAX4 locks (10 % too stiff in that case). The implicit procedure
 has no material damping. Its side surface penetrates the platens; in the solver it rolls onto them. Compare
-undamped runs at times before that.
+undamped runs, at times before the side touches the platens.
 """
 
 import numpy as np

@@ -11,9 +11,9 @@
 
 The strip is that of Schumacher and others (2020): 100 x 25 x 5 mm, bonded at both ends. Its material is a
 neo-Hookean rubber with Poisson's ratio 0.45. `--peer felupe` solves the same mesh with the same element, law,
-Gauss points and steps; `--peer dolfinx` does so by `tests/reference/J_dolfinx.py` in a Python that has
-DOLFINx (Debian: python3-dolfinx) with MUMPS. All programs use the same number of threads. The command prints
-wall time and processor time of both, their ratio and the largest difference of the forces. Set
+Gauss points and steps. `--peer dolfinx` also does this, with `tests/reference/J_dolfinx.py` and MUMPS. It
+needs a Python that has DOLFINx (Debian: python3-dolfinx). All programs use the same number of threads. The
+command prints wall time and processor time of both, their ratio and the largest difference of the forces. Set
 OMP_NUM_THREADS=1 and run nothing else at the same time; other work has little influence on the ratio of
 processor times.
 """

@@ -155,7 +155,7 @@ class Box:
         """The points as an array [n, d], after a check that all lie in the box.
 
         ``what``: what a row is, for the message, e.g. "run". Raises ValueError if the shape is not [n, d], a
-        value is not finite, or a point lies outside; the message names the row, the parameter, the value and
+        value is not finite, or a point lies outside. The message names the row, the parameter, the value and
         the bounds.
         """
         x = self._checked(points)

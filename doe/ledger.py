@@ -212,8 +212,8 @@ class Ledger:
         """Copy the runs of all models of another ledger in one transaction, and return their number.
 
         A completed run replaces one that did not complete; a completed run is never replaced. Raises
-        LedgerError if the other file does not exist, is not a ledger or contains a damaged row, or if the two
-        files have different results of one completed run.
+        LedgerError if the other file does not exist, is not a ledger or contains a damaged row. Also if the
+        two files have different results of one completed run.
         """
         if not Path(path).is_file():
             raise LedgerError(f"{path}: there is no such ledger")

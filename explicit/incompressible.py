@@ -91,8 +91,8 @@ def run_nearly_incompressible(
     Raises
     ------
     ValueError
-        If a Poisson's ratio is not above `compressible`, the meshes are not of one specimen or not
-        successively coarser, or all nodes are to be recorded.
+        If a Poisson's ratio is not above `compressible`. If the meshes are not of one specimen or not
+        successively coarser. If all nodes are to be recorded.
     """
     _check(model.mesh, coarse, samples, sampling, compressible)
     soft = replace(samples, poisson=np.full(len(samples), compressible))

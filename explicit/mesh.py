@@ -87,9 +87,9 @@ class Mesh:
 
     @cached_property
     def corners_of_node(self) -> tuple[IntArray, IntArray]:
-        """Element corners that meet at each node: the first entry of each node, shape [n_nodes + 1], and the
-        flat corner index 4 * element + position, shape [4 n_elements]. The index is ascending for each node;
-        a gather therefore adds the corner forces in a fixed order."""
+        """Element corners that meet at each node. The first array has the first entry of each node, shape
+        [n_nodes + 1]. The second has the flat corner index 4 * element + position, shape [4 n_elements]. The
+        index is ascending for each node; a gather therefore adds the corner forces in a fixed order."""
         flat = self.quads.ravel()
         corner = np.argsort(flat, kind="stable")
         start = np.searchsorted(flat[corner], np.arange(self.n_nodes + 1))

@@ -55,8 +55,8 @@ class StepSequence:
 class ForceSampling:
     """The linear map from the forces of the steps to force and impulse at the requested times.
 
-    The interpolation is that of the time loop: a force is linear between two steps, and an impulse increases
-    with the force of the step that contains the time.
+    The interpolation is that of the time loop. A force is linear between two steps. An impulse increases with
+    the force of the step that contains the time.
     """
 
     steps: StepSequence

@@ -373,7 +373,7 @@ class EdgeRegistration:
     def _compare(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, float, float, float, int]:
-        """Returns five numbers at a translation y: the correlation, the Gauss-Newton step of y [m], its
+        """Five numbers at a translation y. They are the correlation, the Gauss-Newton step of y [m], its
         variance, the part of the rows' offsets in its sigma [m], and the number of pixels."""
         parts = self._visible(pictures, near, y, mask)
         zncc, n = _zncc_of(parts), sum(len(part.grey) for part in parts)

@@ -41,8 +41,8 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track, Tracking
 
 CLEAR = 1.0
-"""Such a region is cut off at this distance from the rim, the blur of the edge [px]. A detected region has
-the same distance."""
+"""A region that contains part of the face is cut off at this distance from the rim, the blur of the edge
+[px]. A detected region has the same distance."""
 
 
 def before_rim(

@@ -49,7 +49,7 @@ def past_the_ends(
     """Valid points whose subset reaches past an end: a camera cannot see a part of it.
 
     The masked subset extends a known number of pixels from its point toward either end in the material
-    picture. Deformed with the point's warp, this extent must fit between the point and that end in each
+    picture. The point's warp deforms this extent. It must then fit between the point and the end in each
     camera's picture. If the platen's rim hides the end, the rim is used instead of the end.
     """
     r = body.reconstruction

@@ -72,8 +72,8 @@ def frame_health(
     """Inspect every frame of a series.
 
     A frame is SATURATED if more than `most_saturated` of its pixels are at the ceiling. It is BLACK if it
-    shows only noise: the correlation of neighbouring pixels is less than 0.2, or the contrast is below
-    `noise`, or below `least_contrast` of the series' median contrast. It is REPEATED if every pixel equals
+    shows only noise. Then the correlation of neighbouring pixels is less than 0.2, or the contrast is below
+    `noise` or below `least_contrast` of the series' median contrast. It is REPEATED if every pixel equals
     that of the previous frame: the noise of two exposures would differ.
 
     ``pictures``: the series. ``mask``: pixels that are inspected, shape [rows, columns]; None: all.

@@ -185,7 +185,7 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
 
 
 def read_files(files: Sequence[Path]) -> NumberedPictures:
-    """Open picture files in the given order; frame i is file i, and a file that does not exist is a missing
+    """Open picture files in the given order. Frame i is file i. A file that does not exist is a missing
     frame."""
     if not files:
         raise PictureError("list of files", "it is empty", cure="name a file at least")

@@ -47,11 +47,12 @@ def outline(
     ``surface``: the measured surface. ``points``: positions of its points in the material picture, on a grid
     along the axis [px], shape [n_points, 2]. ``half_width``: points within this distance of the centre plane
     in their frame are used [m]. ``subset``: side of the subsets in the material picture [px]. ``shape``:
-    shape function of the matches, the one of higher order of tracking and stereo. ``axis_x``, ``axis_Z``:
-    position of the specimen's axis in the surface's frame [m]. Returns: the outline frame by frame; within a
-    frame the rows are ordered by increasing y at rest. `left_out` counts the invalid points whose reference
-    position lies in the strip. Raises ValueError if `half_width` or `subset` is not positive, if `points` has
-    another shape, or if a valid point of the strip is not on the camera side of the axis.
+    shape function of the matches. If those of tracking and stereo differ, it is the one of higher order.
+    ``axis_x``, ``axis_Z``: position of the specimen's axis in the surface's frame [m]. Returns: the outline
+    frame by frame. Within a frame the rows are ordered by increasing y at rest. `left_out` counts the invalid
+    points whose reference position lies in the strip. Raises ValueError if `half_width` or `subset` is not
+    positive, if `points` has another shape, or if a valid point of the strip is not on the camera side of the
+    axis.
     """
     if not (np.isfinite(half_width) and half_width > 0.0 and np.isfinite(subset) and subset > 0.0):
         raise ValueError(

@@ -141,8 +141,8 @@ class Scene:
     def judge(self, picture: Picture | None) -> FrameOutcome:
         """Outcome of a picture: whether it shows the specimen.
 
-        A picture is saturated if at least half of its pixels lie within 2 % of its largest grey value, and
-        this value is above the mean of the material picture. It is black if its contrast is below a tenth of
+        A picture is saturated if at least half of its pixels are within 2 % of its largest grey value. This
+        value must be above the mean of the material picture. It is black if its contrast is below a tenth of
         that of the material picture. It is also black if neighbouring pixels differ as much as distant ones
         do.
 

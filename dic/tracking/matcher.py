@@ -230,9 +230,9 @@ def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArra
 
 
 RESIDUE = 2.0
-"""Empirical factor of the variance that a change of reference adds to the chain. It is the added share of the
-match's variance, over the variance of the match in the material times its samples (verification page of the
-tracking)."""
+"""Empirical factor of the variance that a change of reference adds to the chain (verification page of the
+tracking). The added share of the match's variance is this factor times the variance of the match in the
+material times its samples."""
 
 
 @dataclass(frozen=True)

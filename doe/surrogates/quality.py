@@ -96,8 +96,8 @@ def fitness(
 
     ``points``, ``responses``: the runs in the box, shapes [n, d] and [n, k]. ``sigma``: noise of each entry,
     in response units, a number or shape [k]. ``allowed``: largest allowed error, > 0. ``gain``: linear map
-    from a change of the response to the quantity of interest, in units of its allowed error, shape [m, k];
-    e.g. the optimum's move over its half width. The error is then the root mean square of its largest
+    from a change of the response to the quantity of interest, in units of its allowed error, shape [m, k]. An
+    example is the optimum's move over its half width. The error is then the root mean square of its largest
     component. Without `gain` it is that of residual / sigma over all entries.
     """
     if not 0.0 < allowed < np.inf:

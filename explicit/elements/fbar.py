@@ -77,8 +77,8 @@ def fbar_point_functions(law: type, precision: Precision, bound: str) -> PointFu
         vy: vec4,
         measure: int,
     ):
-        """Isochoric and deviatoric viscous forces, gradient of the deformed volume, w (J - 1), the smaller
-        of J and its planar part, power, and the bounds of `forces`."""
+        """Returns the isochoric and deviatoric viscous forces, the gradient of the deformed volume, and w (J
+        - 1). Also the smaller of J and its planar part, the power, and the bounds of `forces`."""
         h11, h12 = wp.dot(ur, gradient_r), wp.dot(ur, gradient_y)
         h21, h22 = wp.dot(uy, gradient_r), wp.dot(uy, gradient_y)
         h33 = wp.dot(ur, hoop)

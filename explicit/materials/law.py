@@ -10,7 +10,7 @@ To add a law write one file in `explicit.materials.laws` with
    one field for each entry of its ``PARAMETERS``, in that order;
 2. its energy and derivatives in NumPy (``W``, ``dW_dI``, ``d2W_dI2``, or the three of a `StretchLaw`). Tests
 and fits use this twin. The kernels include I2_bar if this energy depends on it; 3. the same as Warp functions
-of ``(..., row)``, where ``row`` holds what its ``parameters`` returns; 4. one line in
+of ``(..., row)``; ``row`` contains the result of its ``parameters``; 4. one line in
 `explicit.materials.laws.LAWS`.
 
 `tests/unit/explicit/test_material_laws.py` compares the stress and tangent of every law in `LAWS` with its

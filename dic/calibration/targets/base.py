@@ -46,8 +46,8 @@ class Geometry:
     normals: FloatArray
     """Outward unit normals of the surface, shape [n, 3]; used where `spread` is not zero."""
     spread: FloatArray
-    """Second moment per axis, in the surface, of the patch of a point's centroid [m²], shape [n]: r²/4 for a
-    disc, zero for a corner."""
+    """Second moment per axis of the patch whose centroid is the point [m²], shape [n]. It is taken in the
+    surface: r²/4 for a disc, zero for a corner."""
     bend: FloatArray
     """Direction of the surface's curvature times the root of the curvature [m^-½], shape [n, 3]; zero if
     flat."""

@@ -130,7 +130,7 @@ class ReducedPolynomial(_Yeoh):
 
     @property
     def C30(self) -> float:  # type: ignore[override]
-        """Always 0: the law has no term of third order."""
+        """Always 0, because the law has no term of third order."""
         return 0.0
 
 
