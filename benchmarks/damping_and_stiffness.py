@@ -1,9 +1,9 @@
 """Effect of an assumed damping on m for each misfit: `python -m benchmarks.damping_and_stiffness [SHOT]`.
 
-A shot is run over a range of stiffness at its damping and at four times that. The table gives one optimum for
-each misfit: the paper's Phi (Eq. M.5), its two parts, and the sum of squares of the force. This sum is taken
-over the whole window and over its thirds. The table also gives the optimum of surrogates through eight of the
-runs.
+A shot is run over a range of stiffness, at its damping and at four times its damping. The table gives one
+optimum for each misfit: the paper's Phi (Eq. M.5), its two parts, and the sum of squares of the force. This
+sum is taken over the whole window and over its thirds. The table also gives the optimum of surrogates through
+eight of the runs.
 """
 
 import sys

@@ -102,10 +102,10 @@ of m exceeds this. Below this error the wrong input has no significant effect.""
 def judged(row: Row, said: dict[str, Any]) -> str:
     """Outcome of a job.
 
-    For a correct shot "quiet" or "alarm". For the curve's scale "said" or "silent". Otherwise: "first" or
-    "second", the rank of the correct cause among the likely ones; "refused" with the correct key in the
-    message; "other" cause or "none" reported and the value withheld; "harmless", an answer whose interval
-    contains the truth; "confident", a wrong answer.
+    A correct shot is "quiet" or "alarm". The curve's scale is "said" or "silent". For all others "first" or
+    "second" is the rank of the correct cause among the likely ones. "refused" is a rejection with the correct
+    key in its message. With "other" or "none" the value is withheld, and another cause or no cause is
+    reported. "harmless" is an answer whose interval contains the truth, "confident" a wrong answer.
     """
     right = {row.key, *row.names} - {""}
     if said["refused"]:

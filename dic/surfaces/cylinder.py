@@ -1,9 +1,9 @@
 """Best-fit circular cylinder of measured points, and the test frame on it.
 
-The test frame has y along the specimen's axis, Z toward the cameras, and x right-handed; the direction of the
-axis and y = 0 are declared. Distances are weighted with the noise ``nᵀ C n`` along the normal n. If only part
-of the circumference is visible, radius and depth of the axis are strongly correlated. The covariance includes
-this correlation.
+The test frame is right-handed, with y along the specimen's axis and Z toward the cameras. The direction of
+the axis and y = 0 are declared. Distances are weighted with the noise ``nᵀ C n`` along the normal n. If only
+part of the circumference is visible, radius and depth of the axis are strongly correlated. The covariance
+includes this correlation.
 """
 
 from dataclasses import dataclass

@@ -40,9 +40,9 @@ class ElementFunctions:
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any
     """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power, artificial)``:
-    from the corners' displacements and velocities: corner forces [N], the bound for the stable step [1/s^2],
-    and the powers dissipated by the solid's damping and by hourglass control [W]. The bound is 0 unless
-    `measure` is 1, and `INVERTED` if the element is inverted."""
+    corner forces [N], the bound for the stable step [1/s^2], and the powers dissipated by the solid's damping
+    and by hourglass control [W]. They follow from the corners' displacements and velocities. The bound is 0
+    unless `measure` is 1, and `INVERTED` if the element is inverted."""
     energies: Any
     """``energies(shape, solid, row, ur, uy) -> (elastic, hourglass, s)``: stored energies [J], and the
     largest s = sqrt(I1_bar - 3) of the element's stress points [-]."""

@@ -49,7 +49,7 @@ def assert_order(
 ) -> FittedOrder:
     """Assert that the errors decrease as h^expected, within `tolerance` on the exponent.
 
-    The slope can fail, and the straight line can fail. If the standard error of the slope is larger than
+    Both the slope and the straight line are tested. If the standard error of the slope is larger than
     `tolerance`, the series is not one power law, independent of its mean slope. Causes are a noise floor, a
     coarse mesh outside the asymptotic range, or another kind of error.
 
