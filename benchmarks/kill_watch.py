@@ -58,8 +58,8 @@ def end_of(run: subprocess.Popen[str], since: float, longest: float) -> tuple[st
 def runs(process: psutil.Process) -> bool:
     """Whether a process has not ended.
 
-    An ended process stays in the process table until its exit code is read. For an orphan the first process
-    of the machine does this, possibly seconds later.
+    An ended process remains in the process table until its exit code is read. For an orphan the machine's
+    first process reads it, possibly seconds later.
     """
     try:
         return bool(process.status() != psutil.STATUS_ZOMBIE)

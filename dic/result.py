@@ -130,8 +130,8 @@ class StereoResult(ResultViews):
 
     @property
     def strain_noise(self) -> FloatArray:
-        """Standard deviation of strains over the static frames, root mean square over the points with a
-        strain in all of them: around, along, shear [-], shape [3]; NaN if there are no such points."""
+        """Standard deviation of strains over the static frames: around, along, shear [-], shape [3]. It is
+        the root mean square over the points with a strain in all static frames; NaN without such points."""
         values = self.strain.value[self.static & (self.outcome == FrameOutcome.VALID)]
         values = values[:, np.isfinite(values).all(axis=(0, 2))]
         if len(values) < SMALLEST_SERIES or values.shape[1] == 0:

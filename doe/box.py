@@ -214,7 +214,7 @@ class Box:
 
 
 LONGEST = 500
-"""Largest number of characters of a constraint: enough for manual input, too few to exhaust a parser."""
+"""Largest number of characters of a constraint. It is enough for manual input and protects the parser."""
 ARITHMETIC: dict[type[ast.operator], Callable[[FloatArray, FloatArray], FloatArray]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,

@@ -110,7 +110,7 @@ OLDEST = (3, 37, 0)
 
 
 class LedgerError(Exception):
-    """A file that is not a ledger, is damaged, or is in use."""
+    """The file is not a ledger, is damaged, or is in use."""
 
 
 class Ledger:

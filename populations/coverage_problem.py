@@ -1,10 +1,10 @@
 """Synthetic experiments with a known answer, in groups of one specimen size and one frame rate.
 
-The truth is the mean of both elements on a mesh at least 1.5 times finer than any mesh of the identification,
-with further refinement toward the faces' edges. It is computed with the exact path of the flyer and the exact
-curve. Many inputs differ from experiment to experiment. Of the material these are curve, stiffness factor,
-Poisson's ratio, damping and friction. Of the flyer they are speed, rise, shape and drag. The noise of every
-instrument also differs.
+The truth is the mean of both elements on a mesh at least 1.5 times finer than any mesh of the identification.
+This mesh is refined further toward the faces' edges. It is computed with the exact path of the flyer and the
+exact curve. Many inputs differ from experiment to experiment. Of the material these are curve, stiffness
+factor, Poisson's ratio, damping and friction. Of the flyer they are speed, rise, shape and drag. The noise of
+every instrument also differs.
 """
 
 from collections.abc import Sequence

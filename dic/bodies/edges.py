@@ -283,8 +283,8 @@ def clear_edge(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
 def follow_by_correlation(
     pictures: Pictures, frames: Sequence[int], toward: str, inner: slice, start: int, farthest: int
 ) -> tuple[int, FloatArray, int]:
-    """Track the flyer's edge along the path of least correlation from row `start` of the first frame; it
-    cannot reach row `farthest`. Returns the last frame, its picture, and the row before the edge."""
+    """Track the flyer's edge along the path of least correlation from row `start` of the first frame. The
+    edge must stay before row `farthest`. Returns the last frame, its picture, and the row before the edge."""
     cost, back, usable = None, [], []
     picture = np.empty(0)
     for k in frames:

@@ -90,8 +90,8 @@ def of_flyer(required: bool, axial: AxialDisplacement | None) -> list[Remark]:
 
 
 def of_rim(past: float, narrower: bool) -> list[Remark]:
-    """Remark on a region of the flyer that reaches past the rim of its face. ``past``: how far [px].
-    ``narrower``: True if only the part before the rim was tracked."""
+    """Remark on a region of the flyer that reaches past the rim of its face. ``past``: distance past the rim
+    [px]. ``narrower``: True if only the part before the rim was tracked."""
     if past <= 0.0:
         return []
     return [
@@ -280,7 +280,8 @@ def fastest_share(axial: AxialDisplacement, specimen: Body) -> float | None:
 
 
 WANTED = 0.02
-"""Predicted standard deviation of a match above which a subset is reported as too small [px]."""
+"""A subset is reported as too small if the predicted standard deviation of its match is larger than this
+[px]."""
 MOST_AVERAGED = 50
 """Largest number of static pictures that are averaged."""
 

@@ -39,8 +39,8 @@ REACH = 3.5
 RIM_SIGMA = 0.02
 """Relative standard deviation of the platen's radius, if the flyer's radius is used for it [-]."""
 OPEN_RIM = 0.25
-"""Width of the platen's face outside the specimen, over the radius, and its standard deviation, if no radius
-of a platen is known [-]."""
+"""Assumed width of the platen's face outside the specimen, over the radius, and its standard deviation [-].
+They are used if no radius of a platen is known."""
 
 DECLARED = 0.5
 """Standard deviation of a position that a person read from a picture [px]."""

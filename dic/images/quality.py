@@ -268,8 +268,8 @@ class SpeckleQuality:
     """Standard deviation of the noise, root mean square over the mask [grey]."""
     floor: FloatArray
     """Predicted standard deviation of a match in x and y, for a subset centred at each pixel [px], shape
-    [rows, columns, 2]; NaN where less than half of the subset lies in the mask, infinite where the subset has
-    no contrast."""
+    [rows, columns, 2]. It is NaN where less than half of the subset lies in the mask, and infinite where the
+    subset has no contrast."""
     wanted: float | None
     """The requested floor [px]; None if there was no request."""
     needed: IntArray | None

@@ -91,9 +91,9 @@ def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:
 def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
     """Distance of camera 1's points from the epipolar curves of camera 0's, signed [px].
 
-    Positive toward larger y for cameras side by side, toward larger x for cameras one above the other. It is
-    correct to first order in the distance and exact on the curve. Its error comes from the curvature of the
-    curve and from the variation of the lens's magnification within the distance.
+    For cameras side by side it is positive toward larger y. For cameras one above the other it is positive
+    toward larger x. It is correct to first order in the distance and exact on the curve. Its error comes from
+    the curvature of the curve and from the variation of the lens's magnification within the distance.
 
     ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px], shapes [..., 2]. Returns:
     shape [...]; NaN where a pixel is NaN. Raises ValueError if the cameras have the same centre, or a lens

@@ -203,7 +203,7 @@ class GateValues:
     neighbours: FloatArray
     """Distance from the position predicted by the neighbours [px], shape [n]."""
     distinct: FloatArray
-    """ZNSSD over that of the second peak, the worse of both directions [-], shape [n]."""
+    """ZNSSD over that of the second peak [-], shape [n]. It is the worse of both directions."""
     distance: FloatArray
     """Distance along camera 0's ray [m], shape [n]."""
     unseen: FloatArray

@@ -74,11 +74,11 @@ def reconstruct(
     STEREO_MISMATCH if its epipolar distance exceeds both `gate` and `gate_sigmas` predicted standard
     deviations, or if it would lie behind a camera.
 
-    Both tracks begin with the same template, from camera 0's material picture. Due to its noise both tracks
-    follow the same point at a distance ε from the chosen one. With the deformation gradients F₀ and F₁ their
-    errors are F₀ ε and F₁ ε, which shift the reconstructed point along the surface, not off it. Therefore the
-    covariance `common` of ε is subtracted from the cameras' noise. It is added again as the error ``(G₀ F₀ +
-    G₁ F₁) ε`` of the position, G its derivatives by the pixels.
+    Both tracks begin with the same template from camera 0's material picture. Because of its noise, both
+    tracks follow the same point at a distance ε from the chosen point. With the deformation gradients F₀ and
+    F₁ their errors are F₀ ε and F₁ ε. These errors shift the reconstructed point along the surface. The
+    covariance `common` of ε is therefore subtracted from the cameras' noise. It is added as the error ``(G₀
+    F₀ + G₁ F₁) ε`` of the position; G are the derivatives of the position by the pixels.
 
     Parameters
     ----------

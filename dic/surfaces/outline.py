@@ -142,8 +142,8 @@ def departures(
     ``surface``: the measured surface; its axis is that of its frame. ``points``: positions of its points in
     the material picture, on a grid along the axis [px], shape [n_points, 2]. ``half_width``: half width of
     the outline's strip [m]. Returns: the difference for each row of the outline [m], shape [n]; NaN where the
-    lateral surface is not known. Returns: its standard deviation [m], shape [n]: the lateral points of a row
-    share their pixels and count as one.
+    lateral surface is not known. Returns: its standard deviation [m], shape [n]. The lateral points of a row
+    share their pixels and count as one point.
     """
     row = rows_of(surface, points)
     position = surface.position

@@ -122,7 +122,7 @@ def sprayed_drops(
     The drops are independent of each other: n drops of mean area A leave a share exp(-n A / area) uncovered.
     Hence ``n = -ln(1 - coverage) area / A``, with ``A = π/4 size² (1 + spread²)``. Diameters are log-normal.
 
-    ``area``: area of the pattern. Some centres lie on a margin around it. ``size``: mean diameter [m].
+    ``area``: area of the pattern. Centres also lie on a margin around it. ``size``: mean diameter [m].
     ``spread``: standard deviation of the diameters over their mean [-]. ``coverage``: expected covered share
     of the area [-].
     """

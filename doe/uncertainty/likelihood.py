@@ -39,8 +39,8 @@ class Channel:
     sigma: FloatArray
     """Standard deviation of each entry, in the entries' units, shape [k_c]."""
     discrepancy: float | Literal["profiled"] = 0.0
-    """Model discrepancy tau, sigma_eff^2 = sigma^2 + tau^2, in the entries' units. A number is fixed;
-    "profiled" takes the most likely value at every point."""
+    """Model discrepancy tau, sigma_eff^2 = sigma^2 + tau^2, in the entries' units. A number is a fixed tau.
+    "profiled" uses the most likely tau at every point."""
 
     def __post_init__(self) -> None:
         sigma = np.atleast_1d(np.asarray(self.sigma, dtype=np.float64))

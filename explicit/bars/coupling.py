@@ -59,7 +59,7 @@ def simulate_test(
         Compression [m] and force [N] of a rough static curve of the specimen, steep at its end. It affects
         the number of passes, but not the result.
     end : float
-        Last time since the striker touched [s].
+        Last time, measured from the striker's impact [s].
     step : float
         Time step of the bars [s].
     tolerance : float

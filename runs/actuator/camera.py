@@ -1,4 +1,4 @@
-"""A camera that looks at the plane of bending: Zhang's calibration, blue markers in a picture, made
+"""A camera that looks at the plane of bending: Zhang's calibration, blue markers in a picture, synthetic
 pictures."""
 
 from collections.abc import Sequence

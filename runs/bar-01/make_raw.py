@@ -42,7 +42,7 @@ def waves() -> tuple[np.ndarray, ...]:
 
 
 def at_gauge(wave: np.ndarray, distance: float) -> np.ndarray:
-    """A wave at the face as a gauge sees it that much later, or before where negative, shape [SAMPLES]."""
+    """The signal of a wave at a gauge, later than at the face (or earlier if negative), shape [SAMPLES]."""
     quiet = np.zeros(500)
     signal = Signal(ARRIVAL - 500 * INTERVAL, INTERVAL, np.concatenate([quiet, wave, quiet]), 0.0, "1")
     guide = ElasticWaveguide(BAR)

@@ -128,7 +128,8 @@ hollow = [[2, 2], [7, 2], [2, 5]]
 
 
 def board_series(folder: Path) -> Path:
-    """Seven pairs of a board with calibration.toml; the fourth and the sixth of camera 1 are swapped."""
+    """Seven pairs of a board with calibration.toml. The fourth and the sixth picture of camera 1 are
+    swapped."""
     paint = dots(10, 8, 1.2e-3, 0.6e-3, HOLLOW, 0.28e-3)
     rng = np.random.default_rng(5)
     second = []

@@ -72,6 +72,6 @@ def grid(step: int = 8, border: int = 16) -> FloatArray:
 
 
 def truth(points: FloatArray, angle: float = 12.5) -> FloatArray:
-    """Where camera 1 sees what camera 0 sees at `points` [px], shape [n, 2]."""
+    """Positions in camera 1 of the points that camera 0 sees at `points` [px], shape [n, 2]."""
     cameras = rig(angle).cameras
     return cameras[1].project(CYLINDER.hit(cameras[0], points))

@@ -6,8 +6,8 @@ I1_bar = lam^2 + 2 / lam, and 2 U'(I1_bar) = T(lam) / (lam - lam^-2) with the no
 Its limit at s = 0 is E_0 / 3. The neighbouring data give this limit, because the quotient itself is 0 / 0.
 
 Between the data the quotient is interpolated by the monotone (shape-preserving) cubic of Fritsch and
-Carlson in s. Beyond the last datum it continues on its tangent there, so that stress and stiffness stay
-continuous; the solver reports the share of the specimen that was strained past the data.
+Carlson in s. Beyond the last datum it continues on its last tangent, so stress and stiffness are continuous.
+The solver reports the share of the specimen that was strained beyond the data.
 """
 
 from dataclasses import dataclass
