@@ -1,10 +1,10 @@
 """Performance limits of a device, measured in the same run as the solver.
 
-The arithmetic limit is a rate over a number. The rate is that of independent fused multiply-adds at the
-solver's vector width. The number is that of arithmetic instructions in an element update
-(`benchmarks.counting`). No program with these instructions can be faster. Real programs are slower. Divisions
-and roots take several times as long as a multiply-add, and results and memory have latencies. On a GPU a
-second limit is the bandwidth of shared memory divided by the bytes that an update moves there.
+The arithmetic limit is the rate of independent fused multiply-adds at the solver's vector width. It is
+divided by the number of arithmetic instructions of an element update (`benchmarks.counting`). No program with
+these instructions can be faster. Real programs are slower. Divisions and roots take several times as long as
+a multiply-add, and results and memory have latencies. On a GPU a second limit is the bandwidth of shared
+memory divided by the bytes that an update moves there.
 """
 
 import time

@@ -128,8 +128,8 @@ class StepStudy:
     """Change of a derivative from one step of the ladder to the next smaller one (the V).
 
     Changes are root mean squares over both platens, or over radii and heights, relative to that of the
-    derivative. They decrease with the square of the step while it is too large, and increase when it is too
-    small.
+    derivative. They decrease with the square of a step that is too large. They increase again if the step is
+    too small.
     """
 
     step: FloatArray

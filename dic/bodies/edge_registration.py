@@ -217,9 +217,9 @@ class EdgeRegistration:
 
     ``material``: pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
     [rows, columns] each. ``mask``: pixels of the body in camera 0's picture of that time, shape [rows,
-    columns]. ``rig``, ``frame``: the cameras and the test frame, the body is a body of revolution about its y
-    axis. ``places``: points of its surface at translation zero, in the test frame [m], shape [n, 3].
-    ``move``: translation at the time of `material` [m], shape [3].
+    columns]. ``rig``, ``frame``: the cameras and the test frame. The body is a body of revolution about the y
+    axis of this frame. ``places``: points of its surface at translation zero, in the test frame [m], shape
+    [n, 3]. ``move``: translation at the time of `material` [m], shape [3].
     """
 
     def __init__(

@@ -144,7 +144,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
 
     ``pictures``: the series of camera 0. ``static``: frames in which both bodies are at rest, shape
     [n_frames]. ``usable``: frames with a usable picture, shape [n_frames]. Raises ValueError if an edge is
-    not in view or not clear; the message names the edge and asks the user to declare the region.
+    not in view or not clear. The message names the edge and asks the user to declare the region.
     """
     if toward not in TURNS:
         raise ValueError(f"toward must be one of {', '.join(TURNS)}, got {toward!r}")

@@ -507,8 +507,9 @@ def calibrate(
     Parameters
     ----------
     views0, views1
-        Detections of camera 0 and camera 1, one entry per pair: a `Detection`; the `TargetNotFound` that the
-        detection raised; the `PictureError` of an unusable picture; or None without a picture.
+        Detections of camera 0 and camera 1, one entry per pair. An entry is a `Detection`, the
+        `TargetNotFound` of a failed detection, the `PictureError` of an unusable picture, or None without a
+        picture.
     target
         The target, or one target for each pair.
     sensors

@@ -67,7 +67,7 @@ def read_rig(path: Path | str, *, length_unit: float = 1e-3) -> StereoRig:
     ----------
     path
         A VIC-3D project, a DICe camera system (XML or text), a MatchID .caldat, an OpenCV storage file or
-        OpenCorr's camera parameters; they are distinguished by their content.
+        OpenCorr's camera parameters. The format is recognised by the content.
     length_unit
         The file's unit of length [m], that of the calibration target. If a file states its unit, that one is
         used.

@@ -1,7 +1,7 @@
 """Picture series: the registry of file formats, and facts declared by the caller.
 
-A file is recognised by its first bytes, not by its name. To add a format, write its module and add one line
-to `FORMATS`. Series are read lazily. `health` inspects frames; `quality` rates their noise and speckles.
+A file is recognised by its first bytes; its name is not used. To add a format, write its module and add one
+line to `FORMATS`. Series are read lazily. `health` inspects frames; `quality` rates their noise and speckles.
 """
 
 from collections.abc import Callable, Sequence
@@ -153,8 +153,8 @@ def open_pictures(
     Parameters
     ----------
     path
-        A file of any of the formats; a folder with a numbered series of TIFF, PNG, JPEG or BMP files; or
-        a list of such files in the order of the frames.
+        A file of any of the formats, a folder with a numbered series of TIFF, PNG, JPEG or BMP files, or a
+        list of such files in the order of the frames.
     pattern
         In a folder: the names of the series with one `*` for the number, e.g. ``"cam0_*.png"``. In an HDF5
         file: the name of the dataset.

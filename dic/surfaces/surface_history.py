@@ -286,7 +286,7 @@ class NoiseFloor:
 def noise_floor(surface: SurfaceHistory, static: NDArray[np.bool_]) -> NoiseFloor:
     """Noise floor of displacements from static frames.
 
-    ``static``: which frames show it at rest, shape [n_frames]. Raises ValueError if there are fewer than
+    ``static``: True for frames at rest, shape [n_frames]. Raises ValueError if there are fewer than
     three static frames with points, or if no point is valid in all of them.
     """
     frames = np.flatnonzero(static & surface.valid.any(axis=1))

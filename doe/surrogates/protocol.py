@@ -30,8 +30,8 @@ class SurrogateError(ValueError):
 class Kernel:
     """A radial function of the distance in the unit box, and the degree of its polynomial tail.
 
-    Raises ValueError if the name is unknown or its degree is too low. Also if `shape` is missing or not
-    positive, or if the kernel has no shape parameter.
+    Raises ValueError if the name is unknown or its degree is too low. Also if `shape` is missing, not
+    positive, or given for a kernel without a shape parameter.
     """
 
     name: str

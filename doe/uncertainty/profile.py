@@ -115,9 +115,9 @@ def profile_likelihoods(
     Raises
     ------
     ValueError
-        If the start is outside the box or a level not > 0.
+        If the start is outside the box, or a level is not > 0.
     RuntimeError
-        If better optima keep appearing: the model is too rough for its derivatives.
+        If too many restarts find better optima: the model is too rough for its derivatives.
     """
     if not 0.0 < level < np.inf:
         raise ValueError(f"level must be > 0, got {level}")

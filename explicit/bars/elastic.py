@@ -346,8 +346,8 @@ def elastic_bar(
 
 
 FINEST = 1e-7
-"""Longest time step of the one-dimensional waves under a pulse [s]. The used step is between a quarter of
-this and this. It has the smallest rounding of the travel times."""
+"""Longest time step of the one-dimensional waves under a pulse [s]. The step is chosen between this and a
+quarter of it, for the smallest rounding of the travel times."""
 
 
 @dataclass(frozen=True)

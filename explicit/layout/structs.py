@@ -216,8 +216,8 @@ class Control(IntEnum):
     MOST_WORK = 23
     """Largest work of the platens so far [J]."""
     PLANS = 24
-    """First slots of the plans of steps: first for even steps, then for odd steps. One plan is made while the
-    other is executed."""
+    """First slots of the plans of steps, for even and for odd steps. One plan is made while the other is
+    executed."""
 
 
 class Plan(IntEnum):

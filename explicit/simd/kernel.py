@@ -226,8 +226,8 @@ def lane_kernel(
 ) -> LaneKernel:
     """Generate the lanes of a time loop.
 
-    ``mapping``: "simulation": each lane runs one simulation; "worker": the lanes share one simulation, and
-    several threads may share it. ``lanes``: lanes of a pack, a power of two.
+    ``mapping``: "simulation" or "worker". With "simulation" each lane runs one simulation. With "worker" the
+    lanes share one simulation, and several threads may share it. ``lanes``: lanes of a pack, a power of two.
     """
     arguments: dict[str, Any] = {
         name: Struct(kind, name)
