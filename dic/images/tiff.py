@@ -111,8 +111,8 @@ def sniff(path: Path, start: bytes) -> bool:
 def read(path: Path) -> TiffPictures:
     """Open a TIFF.
 
-    The grey range is that of the stored numbers, unless the first page states a smaller one. It states it in
-    the `MaxSampleValue` tag, or as `SignificantBits` in an OME description.
+    The grey range is that of the stored numbers. The first page may state a smaller range, in the
+    `MaxSampleValue` tag or as `SignificantBits` in an OME description.
 
     Raises PictureError if it is not a TIFF of grey pictures, or if the header of its first page is
     incomplete.

@@ -227,7 +227,7 @@ def synchronisation(
 
 
 def _without_jumps(pixels: FloatArray) -> FloatArray:
-    """Pixels. Those far from the median of the five surrounding frames become NaN."""
+    """Pixels. NaN replaces pixels far from the median of the five surrounding frames."""
     padded = np.pad(pixels, ((2, 2), (0, 0), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0)
     off = np.abs(pixels - _median(windows, axis=-1)).max(axis=-1)

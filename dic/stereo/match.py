@@ -180,7 +180,7 @@ pixels enter and leave the subset between steps, and a finer tolerance may never
 COARSE = 0.05
 """Smaller differences of 1 - ZNCC are not significant. Pixel steps and errors of the slope cause them."""
 SUSPECT = 0.75
-"""If the correlation of the second peak is at least this, the search is repeated with all slopes. The first
+"""If the correlation of the second peak exceeds this, the search is repeated with all slopes. The first
 search uses the slope of the match."""
 
 
