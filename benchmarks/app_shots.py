@@ -2,10 +2,10 @@
 
     python -m benchmarks.app_shots --json benchmarks/results/app_shots.json
 
-Every shot has a shot file and the summary of a result. The minimum of `REPEATS` measurements is printed, with
-the files in the system's cache: for the list, for the page's table, and for a GET of the page. Processor
-times are used, so other work on the machine has little influence. For the page it is the time of the server's
-process, which Linux reports.
+Every shot has a shot file and the summary of a result. The command prints the minimum of `REPEATS`
+measurements. It measures the list, the page's table, and a GET of the page, with all files in the system's
+cache. It measures processor time, so other work on the machine has little influence. For the page it measures
+the server's process (Linux only).
 """
 
 import argparse

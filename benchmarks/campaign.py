@@ -1,11 +1,11 @@
 """Parallel identifications of a campaign: `python -m benchmarks.campaign --workers 1 2 --json FILE`.
 
-The shot `runs/open-01`, with the seeds 1, 2, ... of its random draws, is identified by a pool of processes of
-this machine, or by the workers of a Dask scheduler (`--dask ADDRESS`). With `--each` every worker has this
-number of identifications for each number of workers (weak scaling); with `--total` the workers share this
-number. Before the measurement each worker identifies the shot once, to compile kernels and load libraries. An
-answer must depend on its seed only; the table shows whether the answers are bitwise equal. The file stores
-finished numbers of workers, so an interrupted command continues with the next one.
+A pool of processes of this machine identifies the shot `runs/open-01` with the seeds 1, 2, ... of its random
+draws. With `--dask ADDRESS` the workers of a Dask scheduler do so instead. `--each` gives the number of
+identifications per worker (weak scaling). `--total` gives the number that all workers share. Before the
+measurement each worker identifies the shot once, to compile kernels and load libraries. An answer must depend
+on its seed only; the table shows whether the answers are bitwise equal. The file stores finished numbers of
+workers, so an interrupted command continues with the next one.
 
 On a machine with GPUs `--device cuda` distributes them over the processes; `--gpus N` makes N of them
 visible.
@@ -30,7 +30,7 @@ ALIKE = ("where", "device", "hold", "mesh", "refined")
 SAME = ("gpus", "workers", "each", *ALIKE)
 """Fields that are equal for measurements of the same case."""
 WARM_UP = -1
-"""Seed number of a first identification, whose answer is not stored."""
+"""Seed of a first identification. Its answer is not stored."""
 FIRST_WAIT = 0.2
 """Time for which a worker waits after its first identification [s], so that it does not take a second one."""
 
@@ -101,7 +101,7 @@ def workers_of(count: int, dask: str | None) -> Iterator[tuple[Submit, Together]
 
 
 def campaign(questions: Sequence[Question], workers: int, dask: str | None = None) -> dict[str, Any]:
-    """Answer all questions with a number of workers, after a first identification of each worker;
+    """Run all identifications with a number of workers, after a first identification by each worker;
     RuntimeError if fewer workers took part."""
     with workers_of(workers, dask) as (submit, together):
         first = replace(questions[0], seed=WARM_UP)

@@ -1,10 +1,10 @@
 """Floating-point operations of an element update, counted by running the element's source on counting
 numbers.
 
-The Python functions of the Warp functions are called with `Number`s instead of real numbers, on a deformed
-element of the benchmark's mesh, so that the usual branches are taken. Additions and subtractions, products,
-divisions and roots are counted; signs, comparisons, conversions and array reads are not. `Tally.fused` is the
-number of products that can be fused with the following sum.
+The Python source of the Warp functions is called with `Number`s instead of real numbers. The element is a
+deformed element of the benchmark's mesh, which takes the usual branches. Additions and subtractions,
+products, divisions and roots are counted; signs, comparisons, conversions and array reads are not.
+`Tally.fused` is the number of products that can be fused with the following sum.
 """
 
 import builtins
@@ -22,11 +22,11 @@ from explicit.model import Model
 from explicit.precision import PRECISIONS
 
 NODE_OPERATIONS = 22
-"""Operations of one node, counted by hand from `explicit.time_loop.kernel`: 8 additions gather four corners
-in two directions; force over mass, drag and their sum 6; the step of the velocity 4, of the position 4.
-Platens affect few nodes."""
+"""Operations of one node, counted by hand from `explicit.time_loop.kernel`. The sum of four corners in two
+directions takes 8 additions. Force over mass, drag and their sum take 6 operations. The steps of velocity and
+position take 4 each. Platens affect few nodes."""
 NODE_INSTRUCTIONS = 16
-"""Instructions of one node with fused products: 2 fewer each for drag, velocity and position."""
+"""Instructions of one node with fused products. Drag, velocity and position need 2 fewer each."""
 
 
 @dataclass

@@ -1,8 +1,9 @@
 """Effect of an assumed damping on m for each misfit: `python -m benchmarks.damping_and_stiffness [SHOT]`.
 
-A shot is run over a range of stiffness at its damping and at four times that. The table gives the optimum of
-the paper's Phi (Eq. M.5), of its two parts, of the sum of squares of the force in the whole window and in its
-thirds, and of surrogates through eight of the runs.
+A shot is run over a range of stiffness, at its damping and at four times its damping. The table gives one
+optimum for each misfit: the paper's Phi (Eq. M.5), its two parts, and the sum of squares of the force. This
+sum is taken over the whole window and over its thirds. The table also gives the optimum of surrogates through
+eight of the runs.
 """
 
 import sys
@@ -21,8 +22,8 @@ from kolsky.shot.load import load_shot
 FACTORS = np.linspace(0.6, 1.3, 36)
 """Stiffness factors of the runs."""
 NEAR, EVERY = 4, 5
-"""Number of runs on either side of the minimum that a parabola uses; interval of the runs of a coarse
-design."""
+"""A parabola uses this number of runs on either side of the minimum. The second number is the interval of the
+runs in a coarse design."""
 OPEN_01 = Path(__file__).parents[1] / "runs" / "open-01"
 
 

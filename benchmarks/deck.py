@@ -1,10 +1,10 @@
 """The benchmark's bonded problem as an input deck of CalculiX.
 
-Units are mm, t, s, N and MPa. In metres CalculiX 2.20 gives forces that are several times too low for such a
-small specimen, without a message (0.15 N instead of 0.84 N in mm: static, 10 %, nu = 0.495). Elements are
-CAX4R, one-point quadrilaterals as in the solver; CAX4 locks (10 % too stiff in that case). The implicit
-procedure has no material damping, and its side surface penetrates the platens where the solver's rolls onto
-them. Compare undamped runs at times before that.
+Units are mm, t, s, N and MPa. In metres CalculiX 2.20 gives much too low forces for such a small specimen,
+without a message. Example: 0.15 N instead of 0.84 N in mm (static, 10 %, nu = 0.495). Elements are CAX4R,
+one-point quadrilaterals as in the solver; CAX4 locks (10 % too stiff in that case). The implicit procedure
+has no material damping. Its side surface penetrates the platens; in the solver it rolls onto them. Compare
+undamped runs, at times before the side touches the platens.
 """
 
 import numpy as np
@@ -14,13 +14,13 @@ from explicit.mesh import Mesh
 
 TO_MM, TO_MPA, TO_TONNE_PER_MM3 = 1e3, 1e-6, 1e-12
 WEDGE = 180.0
-"""Number of wedges in a full turn: CalculiX solves an axisymmetric model as a wedge of 2 degrees, and its
-forces are those of the wedge."""
+"""Number of wedges in a full turn. CalculiX solves an axisymmetric model as a wedge of 2 degrees and prints
+the forces on this wedge."""
 
 
 def deck(mesh: Mesh, *, end: float, step: float) -> str:
-    """The input of the bonded problem up to time `end` with the fixed step of ``*DYNAMIC`` [s]; it prints the
-    forces on the lower face at every step."""
+    """The input of the bonded problem up to time `end` with the fixed step of ``*DYNAMIC`` [s]. CalculiX then
+    prints the forces on the lower face at every step."""
     return "\n".join([*_mesh(mesh), *_material(), *_history(end, step)]) + "\n"
 
 

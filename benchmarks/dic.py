@@ -8,9 +8,9 @@
     python -m benchmarks.dic --whole ../shared/data/shots/open-01 --device cuda --repeats 1
 
 The pictures are those of `benchmarks.dic_problem`: 512² px, speckles of 5 px, noise of 2 grey levels, subsets
-of 21 px, guesses 0.3 px off. Pictures are prepared before; the time of a call of `correlate` includes the
-transfer of its arrays to the device and back. On a CPU a rate is points per second of processor time of one
-core, on a GPU per second. Run nothing else at the same time.
+of 21 px, guesses 0.3 px off. The preparation of the pictures is not timed. The time of a call of `correlate`
+includes the transfer of its arrays to the device and back. On a CPU a rate is points per second of processor
+time of one core. On a GPU it is points per second of wall time. Run nothing else at the same time.
 """
 
 import argparse

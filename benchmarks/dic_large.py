@@ -1,10 +1,10 @@
 """Large pictures, many points: `python -m benchmarks.dic_large --side 2000 --points 30000 --frames 200`.
 
-A speckled plane in front of two cameras is shortened uniformly. As in `kolsky dic`, its points are matched
-between the cameras, tracked through both series, reconstructed, and gated by the residual map. The command
-prints the wall time minus the time for making the pictures (which replace files), the points of all frames
-and cameras per second, the kernel launches, and the peak memory of the process. `--curves` times only the
-search along epipolar curves, on one core or a GPU.
+A speckled plane in front of two cameras is shortened uniformly. The steps are those of `kolsky dic`: match
+between the cameras, tracking in both series, reconstruction, and the gate of the residual map. The command
+prints the wall time without the time for making the pictures. It also prints the points of all frames and
+cameras per second, the kernel launches, and the peak memory of the process. `--curves` times only the search
+along epipolar curves, on one core or a GPU.
 """
 
 import argparse
@@ -63,7 +63,7 @@ class PlaneSeries:
     seconds: float = 0.0
     """Time spent on making pictures [s]."""
     processor: float = 0.0
-    """Processor time spent on it in the requesting thread [s]."""
+    """Processor time spent on making pictures, in the requesting thread [s]."""
     texture: NDArray[np.float32] = field(init=False)
 
     def __post_init__(self) -> None:

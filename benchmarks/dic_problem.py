@@ -16,7 +16,7 @@ SIGMA = 2.0
 OFF = 0.3
 """Error of the initial guesses along x [px]."""
 PAIRS = 4
-"""Number of pairs with different noise; the mean error of one pair has an uncertainty of 0.4 mpx."""
+"""Number of pairs. Each has different noise. The mean error of one pair has an uncertainty of 0.4 mpx."""
 
 
 @dataclass(frozen=True)

@@ -76,8 +76,7 @@ def shot_of(folder: Path, raw: Path) -> Path:
 
 
 def runs(raw: Path, repeats: int, *, device: str = "cpu", say: Callable[[str], Any] = print) -> list[Whole]:
-    """Run the command `repeats` times on open-01's raw files, after one additional run for compilation and
-    warm-up."""
+    """Run the command `repeats` times on open-01's raw files. One more run before compiles and warms up."""
     from kolsky.cli.dic import dic
     from kolsky.pictures.dic_file import read_stereo_result
 

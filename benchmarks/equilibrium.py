@@ -9,12 +9,13 @@
     python -m benchmarks.equilibrium --linear amg --growth 1e6 --peer none
     python -m benchmarks.equilibrium --kind tet4 --cells 73x18x8 --peer none   # 63 072 tetrahedra
 
-The strip is that of Schumacher and others (2020), 100 x 25 x 5 mm, bonded at both ends, of a neo-Hookean
-rubber with Poisson's ratio 0.45. `--peer felupe` solves the same mesh with the same element, law, Gauss
-points and steps; `--peer dolfinx` does so by `tests/reference/J_dolfinx.py` in a Python that has DOLFINx
-(Debian: python3-dolfinx) with MUMPS. All programs use the same number of threads. The command prints wall
-time and processor time of both, their ratio and the largest difference of the forces. Set OMP_NUM_THREADS=1
-and run nothing else at the same time; other work has little influence on the ratio of processor times.
+The strip is that of Schumacher and others (2020): 100 x 25 x 5 mm, bonded at both ends. Its material is a
+neo-Hookean rubber with Poisson's ratio 0.45. `--peer felupe` solves the same mesh with the same element, law,
+Gauss points and steps. `--peer dolfinx` also does this, with `tests/reference/J_dolfinx.py` and MUMPS. It
+needs a Python that has DOLFINx (Debian: python3-dolfinx). All programs use the same number of threads. The
+command prints wall time and processor time of both, their ratio and the largest difference of the forces. Set
+OMP_NUM_THREADS=1 and run nothing else at the same time; other work has little influence on the ratio of
+processor times.
 """
 
 import argparse
@@ -59,7 +60,8 @@ def strip(cells: tuple[int, ...], kind: str, device: str = "cpu") -> Model:
 
 
 def ours(model: Model, pulls: FloatArray, linear: str, *, derivatives: bool) -> dict[str, Any]:
-    """Times [s], counts and forces of a solution, and time of its derivatives [s], 0 without derivatives."""
+    """Times [s], counts and forces of a solution. The time of its derivatives [s] is 0 without
+    derivatives."""
     options = Newton(tolerance=1e-8, linear=linear)
     started, cpu = time.perf_counter(), time.process_time()
     found = solve(model, {"pull": pulls}, newton=options)

@@ -5,11 +5,11 @@
     python -m benchmarks.growth --draw docs/images/growth.svg --json benchmarks/results/growth.json
 
 The simulations are those of `benchmarks.problem` with Coulomb friction. Each ends after a number of steps
-that gives about the same time (`UPDATES`), because a rate of element updates needs no complete run. Points
-are those of all frames of both cameras, from pictures in memory to gated positions in space
-(`benchmarks.dic_large`). On a CPU the processor time of one thread is used, so other work on the machine has
-little influence. On a GPU it is the wall time including the transfer to the host. The file stores finished
-sizes; `--again` repeats them.
+that gives about the same time (`UPDATES`). A rate of element updates needs no complete run. The number of
+points is that of all frames of both cameras. Their work starts with pictures in memory and ends with gated
+positions in space (`benchmarks.dic_large`). On a CPU the processor time of one thread is used, so other work
+on the machine has little influence. On a GPU it is the wall time including the transfer to the host. The file
+stores finished sizes; `--again` repeats them.
 """
 
 import argparse
@@ -38,8 +38,8 @@ SIDE = 1500
 UPDATES = {"cpu": 3e7, "cuda": 2e9}
 """Approximate element updates of a measurement."""
 STEPS = (100, 1500)
-"""Smallest and largest number of steps of a measurement; a complete run on the mesh of the batches has
-2000."""
+"""Smallest and largest number of steps of a measurement. A complete run on the mesh of the batches has 2000
+steps."""
 LARGEST = {"cpu": {"runs": 10_000, "points": 100_000}, "cuda": {"runs": 100_000, "points": 4_000_000}}
 """Largest sizes that are measured by default."""
 SAME = ("what", "size", "precision", "device", "where")

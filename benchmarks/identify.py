@@ -2,11 +2,12 @@
 
     python -m benchmarks.identify [--shot runs/open-05] [--parts free held wrong] [--threads N] [--json FILE]
 
-"free" identifies all parameters that the data constrain (the default of `kolsky identify`), "held" the
-stiffness factor only; "wrong" is "free" with the force's sensitivity halved. Each line gives batches, runs,
-element updates and processor time of one stage and mesh. The last column is the time over that of
-`benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process; "host" is the time
-outside the solver. The ratios are comparable between machines; run nothing else at the same time.
+The part "free" identifies all parameters that the data constrain (the default of `kolsky identify`). The part
+"held" identifies the stiffness factor only. The part "wrong" is "free" with the force's sensitivity halved.
+Each line gives batches, runs, element updates and processor time of one stage and mesh. The last column is
+the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process;
+"host" is the time outside the solver. The ratios are comparable between machines; run nothing else at the
+same time.
 """
 
 import argparse

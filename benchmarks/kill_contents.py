@@ -17,8 +17,8 @@ def _files(folder: Path) -> list[Path]:
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Digests of numbers and texts in the files of a folder, by file and position; of a page only the
-    name."""
+    """Digests of numbers and texts in the files of a folder, by file and position. For a page only the name
+    is used."""
     found: dict[str, str] = {}
     for path in _files(folder):
         name = str(path.relative_to(folder))

@@ -1,7 +1,7 @@
 """Time until a killed command ends, for `benchmarks.kills`, corrected for other work on the machine.
 
 On a busy machine a process that could end at once waits for a core. This waiting time (`/proc/PID/schedstat`,
-Linux) is subtracted; time in which a process sleeps or computes is not.
+Linux) is subtracted. The time in which a process sleeps or computes still counts.
 """
 
 import subprocess
@@ -32,8 +32,8 @@ def waited(pids: list[int]) -> dict[int, float]:
 def own_time(elapsed: float, before: Mapping[int, float], after: Mapping[int, float]) -> float:
     """An elapsed wall time minus the time in which threads waited for a core [s].
 
-    ``before``, ``after``: results of `waited` [s]. Threads wait in parallel: the longest wait is subtracted,
-    not their sum.
+    ``before``, ``after``: results of `waited` [s]. Threads wait in parallel, so the longest wait is
+    subtracted.
     """
     longest = max((wait - before.get(thread, 0.0) for thread, wait in after.items()), default=0.0)
     return max(0.0, elapsed - longest)
@@ -58,8 +58,8 @@ def end_of(run: subprocess.Popen[str], since: float, longest: float) -> tuple[st
 def runs(process: psutil.Process) -> bool:
     """Whether a process has not ended.
 
-    An ended process stays in the process table until its exit code is read. For an orphan the first process
-    of the machine does this, possibly seconds later.
+    An ended process remains in the process table until its exit code is read. For an orphan the machine's
+    first process reads it, possibly seconds later.
     """
     try:
         return bool(process.status() != psutil.STATUS_ZOMBIE)

@@ -1,11 +1,11 @@
 """Test of killed commands: `python -m benchmarks.kills [--kills 100] [--workers 2] [--seed 1]`.
 
-Every trial starts a command in a separate folder, ends it at a random time within its duration (by SIGKILL,
-SIGTERM or SIGINT), and starts the same command again. A command that has ended before the signal is started
-again and ended earlier. The study counts unreadable files, remaining hidden files, processes that continue,
-lost or repeated runs of a sweep, and numbers that differ from the common numbers of two undisturbed runs.
-With `--out FOLDER` each row is stored there, so an interrupted campaign can be continued; the table is
-written to `benchmarks/results/kills.json`.
+Every trial starts a command in a separate folder. It ends the command at a random time by SIGKILL, SIGTERM or
+SIGINT, and starts the same command again. A command that has ended before the signal is started again and
+ended earlier. The study counts unreadable files, hidden files, processes that continue, and lost or repeated
+runs of a sweep. It also counts numbers that differ from two undisturbed runs. With `--out FOLDER` each row is
+stored there, so an interrupted campaign can be continued; the table is written to
+`benchmarks/results/kills.json`.
 """
 
 import argparse
@@ -351,7 +351,7 @@ def main() -> int:
     ]
     out = said.out or Path(tempfile.mkdtemp(prefix="kills-"))
     out.mkdir(parents=True, exist_ok=True)
-    base = out / "work"  # the commands' inputs stay there, so that all rows have the same inputs
+    base = out / "work"  # the commands' inputs stay there: all rows have the same inputs
     for left in (*base.glob("trial-*"), *base.glob("*-undisturbed-*")):
         shutil.rmtree(left)
     with ThreadPoolExecutor(said.workers) as pool:

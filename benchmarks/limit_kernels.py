@@ -14,8 +14,7 @@ from explicit.simd.kernel import FLAGS, PACK_BYTES
 THREADS = 256
 """Threads of a block on a GPU."""
 POOL_BYTES = 32_768
-"""Shared memory of a block [bytes]: the amount that its threads read in one iteration, so that nothing is
-read twice."""
+"""Shared memory of a block [bytes]. Its threads read all of it once in one iteration."""
 READS = 16
 """Reads of a thread from shared memory in one iteration of the loop."""
 

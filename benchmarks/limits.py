@@ -1,10 +1,10 @@
 """Performance limits of a device, measured in the same run as the solver.
 
-The arithmetic limit is the rate of independent fused multiply-adds at the solver's vector width, divided by
-the number of arithmetic instructions of an element update (`benchmarks.counting`). No program with these
-instructions can be faster. Real programs are slower because of divisions and roots, which take several times
-as long as a multiply-add, and because of latencies of results and memory. On a GPU a second limit is the
-bandwidth of shared memory divided by the bytes that an update moves there.
+The arithmetic limit is the rate of independent fused multiply-adds at the solver's vector width. It is
+divided by the number of arithmetic instructions of an element update (`benchmarks.counting`). No program with
+these instructions can be faster. Real programs are slower. Divisions and roots take several times as long as
+a multiply-add, and results and memory have latencies. On a GPU a second limit is the bandwidth of shared
+memory divided by the bytes that an update moves there.
 """
 
 import time
@@ -21,8 +21,8 @@ from benchmarks.limit_kernels import READS, THREADS, fma_kernel, lanes, shared_k
 from explicit.precision import Precision
 
 CHAINS = (4, 8, 12, 16)
-"""Numbers of chains: enough to fill a processor's pipelines, few enough for its registers; the best result is
-used."""
+"""Numbers of chains that are tried. They fill a processor's pipelines and fit into its registers. The best
+result is used."""
 BLOCKS = 8
 """Blocks on each multiprocessor of a GPU, enough for its largest number of threads."""
 SECONDS = 0.05
@@ -31,8 +31,8 @@ REPEATS = 5
 """Number of measurements; the best one is used."""
 NUMBERS_MOVED = 40
 """Real numbers that an element update moves to or from a simulation's fields, counted by hand from
-`explicit.time_loop.kernel`. Displacements and velocities of four corners: 16; their forces: 8. For the one
-node per element: 8 for the forces of four corners, 8 for reading and writing its velocity and
+`explicit.time_loop.kernel`. The element has 16 for displacements and velocities of four corners, and 8 for
+their forces. Each element has one node. The node has 8 for the forces of four corners, and 8 for velocity and
 displacement."""
 
 
@@ -51,8 +51,8 @@ class Limit:
 
 
 def limits(device: Any, numbers: Precision, instructions: float, threads: int) -> list[Limit]:
-    """Measure a device's limits for an element update of a number of arithmetic instructions: of arithmetic,
-    and on a GPU also of shared memory; ``threads`` are those of a CPU."""
+    """Measure a device's limits for an element update with a number of arithmetic instructions. The limits
+    are arithmetic and, on a GPU, shared memory; ``threads`` are those of a CPU."""
     if not device.is_cuda:
         rate = _fma_cpu(device, numbers, threads)
         return [Limit("SIMD arithmetic", rate, "multiply-adds/s", rate / instructions)]

@@ -1,8 +1,8 @@
 """Time for rendering the pictures of a synthetic shot: `python -m benchmarks.made_pictures`.
 
-With `--size 512 --frames 200 --device cuda`: larger pictures on a GPU. The surface is a barrelled cylinder,
-compressed to half its length by a formula, so no simulation is timed. The time includes paint, rays, lens,
-noise and rounding for both cameras, and the calibration series. Kernels are compiled before.
+With `--size 512 --frames 200 --device cuda`: larger pictures on a GPU. The surface is a barrelled cylinder. A
+formula compresses it to half its length; no simulation is run. The time includes paint, rays, lens, noise and
+rounding for both cameras, and the calibration series. It excludes the compilation of kernels.
 """
 
 import argparse

@@ -31,7 +31,7 @@ class Measurement:
     same_bits: bool
     """Whether the forces of all repeats are bitwise equal."""
     first_call: float
-    """Wall time of the first run of this kind, including compilation or loading from the cache [s]."""
+    """Wall time of the first run of this kind [s]. It includes compilation or loading from the cache."""
     response: explicit.Response
     """The histories."""
 

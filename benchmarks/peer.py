@@ -1,10 +1,10 @@
 """The same problem in CalculiX: its time compared with the solver's in the same run, and its force.
 
 CalculiX (`ccx`, G. Dhondt and K. Wittig) is used with implicit time integration, because its `*DYNAMIC,
-EXPLICIT` stalls on elements that touch the axis. It simulates part of the time; for a complete run the same
-time per step is assumed (1400 steps took 31.1 s, extrapolation from the first 100 gave 30.9 s). The force on
-the transmission platen is compared; this platen is at rest, so the force contains no inertia of the face's
-nodes.
+EXPLICIT` stalls on elements that touch the axis. It simulates part of the time. The time of a complete run is
+extrapolated with the same time per step (1400 steps: 31.1 s measured, 30.9 s extrapolated from the first
+100). The force on the transmission platen is compared. This platen is at rest, so the force contains no
+inertia of the face's nodes.
 """
 
 import os
@@ -56,7 +56,7 @@ class Peer:
     """Root of its mean square [N]."""
 
     def cost(self, runs: int, cores: int) -> float:
-        """Time of a number of runs, one core each [s]; more cores do not make a run of this size faster."""
+        """Time of a number of runs with one core each [s]. A run of this size is not faster on more cores."""
         return float(np.ceil(runs / cores)) * self.whole_run
 
 

@@ -1,9 +1,10 @@
 """Comparison of synthetic and real pictures: `python -m benchmarks.picture_look SHOT OTHER --figure
 FILE.png`.
 
-For the pictures at rest of each shot's two cameras the command prints grey values, speckles, noise, and the
-spectra of pattern and noise. The measures are those of the package's picture checks (`dic.images`). The
-figure shows pairs of both shots at rest and late in the test on one grey scale, with histograms and spectra.
+The command evaluates the pictures at rest of both cameras of each shot. It prints grey values, speckles,
+noise, and the spectra of pattern and noise. The measures are those of the package's picture checks
+(`dic.images`). The figure shows pairs of both shots at rest and late in the test on one grey scale, with
+histograms and spectra.
 """
 
 import argparse

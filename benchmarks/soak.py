@@ -1,11 +1,11 @@
 """Endurance test of one process: `python -m benchmarks.soak --seconds 3600 [--workers N] [--record FILE]`.
 
 Each worker is one process that repeats sweeps, identifications and correlations for the given time. The tasks
-are always the same and as small as possible (see `tasks`), because leaks depend on the number of calls. After
-each round it writes a line with its resident memory, its open handles and the digests of the numbers to
-`--rows FOLDER`, so that nothing is lost if it is interrupted; `--collect` evaluates the existing lines.
-Memory and handles must not grow after the first tenth of the rounds, and every round of a worker must give
-the same bits. `benchmarks/results/soak.json` stores the results and the number of calls.
+are always the same and small (see `tasks`), because leaks depend on the number of calls. After each round the
+worker writes a line to `--rows FOLDER`: resident memory, open handles and digests of the numbers. An
+interrupted test keeps these lines; `--collect` evaluates them. Memory and handles must not grow after the
+first tenth of the rounds, and every round of a worker must give the same bits. `benchmarks/results/soak.json`
+stores the results and the number of calls.
 """
 
 import argparse
@@ -27,10 +27,10 @@ from kolsky.base.process import process_pool
 
 RESULT = Path(__file__).parent / "results" / "soak.json"
 SETTLED = 0.1
-"""Share of the rounds after which memory must be constant; before it libraries load and caches fill [-]."""
+"""Memory must be constant after this share of the rounds [-]. Before, libraries load and caches fill."""
 GROWTH = 0.02
-"""Largest relative growth of the resident memory from then to the end [-]; a leak of one array per round
-exceeds it in a hundred rounds."""
+"""Largest relative growth of the resident memory after `SETTLED` [-]. A leak of one array per round exceeds
+it in a hundred rounds."""
 ROUND = {"sweep": 1000, "identify": 1, "outline": 1, "dic": 1}
 """Numbers of sweep runs, identifications without and with an outline, and correlations of a round; see
 `EVERY`."""
@@ -102,8 +102,8 @@ def tasks(folder: Path) -> dict[str, Callable[[], str]]:
 
 
 def work(number: int, seconds: float, least: int, rows: Path) -> None:
-    """Run the rounds of one worker and write one line for each: tasks, memory [bytes], handles, digests; for
-    `seconds` [s], but at least `least` rounds."""
+    """Run the rounds of one worker for `seconds` [s], but at least `least` rounds. Each round writes one
+    line: tasks, memory [bytes], handles, digests."""
     process = psutil.Process()
     count = 0
     with tempfile.TemporaryDirectory(prefix="soak-") as place:
@@ -135,7 +135,7 @@ def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
     memory = np.array([one["memory"] for one in settled], dtype=np.float64)
     handles = [one["handles"] for one in settled]
     third = max(1, len(settled) // 3)
-    # Medians of the first and the last third, so that single rounds have no influence.
+    # Medians of the first and the last third: a single round has no influence.
     first, last = np.median(memory[:third]), np.median(memory[-third:])
     found: dict[str, set[str]] = {}
     for one in rounds:

@@ -5,10 +5,10 @@
     python -m benchmarks.solver --save cpu.npz               # also keep the histories ...
     python -m benchmarks.solver --device cuda --compare cpu.npz   # ... and compare with them
 
-It prints runs, seconds, element updates per second and their fraction of the limit that the same run measures
-(`benchmarks.limits`). If `ccx` is on the PATH, it also prints the time of the bonded problem in CalculiX
-(`benchmarks.peer`). The problem is in `benchmarks.problem`, with bonded platens and with Coulomb friction on
-the faces and on the side surface. Run nothing else at the same time.
+It prints runs, seconds and element updates per second. It also prints their fraction of the device's limit,
+which it measures in the same run (`benchmarks.limits`). If `ccx` is on the PATH, it also prints the time of
+the bonded problem in CalculiX (`benchmarks.peer`). The problem is in `benchmarks.problem`, with bonded
+platens and with Coulomb friction on the faces and on the side surface. Run nothing else at the same time.
 """
 
 import argparse

@@ -1,4 +1,5 @@
-"""The table as text and as JSON: measurements, limits, CalculiX; without names of machines and dates."""
+"""The table as text and as JSON, with measurements, limits and CalculiX, without names of machines and
+dates."""
 
 import os
 import platform

@@ -1,8 +1,8 @@
 """A sheet of pictures with one defect each: `python -m benchmarks.wrong_pictures --figure FILE.png`.
 
 Every key of [cameras], [optics] and [speckle] that degrades a picture is applied separately, at a visible
-size: the first frame of camera 0 and a late one. Prints the difference of each picture from the one without
-defects.
+size. The sheet shows the first frame of camera 0 and a late one. The command prints the difference of each
+picture from the one without defects.
 """
 
 import argparse

@@ -5,4 +5,4 @@ from pathlib import Path
 
 ROOT = str(Path(__file__).resolve().parents[1])
 if ROOT not in sys.path:
-    sys.path.append(ROOT)  # last, so that the packages tested are the installed ones
+    sys.path.append(ROOT)  # last: the tests use the installed packages

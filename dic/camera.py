@@ -24,7 +24,7 @@ class Camera:
     Raises
     ------
     ValueError
-        A focal length that is not positive, a rotation that is not one, a number that is not finite.
+        If a focal length is not positive, a matrix is not a rotation, or a number is not finite.
 
     Examples
     --------
@@ -83,13 +83,13 @@ class Camera:
         return np.asarray(X @ self.rotation.T + self.translation)
 
     def distort(self, ideal: FloatArray) -> FloatArray:
-        """Distorted image points of ideal ones, both on the plane z = 1 [-], shape [..., 2]."""
+        """Distorted image points from ideal image points, both on the plane z = 1 [-], shape [..., 2]."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y
-        # Terms of coefficients that are 0 are left out, here and below: most lenses have one or two others.
+        # Terms with a coefficient of 0 are skipped, here and below: most lenses have one or two coefficients.
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3) if k2 or k3 else k1)
-        distorted = np.empty(ideal.shape)  # np.stack takes longer than the sums, of few points
+        distorted = np.empty(ideal.shape)  # for few points np.stack takes longer than the sums
         if p1 or p2:
             distorted[..., 0] = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
             distorted[..., 1] = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
@@ -128,7 +128,7 @@ class Camera:
         Raises
         ------
         ValueError
-            If it does not converge: the lens model folds back on itself there.
+            If it does not converge, because the lens model is not unique there.
         """
         pixels = np.asarray(pixels, dtype=np.float64)
         y = (pixels[..., 1] - self.cy) / self.fy
@@ -144,7 +144,7 @@ class Camera:
                 u, v = off[..., 0], off[..., 1]
                 area = a * d - b * c
                 ideal = ideal - np.stack([d * u - b * v, a * v - c * u], axis=-1) / area[..., None]
-                upright = (area > 0.0) & (a + d > 0.0)  # beyond a fold the image is mirrored
+                upright = (area > 0.0) & (a + d > 0.0)  # beyond this limit the image is mirrored
                 converged = (np.all(np.abs(off) <= 1e-12, axis=-1) & upright) | missing
                 if np.all(converged):
                     return ideal

@@ -25,8 +25,8 @@ _looked: set[str] = set()
 def scratch(folder: Path) -> Iterator[Path]:
     """A new hidden folder in `folder`; it is removed with its contents when the block ends.
 
-    It is locked as long as this process runs. Another process can so distinguish it from the folder of a
-    killed process, which is not locked and is removed first.
+    It is locked as long as this process runs. The folder of a killed process is not locked; another process
+    recognises it and removes it.
 
     ``folder``: folder of the results; it must exist.
     """
@@ -55,7 +55,7 @@ _scratch: set[Path] = set()
 
 
 def remove_scratch() -> None:
-    """Remove every folder of `scratch`; for a process that ends without leaving the blocks."""
+    """Remove every folder of `scratch`, if the process ends inside the blocks."""
     for directory in tuple(_scratch):
         shutil.rmtree(directory, ignore_errors=True)
 
@@ -70,7 +70,7 @@ def remove_abandoned(folder: Path) -> None:
             continue
         try:
             lock = _locked(directory)
-        except OSError:  # another process writes in it, or it is gone
+        except OSError:  # another process writes in it, or it was removed
             continue
         if lock is not None:
             shutil.rmtree(directory, ignore_errors=True)
@@ -96,8 +96,8 @@ def _locked(folder: Path) -> int | None:
 def replacing(path: Path) -> Iterator[Path]:
     """A new empty file that replaces `path` when the block ends without an exception.
 
-    The data are on the disk before the file is renamed, so a reader finds the old file or the complete new
-    one. After an exception the old file is unchanged and the new one is removed.
+    The data are on the disk before the file is renamed. A reader therefore finds the old file or the complete
+    new one. After an exception the old file is unchanged and the new one is removed.
     """
     path = Path(path)
     with scratch(path.parent) as folder:
@@ -141,7 +141,7 @@ KINDS = (
 
 
 def regular(path: Path | str) -> Path:
-    """The path of a regular file; any other type of file is rejected before it is opened.
+    """The path of a regular file. Any other type of file is rejected before it is opened.
 
     Reading from a pipe without a writer never returns, reading from a device never ends, and links may lead
     to either.
@@ -162,14 +162,14 @@ def one_line(text: str) -> str:
 
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
-"""Characters that begin a formula for a spreadsheet, full-width forms included (OWASP, CSV Injection)."""
+"""Characters that begin a formula for a spreadsheet, including full-width forms (OWASP, CSV Injection)."""
 
 
 def text_cell(text: str) -> str:
     """Text that a spreadsheet shows and does not evaluate.
 
     Names come from folders and files of unknown origin. A name that begins like a formula gets a leading
-    apostrophe, as OWASP advises; a number written as text stays a number.
+    apostrophe, as OWASP advises. A number in text form stays a number.
 
     Parameters
     ----------

@@ -16,10 +16,10 @@ _SET_SIGNAL = 1
 def end_with(parent: int) -> None:
     """Ask the operating system to end this process when its parent ends; has an effect on Linux only.
 
-    A thread that waits for the parent would react late while a library holds the interpreter's lock. The
-    system takes the thread that started this process as the parent: that thread must wait for it.
+    A thread that waits for the parent would react late while a library holds the interpreter's lock. For the
+    system the parent is the thread that started this process. This thread must wait for the process.
 
-    ``parent``: number of the process that started this one; if it has ended already, this process ends at
+    ``parent``: number of the process that started this one. If it has already ended, this process ends at
     once.
     """
     if sys.platform != "linux":

@@ -1,4 +1,4 @@
-"""Results as tables: CSV files with VIC-3D's variable names, pandas and xarray, the reporting table.
+"""Results as tables: CSV files with VIC-3D's variable names, pandas, xarray, and the reporting table.
 
 The reporting table has the entries required by the iDICs Good Practices Guide (Jones and Iadicola (eds.), 2nd
 edition): hardware, pattern, analysis and noise floors.
@@ -25,7 +25,7 @@ from dic.surfaces.surface_history import SurfaceHistory
 
 NOT_STATED = "not stated"
 STATED = ("camera", "lens", "aperture", "exposure", "lighting", "pattern")
-"""Facts that no file contains; the user may state them in words."""
+"""Facts that no file contains. The user may state them in words."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def _noise(result: StereoResult) -> list[Row]:
 
 
 def as_csv(rows: tuple[Row, ...]) -> str:
-    """The table as CSV; text that begins as a formula is guarded, see `dic.files.text_cell`."""
+    """The table as CSV. Text that begins like a formula is guarded (`dic.files.text_cell`)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["part", "quantity", "value"])
@@ -221,16 +221,17 @@ STRAINS = ("exx", "eyy", "exy")
 def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) -> list[Path]:
     """Write the points of a body, one file per frame.
 
-    The columns are those of a VIC-3D export: reference position X, Y, Z and displacement U, V, W [mm] (X
-    across, Y along the axis toward the flyer, Z toward the cameras), the position x, y in the picture of
-    camera 0 [px], Sigma, the larger of both cameras' standard deviations of a position [px], sigma_X,
-    sigma_Y, sigma_Z [mm], the epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it
-    is given. One more column names the outcome. A lost point keeps its row, with empty cells for its numbers.
+    The columns are those of a VIC-3D export. X, Y, Z are the reference position and U, V, W the displacement
+    [mm]. X is across, Y is along the axis toward the flyer, Z is toward the cameras. x, y is the position in
+    the picture of camera 0 [px]. Sigma is the larger of both cameras' standard deviations of a position [px].
+    Then follow sigma_X, sigma_Y, sigma_Z [mm] and the epipolar distance e [px]. exx, eyy, exy are the
+    Green-Lagrange strain, if it is given. One more column names the outcome. A lost point has a row with
+    empty cells for its numbers.
 
     ``folder``: folder of the files; created if absent. The files are ``frame_0000.csv`` and so on.
     ``strain``: strain of every point, NaN where it has none [-], shape [n_frames, n_points, 3]. Raises
-    ValueError: a strain of another shape. Raises OSError if a file cannot be written; an older one is then
-    unchanged.
+    ValueError if the strain has another shape. Raises OSError if a file cannot be written; an older file is
+    then unchanged.
     """
     surface = body.surface
     shape = (surface.n_frames, surface.n_points, 3)
@@ -285,10 +286,10 @@ def _cell(value: float | int | str) -> float | int | str:
 def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
     """Write the points of a full field, one file per frame: ``frame_0000.csv`` and so on.
 
-    One row per point. The columns are, in this order: the position x0, y0 in the reference picture [px]; X,
-    Y, Z, U, V, W with sigma_U, sigma_V, sigma_W in the unit named in the headings; the Green-Lagrange strains
-    exx, eyy, exy with their sigmas; the lowest correlation of the cameras; the epipolar distance; the
-    outcome. An unknown number is an empty cell.
+    Each point has one row. The first columns are the position x0, y0 in the reference picture [px]. Then
+    follow X, Y, Z, U, V, W with sigma_U, sigma_V, sigma_W in the unit of the headings, and the Green-Lagrange
+    strains exx, eyy, exy with their sigmas. The last columns are the lowest correlation of the cameras, the
+    epipolar distance and the outcome. An unknown number is an empty cell.
     """
     folder.mkdir(parents=True, exist_ok=True)
     surface, unit, written = result.surface, result.unit, []

@@ -1,8 +1,8 @@
 """Parallel work in forks of this process, or in threads where forks are not safe.
 
 Threads that run only Python share one interpreter lock, so work is divided between forks. A lock that another
-thread holds at a fork stays locked in the copy. Therefore the caller declares where forks are safe; elsewhere
-threads are used. If a fork fails, its work is repeated in this process, with the same result.
+thread holds at a fork stays locked in the copy. The caller therefore declares where forks are safe. In all
+other places threads are used. If a fork fails, its work is repeated in this process, with the same result.
 """
 
 import multiprocessing
@@ -49,12 +49,12 @@ def may_fork() -> bool:
 
 
 MOST_PARTS = 4
-"""Largest number of processes that share one array: starting a process takes as long as a few frames."""
+"""Largest number of processes that share one array. Starting a process takes as long as a few frames."""
 
 
 def parts() -> int:
-    """Number of parts into which small work is divided: one less than the cores, as one core is left to other
-    work, at most `MOST_PARTS`; 1 where forks are not allowed."""
+    """Number of parts into which small work is divided: the number of cores minus one, at most `MOST_PARTS`.
+    One core stays free for other work. 1 where forks are not allowed."""
     return min(cores() - 1, MOST_PARTS) if may_fork() else 1
 
 
@@ -73,7 +73,7 @@ class PendingResult(Generic[Result]):
 
 @contextmanager
 def background(work: Callable[[], Result], *, fork: bool | None = None) -> Iterator[PendingResult[Result]]:
-    """Do work during the block, in a fork or else in a thread; it is ended with the block.
+    """Do work during the block, in a fork or in a thread. The work is stopped at the end of the block.
 
     ``work``: the work. A fork works on a copy of the present data and cannot change the data of this process.
     Its result is copied back and should be small. ``fork``: whether in a fork; None: if `may_fork`. Yields: a
@@ -88,10 +88,10 @@ def background(work: Callable[[], Result], *, fork: bool | None = None) -> Itera
     sender.close()
 
     def received() -> Result:
-        with suppress(Exception):  # it ended early, by an error or a signal, or its result cannot be read
+        with suppress(Exception):  # an error or a signal ended it early, or its result cannot be read
             result: Result = receiver.recv()
             return result
-        return work()  # raises its exception here
+        return work()  # raises the exception of the work here
 
     try:
         yield PendingResult(received)
@@ -110,7 +110,8 @@ def background_pool(
 ) -> Iterator[Callable[..., list[Result]]]:
     """Begin several tasks in forks, if these are allowed, while this process does other work.
 
-    Yields: a function that joins in the work and returns the results as `run_parallel`; it takes `progress`.
+    Yields: a function that helps with the work and returns the results as `run_parallel` does. It takes
+    `progress`.
     """
     forked = can_fork() and (processes is not None or _FORKS_ALLOWED.get())
     workers = min(cores() if processes is None else processes, len(works)) if forked else 1
@@ -151,9 +152,9 @@ def run_parallel(
 ) -> list[Result]:
     """Do several tasks in parallel and return their results in order; each process takes the next open task.
 
-    With None there are as many processes as cores within `allow_forks`; otherwise one process with one thread
-    per core. ``progress``: called in this process with the number of tasks done (with forks: begun) and their
-    total.
+    With None, `allow_forks` gives one process per core; without it one process has one thread per core.
+    ``progress``: called in this process with the number of finished tasks (with forks: of started tasks) and
+    their total.
     """
     with background_pool(works, processes=processes) as joined:
         return joined(progress)
@@ -162,7 +163,7 @@ def run_parallel(
 def _by_threads(
     works: Sequence[Callable[[], Result]], threads: int, report: Callable[[int, int], None]
 ) -> list[Result]:
-    """Do the tasks in threads of this process, the calling thread included."""
+    """Do the tasks in threads of this process, including the calling thread."""
     results = []
     with ThreadPoolExecutor(threads) as pool:
         for result in (map if threads == 1 else pool.map)(lambda work: work(), works):
@@ -199,7 +200,7 @@ def _fork(work: Callable[[], Any], sender: Any) -> int:
         end_with(parent)  # the result is then not needed
         # A failure is repeated and reported in the parent.
         sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115
-        _FORKS_ALLOWED.set(False)  # a fork makes no forks
+        _FORKS_ALLOWED.set(False)  # a fork must not make forks
         sender.send(work())
     finally:
         os._exit(0)

@@ -47,7 +47,7 @@ class Body(_Surfaced):
     zncc: tuple[FloatArray, FloatArray]
     """Zero-normalised cross-correlation with the reference used, each of shape [n_frames, n_points]."""
     epipolar: FloatArray
-    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], [n_frames,
+    """Signed distance of camera 1's point from the epipolar line of camera 0's point [px], [n_frames,
     n_points]."""
     points: FloatArray
     """Positions (x, y) in the material picture of camera 0 [px], shape [n_points, 2]."""
@@ -130,8 +130,8 @@ class StereoResult(ResultViews):
 
     @property
     def strain_noise(self) -> FloatArray:
-        """Standard deviation of strains over the static frames, root mean square over the points with a
-        strain in all of them: around, along, shear [-], shape [3]; NaN if there are no such points."""
+        """Standard deviation of strains over the static frames: around, along, shear [-], shape [3]. It is
+        the root mean square over the points with a strain in all static frames; NaN without such points."""
         values = self.strain.value[self.static & (self.outcome == FrameOutcome.VALID)]
         values = values[:, np.isfinite(values).all(axis=(0, 2))]
         if len(values) < SMALLEST_SERIES or values.shape[1] == 0:
@@ -193,9 +193,9 @@ class FittedCylinder:
 class FullField(_Surfaced):
     """Displacements and strains of a surface.
 
-    Coordinates of a plane: x to the right and y down, as in the picture. Of a surface: x to the right and y
-    up in the plane that fits the reference points best, Z toward the cameras. Of a cylinder: y along the
-    axis, Z from the axis toward the cameras.
+    On a plane, x points to the right and y down, as in the picture. On a surface, x points to the right and y
+    up in the best-fit plane of the reference points, and Z toward the cameras. On a cylinder, y is along the
+    axis, and Z points from the axis toward the cameras.
     """
 
     kind: str

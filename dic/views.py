@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Any
 
 MAKERS: list[Callable[[], Any]] = []
-"""Functions that return the module with `plot`, `to_dataframe` and `to_xarray`; the last one is used."""
+"""Functions that return the module with `plot`, `to_dataframe` and `to_xarray`. The last function is used."""
 LONGEST = 160
 """Largest number of characters of a result's text."""
 
@@ -75,7 +75,7 @@ class ResultViews:
         return _maker(self).to_xarray(self, table)
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Keep the short text: a dataclass would otherwise print all its arrays."""
+        """Keep the short text, because a dataclass would print all its arrays."""
         super().__init_subclass__(**options)
         cls.__repr__ = cls.__repr__  # type: ignore[method-assign]
 

@@ -1,4 +1,4 @@
-"""Designs, surrogates, search, uncertainty: a box of named parameters and a function, no physics.
+"""Designs, surrogates, search and uncertainty for a function of named parameters in a box; no physics.
 
 The names below are loaded when they are first used.
 """
@@ -49,7 +49,7 @@ _HOME = {
     "sobol_indices": "doe.sensitivity",
     "verdicts": "doe.uncertainty",
 }
-"""Module of each public name. The imports above repeat it for type checkers; a test compares both."""
+"""Module of each public name. The imports above repeat this list for type checkers; a test compares both."""
 
 __all__ = [*_HOME]
 

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from doe.arrays import FloatArray
 
 ROUND_OFF = 1e-12
-"""Distance in the unit box below which a point outside a face counts as on it. Conversion from units to the
-unit box and back has an error of a few 1e-16, magnified by |bound| / edge."""
+"""A point outside a face counts as on it if its distance in the unit box is smaller than this. The conversion
+from units to the unit box and back has an error of a few 1e-16, times |bound| / edge."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Box:
         return u
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Mask of points, shape [..., d], in the box, its faces included (within 1e-12 of the edge, for
+        """Mask of points, shape [..., d], that are in the box or on its faces (within 1e-12 of the edge, for
         round-off).
 
         Raises ValueError if the last axis is not d long or a value is not finite.
@@ -155,7 +155,7 @@ class Box:
         """The points as an array [n, d], after a check that all lie in the box.
 
         ``what``: what a row is, for the message, e.g. "run". Raises ValueError if the shape is not [n, d], a
-        value is not finite, or a point lies outside; the message names the row, the parameter, the value and
+        value is not finite, or a point lies outside. The message names the row, the parameter, the value and
         the bounds.
         """
         x = self._checked(points)
@@ -174,9 +174,9 @@ class Box:
         """A smaller box about a point, shape [d], with `fraction` of this box's edges, intersected with this
         one.
 
-        Edges count in the unit box, so a logarithmic parameter keeps its ratio. The part outside this box is
-        cut off, not moved inwards: near a face the new box is shorter and `centre` is not its middle. Raises
-        ValueError if `centre` is outside this box or `fraction` outside (0, 1].
+        Edges are measured in the unit box, so a logarithmic parameter has the same ratio everywhere. The part
+        outside this box is cut off. Near a face the new box is therefore shorter, and `centre` is not its
+        middle. Raises ValueError if `centre` is outside this box or `fraction` outside (0, 1].
         """
         if not 0.0 < fraction <= 1.0:
             raise ValueError(f"fraction must be in (0, 1], got {fraction}")
@@ -193,7 +193,7 @@ class Box:
         return dict(zip(self.names, x.tolist(), strict=True))
 
     def _inside(self, x: FloatArray) -> NDArray[np.bool_]:
-        # A logarithmic parameter <= 0 has no unit coordinate; it is outside whatever the bounds are.
+        # A logarithmic parameter <= 0 has no unit coordinate; it is always outside.
         positive = np.where(np.array(self.logarithmic), x, 1.0) > 0.0
         u = self.unit(np.where(positive, x, np.array(self.upper)))
         return np.asarray(positive & (u >= -ROUND_OFF) & (u <= 1.0 + ROUND_OFF))
@@ -214,7 +214,7 @@ class Box:
 
 
 LONGEST = 500
-"""Largest number of characters of a constraint: enough for manual input, too few to exhaust a parser."""
+"""Largest number of characters of a constraint. It is enough for manual input and protects the parser."""
 ARITHMETIC: dict[type[ast.operator], Callable[[FloatArray, FloatArray], FloatArray]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -233,10 +233,10 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[FloatArray, FloatArray], NDArray[np
 class Constraint:
     """A comparison of two arithmetic expressions in parameters and numbers.
 
-    ``text``: such as "friction * damping < 1e-5"; chains such as "0.1 < friction < stiffness_factor" are
-    allowed. Only ``+ - * / **``, brackets, numbers and names are accepted; the text is parsed, not executed.
-    ``names``: the parameters that it may use. Raises ValueError if the text is not of this kind or uses
-    another name.
+    ``text``: such as "friction * damping < 1e-5". Chains such as "0.1 < friction < stiffness_factor" are
+    allowed. Only ``+ - * / **``, brackets, numbers and names are accepted. The text is parsed but not
+    executed. ``names``: the parameters that it may use. Raises ValueError if the text is not of this kind or
+    uses another name.
     """
 
     def __init__(self, text: str, names: tuple[str, ...]) -> None:
@@ -256,8 +256,8 @@ class Constraint:
     def __call__(self, points: FloatArray) -> NDArray[np.bool_]:
         """Points that meet the constraint.
 
-        ``points``: values in SI, shape [n, d], one column for each name. Returns: shape [n]; False also where
-        the arithmetic has no finite result.
+        ``points``: values in SI, shape [n, d], one column for each name. Returns: shape [n]. It is also False
+        where the result of the arithmetic is not finite.
         """
         return _compare(self._comparison, dict(zip(self.names, points.T, strict=True)))
 

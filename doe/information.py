@@ -5,12 +5,12 @@ change of the estimate by a change of the data is
 
     dp = G dR,      G = H^-1 J^T diag(s^-2),
 
-so that Cov p = G diag(s^2) G^T = H^-1. A datum's share of the variance of p is G_pi^2 s_i^2 / (H^-1)_pp. It
-is also its share in the information about p, because the part explained by the other parameters is removed.
+so that Cov p = G diag(s^2) G^T = H^-1. A datum's share of the variance of p is G_pi^2 s_i^2 / (H^-1)_pp. This
+is also its share in the information about p, because the part of the other parameters is removed.
 
-The information of independent data adds up. D-optimal data have the largest det H, the smallest volume of the
-joint interval; A-optimal data the smallest trace of H^-1, the mean variance of the parameters in units of
-their scale (Pukelsheim, *Optimal Design of Experiments*, 1993).
+The information of independent data adds up. D-optimal data have the largest det H and thus the smallest
+volume of the joint interval. A-optimal data have the smallest trace of H^-1. This is the smallest mean
+variance of the parameters in units of their scale (Pukelsheim, *Optimal Design of Experiments*, 1993).
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from numpy.typing import NDArray
 from doe.arrays import FloatArray
 
 SMALLEST_SHARE = 1e-12
-"""Smallest over largest eigenvalue of the information in unit-box parameters: with derivatives good to
-1e-8, a smaller one is not distinguished from zero."""
+"""Limit of the smallest over the largest eigenvalue of the information in unit-box parameters. If the
+derivatives have an error of 1e-8, a smaller ratio cannot be distinguished from zero."""
 
 
 class SingularInformationError(ValueError):
-    """The data do not depend on some direction of the parameters, so there is no covariance."""
+    """The data do not depend on a direction of the parameters, so there is no covariance."""
 
 
 def inverse_information(jacobian: FloatArray) -> FloatArray:
@@ -62,8 +62,8 @@ class LinearData:
     sigma: FloatArray
     """Standard deviations of the data, in their units, shape [k]."""
     scale: FloatArray
-    """Reference change of each parameter, in its unit, shape [d]: an eigenvector and the sum of variances
-    need a common measure."""
+    """Reference change of each parameter, in its unit, shape [d]. It gives eigenvectors and sums of variances
+    a common unit."""
 
     def __post_init__(self) -> None:
         k, d = len(self.sigma), len(self.names)
@@ -94,8 +94,7 @@ class LinearData:
     def covariance(self) -> FloatArray:
         """H^-1, in parameter units, shape [d, d].
 
-        Raises SingularInformationError if some direction of the parameters does
-        not move the data.
+        Raises SingularInformationError if the data do not depend on a direction of the parameters.
         """
         return inverse_information(self.rows) * np.outer(self.scale, self.scale)
 
@@ -106,7 +105,7 @@ class LinearData:
 
     @property
     def conditional_deviations(self) -> FloatArray:
-        """Standard deviation of each parameter if the others were known, shape [d]; infinite if the data do
+        """Standard deviation of each parameter for known other parameters, shape [d]. Infinite if the data do
         not depend on it.
         """
         size = np.sqrt(np.diag(self.information))
@@ -136,7 +135,7 @@ class LinearData:
 
     @property
     def conditional_shares(self) -> FloatArray:
-        """The same if the other parameters were known, shape [k, d]; 0 for a parameter on which no datum
+        """The same share for known other parameters, shape [k, d]. 0 for a parameter on which no datum
         depends.
         """
         squares = self.rows**2
@@ -151,8 +150,8 @@ class LinearData:
 Criterion = Literal["D", "A"]
 
 ALL = 20_000
-"""Up to this number, all subsets are compared; above it, points are exchanged until no exchange improves the
-result."""
+"""Up to this number of subsets, all are compared. Above it, points are exchanged until no exchange improves
+the result."""
 
 
 class UndecidedError(ValueError):
@@ -161,12 +160,12 @@ class UndecidedError(ValueError):
 
 @dataclass(frozen=True)
 class Placement:
-    """The chosen groups, with the cost and the information that they give."""
+    """The chosen groups, their cost and their information."""
 
     chosen: tuple[int, ...]
     """Indices of the groups, ascending."""
     cost: float
-    """-ln det H, or the trace of H^-1, with the base included."""
+    """-ln det H, or the trace of H^-1, including the base."""
     information: FloatArray
     """H of base and chosen groups together [-], shape [d, d]."""
 
@@ -227,8 +226,7 @@ def best_window(
 
 
 def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Criterion) -> list[int]:
-    # A small multiple of the total makes the first choices comparable, where few groups give a singular
-    # matrix.
+    # A few groups give a singular matrix. A small multiple of the total makes the first choices comparable.
     ridge = 1e-6 * np.trace(groups.sum(axis=0)) / len(start) * np.eye(len(start))
     chosen: list[int] = []
     information = start + ridge

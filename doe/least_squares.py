@@ -1,9 +1,9 @@
-"""Bounded least squares on the expensive function, from several starts, with one batch of runs per step for
-all.
+"""Bounded least squares on the expensive function from several starts. Each step needs one batch of runs for
+all starts.
 
-Levenberg and Marquardt's steps, each a bounded linear least-squares problem (SciPy's `lsq_linear`). Every
-trial point is run together with its neighbours for central differences. One step of all searches therefore
-costs one batch.
+The steps are Levenberg and Marquardt's. Each is a bounded linear least-squares problem (SciPy's
+`lsq_linear`). Every trial point is run together with its neighbours for central differences. One step of all
+searches therefore costs one batch.
 
 `Whitening` holds the weights of data whose errors are independent except for a few common patterns. The
 covariance is C = D + M' M. D is a diagonal of variances; each row of M is the change of many data by one
@@ -12,7 +12,7 @@ L)^(1/2),
 
     C^(-1/2) = (1 - A' (R (1 + R))^-1 A) D^(-1/2),    ln det C = ln det D + sum ln(1 + L),
 
-so that nothing larger than the patterns' products is decomposed, and no small L is divided by.
+The largest decomposed matrix is the one of the patterns' products. No division by a small L occurs.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from doe.box import Box
 
 @dataclass(frozen=True)
 class Whitening:
-    """The square root of an inverse covariance, a diagonal with a few common patterns."""
+    """The square root of an inverse covariance. The covariance is a diagonal with a few common patterns."""
 
     sigma: FloatArray
     """Standard deviations of the independent part, shape [k]."""
@@ -39,8 +39,8 @@ class Whitening:
     """Changes of the data by one standard deviation of each common error, shape [n, k]; None if there are
     none."""
     counts: FloatArray | float = 1.0
-    """Number of independent values that each entry counts as in the log determinant [-], shape [k] or one
-    number; below one where `sigma` is enlarged because entries are not independent."""
+    """Number of independent values per entry in the log determinant [-], shape [k] or one number. It is below
+    one where `sigma` is enlarged because entries are not independent."""
 
     def __post_init__(self) -> None:
         if not (self.sigma > 0.0).all():
@@ -58,7 +58,8 @@ class Whitening:
         return 1.0 + np.maximum(squares, 0.0), np.asarray(turned.T @ scaled)
 
     def apply(self, rows: FloatArray) -> FloatArray:
-        """C^(-1/2) applied to rows of shape [..., k]: of residuals, their squares sum up to chi-square."""
+        """C^(-1/2) applied to rows of shape [..., k]. For residuals the sum of squares of the result is
+        chi-square."""
         total, common = self._common
         root, scaled = np.sqrt(total), rows / self.sigma
         return np.asarray(scaled - ((scaled @ common.T) / (root * (1.0 + root))) @ common)
@@ -77,20 +78,20 @@ class Whitening:
 
 
 BatchRun = Callable[[FloatArray], FloatArray]
-"""Responses at points in parameter units, [n, d] -> [n, k]; the row of a failed run holds NaN."""
+"""Responses at points in parameter units, [n, d] -> [n, k]. The row of a failed run contains NaN."""
 Weighting = Callable[[FloatArray], Whitening]
 """Weights of the entries for a given residual, shape [k]."""
 
 STEP = 5e-3
 """Half the distance of central differences in the unit box."""
 CONVERGED_STEP = 0.1
-"""Length of the next undamped step, in standard deviations, at which a search has converged."""
+"""A search has converged if its next undamped step is shorter than this [standard deviations]."""
 LONGEST = 0.25
 """Longest step of a coordinate in the unit box."""
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e3
-"""Marquardt's damping: the first value, the smallest, and the largest, above which the search stops."""
+"""Marquardt's damping: the first, the smallest and the largest value. Above the largest the search stops."""
 FLAT = 1e-3
-"""Smallest scale of a coordinate's damping over the largest one's."""
+"""Smallest ratio of a coordinate's damping scale to the largest scale."""
 
 
 @dataclass(frozen=True)
@@ -179,8 +180,8 @@ class _Search:
         matrix = np.concatenate([self.jacobian, np.diag(scale)])
         right = np.concatenate([-self.residual, np.zeros(len(size))])
         low, high = np.maximum(-self.u, -LONGEST), np.minimum(1.0 - self.u, LONGEST)
-        # A coordinate on a face can move to one side only. Its bound on the other side is zero, and must not
-        # equal the first.
+        # A coordinate on a face can move to one side only. Its bound on the other side is zero; the two
+        # bounds must differ.
         bounds = np.minimum(low, -1e-15), np.maximum(high, 1e-15)
         return np.asarray(lsq_linear(matrix, right, bounds, method="bvls").x, dtype=np.float64)
 
@@ -214,17 +215,17 @@ def least_squares(
 ) -> tuple[LeastSquaresResult, ...]:
     """Search a box for the response that is nearest to the data, from several starts in parallel.
 
-    The deviance, r' C^-1 r + ln det C with the covariance C(r) from `weighting`, never rises. With a constant
-    C this is least squares. With the most likely C for each r, the result is the most likely point.
+    The deviance is r' C^-1 r + ln det C with the covariance C(r) from `weighting`; it never increases. With a
+    constant C this is least squares. With the most likely C for each r, the result is the most likely point.
 
-    ``starts``: in parameter units, shape [n, d]. ``data``: shape [k]. ``weighting``: weights of the entries,
-    given a residual. ``step``: half the distance of the differences in the unit box, in (0, 0.1].
-    ``max_steps``: most trial points of a search. ``at_rest``: length of the next undamped step, in standard
-    deviations, at which a search has converged, > 0.
+    ``starts``: in parameter units, shape [n, d]. ``data``: shape [k]. ``weighting``: weights of the entries
+    for a residual. ``step``: half the distance of the differences in the unit box, in (0, 0.1].
+    ``max_steps``: largest number of trial points of a search. ``at_rest``: > 0; a search has converged if its
+    next undamped step is shorter than this [standard deviations].
 
-    Returns one result for each start, smallest deviance first. A search that ended by a failed run or by the
-    step limit has `converged` False, gives the reason in `ended`, and holds its best point. Raises ValueError
-    if the runs at all starts failed.
+    Returns one result for each start, smallest deviance first. A search may end by a failed run or by the
+    step limit. Then `converged` is False, `ended` gives the reason, and the result is its best point. Raises
+    ValueError if the runs at all starts failed.
     """
     if not 0.0 < step <= 0.1:
         raise ValueError(f"step must be in (0, 0.1] of the unit box, got {step}")
@@ -250,7 +251,7 @@ def least_squares(
 
 
 def _sigma(jacobian: FloatArray) -> FloatArray:
-    """Standard deviations in the unit box, shape [d]; infinite for a direction that changes no entry."""
+    """Standard deviations in the unit box, shape [d]. Infinite for a direction that changes no entry."""
     _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
     determined = singular > 1e-12 * max(float(singular[0]), np.finfo(float).tiny)
     shares = (right[determined] / singular[determined][:, None]) ** 2

@@ -1,9 +1,9 @@
 """Runs of a design in chunks, in this process or through any executor, recorded in a ledger on disk.
 
-Workers do not access the ledger: the parent sends out chunks, receives results and records each chunk on
-arrival, in one SQLite table. A run's key is the SHA-256 of the model's hash and the parameters' bytes. The
-same run therefore has the same key in every process and on every machine, and two ledgers can be merged. The
-result of a point must not depend on the other points of its chunk.
+Workers do not access the ledger. The parent sends chunks, receives results, and records each chunk on arrival
+in one SQLite table. A run's key is the SHA-256 of the model's hash and the parameters' bytes. The same run
+therefore has the same key in every process and on every machine. Two ledgers can be merged. The result of a
+point must not depend on the other points of its chunk.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ TABLE = """CREATE TABLE runs (
   seconds REAL NOT NULL
 ) STRICT, WITHOUT ROWID"""
 LITTLE = np.dtype("<f8")
-"""Floats on disk, whatever the machine's byte order."""
+"""Floats on disk, independent of the machine's byte order."""
 COLUMNS = "key, model, parameters, completed, outcome, reason, results, digest, seconds"
 """Columns of the table, in their order."""
 MARKS = ", ".join("?" * 9)
@@ -53,7 +53,7 @@ def row_of(*entries: Any) -> tuple[Any, ...]:
 
 
 def digest_of(entries: Iterable[Any]) -> bytes:
-    """SHA-256 of entries, each behind its length."""
+    """SHA-256 of entries, each preceded by its length."""
     total = hashlib.sha256()
     for entry in entries:
         data = entry if isinstance(entry, bytes) else str(entry).encode()
@@ -79,8 +79,7 @@ class Run:
     reason: str = ""
     """Reason why it did not complete; empty if it did."""
     seconds: float = 0.0
-    """Its share of the computing time of its chunk [s]; the only field that may differ when a run is
-    repeated."""
+    """Its share of the computing time of its chunk [s]. Only this field may differ if a run is repeated."""
 
 
 def run_key(model: bytes, point: ArrayLike) -> bytes:
@@ -89,7 +88,7 @@ def run_key(model: bytes, point: ArrayLike) -> bytes:
 
 
 def _run_of(row: tuple[Any, ...]) -> Run | None:
-    """A row as a run; None if the digest does not match the contents, or the key does not match the
+    """A row as a run. None if the digest does not match the contents, or if the key does not match the
     parameters.
     """
     key, model, parameters, completed, outcome, reason, results, digest, seconds = row
@@ -111,15 +110,15 @@ OLDEST = (3, 37, 0)
 
 
 class LedgerError(Exception):
-    """A file that is not a ledger, is damaged, or is in use."""
+    """The file is not a ledger, is damaged, or is in use."""
 
 
 class Ledger:
     """A SQLite file of runs, open in one process at a time; a context manager.
 
-    The file is in WAL mode and every `record` is one transaction with a sync: if a process is killed at any
-    moment, all chunks recorded before are complete. Every row is checked before use: it contains the SHA-256
-    of its key and its results, and a row with a wrong hash counts as missing.
+    The file is in WAL mode, and every `record` is one transaction with a sync. If a process is killed at any
+    moment, all recorded chunks are complete. Every row contains the SHA-256 of its key and its results. It is
+    checked before use; a row with a wrong hash counts as missing.
 
     Parameters
     ----------
@@ -143,7 +142,7 @@ class Ledger:
             raise LedgerError(f"a ledger needs SQLite 3.37 or newer, this is {sqlite3.sqlite_version}")
         self.path, self.model = Path(path), bytes(model)
         self.damaged: list[str] = []
-        """Beginnings of the keys of rows that were found damaged, in hexadecimal digits."""
+        """First hexadecimal digits of the keys of damaged rows."""
         with self._refusing():
             self._sql = sqlite3.connect(self.path, isolation_level=None, timeout=0.0)
         try:
@@ -213,8 +212,8 @@ class Ledger:
         """Copy the runs of all models of another ledger in one transaction, and return their number.
 
         A completed run replaces one that did not complete; a completed run is never replaced. Raises
-        LedgerError if the other file does not exist, is not a ledger or contains a damaged row, or if the two
-        files have different results of one completed run.
+        LedgerError if the other file does not exist, is not a ledger or contains a damaged row. Also if the
+        two files have different results of one completed run.
         """
         if not Path(path).is_file():
             raise LedgerError(f"{path}: there is no such ledger")
@@ -251,8 +250,8 @@ class Ledger:
             yield from self._sql.execute(f"SELECT {COLUMNS} FROM runs ORDER BY key")
 
     def _open(self) -> None:
-        # Exclusive before WAL: no shared memory, so the file may lie on a network drive, and a second
-        # process is refused instead of repeating the first one's runs.
+        # Exclusive mode before WAL needs no shared memory, so the file may lie on a network drive. A second
+        # process is rejected and does not repeat the runs of the first one.
         self._sql.execute("PRAGMA trusted_schema = OFF")
         self._sql.execute("PRAGMA locking_mode = EXCLUSIVE")
         schema = self._sql.execute("SELECT type, name, sql FROM sqlite_master").fetchall()
@@ -317,7 +316,7 @@ ExecutorFactory = Callable[[], AbstractContextManager[Executor]]
 """Function that makes an executor; called again after an executor has failed."""
 
 AHEAD = 64
-"""Largest number of chunks submitted to an executor at once: enough for its workers, few enough for the
+"""Largest number of chunks submitted to an executor at once. It is enough for its workers and limits the
 memory."""
 
 
@@ -326,11 +325,11 @@ class Pace:
     """Progress of a sweep and its speed."""
 
     finished: int
-    """Number of runs finished, including those found in the ledger."""
+    """Number of finished runs, including runs from the ledger."""
     total: int
     """Runs of the design."""
     rate: float
-    """Runs per second since the start, without those found in the ledger; 0 before the first chunk."""
+    """Runs per second since the start, without runs from the ledger; 0 before the first chunk."""
 
     @property
     def seconds_left(self) -> float:
@@ -379,8 +378,8 @@ def run_chunks(
     retry
         Repeat runs that are not completed in the ledger.
     attempts
-        Largest number of successive executor failures without a returned chunk. Chunks in progress are
-        submitted to a new one.
+        Largest number of successive executor failures without a returned chunk. After a failure, chunks in
+        progress are submitted to a new executor.
     progress
         Called once at the start and after each chunk.
 
@@ -403,7 +402,7 @@ def run_chunks(
     if chunk < 1 or attempts < 1:
         raise ValueError(f"chunk and attempts must be at least 1, got {chunk} and {attempts}")
     distinct, places = np.unique(points + 0.0, axis=0, return_inverse=True)
-    # In the order of the points, so that an interrupted sweep has completed its first points.
+    # In the order of the points: an interrupted sweep has completed its first points.
     order = np.unique(places.ravel(), return_index=True)[1].argsort()
     runs: list[Run | None] = ledger.find(distinct) if ledger else [None] * len(distinct)
     todo = [row for row in order if (run := runs[row]) is None or (retry and not run.completed)]
@@ -452,7 +451,7 @@ def _through(
     keep: Callable[[Sequence[int], Sequence[Run]], None],
     attempts: int,
 ) -> None:
-    """Run chunks through executors until all are complete; chunks of a broken executor go to the next one."""
+    """Run chunks through executors until all are complete. Chunks of a broken executor go to the next one."""
     waiting, broken = list(reversed(chunks)), 0
     while waiting:
         flying: dict[Future[list[Run]], list[int]] = {}

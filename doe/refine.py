@@ -1,6 +1,7 @@
-"""Adaptive refinement: new runs where a smaller misfit is expected or possible, until the optimum is stable.
+"""Adaptive refinement: new runs are made where a smaller misfit is expected or possible, until the optimum is
+stable.
 
-Each round runs the surrogate's optimum, and points whose misfit may be as low within the surrogate's error.
+Each round runs the surrogate's optimum and points whose misfit, within the surrogate's error, may be as low.
 The surrogate is rebuilt from the runs of a region that shrinks around the optimum, and searched again.
 Refinement ends when new runs at the optimum do not change it.
 """
@@ -27,7 +28,7 @@ CANDIDATES = 96
 DRAWS = 8
 """Responses drawn at each candidate, for the spread of its misfit."""
 BOUND = 2.0
-"""Number of standard deviations below its mean that the misfit may reach."""
+"""The lower bound of the misfit lies this many standard deviations below its mean."""
 _MINIMUM_DISTANCE = 0.08
 """Smallest distance of two new runs over the region's edge."""
 
@@ -40,10 +41,10 @@ def choose(
     size: int,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """The optimum, and the candidates with the lowest bound of the misfit, one after the other, shape [n, d].
+    """The optimum and the candidates with the lowest bound of the misfit, chosen one by one, shape [n, d].
 
     After each choice the surrogate is assumed to be exact at that point, which reduces its error around the
-    point (the kriging believer). Fewer than ``size`` are chosen if no more have room in the region.
+    point (the kriging believer). Fewer than ``size`` are chosen if the region has no room for more.
     """
     unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
     x = region.scale(unit)
@@ -78,30 +79,30 @@ def _lower_bound(
 
 
 Locate = Callable[[ProcessSurrogate, Box, FloatArray], tuple[FloatArray, FloatArray]]
-"""Finds the optimum of a surrogate in a box, from a starting point, and its standard deviation; in parameter
-units, shape [d] each."""
+"""Finds the optimum of a surrogate in a box from a starting point, and its standard deviation. Both are in
+parameter units, shape [d]."""
 
 CONVERGED_MOVE = 0.2
-"""Largest move of the optimum, in standard deviations, that counts as stable: a tenth of the k = 2 half
+"""The optimum is stable if it moves by at most this [standard deviations]: a tenth of the k = 2 half
 width."""
 SHRINK = 0.35
 """Edge of the next region over this one's, while the optimum lies inside."""
 SMALLEST = 0.02
 """Smallest edge of a region in the unit box."""
 WIDTHS = 6.0
-"""Edge of a region is at least this many standard deviations of the optimum: a smaller region would follow
-the function's roughness, not the data."""
+"""The edge of a region is at least this many standard deviations of the optimum. In a smaller region the
+roughness of the function would dominate."""
 GAIN = 0.7
-"""A smaller region is kept if the surrogate's leave-one-out error falls below this share of its earlier
-value. Otherwise the function is rough: runs of a wide region average the roughness, those of a small one
-follow it."""
+"""A smaller region is used if the surrogate's leave-one-out error falls below this share of its earlier
+value. Otherwise the function is rough: runs of a wide region average the roughness, but runs of a small
+region follow it."""
 PATIENCE = 2
-"""Number of smaller regions over which the error must fall: a region has few runs at first."""
+"""The error must fall within this number of smaller regions: at first a region has few runs."""
 REACH = 1.25
-"""The surrogate is built from runs up to this many half edges from the region's middle."""
+"""The surrogate is built from runs within this many half edges of the region's middle."""
 
 FACE = 1e-4
-"""A coordinate this close to a face, as a share of the edge, lies on it."""
+"""A coordinate is on a face if its distance from the face is at most this share of the edge."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class Round:
     confirmed: float
     """Misfit of the run at the optimum; NaN if it failed."""
     shift: float
-    """How far the runs moved the optimum, in its standard deviations [-]."""
+    """Move of the optimum by the runs, in its standard deviations [-]."""
     edge: float
     """Edge of the region in the unit box [-]."""
 
@@ -135,7 +136,7 @@ class Refinement:
     rounds: tuple[Round, ...]
     """Every batch."""
     points: FloatArray
-    """All completed runs, the first design's included, in parameter units, shape [n, d]."""
+    """All completed runs, including the first design, in parameter units, shape [n, d]."""
     responses: FloatArray
     """Responses of these runs, shape [n, k]."""
     converged: bool
@@ -143,7 +144,7 @@ class Refinement:
 
     @property
     def ended(self) -> str:
-        """The ending in words."""
+        """Text: how the refinement ended."""
         reason = f"the last runs moved the optimum by {self.rounds[-1].shift:.2g} standard deviations"
         return reason if self.converged else f"{reason}, and the rounds were used up"
 
@@ -185,7 +186,7 @@ def refine(
         values = np.append(values, misfit(new_responses[finite]))
         predicted = float(misfit(surrogate.predict(best[None]))[0])
         inside = not _on_inner_face(best, region, box)
-        # The lowest misfit of a real run takes precedence over the surrogate's prediction.
+        # A real run with a lower misfit is preferred to the surrogate's prediction.
         centre = x[int(np.argmin(values))]
         widths = WIDTHS * _unit_widths(box, best, sigma)
         surrogate = _about(box, _around(box, centre, np.clip(widths, zoom.edge, 1.0)), x, y, scale, surrogate)
@@ -205,7 +206,7 @@ def refine(
 
 
 class _Zoom:
-    """Edge of the region, which decreases in each round until this does not improve the surrogate."""
+    """Edge of the region. It decreases in each round as long as this improves the surrogate."""
 
     def __init__(self) -> None:
         self.edge = 1.0
@@ -213,7 +214,7 @@ class _Zoom:
         self.rough = False
 
     def judge(self, error: float) -> None:
-        """Choose the next edge, given the leave-one-out error in this one, its new runs included."""
+        """Choose the next edge from the leave-one-out error in this region, including its new runs."""
         self.errors[self.edge] = error
         if self.rough:
             return
@@ -259,6 +260,6 @@ def _about(
 
 
 def _on_inner_face(x: FloatArray, region: Box, box: Box) -> bool:
-    """True if a point lies on a face of the region that is none of the box."""
+    """True if a point lies on a face of the region that is not a face of the box."""
     u, whole = region.unit(x), box.unit(x)
     return bool(np.any((np.minimum(u, 1.0 - u) < FACE) & (np.minimum(whole, 1.0 - whole) > FACE)))

@@ -61,7 +61,7 @@ RESTART_EDGE = 0.05
 """Edge of the simplex of a restart in the unit box."""
 AGREEMENT = 10.0
 """Two results of a search count as equal if they differ by less than this many tolerances in the unit box.
-The final simplex is smaller than one tolerance, but its distance from the optimum may be larger."""
+The final simplex is smaller than one tolerance. Its distance from the optimum may be larger."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ class SearchResult:
     evaluations: int
     outcome: SearchOutcome
     at_bound: dict[str, str]
-    """ "lower" or "upper" for each parameter within 10 tolerances of a face; also filled when the search
-    did not converge."""
+    """ "lower" or "upper" for each parameter within 10 tolerances of a face, also if the search did not
+    converge."""
     trace_points: FloatArray
     """Every point tried, in order, in parameter units, shape [evaluations, d]."""
     trace_values: FloatArray
@@ -84,7 +84,7 @@ class SearchResult:
 
 
 class _Recorder:
-    """The function in unit coordinates; records every call and rejects values that are not finite."""
+    """The function in unit coordinates. It records every call and rejects values that are not finite."""
 
     def __init__(self, function: Objective, box: Box) -> None:
         self.function, self.box = function, box
@@ -94,7 +94,7 @@ class _Recorder:
 
     def __call__(self, unit_point: FloatArray) -> float:
         point = self.box.scale(unit_point)
-        # A copy: a function that writes into its argument must not move the simplex or the trace.
+        # A copy: a function that changes its argument must not change the simplex or the trace.
         value = float(self.function(point.copy()))
         if not np.isfinite(value):
             where = ", ".join(f"{name} = {x:.12g}" for name, x in self.box.as_dict(point).items())
@@ -119,10 +119,10 @@ def nelder_mead(
 ) -> SearchResult:
     """The minimum of a function in a box by the simplex method, restarted until the optimum is stable.
 
-    A simplex that collapsed early, or was flattened onto a face of the box by the bounds, is small but not at
-    an optimum. After convergence, both neighbours in every coordinate are therefore tried, 10 tolerances
-    away, and a new simplex is set up at the best point. The search ends when the best point has moved by no
-    more than 10 tolerances and no neighbour is lower.
+    A small simplex is not always at an optimum: it may have collapsed early, or the bounds may have flattened
+    it onto a face. After convergence, both neighbours in every coordinate are therefore tried, 10 tolerances
+    away. A new simplex is set up at the best point. The search ends when the best point has moved by no more
+    than 10 tolerances and no neighbour is lower.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def nelder_mead(
     start
         First vertex, in parameter units, shape [d]; the middle of the unit box if left out.
     tolerance
-        Size of the simplex in the unit box at which it has converged, in [1e-9, 0.1). There is no
-        tolerance on the value: its scale is not known here.
+        The simplex has converged if it is smaller than this in the unit box, in [1e-9, 0.1). There is no
+        tolerance for the value, because its scale is not known.
     max_evaluations
         Largest number of calls of the function, at least d + 1.
 
@@ -160,7 +160,7 @@ def nelder_mead(
         inside = box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")
         if len(inside) != 1:
             raise ValueError(f"start must be one point of shape [{d}], got {len(inside)}")
-        # `require` has rejected points outside; this removes the round-off of the conversion to unit
+        # `require` has rejected points outside. This removes the round-off of the conversion to unit
         # coordinates.
         centre = np.clip(box.unit(inside[0]), 0.0, 1.0)
     margin = AGREEMENT * tolerance
@@ -190,7 +190,7 @@ def nelder_mead(
 
 
 def _simplex(unit_point: FloatArray, side: FloatArray, edge: float) -> FloatArray:
-    """A right-angled simplex at a point, its edges on the given sides where the box has room for them."""
+    """A right-angled simplex at a point. Its edges are on the given sides where the box has room."""
     ends = unit_point + side * edge
     steps = np.where((ends < 0.0) | (ends > 1.0), -side, side) * edge
     return np.vstack([unit_point, unit_point + np.diag(steps)])

@@ -1,21 +1,21 @@
 """Sensitivity of outputs to the parameters of a box: Sobol' indices and Morris' elementary effects.
 
-The parameters are independent and uniform in the unit box, so that a logarithmic one is uniform in its
-logarithm. With A and B two independent samples and AB_i the sample A whose i-th column is that of B,
+The parameters are independent and uniform in the unit box; a logarithmic one is uniform in its logarithm. A
+and B are two independent samples. AB_i is the sample A with the i-th column of B. Then
 
     S_i  = mean(f_B (f_ABi - f_A)) / V        first order, Saltelli et al. (2010)
     ST_i = mean((f_A - f_ABi)^2) / 2 V        total, Jansen (1999)
 
 A history is reduced to the scores of its principal components. The covariances of the scores give the indices
-of every entry, and their sum weighted by the variances, the generalised index
+of every entry. They also give the sum of the indices weighted by the variances, the generalised index
 
     GS_i = tr C_i / tr C,      C_i = Cov(E[R | x_i]),
 
 of Lamboni, Monod and Makowski (2011) and Gamboa et al. (2014).
 
-Morris' trajectory visits d + 1 points. From one to the next a single parameter moves by p / 2 (p - 1) of its
-edge, p the number of levels; an effect is the change of the output over that move (Morris 1991). Its mean
-size measures the parameter's influence; its scatter shows whether the effect depends on the position in the
+Morris' trajectory has d + 1 points. From one point to the next, one parameter moves by p / 2 (p - 1) of its
+edge; p is the number of levels. An effect is the change of the output over this move (Morris 1991). Its mean
+size measures the parameter's influence. Its scatter shows whether the effect depends on the position in the
 box (Campolongo et al. 2007).
 """
 
@@ -42,8 +42,8 @@ CHUNK = 1024
 RESAMPLES = 500
 """Draws of the bootstrap."""
 ENDS = 0.5 * (1.0 - 0.95), 0.5 * (1.0 + 0.95)
-"""Quantiles at the ends of an interval. The points of a Sobol' sequence cover the box more evenly than the
-bootstrap assumes, so the intervals tend to be too wide."""
+"""Quantiles at the ends of an interval. The intervals tend to be too wide, because a Sobol' sequence covers
+the box more evenly than the bootstrap assumes."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class SobolIndices:
     first: FloatArray
     """Share of the variance caused by each parameter without interactions [-], shape [s, d]."""
     total: FloatArray
-    """Share caused by each parameter, interactions included [-], shape [s, d]."""
+    """Share caused by each parameter, including interactions [-], shape [s, d]."""
     first_interval: FloatArray
     """Ends of the interval of `first` from a bootstrap over the sample [-], shape [s, d, 2]."""
     total_interval: FloatArray
@@ -86,7 +86,7 @@ class SaltelliSample:
     def draw(cls, d: int, n: int, rng: Rng) -> SaltelliSample:
         """Halves of a scrambled Sobol' sequence in 2 d dimensions.
 
-        Raises ValueError if n is not a power of two, at least 4: the sequence is balanced only for these.
+        Raises ValueError if n is not a power of two or below 4: only then the sequence is balanced.
         """
         count = index(n)
         if count < 4 or count & (count - 1):
@@ -162,7 +162,7 @@ def sobol_indices(
         raise ValueError(f"the function returns {at_A.shape[1]} outputs, {len(outputs)} are named")
     mean, variance = _moments(at_A, at_B)
     _refuse_constant(outputs, mean, variance)
-    # Values are taken relative to their mean: the first-order estimator then scatters least.
+    # Values relative to their mean: the first-order estimator then has the smallest scatter.
     first = (at_B - mean) * (at_AB - at_A)
     total = 0.5 * (at_A - at_AB) ** 2
     square = 0.5 * ((at_A - mean) ** 2 + (at_B - mean) ** 2)
@@ -193,7 +193,7 @@ def _moments(at_A: FloatArray, at_B: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _refuse_constant(outputs: tuple[str, ...], mean: FloatArray, variance: FloatArray) -> None:
-    # Below this the differences are round-off of the values.
+    # Smaller differences are round-off of the values.
     still = np.flatnonzero(variance <= (1e-13 * np.abs(mean)) ** 2)
     if len(still):
         raise ValueError(
@@ -206,8 +206,8 @@ PILOT = 256
 KEPT_VARIANCE = 1.0 - 1e-6
 """Share of a history's scaled variance that its components keep."""
 SILENT = 1e-6
-"""An entry whose variance is a smaller share of the largest one has no indices: for a point that the wave has
-not reached they would be shares of round-off."""
+"""An entry has no indices if its variance over the largest one is smaller than this. If the wave has not
+reached a point, its indices would be shares of round-off."""
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class HistoryIndices:
     names: tuple[str, ...]
     """Parameters, length d."""
     first: FloatArray
-    """First-order index of each entry [-], shape [d, k]; NaN where the entry hardly varies."""
+    """First-order index of each entry [-], shape [d, k]; NaN where the variance of the entry is too small."""
     total: FloatArray
     """Total index of each entry [-], shape [d, k]; NaN likewise."""
     variance: FloatArray
@@ -329,8 +329,8 @@ class Trajectories:
         """The effects of the runs' outputs.
 
         ``outputs``: one row for each point of `design`, shape [r (d + 1), s]. Raises ValueError if the shape
-        is wrong or an output is not finite. Omitting such a trajectory would hide effects where the model
-        reaches its limits.
+        is wrong or an output is not finite. Such a trajectory is not omitted, because this would hide effects
+        at the limits of the model.
         """
         r, d = self.moved.shape
         y = np.asarray(outputs, dtype=np.float64)
@@ -361,7 +361,7 @@ def morris(box: Box, trajectories: int, *, levels: int = 4, rng: Rng) -> Traject
     trajectories
         Number of trajectories, r, at least 2; they require r (d + 1) runs.
     levels
-        Number of levels of each parameter, p, even, at least 2; with an even number all levels are used
+        Number of levels of each parameter, p, even, at least 2. With an even number all levels are used
         equally often.
     rng
         Integer seed or generator.
@@ -381,7 +381,7 @@ def morris(box: Box, trajectories: int, *, levels: int = 4, rng: Rng) -> Traject
     low = draw.integers(0, p // 2, size=(r, d)) / (p - 1.0)
     down = draw.random((r, d)) < 0.5
     order = np.argsort(draw.random((r, d)), axis=1)
-    turn = np.argsort(order, axis=1)  # in which step a parameter moves
+    turn = np.argsort(order, axis=1)  # the step in which each parameter moves
     after = np.arange(d + 1)[None, :, None] > turn[:, None, :]
     unit_points = (low[:, None, :] + delta * (after ^ down[:, None, :])).reshape(-1, d)
     settings = {"trajectories": r, "levels": p, "rng": seed}

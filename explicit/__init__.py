@@ -1,12 +1,12 @@
 """Explicit finite elements for impact on soft axisymmetric specimens: many simulations at once, CPU or GPU.
 
-A constant `Model` (a `Mesh` such as `cylinder`, materials, contact laws, the motion of the platens and a
-support) and `Samples`, one row of parameters for each simulation, are the input of `run`. It returns a
-`Response` with forces, outlines, an `EnergyLedger` and the `Outcome` of each simulation. `Sampling` sets the
-recorded quantities and times, `Stepping` the time integration. `run_side_by_side` takes batches of different
-models. Laws are in `explicit.materials` and `explicit.contact`, elements in `explicit.elements`, the
-relaxation in `explicit.relaxation`, elastic bars in `explicit.bars`. Each name is loaded when it is first
-used.
+The inputs of `run` are a constant `Model` and `Samples`. The `Model` contains a `Mesh` such as `cylinder`,
+materials, contact laws, the motion of the platens and a support. `Samples` has one row of parameters for each
+simulation. `run` returns a `Response` with forces, outlines, an `EnergyLedger` and the `Outcome` of each
+simulation. `Sampling` sets the recorded quantities and times. `Stepping` sets the time integration.
+`run_side_by_side` runs batches of different models. Laws are in `explicit.materials` and `explicit.contact`,
+elements in `explicit.elements`, the relaxation in `explicit.relaxation`, elastic bars in `explicit.bars`.
+Each name is loaded when it is first used.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -43,7 +43,7 @@ _HOME = {
     "run_nearly_incompressible": "explicit.incompressible",
     "run_side_by_side": "explicit.run_batch",
 }
-"""Module of each public name. The imports above repeat it for type checkers; a test compares both."""
+"""Module of each public name. The imports above repeat this list for type checkers; a test compares both."""
 
 __all__ = [*_HOME]
 

@@ -4,11 +4,11 @@
     KOLSKY_AOT=modules kolsky identify runs/open-01 --device cuda     # on the GPU machine
     python -m explicit.aot --out modules --relaxation none prony --contacts bonded/bonded --precision fp64
 
-The last line is for shots of bonded specimens with `--relaxation prony`, which are also run without
+The last line is for shots of bonded specimens with `--relaxation prony`. Such shots are also run without
 relaxation. `ahead_of_time` is the equivalent Python function. The folder contains machine code (cubin) of one
-architecture, or PTX, which the driver of that or any later architecture compiles. The name of a file contains
-the hash of the kernel's source and options, that of its folder the version of Warp, so a file of different
-sources is never loaded.
+architecture, or PTX. The driver of this or any later architecture compiles PTX. The name of a file contains
+the hash of the kernel's source and options. The name of its folder contains the version of Warp. A file of
+different sources is therefore never loaded.
 """
 
 import argparse
@@ -35,7 +35,7 @@ from explicit.relaxation.base import Relaxation
 from explicit.time_loop.kernel import time_loop_kernel
 
 FOLDER_VARIABLE = "KOLSKY_AOT"
-"""Environment variable that names the folder of modules when `explicit.run` is not given one."""
+"""Environment variable that names the folder of modules if `explicit.run` gets none."""
 USUAL_CONTACTS = (
     *((law, law) for law in CONTACT_LAWS),
     *(("bonded", law) for law in CONTACT_LAWS if law != "bonded"),
@@ -71,14 +71,14 @@ def ahead_of_time(
     relaxation : Relaxation, optional
         Kind of relaxation, such as ``PronySeries.kind(n_branches)``: `explicit.Model.relaxation_kind`.
     ptx : bool
-        Write PTX, which also serves later architectures, instead of machine code for these only.
+        Write PTX instead of machine code. PTX is also valid for later architectures.
 
     Returns
     -------
     list of Path
-        The compiled files, three for each combination and architecture: state on the chip for small and for
-        large batches, and state in global memory. If blocks can share a simulation, four more: each number of
-        blocks, with the state on their chips or not.
+        The compiled files, three for each combination and architecture: state on the chip for small batches,
+        state on the chip for large batches, and state in global memory. If blocks can share a simulation,
+        there are four more: each number of blocks, with and without the state on their chips.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def compile_each(
         if arch not in supported:
             raise ValueError(f"architecture must be one of {supported}, got {arch}")
     place = _folder_of(folder)
-    # A mesh that fits keeps its state in shared memory, a larger one does not.
+    # A mesh that fits has its state in shared memory; a larger one has it in global memory.
     variants = [(True, BLOCK, 1), (True, SMALL_BLOCK, 1), (False, BLOCK, 1)]
     variants += [(on_chip, BLOCK, cluster) for on_chip, cluster in product((True, False), CLUSTERS)]
     for (faces, side, number, shape), (on_chip, block, cluster) in product(combinations, variants):
@@ -133,7 +133,7 @@ def compile_each(
         module = _module(time_loop_kernel(law, faces, side, numbers, shape, on_chip, block, **shared))
         wp.compile_aot_module(module, arch=able, module_dir=place, use_ptx=ptx)
         for source in place.glob(f"wp_{module.name}_*.cu"):
-            source.unlink()  # it is not needed to load a module
+            source.unlink()  # a load of a module does not need it
         for arch in able:
             yield from place.glob(f"wp_{module.name}_*.sm{arch}.{'ptx' if ptx else 'cubin'}")
 
@@ -143,8 +143,8 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
 
     ``kernel``: the time loop. ``device``: a Warp device; nothing is done for a CPU. ``folder``: written by
     `ahead_of_time`; default is the environment variable ``KOLSKY_AOT``, or none. Returns: whether a module
-    was found. If a given folder has none for this time loop and device, there is one `RuntimeWarning`, and
-    the launch compiles it. Raises ValueError if the given folder does not exist.
+    was found. If a given folder has no module for this time loop and device, there is one `RuntimeWarning`,
+    and the launch compiles it. Raises ValueError if the given folder does not exist.
     """
     folder = folder or os.environ.get(FOLDER_VARIABLE) or None
     if folder is None or not device.is_cuda:
@@ -176,7 +176,7 @@ _LOADED: WeakKeyDictionary[Any, set[tuple[str, Path]]] = WeakKeyDictionary()
 def candidates(place: Path, arch: int) -> list[tuple[int, bool]]:
     """(architecture, whether PTX) of the code that a device of architecture `arch` can run, the best first.
 
-    Machine code runs on its own architecture; PTX on that of its name and any later one.
+    Machine code runs only on its architecture. PTX runs on the architecture of its name and on later ones.
     """
     written = {int(path.name.split(".")[-2][2:]) for path in place.glob("*.sm[0-9]*.ptx")}
     return [(arch, False)] + [(older, True) for older in sorted(written, reverse=True) if older <= arch]
@@ -188,7 +188,7 @@ def _folder_of(folder: Path | str) -> Path:
 
 def _module(kernel: Any) -> Any:
     module = kernel.kernel.module
-    module.options["block_dim"] = kernel.block  # part of the hash: as launched
+    module.options["block_dim"] = kernel.block  # part of the hash: the values of the launch
     return module
 
 

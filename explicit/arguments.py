@@ -1,6 +1,6 @@
 """The arguments of the time loop on a device: the mesh's constants, a batch's parameters, state and output.
 
-The mesh's tables are made once. Small arrays share one allocation and one copy: each operation takes about
+The mesh's tables are made once. Small arrays share one allocation and one copy. Each operation takes about
 ten microseconds for any size, and a batch has twenty arrays.
 """
 
@@ -37,7 +37,7 @@ from explicit.time_loop.kernel import TimeLoopKernel
 from explicit.time_loop.node_sweeps import BAR_HISTORY, INTERIOR, LOWER, SIDE, UPPER, VALENCE
 
 SPARE = 16
-"""Entries behind every row that a pack may read: the most lanes there are."""
+"""Number of entries behind every row that a pack may read: the largest number of lanes."""
 
 
 _BODIES: WeakKeyDictionary[Mesh, dict[Any, Any]] = WeakKeyDictionary()
@@ -103,8 +103,8 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
 def _corners_on_chips(
     corners: IntArray, slots: int, place: IntArray, first_boundary: int, blocks: int, numbers: Precision
 ) -> IntArray:
-    """The table of corner forces for blocks that keep them in their shared memories; the zero entries are in
-    the node's own block.
+    """The table of corner forces for blocks with the forces in their shared memories. The zero entries are in
+    the block of the node.
     """
     spread = spread_corners(corners % slots, corners // slots, numbers)
     mine = (
@@ -138,7 +138,7 @@ def fits_on_several(mesh: Mesh, blocks: int) -> bool:
 
 def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:
     """Index of every node in the time loop's fields, number of interior nodes, and first index of the
-    boundary nodes, which begin a new group.
+    boundary nodes. The boundary nodes begin a new group.
     """
     inner = node_kinds(mesh) == INTERIOR
     first_boundary = -(-int(inner.sum()) // GROUP) * GROUP
@@ -158,8 +158,8 @@ def node_kinds(mesh: Mesh) -> IntArray:
 def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArray:
     """Indices of each node's corner forces, shape [VALENCE, n_nodes].
 
-    The forces are stored corner by corner, each with the same number of slots for the elements. Entries after
-    the last one are zero; nodes with fewer elements refer to these.
+    The forces are stored corner by corner. Each corner has the same number of slots for the elements. Entries
+    after the last one are zero; nodes with fewer elements refer to them.
 
     The k-th entry of a node is the element whose k-th corner it is, if this entry is free. Neighbouring nodes
     then read neighbouring elements.
@@ -183,7 +183,7 @@ def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArr
 
 
 def padded(values: NDArray[Any]) -> NDArray[Any]:
-    """An array with room behind every row: a pack that begins inside may reach past the end."""
+    """An array with room behind every row: a pack that begins inside a row may reach past its end."""
     kind = np.int32 if values.dtype.kind in "ib" else np.float64
     return np.pad(values.astype(kind), [(0, 0)] * (values.ndim - 1) + [(0, SPARE)])
 
@@ -214,13 +214,13 @@ def in_one_copy(values: Mapping[str, tuple[NDArray[Any], Any]], where: Any) -> d
     arrays = {}
     for name, (numbers, dtype) in converted.items():
         array: Any = wp.array(ptr=memory.ptr + places[name], dtype=dtype, shape=numbers.shape, device=where)
-        array._ref = memory  # which lives as long as its parts
+        array._ref = memory  # it lives as long as its parts
         arrays[name] = array
     return arrays
 
 
 def _as(numbers: NDArray[Any], dtype: Any) -> NDArray[Any]:
-    """Numbers as a Warp type has them in memory; those of a struct already have its type."""
+    """Numbers in the memory layout of a Warp type. Those of a struct already have its type."""
     if numbers.dtype.names is not None:
         return np.ascontiguousarray(numbers)
     return np.ascontiguousarray(numbers, wp.dtype_to_numpy(dtype))
@@ -239,12 +239,12 @@ def batch_of(
     numbers: Precision,
     where: Any,
 ) -> Any:
-    """Per-sample parameters and the tables they choose from."""
+    """Parameters of each sample and the tables that they refer to."""
     mu = np.array([law.initial_shear_modulus for law in model.materials])[samples.material]
     lasting, stiffer = mu * samples.stiffness_factor, np.ones(len(samples))
     if model.relaxation:
         stiffer = np.array([branches.instantaneous for branches in model.relaxation])[samples.relaxation]
-    mu = lasting * stiffer  # that of waves, which the volume and the hourglass patterns belong to
+    mu = lasting * stiffer  # the modulus of waves, which include volume and hourglass patterns
     bulk = bulk_modulus(mu, samples.poisson)
     solids = np.zeros(len(samples), dtype=kernel.element.Solid.numpy_dtype())
     solids["scale"] = samples.stiffness_factor * stiffer
@@ -300,7 +300,7 @@ def batch_of(
 
 
 def _branch_table(model: Model) -> FloatArray:
-    """The rows of the relaxation, all with the length of the longest; one number without relaxation."""
+    """The rows of the relaxation, all with the length of the longest row; one number without relaxation."""
     if not model.relaxation:
         return np.zeros((1, 1))
     most = max(len(branches) for branches in model.relaxation)
@@ -316,7 +316,8 @@ def state_of(
     lanes: int,
     on_chip: bool = False,
 ) -> Any:
-    """Fields that vary, at rest, of `rows` simulations one after the other or of `lanes` side by side.
+    """Varying fields at rest: of `rows` simulations one after the other, or of `lanes` simulations side by
+    side.
 
     State in the shared memory of a GPU is not allocated here.
     """
@@ -350,15 +351,15 @@ def state_of(
 
 @cache
 def _no_room(dtype: Any, device: str) -> Any:
-    """Placeholder of an array that the time loop never touches; making one takes as long as a copy."""
+    """Placeholder of an array that the time loop never uses. To create one takes as long as a copy."""
     return wp.zeros((1, 1), dtype=dtype, device=device)
 
 
 def output_of(
     kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, nodes: Any, where: Any
 ) -> tuple[Any, Any]:
-    """Arrays for the histories, NaN after the end of a simulation, and the single array that contains
-    them.
+    """Arrays for the histories and the single array that contains them. They are NaN after the end of a
+    simulation.
     """
     n_force, n_surface = len(sampling.force_times), len(sampling.surface_times)
     output = kernel.structs.Output()
@@ -378,13 +379,13 @@ def output_of(
         "ending": (n, int(Ending.COUNT)),
     }
     size = sum(prod(shape) for shape in shapes.values())
-    # Entries that the time loop does not reach stay NaN, in addition to its Outcome.
+    # Entries that the time loop does not reach remain NaN.
     whole: Any = wp.full(size, float("nan"), dtype=wp.float64, device=where)
     begin = 0
     for name, shape in shapes.items():
         place = whole.ptr + begin * wp.types.type_size_in_bytes(wp.float64)
         part: Any = wp.array(ptr=place, dtype=wp.float64, shape=shape, device=where)
-        part._ref = whole  # which lives as long as its parts
+        part._ref = whole  # it lives as long as its parts
         setattr(output, name, part)
         begin += prod(shape)
     return output, whole

@@ -13,17 +13,17 @@ from typing import Any
 import warp as wp
 
 WORKER = "WORKER_NUMBER"
-"""Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
+"""Environment variable with the number of a process, from 0, if processes share the GPUs of a machine."""
 RESERVED = 1 << 30
 """Unused device memory that a process keeps [bytes]."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 GENERATING = RLock()
-"""Lock for generating and loading kernels: Warp stores them in tables of the process."""
+"""Lock for the generation and loading of kernels: Warp stores them in tables of the process."""
 
 
 def cores() -> int:
-    """Cores that this process may use: a batch system or a container may grant fewer than there are."""
+    """Cores that this process may use. A batch system or a container may limit them."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
@@ -52,8 +52,8 @@ def _keep_memory(alias: str) -> None:
 
 
 def own_gpu(count: int) -> int:
-    """Number of the GPU for a process that shares `count` of them with others: assigned in turn by `WORKER`,
-    the first if it is not set.
+    """Number of the GPU for a process that shares `count` GPUs with others. `WORKER` assigns them in turn. It
+    is the first GPU if `WORKER` is not set.
     """
     return int(os.environ.get(WORKER, "0")) % max(count, 1)
 
@@ -79,11 +79,11 @@ def _start() -> None:
 def _without(expected: str) -> Iterator[None]:
     """Suppress one expected line of native code on stderr; other lines are passed on.
 
-    On a machine without a GPU, Warp's library reports this on every start, which is of no use to the user.
+    On a machine without a GPU, Warp's library reports this on every start. The user does not need it.
     """
     try:
         saved = os.dup(2)
-    except OSError:  # no stderr (some services): suppression is unnecessary
+    except OSError:  # some services have no stderr: suppression is unnecessary
         yield
         return
     with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as caught:

@@ -1,7 +1,7 @@
 """Drivers of a batch's time loops: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU.
 
-A GPU writes small results into page-locked memory at the speed of the bus. Histories of a large batch go to
-the host in pieces through page-locked memory, while other simulations still run.
+A GPU writes small results into page-locked memory at the speed of the bus. Histories of a large batch are
+copied to the host in pieces through page-locked memory, while other simulations run.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,11 +29,12 @@ from explicit.time_loop.kernel import TimeLoopKernel
 HISTORIES = ("force", "impulse", "position", "energy", "ending")
 """The arrays of an output, samples first, contiguous in its memory."""
 PIECE = 1 << 20
-"""Numbers of float64 in a piece, 8 MiB: large enough for the bus, small enough to be locked quickly."""
+"""Number of float64 values in a piece (8 MiB). It is large enough for the bus and small enough to be locked
+quickly."""
 PIECES = 8
 """Pieces of page-locked memory that a process keeps for each device."""
 THREADS = 4
-"""Number of threads that copy from them: one thread is slower than a GPU's transfer."""
+"""Number of threads that copy from these pieces: one thread is slower than a GPU's transfer."""
 
 
 class _HostTransfer:
@@ -47,8 +48,8 @@ class _HostTransfer:
         self._sent = 0
 
     def touch_memory(self, count: int) -> None:
-        """Touch the memory of the first `count` simulations while the device is busy: the system allocates it
-        page by page, which takes longer than filling it.
+        """Touch the memory of the first `count` simulations while the device is busy. The system allocates it
+        page by page, which takes longer than a copy.
         """
         for target in self._arrays.values():
             target[:count] = 0.0
@@ -99,14 +100,14 @@ def _pool() -> ThreadPoolExecutor:
 
 @cache
 def _buffers(device: str) -> list[Any]:
-    """Page-locked pieces of a process: locking them takes longer than filling them."""
+    """Page-locked pieces of a process. It reuses them, because locking takes longer than filling."""
     return [wp.empty(PIECE, dtype=wp.float64, device="cpu", pinned=True) for _ in range(PIECES)]
 
 
 STEP = 1 << 17
-"""Pieces are multiples of this many numbers of float64, 1 MiB."""
+"""Pieces are multiples of this number of float64 values (1 MiB)."""
 LIMIT = 1 << 25
-"""Largest number of float64 values that a process locks, 256 MiB: other processes cannot use locked
+"""Largest number of float64 values that a process locks (256 MiB). Other processes cannot use locked
 memory."""
 
 
@@ -130,7 +131,7 @@ class Piece:
 
 
 class _Owner:
-    """Owner of a piece of memory, which NumPy keeps alive with every view of it."""
+    """Owner of a piece of memory. NumPy keeps it alive with every view of the piece."""
 
     def __init__(self, memory: Any, count: int) -> None:
         self.__array_interface__ = {
@@ -155,7 +156,7 @@ class Pool:
         The piece is reused once neither the numbers nor a view of them exist.
         """
         with self._lock:
-            # Other threads only append to the list, so an index in it stays valid.
+            # Other threads only append to the list, so an index remains valid.
             fitting = [
                 (piece.memory.size, place)
                 for place, piece in enumerate(tuple(self._free))
@@ -168,7 +169,7 @@ class Pool:
             return None
         piece.wait()
         owner = _Owner(piece.memory, count)
-        # Without the lock: whoever holds it may be interrupted by the collection of a result.
+        # Without the lock: garbage collection may call this in a thread that holds the lock.
         finalize(owner, self._free.append, piece).atexit = False
         return piece, np.asarray(owner)
 
@@ -188,11 +189,11 @@ POOL = Pool()
 
 
 WORTH_A_PACK = 0.75
-"""Share of a pack's lanes that must be in use: with fewer, its simulations are faster one by one."""
+"""Smallest share of a pack's lanes that must be in use. With fewer, its simulations are faster one by one."""
 PART_WAVES = 8
-"""Simulations per multiprocessor in one launch: their histories are copied while others run."""
+"""Number of simulations per multiprocessor in one launch. Their histories are copied while others run."""
 LARGE_MESH = 1500
-"""Number of elements above which the state of a pack exceeds the caches and simulations are faster one by
+"""Above this number of elements the state of a pack exceeds the caches, and simulations are faster one by
 one."""
 
 Progress = Callable[[int], None]
@@ -237,10 +238,10 @@ class Launched:
 
 
 def run_on_gpu(batch: PreparedBatch, progress: Progress | None) -> dict[str, FloatArray]:
-    """Run every simulation as a block of threads; of a large batch, histories are copied while others run.
+    """Run every simulation as a block of threads. The histories of a large batch are copied while others run.
 
-    Two streams alternate, so that the next part uses the multiprocessors left idle by the last blocks of the
-    one before.
+    Two streams alternate. The next part then uses the multiprocessors that the last blocks of the previous
+    part leave idle.
     """
     return collect_from_gpu(launch_on_gpu(batch, streams(batch.where.alias)[:2]), progress)
 
@@ -327,7 +328,7 @@ def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list
 
 
 def run_in_lanes(batch: PreparedBatch, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
-    """Packs of simulations, or simulations of packs of elements, distributed over threads.
+    """Distribute packs of simulations, or simulations of packs of elements, over threads.
 
     Threads without a launch join a running one (`explicit.simd.team`).
     """
@@ -352,10 +353,10 @@ def constants_of(batch: PreparedBatch) -> Any:
 
 
 def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[SharedRun]:
-    """The launches of a batch on a CPU, in any order.
+    """The launches of a batch on a CPU. Their order is arbitrary.
 
-    Kernels are generated and loaded here: a launch compiles nothing. The first one makes the constants of the
-    mesh, in parallel with other running batches. `threads` is the number of idle threads, see `packs`.
+    Kernels are generated and loaded here; a launch compiles nothing. The first launch makes the constants of
+    the mesh, in parallel with other running batches. `threads` is the number of idle threads, see `packs`.
     """
     kernel, model, numbers = batch.kernel, batch.model, batch.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
@@ -390,12 +391,12 @@ def _work(jobs: Sequence[SharedRun], threads: int, progress: Progress | None) ->
     last = jobs[max(len(jobs) - threads + 1, 0) :] if threads > 1 else []
     joining = [job.offer(threads) for job in reversed(last)]
     tasks = [one for seat in zip_longest(*joining) for one in seat if one is not None]
-    if len(jobs) + len(tasks) < 2:  # a thread takes longer to start than a tenth of a run
+    if len(jobs) + len(tasks) < 2:  # the start of a thread takes longer than a tenth of a run
         _report((job.run() for job in jobs), progress)
         return
     with ThreadPoolExecutor(min(threads, len(jobs) + len(tasks))) as pool:
         finished = as_completed([pool.submit(job.run) for job in jobs])
-        joined = [pool.submit(task) for task in tasks]  # no thread starts one while a launch is waiting
+        joined = [pool.submit(task) for task in tasks]  # no thread starts one while another is waiting
         _report((future.result() for future in finished), progress)
         for future in joined:
             future.result()

@@ -1,14 +1,14 @@
 """Nearly incompressible specimens at the cost of compressible ones, with a correction for nu on a coarser
 mesh.
 
-The stable step is proportional to sqrt(1 - 2 nu) on every mesh. But the effect of nu on the result is smooth
-in space: a change of volume, and waves as long as the specimen. It is therefore computed on a coarse mesh,
-where steps are cheap,
+The stable step is proportional to sqrt(1 - 2 nu) on every mesh. The effect of nu on the result is smooth in
+space: a change of volume, and waves as long as the specimen. It is therefore computed on a coarse mesh, where
+steps need little time,
 
     Q(fine, nu) = Q(fine, nu_0) + [Q(coarse, nu) - Q(coarse, nu_0)],
 
-two levels of the combination technique (Griebel, Schneider and Zenger 1992). The change of the bracket from
-the coarse to the fine mesh is neglected; a third, even coarser mesh measures its size.
+These are two levels of the combination technique (Griebel, Schneider and Zenger 1992). The change of the
+bracket from the coarse to the fine mesh is neglected. A third, even coarser mesh measures its size.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from explicit.run_batch import run
 COMPRESSIBLE = 0.495
 """Poisson's ratio of the runs on the fine mesh [-]."""
 SAME_SIZE = 1e-9
-"""Relative difference up to which two meshes count as the same specimen [-]."""
+"""Two meshes count as the same specimen if they differ by at most this [-]."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,15 @@ class NearlyIncompressible:
     """A batch at its nearly incompressible Poisson's ratios, with estimates of its error."""
 
     response: Response
-    """Histories of the fine mesh, corrected, and the strain measures too (`extrapolated_share` within 0 and
-    1). `steps` and `smallest_step` are those of the run on the fine mesh, at the compressible ratio."""
+    """Corrected histories and strain measures of the fine mesh (`extrapolated_share` within 0 and 1). `steps`
+    and `smallest_step` are those of the run on the fine mesh at the compressible ratio."""
     force_change: FloatArray
     """Change of the transmission force's correction from the coarser to the coarse mesh [N], shape
-    [n_samples, n_force_times]. Its size estimates the error; filter it first in the same way as the force."""
+    [n_samples, n_force_times]. Its size estimates the error. Filter it first in the same way as the force."""
     radius_change: FloatArray
-    """The same of the surface's radius [m], shape [n_samples, n_surface_times, n_surface_nodes]."""
+    """The same change for the surface's radius [m], shape [n_samples, n_surface_times, n_surface_nodes]."""
     element_steps: FloatArray
-    """Elements times steps, summed over the five runs of a sample [-], shape [n_samples]."""
+    """Sum of elements times steps over the five runs of a sample [-], shape [n_samples]."""
     compressible_element_steps: FloatArray
     """Elements times steps of the run on the fine mesh at the compressible ratio [-], shape [n_samples]."""
 
@@ -71,8 +71,8 @@ def run_nearly_incompressible(
     model : Model
         What to simulate, with the fine mesh.
     coarse : tuple of Mesh
-        The mesh of the correction, with about half the number of elements in each direction. A coarser one,
-        with about three quarters of that number, is used only to estimate the error.
+        First the mesh of the correction, with about half the number of elements in each direction. Then a
+        coarser one, with about three quarters of that number; it is used only to estimate the error.
     samples : Samples
         Parameters; `poisson` above `compressible`.
     sampling : Sampling
@@ -80,19 +80,19 @@ def run_nearly_incompressible(
     compressible : float
         Poisson's ratio of the runs on the fine mesh [-].
     stepping, device, threads, progress
-        As in `explicit.run`; progress counts the runs on the fine mesh, which come last.
+        As in `explicit.run`. Progress counts the runs on the fine mesh, which are the last ones.
 
     Returns
     -------
     NearlyIncompressible
-        The response at `samples.poisson`. A sample has the `Outcome` of the first of its runs that did not
-        complete, and NaN from there. The corrected `extrapolated_share` is kept between 0 and 1.
+        The response at `samples.poisson`. A sample has the `Outcome` of its first run that did not complete,
+        and NaN after its end. The corrected `extrapolated_share` is kept between 0 and 1.
 
     Raises
     ------
     ValueError
-        If a Poisson's ratio is not above `compressible`, the meshes are not of one specimen or not
-        successively coarser, or all nodes are to be recorded.
+        If a Poisson's ratio is not above `compressible`. If the meshes are not of one specimen or not
+        successively coarser. If all nodes are to be recorded.
     """
     _check(model.mesh, coarse, samples, sampling, compressible)
     soft = replace(samples, poisson=np.full(len(samples), compressible))
@@ -173,7 +173,7 @@ class _Change:
         corrected = {
             name: getattr(base, name) + getattr(self, name) for name in (*_FORCES, *_SURFACES, *_STRAINS)
         }
-        # a share of the volume: if it is almost zero, the sum of three can be negative
+        # a share of the volume: if it is almost zero, the sum of three shares can be negative
         corrected["extrapolated_share"] = np.clip(corrected["extrapolated_share"], 0.0, 1.0)
         return replace(
             base,

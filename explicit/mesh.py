@@ -1,9 +1,9 @@
 """Axisymmetric quadrilateral meshes of a cylindrical specimen: nodes, element constants, deformation.
 
-The element is the uniform-strain quadrilateral of Flanagan and Belytschko (1981), carried to axial symmetry
-with volume-averaged gradients: the deformation gradient of an element is the volume average of the bilinear
-field's. It is exact for every homogeneous deformation, and its nodal forces pass the patch test to round-off,
-also on the axis. All integrals are over a full turn (2 pi R dA).
+The element is the uniform-strain quadrilateral of Flanagan and Belytschko (1981), in an axisymmetric form
+with volume-averaged gradients. The deformation gradient of an element is the volume average of that of the
+bilinear field. It is exact for every homogeneous deformation. Its nodal forces pass the patch test to
+round-off, also on the axis. All integrals are over a full turn (2 pi R dA).
 """
 
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ from explicit.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Quadrilaterals in the half-plane (r, y), r >= 0, with the node sets a platen can meet.
+    """Quadrilaterals in the half-plane (r, y), r >= 0, with the sets of nodes that a platen can touch.
 
-    Meshes are compared by identity; quantities computed from a mesh are cached for its lifetime.
+    Meshes are compared by identity. Quantities computed from a mesh are cached for its lifetime.
     """
 
     nodes: FloatArray
@@ -87,9 +87,9 @@ class Mesh:
 
     @cached_property
     def corners_of_node(self) -> tuple[IntArray, IntArray]:
-        """Element corners that meet at each node: the first entry of each node, shape [n_nodes + 1], and the
-        flat corner index 4 * element + position, shape [4 n_elements], ascending for each node, so that a
-        gather adds the corner forces in one fixed order."""
+        """Element corners that meet at each node. The first array has the first entry of each node, shape
+        [n_nodes + 1]. The second has the flat corner index 4 * element + position, shape [4 n_elements]. The
+        index is ascending for each node; a gather therefore adds the corner forces in a fixed order."""
         flat = self.quads.ravel()
         corner = np.argsort(flat, kind="stable")
         start = np.searchsorted(flat[corner], np.arange(self.n_nodes + 1))
@@ -108,8 +108,8 @@ def cylinder(
     n_radial, n_axial : int
         Elements across the radius and along the length; 16 x 22 is the mesh of Mates et al. (2012).
     grading : float
-        Size of the largest element over the smallest: above 1 the elements shrink (geometrically)
-        toward the side surface and both faces, where the specimen rolls onto the platens.
+        Size of the largest element over the smallest. Above 1 the size decreases geometrically toward the
+        side surface and both faces, where the specimen rolls onto the platens.
 
     Raises
     ------
@@ -143,14 +143,14 @@ def cylinder(
 
 
 def _graded(place: FloatArray, grading: float) -> FloatArray:
-    """Node positions in [0, 1] of elements whose sizes fall geometrically from place 0 to place 1."""
+    """Node positions in [0, 1] of elements whose sizes decrease geometrically from 0 to 1."""
     edges = np.concatenate([[0.0], np.cumsum(grading ** (-place))])
     return edges / edges[-1]
 
 
 _HOURGLASS = np.array([1.0, -1.0, 1.0, -1.0])
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-"""Corners of the square that every element is an image of [-]."""
+"""Corners of the reference square of all elements [-]."""
 
 
 def bilinear(xi: float, eta: float) -> tuple[FloatArray, FloatArray]:
@@ -247,7 +247,7 @@ def _integrate(mesh: Mesh) -> ElementGeometry:
 
 
 def deformation_gradient(mesh: Mesh, nodes: ArrayLike) -> FloatArray:
-    """Volume-averaged deformation gradient of each element, the one at the stress point of "one_point".
+    """Volume-averaged deformation gradient of each element, i.e. that of the stress point of "one_point".
 
     ``nodes``: positions (r, y) of its nodes [m], shape [..., n_nodes, 2]. Returns: in (r, y, hoop) [-], shape
     [..., n_elements, 3, 3].
@@ -265,10 +265,10 @@ def deformation_gradient(mesh: Mesh, nodes: ArrayLike) -> FloatArray:
 
 
 def corner_areas(mesh: Mesh, nodes: FloatArray) -> FloatArray:
-    """Area that the sides of an element span at each corner, over the undeformed one [-].
+    """Area that the sides of an element span at each corner, over the undeformed area [-].
 
-    A simulation ends where a stress point is turned inside out. A corner can be so long before: the one-point
-    element has no stress point there, and those of full integration lie inside.
+    A simulation ends when a stress point is turned inside out. A corner can be turned inside out long before.
+    The one-point element has no stress point at a corner, and those of full integration lie inside.
 
     ``nodes``: positions (r, y) [m], shape [..., n_nodes, 2]. Returns: below 0 where a corner is turned inside
     out, shape [..., n_elements, 4].

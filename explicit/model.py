@@ -18,16 +18,16 @@ from explicit.relaxation.base import RateDependence, Relaxation
 
 @dataclass(frozen=True)
 class Model:
-    """One specimen between two platens. Never changes while a batch runs."""
+    """One specimen between two platens. It does not change while a batch runs."""
 
     mesh: Mesh
     """The specimen."""
     density: float
     """Mass density [kg/m^3]."""
     materials: tuple[MaterialLaw, ...]
-    """Material laws a sample can choose from (all of one class)."""
+    """Material laws that samples refer to (all of one class)."""
     motions: tuple[PlatenMotion, ...]
-    """Flyer motions a sample can choose from (all with the same start)."""
+    """Flyer motions that samples refer to (all with the same start)."""
     faces: str = "bonded"
     """Contact law of the end faces."""
     side: str = "bonded"
@@ -35,24 +35,26 @@ class Model:
     support: Support = RIGID
     """The support behind the transmission platen."""
     damping_kind: Literal["deviatoric", "full"] = "deviatoric"
-    """Stiffness-proportional damping of the deviator only, or of the whole elastic tensor."""
+    """Stiffness-proportional damping acts on the deviator only, or on the whole elastic tensor."""
     hourglass: float = 0.3
-    """Size of hourglass control [-]; an element without it ignores this. "stiffness": relative to full
-    integration of the initial shear stiffness. "viscous": share of the pattern's critical damping."""
+    """Size of hourglass control [-]. An element without hourglass control ignores it. "stiffness": relative
+    to full integration of the initial shear stiffness. "viscous": share of the pattern's critical damping."""
     hourglass_form: Literal["stiffness", "viscous"] = "stiffness"
-    """Resistance to the hourglass patterns: a stiffness, damped like the solid, or only a viscosity, scaled
-    with the shear wave speed (Flanagan and Belytschko 1981)."""
+    """Resistance to the hourglass patterns. It is a stiffness with the damping of the solid, or only a
+    viscosity that scales with the shear wave speed (Flanagan and Belytschko 1981)."""
     element: str = "one_point"
     """The element: a name of `explicit.elements.ELEMENTS`."""
     past_data: Literal["continue", "stop"] = "continue"
-    """Behaviour when an element is strained past the data of its material law. Either the law continues on
-    its end tangent and `Response.extrapolated_share` counts it, or the simulation ends as TABLE_EXCEEDED."""
+    """Behaviour when an element is strained beyond the data of its material law. Either the law continues on
+    its last tangent and `Response.extrapolated_share` counts the element, or the simulation ends as
+    TABLE_EXCEEDED."""
     volumetric: Form = "quadratic"
     """Form of the volumetric law, see `explicit.materials.volumetric`."""
 
     relaxation: tuple[RateDependence, ...] = ()
-    """Viscoelastic models added to the material law, which is then the long-term law. A sample chooses one of
-    them (all of one class, e.g. `explicit.relaxation.PronySeries`). Empty: no relaxation."""
+    """Viscoelastic models that are added to the material law. The material law is then the long-term law. A
+    sample refers to one of them (all of one class, e.g. `explicit.relaxation.PronySeries`). Empty: no
+    relaxation."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.density < float("inf"):
@@ -112,8 +114,8 @@ class Samples:
     motion: NDArray[np.int64]
     """Index into `Model.motions`, shape [n_samples]."""
     release_stress: FloatArray
-    """Tensile contact stress at which a node is released, used where a contact law is "bonded_release";
-    infinity: never [Pa], shape [n_samples]."""
+    """Tensile contact stress at which a node is released [Pa], shape [n_samples]. Infinity: never. Used where
+    a contact law is "bonded_release"."""
     contact_stiffness: FloatArray
     """Pressure per penetration, used where a contact law is "penalty" [Pa/m], shape [n_samples]."""
     relaxation: NDArray[np.int64]
@@ -182,7 +184,7 @@ class Sampling:
     """Record every node at the surface times, for meshes and pictures."""
     ledger_every: int = 1
     """Number of surface times from one entry of the energy ledger to the next. The ledger is NaN at the times
-    between; the last time always has an entry. An entry costs most of a step."""
+    between. The last time always has an entry. An entry takes most of the time of a step."""
 
     def __post_init__(self) -> None:
         for name in ("force_times", "surface_times"):
@@ -203,13 +205,13 @@ class Stepping:
     """Numerical choices of the time loop."""
 
     safety: float = 0.9
-    """Share of the element-by-element stability bound that a step uses, in (0, 1]."""
+    """Ratio of a step to the element-by-element stability bound, in (0, 1]."""
     measure_every: int = 8
     """Steps between two measurements of the bound."""
     bound: Literal["trace", "eigenvalue"] = "trace"
-    """Estimate of the non-volumetric part of an element's stiffness and damping in the bound: by the trace of
-    |grad v|^2, or by its largest eigenvalue. Both are safe. The second allows longer steps, especially on
-    fine meshes; its time error is larger accordingly ({doc}`/theory/solver`)."""
+    """Estimate of the non-volumetric part of an element's stiffness and damping in the bound. It uses the
+    trace of |grad v|^2, or its largest eigenvalue. Both are safe. The second allows longer steps, especially
+    on fine meshes, with a larger time error ({doc}`/theory/solver`)."""
     largest_step: float = float("inf")
     """Upper limit of the step [s]."""
     floor: float = 1e-3
@@ -237,16 +239,16 @@ class Stepping:
 
 
 LEAST_SCALE = {"damping": 1e-5, "friction": 0.1, "mass_damping": 10.0}
-"""Smallest scale of a parameter whose value may be zero [s, 1, 1/s]: a change of this size is noticeable in a
-test."""
+"""Smallest scale of a parameter whose value may be zero [s, 1, 1/s]. A change of this size has a visible
+effect in a test."""
 
 
 def scale_of(name: str, value: float) -> float:
-    """Scale that a relative step of a parameter refers to.
+    """Scale of a relative step of a parameter.
 
-    For the stiffness factor, damping, friction and drag the scale is the value; for the last three it is at
+    For the stiffness factor, damping, friction and drag the scale is the value. For the last three it is at
     least `LEAST_SCALE`. For Poisson's ratio it is the distance from 1/2, because the bulk modulus depends on
-    that.
+    this distance.
     """
     if name == "poisson":
         return 0.5 - value

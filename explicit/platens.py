@@ -1,11 +1,10 @@
 """Motion of the platens: that of the flyer is prescribed; the transmission platen has a support.
 
 A support is rigid, a bar by its characteristics, or any prescribed motion. The bar is one-dimensional and
-elastic. With the velocity away from the specimen v = g + h and the compressive force F = Z (g - h) at its
-front, g travels away and h returns; the far end is free, so h(t) = g(t - 2 L / c). The front's velocity is v
-= F / Z + 2 h, which needs no elements and does not limit the time step. F is available one step late. The
-solver solves for v together with the mass of the nodes on the platen, which is stable for a bar of any
-impedance.
+elastic. At its front the velocity away from the specimen is v = g + h and the compressive force F = Z (g -
+h). g travels away and h returns. The far end is free, so h(t) = g(t - 2 L / c). The front's velocity is v = F
+/ Z + 2 h. It needs no elements and does not limit the time step. F is available one step late. The solver
+solves for v together with the mass of the nodes on the platen. This is stable for a bar of any impedance.
 """
 
 from collections.abc import Callable
@@ -22,13 +21,13 @@ from explicit.arrays import FloatArray
 class PlatenMotion:
     """Displacement of the flyer's platen toward the specimen, tabulated with its velocity.
 
-    Between the knots position and velocity belong to one cubic, so they are consistent; the solver moves the
+    Between the knots position and velocity belong to one cubic, so they are consistent. The solver moves the
     platen by the *difference of positions* over a step, so no drift accumulates. After the last knot the
-    platen keeps its last velocity; the solver exceeds the last requested time by less than one time step.
+    platen keeps its last velocity. The solver exceeds the last requested time by less than one time step.
     """
 
     start: float
-    """Time of the first knot: the specimen is at rest then [s]."""
+    """Time of the first knot, at which the specimen is at rest [s]."""
     step: float
     """Distance of the knots [s]."""
     position: FloatArray
@@ -53,8 +52,8 @@ class PlatenMotion:
 
     @cached_property
     def cubics(self) -> FloatArray:
-        """Coefficients of the position's cubic in the share of an interval that has passed, constant first
-        [m], shape [n_knots, 4]; the last row is the straight line past the last knot."""
+        """Coefficients of the position as a cubic of the relative time in an interval, constant first [m],
+        shape [n_knots, 4]. The last row is the straight line after the last knot."""
         f, d = self.position, self.velocity * self.step
         rise = np.append(np.diff(f), d[-1])
         following = np.append(d[1:], d[-1])
@@ -109,8 +108,8 @@ class CharacteristicBar:
 class MovingSupport:
     """A support whose motion is prescribed, one for all samples or one for each.
 
-    Used in a partitioned coupling: a model of the parts behind the specimen computes this motion from a force
-    (`explicit.bars.coupling`).
+    It is used in a partitioned coupling: a model of the parts behind the specimen computes this motion from a
+    force (`explicit.bars.coupling`).
     """
 
     motions: tuple[PlatenMotion, ...]

@@ -30,7 +30,7 @@ PRECISIONS = {
 
 
 def precision(name: str) -> Precision:
-    """Look a precision up by name.
+    """Find a precision by its name.
 
     Raises ValueError if the name is not "fp32" or "fp64".
     """

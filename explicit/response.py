@@ -1,6 +1,6 @@
 """Results of a batch: histories, energy ledger, and the outcome of each simulation.
 
-Arrays are NumPy float64, one row a simulation. A simulation that fails ends with a named cause, its time, its
+Arrays are NumPy float64 with one row per simulation. A failed simulation has a named cause, its time, its
 element and its cure.
 """
 
@@ -16,7 +16,7 @@ from explicit.arrays import FloatArray
 class Outcome(IntEnum):
     """The end of one simulation of a batch.
 
-    The integer values are those the time loop writes; they are not part of the API.
+    The time loop writes the integer values. They are not part of the API.
     """
 
     COMPLETED = 0
@@ -38,7 +38,7 @@ class Outcome(IntEnum):
 
     @property
     def cure(self) -> str:
-        """Cure: the user's next step."""
+        """Cure: the next step for the user."""
         return _TEXTS[self][1]
 
     @property
@@ -86,7 +86,7 @@ class Ending:
 
     outcome: Outcome
     time: float
-    """The time it reached [s]."""
+    """Time of the end [s]."""
     element: int = -1
     """The element where it failed; -1 if it completed."""
     place: tuple[float, float] = (float("nan"), float("nan"))
@@ -95,7 +95,7 @@ class Ending:
 
     @property
     def where(self) -> str:
-        """The moment and the element, e.g. "at 280.3 us in element 87 (R = 4.45 mm, Y = 6.21 mm)"."""
+        """Time and element, e.g. "at 280.3 us in element 87 (R = 4.45 mm, Y = 6.21 mm)"."""
         moment = f"at {1e6 * self.time:.1f} us"
         if self.element < 0:
             return moment
@@ -113,11 +113,10 @@ class Ending:
 
 @dataclass(frozen=True)
 class EnergyLedger:
-    """Energy balance: the work of the platens and the energies into which it is converted, at the surface
-    times of a batch.
+    """Energy balance at the surface times of a batch: the work of the platens and the other energies.
 
-    Every field is an energy [J], shape [n_samples, n_surface_times]. A field ends in NaN after the end time
-    of a simulation that did not complete (see `Response.outcomes`), and is NaN at the times that
+    Every field is an energy [J], shape [n_samples, n_surface_times]. A field is NaN after the end time of a
+    simulation that did not complete (see `Response.outcomes`). It is also NaN at the times that
     `Sampling.ledger_every` omits.
     """
 
@@ -134,15 +133,15 @@ class EnergyLedger:
     friction: FloatArray
     """Dissipated by sliding and sticking on the platens [J], shape [n_samples, n_surface_times]."""
     impact: FloatArray
-    """Lost when a node hits a platen (inelastic; vanishes with mesh refinement). With the law "penalty":
-    energy stored or dissipated by the normal springs; that of the tangential springs is in `friction` [J],
-    shape [n_samples, n_surface_times]."""
+    """Energy lost when a node hits a platen [J], shape [n_samples, n_surface_times]. The impact is inelastic;
+    the loss vanishes with mesh refinement. With the law "penalty" it is the energy of the normal springs,
+    stored or dissipated. That of the tangential springs is in `friction`."""
     hourglass_damping: FloatArray
     """Dissipated by hourglass control [J], shape [n_samples, n_surface_times]."""
 
     viscous: FloatArray
-    """Work done on the branches of `Model.relaxation`: dissipated by them, or still stored [J]; `elastic` is
-    then the energy of the long-term law. Shape [n_samples, n_surface_times]."""
+    """Work done on the branches of `Model.relaxation` [J], shape [n_samples, n_surface_times]. It is
+    dissipated or still stored. `elastic` is then the energy of the long-term law."""
 
     @property
     def artificial(self) -> FloatArray:
@@ -164,8 +163,8 @@ class EnergyLedger:
     def artificial_share(self) -> FloatArray:
         """Largest artificial energy over the largest strain energy of each simulation [-], shape [n_samples].
 
-        Above 0.01 hourglass control affects the result: refine the mesh, or check with an element that has
-        none (`Model.element = "fbar"`).
+        Above 0.01 hourglass control affects the result. Refine the mesh, or check with an element without
+        hourglass control (`Model.element = "fbar"`).
         """
         worst = np.nanmax(self.artificial, axis=1)
         scale = np.nanmax(self.elastic, axis=1)
@@ -180,8 +179,8 @@ class EnergyLedger:
 class Response:
     """Histories of a batch, sampled at the requested times.
 
-    Times are those of `explicit.Sampling`. A simulation that ended early keeps its records up to that time,
-    followed by NaN. Positions and ledger end at its `end_times` entry. Forces end one step earlier, since a
+    Times are those of `explicit.Sampling`. A simulation that ended early has its records up to its end,
+    followed by NaN. Positions and ledger end at its `end_times` entry. Forces end one step earlier, because a
     force is known only after its step. `ending` gives cause, time and place. Forces are compression-positive.
     """
 
@@ -208,13 +207,13 @@ class Response:
     outcomes: tuple[Outcome, ...]
     """How each simulation ended, length n_samples."""
     failed_elements: NDArray[np.int64]
-    """The element where each simulation failed (`Outcome.role` gives its part in the failure), -1 where it
-    completed, shape [n_samples]."""
+    """The element where each simulation failed, shape [n_samples]; -1 where it completed. `Outcome.role`
+    gives the element's part in the failure."""
     failed_places: FloatArray
-    """Centre (R, Y) of that element in the undeformed mesh, Y above the transmission platen [m], NaN where
-    the simulation completed, shape [n_samples, 2]."""
+    """Centre (R, Y) of this element in the undeformed mesh, Y above the transmission platen [m], shape
+    [n_samples, 2]. NaN where the simulation completed."""
     end_times: FloatArray
-    """Time each simulation reached [s], shape [n_samples]."""
+    """Time of the end of each simulation [s], shape [n_samples]."""
     steps: NDArray[np.int64]
     """Time steps taken, shape [n_samples]."""
     smallest_step: FloatArray
@@ -225,7 +224,7 @@ class Response:
     largest_strain_measure: FloatArray
     """Largest s = sqrt(I1_bar - 3) at any surface time [-], shape [n_samples]."""
     nodes: FloatArray | None = None
-    """Positions (r, y) of all nodes at the surface times, if asked for [m],
+    """Positions (r, y) of all nodes at the surface times, if requested [m],
     shape [n_samples, n_surface_times, n_nodes, 2]."""
 
     @property

@@ -1,4 +1,4 @@
-"""Run a batch: from a constant `Model` and its `Samples` to a `Response`, on a CPU or a CUDA device.
+"""Run a batch of a constant `Model` and its `Samples` on a CPU or a CUDA device. The result is a `Response`.
 
 `compile_time_loops` compiles the time loops of later batches for a CPU in advance, several at once.
 """
@@ -68,32 +68,32 @@ def run(
     Parameters
     ----------
     model, samples, sampling
-        What to simulate, with which parameters, and what to record.
+        The model, the parameters of each simulation, and the recorded quantities.
     stepping : Stepping, optional
         Numerical choices of the time loop; default `Stepping()`.
     device : str
         "cpu", or a CUDA device such as "cuda" or "cuda:0".
     threads : int, optional
-        CPU threads; default all cores. Threads without a simulation help with a running one, if its mesh is
-        large enough; with 1 no simulation is shared. Results do not depend on it.
+        CPU threads; default all cores. Threads without a simulation help with a running one if its mesh is
+        large enough. With 1 no simulation is shared. Results do not depend on the number.
     progress : callable, optional
         Called with the number of simulations finished since the last call.
     modules : Path or str, optional
         Folder of time loops compiled by `explicit.aot.ahead_of_time`, for CUDA devices; default is the value
-        of the environment variable ``KOLSKY_AOT``. Without a folder, and on a CPU, they are compiled on first
-        use.
+        of the environment variable ``KOLSKY_AOT``. Without a folder, and on a CPU, time loops are compiled at
+        their first use.
 
     Returns
     -------
     Response
-        One row per sample. A simulation that ends early has its `Outcome`, its time and its element, its
-        records until then and NaN after it. It does not affect the others.
+        One row per sample. A simulation that ends early has its `Outcome`, its time, its element and its
+        records. After its end they are NaN. It does not affect the other simulations.
 
     Raises
     ------
     ValueError
-        If a requested time is before the model's start, or a sample names a material or motion the
-        model does not have, or the folder `modules` does not exist.
+        If a requested time is before the model's start, or a sample refers to a missing material or motion.
+        Also if the folder `modules` does not exist.
     """
     problem = Problem(model, samples, sampling, stepping or Stepping())
     prepared, nodes = _prepared(problem, select_device(device), modules)
@@ -113,14 +113,14 @@ def run_side_by_side(
 ) -> list[Response]:
     """Simulate batches of different models at the same time.
 
-    A simulation is one thread block of a GPU, or the work of one core. A batch of one simulation therefore
-    leaves all other multiprocessors and cores idle. Batches on separate streams use them; on a CPU, threads
-    share the simulations of all batches. A response is bitwise equal to that of `run`.
+    A simulation is one thread block of a GPU, or the work of one core. With a batch of one simulation, all
+    other multiprocessors and cores are idle. Batches on separate streams use them. On a CPU, threads share
+    the simulations of all batches. A response is bitwise equal to that of `run`.
 
     Parameters
     ----------
     problems
-        The batches; all of them are in the device's memory at once.
+        The batches. All of them are in the device's memory at the same time.
     device, threads, modules
         As in `run`.
 
@@ -138,7 +138,8 @@ def run_side_by_side(
             for problem, (_, nodes), histories_of_problem in zip(problems, prepared, histories, strict=True)
         ]
     for kernel, block in {(one.kernel.kernel, one.kernel.block) for one, _ in prepared}:
-        # before the launches: loading waits for running kernels, and compiling takes longer than most of them
+        # before the launches: a load waits for running kernels, and a compilation takes longer than most of
+        # them
         wp.load_module(kernel.module, device=where, block_dim=block)
     wp.synchronize_device(where)
     launched = [launch_on_gpu(one, [wp.Stream(where)]) for one, _ in prepared]
@@ -149,8 +150,8 @@ def run_side_by_side(
 
 
 def _time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precision, bool]:
-    """The time loop of a batch, its arithmetic, and whether a GPU keeps the state in shared memory, of one
-    block or of several."""
+    """The time loop of a batch, its arithmetic, and whether a GPU has the state in shared memory of one or
+    several blocks."""
     model, stepping = problem.model, problem.stepping
     numbers = precision(stepping.precision)
     on_chip, n = where.is_cuda and fits_on_chip(model.mesh, numbers), len(problem.samples)
@@ -243,7 +244,7 @@ def compile_time_loops(
     problems
         Batches to be run later, each with its number of samples.
     also : sequence of callable
-        Makers of further batches, called only if one of `problems` has to be compiled.
+        Functions that make more batches. They are called only if one of `problems` must be compiled.
     device, threads
         As in `explicit.run`. Nothing is done for a GPU, see `explicit.aot`.
     progress : callable, optional
@@ -281,7 +282,7 @@ def compile_time_loops(
 
 
 def _unknown(problems: Sequence[Problem], where: Any, threads: int) -> dict[tuple[Any, ...], None]:
-    """The choices of `lane_kernel` that are not compiled yet, each once and in order."""
+    """The choices of `lane_kernel` that are not yet compiled, in order and without repeats."""
     choices: dict[tuple[Any, ...], None] = {}
     for problem in problems:
         time_loop, numbers, _ = _time_loop_of(problem, where)

@@ -1,13 +1,13 @@
 """Effect of each mechanism of `identify`: `python -m populations.ablation --out FOLDER --workers N`.
 
 Shots of the population of `populations.wrong_inputs` (each seed gives one population) are identified with all
-mechanisms, and with one mechanism switched off at a time. Search, weights and uncertainty are tested on
-correct shots. Their table gives the element updates over those of 100 runs of the solver's problem; the
-errors of m, nu and beta over their standard uncertainties (root mean square); the error of m and its
-uncertainty; the number of shots with a larger error of m than with all mechanisms; and the number of shots
-that are identified with every true value within k = 2. The diagnosis is tested on wrong inputs, one shot for
-each row of that study; its table gives the rank of the correct cause. A mechanism is unnecessary if no result
-is significantly worse without it.
+mechanisms. They are also identified with one mechanism switched off at a time. Search, weights and
+uncertainty are tested on correct shots. The first column of their table gives the element updates over those
+of 100 runs of the solver's problem. The next gives the errors of m, nu and beta over their standard
+uncertainties (root mean square). Then follow the error of m and its uncertainty. The last columns count shots
+with a larger error of m than with all mechanisms, and shots with every true value within k = 2. The diagnosis
+is tested on wrong inputs, with one shot for each row of that study. Its table gives the rank of the correct
+cause. A mechanism is unnecessary if no result is significantly worse without it.
 """
 
 import argparse
@@ -46,7 +46,7 @@ class Switch:
     settings: Callable[[Settings], Settings] = lambda settings: settings
     """Function that changes the settings, for correct shots."""
     diagnosis: bool = False
-    """Whether it is tested on wrong inputs; else on correct shots."""
+    """True if it is tested on wrong inputs, False if on correct shots."""
 
     @contextmanager
     def off(self) -> Iterator[None]:
@@ -69,7 +69,7 @@ def _with_every_point(runner: Any, start: Any, numerics: Any) -> Any:
 
 
 def _without_path_noise(runner: Any, points: Any, runs: Any, inside: Any) -> Any:
-    """`deviance_with_path_noise` of the runs with the fitted path only."""
+    """`deviance_with_path_noise` for runs with the fitted path only."""
     found = np.full(len(points), np.inf)
     counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
     objective = runner.objective(counted)
@@ -230,7 +230,7 @@ def diagnose(job: Job, name: str) -> dict[str, Any]:
 
 
 def _chance(worse: int, of: int) -> str:
-    """Probability of at least this count for equal chances, as text."""
+    """Text: probability of at least this count if both sides are equally likely."""
     return f"{binomtest(worse, of, alternative='greater').pvalue:.2g}" if of else "-"
 
 

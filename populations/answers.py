@@ -1,11 +1,11 @@
 """Answers of shots with known truth, stored and compared: `python -m populations.answers --out FOLDER`.
 
-The shots are open-01 to open-04, made by another program, and random ones of the virtual laboratory (`--made
-10 --seed N`, the population of the study of wrong inputs). Each is identified with the default free
-parameters. In addition open-01, open-03 and open-04 are identified with Poisson's ratio and damping fixed at
-the shot file's values, and open-01 with its flyer's record delayed by 20 us. Each answer is a file; existing
-files are not recomputed. `--against OTHER` compares two folders in standard uncertainties, to show the effect
-of a change of the program.
+The shots are open-01 to open-04 and random shots of the virtual laboratory. Another program made the open
+shots. `--made 10 --seed N` gives the random shots, the population of the study of wrong inputs. Each shot is
+identified with the default free parameters. In addition open-01, open-03 and open-04 are identified with
+Poisson's ratio and damping fixed at the shot file's values. Open-01 is also identified with its flyer's
+record delayed by 20 us. Each answer is a file; existing files are not recomputed. `--against OTHER` compares
+two folders in standard uncertainties. It shows the effect of a change of the program.
 """
 
 import argparse
@@ -136,7 +136,7 @@ def table(answers: dict[str, dict[str, Any]]) -> str:
 
 
 def changes(now: dict[str, dict[str, Any]], before: dict[str, dict[str, Any]]) -> str:
-    """Values, uncertainties and verdicts compared with those of another folder."""
+    """Comparison of values, uncertainties and verdicts with those of another folder."""
     lines = ["| shot | | change / sigma | U over the earlier one | verdict |", "| --- " * 5 + "|"]
     for key in now.keys() & before.keys():
         one, other = now[key], before[key]

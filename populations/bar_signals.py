@@ -1,10 +1,10 @@
 """Synthetic bar signals with a known answer: `python -m populations.bar_signals [--count N] [--workers N]`.
 
-Draws two populations of tests between bars: the thresholds were chosen on the first and are tested on the
-second. It counts: offsets of the first rises relative to their sigma, correct and wrong distances
-distinguished, mean stresses reported for flow and for rising stress, and drifts beyond the baseline within
-their sigma. Writes `populations/results/bar_signals.json`, from which `tests/validation/bars_page.py` makes
-its table.
+The study draws two populations of tests between bars. The thresholds were chosen on the first population and
+are tested on the second. It counts offsets of the first rises relative to their sigma, and distinguished
+correct and wrong distances. It also counts reported mean stresses for flow and for increasing stress, and
+drifts after the baseline within their sigma. It writes `populations/results/bar_signals.json`.
+`tests/validation/bars_page.py` makes a table of this file.
 """
 
 from dataclasses import replace
@@ -57,7 +57,8 @@ def drawn(seed: int) -> dict[str, object]:
     source, distances = peak * (up - down), (rng.uniform(0.9, 1.4), rng.uniform(0.4, 1.2))
     wave = Signal(float(time[0]), STEP, source, 0.0, "1")
     incident = propagation(wave, ElasticWaveguide(bar), distances[0], band=band_of(bar)).signal.value
-    # Stress of the specimen over the incident wave's: elastic up to a flow stress, then constant or rising.
+    # Stress of the specimen over that of the incident wave: elastic up to a flow stress, then constant or
+    # increasing.
     area = specimen.area / (np.pi * bar.diameter**2 / 4.0)
     flow = rng.uniform(0.1, 0.6) * peak * bar.youngs_modulus / area
     modulus = flow / rng.uniform(0.003, 0.02)

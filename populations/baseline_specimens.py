@@ -3,10 +3,10 @@
     python -m populations.baseline_specimens [--only yeoh/0.3/DOLFINx] [--draws 1000] [--workers 2]
 
 Each specimen and program (`tests/reference`, tables A and I) gives one row of
-`populations/results/baseline_specimens.json`, written when it is finished; existing rows are not rerun. A
-draw is five specimens of one material with a scatter of 2 % in stiffness and 0.5 % in each sample. The
-derivative of the correction propagates this scatter. The curve of a draw is off as a whole, so the coverage
-of 100 draws has a standard uncertainty of 2 %, that of 1000 draws 0.7 %.
+`populations/results/baseline_specimens.json`. A row is written when it is finished; existing rows are not
+rerun. A draw is five specimens of one material with a scatter of 2 % in stiffness and 0.5 % in each sample.
+The derivative of the correction propagates this scatter. The errors of a draw's curve have a common part. The
+coverage of 100 draws therefore has a standard uncertainty of 2 %, that of 1000 draws 0.7 %.
 """
 
 import json
@@ -45,18 +45,18 @@ MATERIALS: dict[str, tuple[float, float, dict[str, float]]] = {
     "ogden2_c": (12.7e-3, 6.35e-3, {"mu1": 12e3, "alpha1": 5.0, "mu2": 10e3, "alpha2": -1.0}),
     "mooney_rivlin_c": (9e-3, 9e-3, {"C10": 4e3, "C01": 6e3}),
 }
-"""Specimen -> diameter, length, constants [SI] of `tests/reference/I_specimens.py`; the law is the name
+"""Diameter, length and constants [SI] of `tests/reference/I_specimens.py` by specimen. The law is the name
 without "_b" or "_c"."""
 CHOSEN_ON = ("neo_hookean", "yeoh", "ogden2", "mooney_rivlin", "mooney_rivlin_c/0.3")
-"""Specimens on which choices of the correction were made; the others test it."""
+"""Choices of the correction were made on these specimens. The others test it."""
 ENDS = ("bonded", "0.3")
 CASES = [
     ("neo_hookean", "bonded", "FElupe, DOLFINx"),
     ("neo_hookean", "0.3", "DOLFINx"),
     *((name, ends, "DOLFINx") for name in list(MATERIALS)[1:] for ends in ENDS),
 ]
-"""Specimen, ends and program. GetFEM's forces (tables G and H) are not included: their errors exceed those
-allowed for a correction (`docs/validation/baseline.md`)."""
+"""Specimen, ends and program. GetFEM's forces (tables G and H) are not included. Their errors exceed the
+allowed errors of a correction (`docs/validation/baseline.md`)."""
 
 
 def law_of(name: str) -> AnyLaw:
@@ -78,7 +78,7 @@ def measured(name: str, ends: str) -> tuple[FloatArray, FloatArray]:
 
 
 def available(name: str, ends: str) -> bool:
-    """True if the table of the case exists; prints a line if not."""
+    """True if the table of the case exists; otherwise prints a line."""
     try:
         measured(name, ends)
     except ValueError as error:

@@ -1,9 +1,9 @@
 """Constants of bonded cylinders simulated by FElupe: `python -m populations.bonded_cylinders --out FOLDER`.
 
 Law, constants, Poisson's ratio, slenderness and largest strain differ from specimen to specimen. FElupe
-computes the force on two meshes (`populations.felupe_cylinder`); noise is added to each reading. `kolsky
-material fit` fits the constants, with size, ends and law declared. The study counts how often the k = 2
-interval of every constant that is reported as determined contains the true value. The folder stores every
+computes the force on two meshes (`populations.felupe_cylinder`). Noise is added to each reading. `kolsky
+material fit` fits the constants; size, ends and law are declared. For each constant that is reported as
+determined, the study counts how often the k = 2 interval contains the true value. The folder stores every
 answer, so an interrupted study can be continued. `--refit` repeats the fits with the stored forces.
 """
 
@@ -81,7 +81,7 @@ class Cylinder:
 
 
 def drawn(seed: int) -> list[Cylinder]:
-    """The specimens of a seed; slenderness and strain are stratified over their ranges, in independent random
+    """The specimens of a seed. Slenderness and strain are stratified over their ranges, in independent random
     order."""
     rng = np.random.default_rng(seed)
     places = [rng.permutation(SPECIMENS) + rng.uniform(0.0, 1.0, SPECIMENS) for _ in range(2)]
@@ -112,7 +112,7 @@ def force_of(one: Cylinder, elements: int = 14) -> tuple[FloatArray, FloatArray,
 
     The corner between face and side is singular, so the error is proportional to the element size. Richardson
     extrapolation of order 1 from the two meshes removes it (Richardson 1911). The nodes of the side land one
-    by one, which makes the change between the meshes irregular; it is replaced by a parabola over the strain.
+    by one, so the change between the meshes is irregular. It is replaced by a parabola over the strain.
     """
     strain = np.linspace(0.0, one.strain, READINGS + 1)[1:]
     along = int(np.clip(round(elements * one.slenderness), 0.5 * elements, elements))
@@ -142,7 +142,7 @@ def answer(one: Cylinder, strain: FloatArray, force: FloatArray, folder: Path) -
 
 
 def judged(one: Cylinder, found: dict[str, Any]) -> dict[str, Any]:
-    """Which constants are determined, and whether their intervals contain the true values."""
+    """The determined constants, and whether their intervals contain the true values."""
     if "reason" in found or "refused" in found:
         return {"right": False, "outside": [], "determined": []}
     determined = [name for name in found["constants"] if name not in found["not_determined"]]
@@ -155,7 +155,7 @@ def judged(one: Cylinder, found: dict[str, Any]) -> dict[str, Any]:
 
 
 def experiment(seed: int, number: int, folder: Path, *, refit: bool = False) -> dict[str, Any]:
-    """Simulate, fit and judge one specimen of a seed."""
+    """Simulate, fit and evaluate one specimen of a seed."""
     one, path = drawn(seed)[number], folder / f"{number:02d}.json"
     if path.exists():
         kept = json.loads(path.read_text("utf-8"))

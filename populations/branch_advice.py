@@ -2,10 +2,10 @@
 FOLDER`.
 
 The study tests whether a branch is recommended for the viscoelastic shots only. Each draw of
-`populations.joint_coverage` gives two shots at one speed: of its material with the branch and without it.
-`kolsky.identification.identify` identifies both as elastic, with default settings. The study counts how often
-the output recommends `--relaxation prony`. It stores the basis of the decision: the p-value of the linear
-test, and the strength, time, share and criterion of the fitted branch.
+`populations.joint_coverage` gives two shots at one speed: one of its material with the branch, one without
+it. `kolsky.identification.identify` identifies both as elastic, with default settings. The study counts how
+often the output recommends `--relaxation prony`. It stores the basis of the decision: the p-value of the
+linear test, and the strength, time, share and criterion of the fitted branch.
 """
 
 import time
@@ -59,7 +59,7 @@ def line(one: dict[str, Any]) -> str:
 
 
 def run(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> list[dict[str, Any]]:
-    """Answers of all shots of both kinds; stored ones are read from the folder."""
+    """Answers of all shots of both kinds. Stored answers are read from the folder."""
     jobs = {
         folder / f"{kind}-{number:03d}.json": (study, folder, kind, number)
         for kind in TWINS

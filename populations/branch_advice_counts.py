@@ -23,7 +23,7 @@ ROWS = (
 
 
 def summary(each: Each) -> dict[str, Any]:
-    """Numbers of shots of each kind by recommendation, and all shots."""
+    """Numbers of shots of each kind by recommendation, and number of all shots."""
     return {"kinds": {kind: _kind([one for one in each if one["kind"] == kind]) for kind in TWINS},
             "each": list(each)}  # fmt: skip
 
@@ -44,7 +44,7 @@ def _kind(each: Each) -> dict[str, Any]:
 
 
 def by_linear_test(one: dict[str, Any]) -> bool:
-    """Whether the linear test decided for a shot, so that no branch was fitted."""
+    """Whether the linear test was sufficient for a shot. Then no branch was fitted."""
     return float(one["branch"].get("branch_probability", 1.0)) < SIGNIFICANT
 
 

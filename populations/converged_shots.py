@@ -1,9 +1,9 @@
 """The open shots with mesh-converged histories: `python -m populations.converged_shots --out FOLDER open-01`.
 
-Another program made the open shots, with its own mesh error. The difference between its exact history and
-this solver's converged one (`populations.open_courses`) is added to the exported force and outline; noise,
-clock errors and all other errors of the exports are kept. The shots are identified with default settings;
-existing results are not recomputed.
+Another program made the open shots; they contain its mesh error. The correction is the difference between its
+exact history and this solver's converged history (`populations.open_courses`). It is added to the exported
+force and outline. Noise, clock errors and all other errors of the exports remain. The shots are identified
+with default settings; existing results are not recomputed.
 """
 
 import json
@@ -20,7 +20,8 @@ from populations.open_courses import FINE, SHOTS, Course
 from populations.scatter import table as scatter
 
 FLAT = 1e-7
-"""Successive points of a surface that are closer along the axis than this lie on a platen [m]."""
+"""Successive points of a surface lie on a platen if their distance along the axis is smaller than this
+[m]."""
 
 
 def radius_at(y: FloatArray, r: FloatArray, height: float) -> float:
@@ -42,7 +43,7 @@ def converged(name: str, out: Path) -> Path:
     source = RUNS / name if (RUNS / name / "shot.toml").exists() else RUNS.parent / "tests" / "data" / name
     shutil.copytree(source, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results", "*.py"))
     if not (folder / "shot.toml").exists():
-        shutil.copy(RUNS / "open-01" / "shot.toml", folder)  # one file serves both
+        shutil.copy(RUNS / "open-01" / "shot.toml", folder)  # one file contains both
     course = Course(name)
     both = [course.runs(course.true[None], FINE, element=e, grading=5.0) for e in ("one_point", "fbar")]
     theirs = course.seen

@@ -54,7 +54,7 @@ PARAMETERS = {
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a study; studies with equal settings have the same experiments and the same answers."""
+    """Settings of a study. Studies with equal settings have the same experiments and the same answers."""
 
     free: tuple[str, ...]
     """Free parameters; the others are held at their true values."""
@@ -71,7 +71,7 @@ class Study:
     seed: int = 1
     """Seed of the truths and of all noise."""
     surface: str = ""
-    """Contact law of faces and side; empty: coulomb if the friction is free, else bonded."""
+    """Contact law of faces and side. Empty: coulomb if the friction is free, otherwise bonded."""
 
     def __post_init__(self) -> None:
         finest = max(self.mesh[0], self.refined_mesh[0])
@@ -108,7 +108,7 @@ class Found:
     """Verdicts, or the reason for a missing answer."""
     warnings: list[str]
     figures: dict[str, float]
-    """Figures of the search from `Identification.surrogate`: shift of the flyer's path, next local
+    """Results of the search from `Identification.surrogate`: shift of the flyer's path, next local
     minimum."""
     seconds: float
 
@@ -201,7 +201,7 @@ def answer_file(folder: Path, number: int) -> Path:
 
 
 def truth_file(study: Study, folder: Path, number: int) -> Path:
-    """File of a truth; truths depend on the interface but not on the free parameters, so studies in one
+    """File of a truth. Truths depend on the interface but not on the free parameters, so studies in one
     folder share them."""
     mesh = "x".join(map(str, study.truth_mesh))
     return folder.parent / f"truths-{study.seed}-{mesh}-both-{study.interface}" / f"truth-{number:04d}.npz"
@@ -210,7 +210,7 @@ def truth_file(study: Study, folder: Path, number: int) -> Path:
 def run(
     study: Study, folder: Path, numbers: Sequence[int], *, workers: int, truths_only: bool = False
 ) -> list[dict[str, Any]]:
-    """Answers of the experiments in order; with `truths_only` only the missing truths are made and no answer
+    """Answers of the experiments in order. With `truths_only` only the missing truths are made, and no answer
     is returned."""
     hold(study, folder)
     missing = [

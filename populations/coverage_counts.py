@@ -30,7 +30,7 @@ Each = list[dict[str, Any]]
 
 
 def summary(each: Each) -> dict[str, Any]:
-    """Each parameter's coverage, errors and standard uncertainties; a missing answer counts as not
+    """Coverage, errors and standard uncertainties of each parameter. A missing answer counts as not
     covering."""
     n = len(each)
     low, high = binom.interval(0.95, n, NOMINAL)
@@ -64,7 +64,7 @@ def _parameter(name: str, each: Each) -> dict[str, Any]:
     misses = {"above": int((error > 2.0 * sigma).sum()), "below": int((error < -2.0 * sigma).sum())}
     # If both sides are equally likely, all n misses are on one side with probability 1 / 2^(n - 1).
     lopsided = binomtest(misses["above"], max(sum(misses.values()), 1)).pvalue < 0.05
-    within = [  # an open end is NaN, so comparisons with it are false
+    within = [  # an open end is NaN, and comparisons with NaN are false
         not (one["truth"][name] < one["profile"][name][0] or one["truth"][name] > one["profile"][name][1])
         for one in good
         if name in one["profile"]
@@ -155,7 +155,7 @@ def table(said: dict[str, Any]) -> str:
 
 
 def _answered(one: dict[str, Any]) -> str:
-    """Share of the answers that contain the true value, with the range of an exact interval in 95 % of
+    """Share of the answers that contain the true value, with the range that exact intervals give in 95 % of
     studies."""
     share = one.get("covered of those called identified")
     if share is None:

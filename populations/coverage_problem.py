@@ -1,9 +1,10 @@
 """Synthetic experiments with a known answer, in groups of one specimen size and one frame rate.
 
-The truth is the mean of both elements on a mesh at least 1.5 times finer than any mesh of the identification,
-with further refinement toward the faces' edges. It is computed with the exact path of the flyer and the exact
-curve. These differ from experiment to experiment: material curve, stiffness factor, Poisson's ratio, damping,
-friction, the flyer's speed, rise, shape and drag, and the noise of every instrument.
+The truth is the mean of both elements on a mesh at least 1.5 times finer than any mesh of the identification.
+This mesh is refined further toward the faces' edges. It is computed with the exact path of the flyer and the
+exact curve. Many inputs differ from experiment to experiment. Of the material these are curve, stiffness
+factor, Poisson's ratio, damping and friction. Of the flyer they are speed, rise, shape and drag. The noise of
+every instrument also differs.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ from kolsky.shot.records import ModelSettings, Shot
 FloatArray = NDArray[np.float64]
 
 GROUP = 10
-"""Experiments that share specimen size, density and frame rate, and are simulated as one batch."""
+"""Number of experiments in a group. They share specimen size, density and frame rate and are one batch."""
 STATIC, MOVING = 12, 160
 """Number of frames at rest, and from the beginning of the motion to the end of the window."""
 SAMPLES = 2700
@@ -33,18 +34,20 @@ SAMPLES = 2700
 HEIGHTS = np.linspace(0.08, 0.92, 14)
 """Heights of the outline's points over the current length of the specimen [-]."""
 LEAST_INSIDE = 0.9
-"""Smallest share of the outline's points that must be visible; the others have rolled onto a platen [-]."""
+"""Smallest share of the outline's points that must be visible [-]. The other points have rolled onto a
+platen."""
 FORCE_SIGMA, FLYER_SIGMA, OUTLINE_SIGMA, CURVE_SIGMA = 0.146, 1e-6, 4e-6, 0.002
-"""Noise of open-01: of a sample of the force [N], a displacement of the flyer [m], a point of the outline
-[m], a stress of the quasi-static curve over it [-]. Each experiment has a random multiple of it, see
-`NOISE`."""
+"""Noise of four readings of open-01: force sample [N], displacement of the flyer [m], point of the outline
+[m], and relative noise of a stress of the quasi-static curve [-]. Each experiment has a random multiple of
+it, see `NOISE`."""
 NOISE = (0.6, 1.6)
 """Range of an instrument's noise over that of open-01, log-uniformly distributed [-]."""
 TRUTH_ELEMENTS = ("fbar", "one_point")
-"""The truth is their mean: the outline of one converges from above, that of the other from below."""
+"""The truth is the mean of these two elements. The outline of one converges from above, that of the other
+from below."""
 TRUTH_GRADING = 5.0
-"""Ratio of the largest to the smallest element of the truth's mesh, twice that of the identification's mesh:
-the edge of a bonded face is a singularity, which causes most of the mesh error (`python -m
+"""Ratio of the largest to the smallest element of the truth's mesh, twice that of the identification's mesh.
+The edge of a bonded face is a singularity and causes most of the mesh error (`python -m
 populations.truth_meshes`)."""
 BONDED, SLIDING, RELEASED = "bonded", "coulomb", "bonded_release"
 SURFACES = (BONDED, SLIDING, RELEASED)
@@ -60,11 +63,11 @@ class Setup:
     """Common properties of the experiments of a group."""
 
     diameter: float
-    """Of the specimen [m]."""
+    """Diameter of the specimen [m]."""
     length: float
-    """Of the specimen [m]."""
+    """Length of the specimen [m]."""
     density: float
-    """Of the specimen [kg/m^3]."""
+    """Density of the specimen [kg/m^3]."""
     speed: float
     """Speed of a flyer that reaches `strain` exactly at the end of the window [m/s]."""
     strain: float
@@ -105,7 +108,7 @@ class Truth:
     """Time in which the flyer reaches it [s]."""
     start_power: float
     end_power: float
-    """Exponents a, b of the incomplete beta function that describes the rise of the velocity [-]."""
+    """The incomplete beta function with these exponents a, b describes the rise of the velocity [-]."""
     drag: float
     """Share of its speed that the flyer loses over a path of the specimen's length [-]."""
     force_sigma: float
@@ -116,7 +119,7 @@ class Truth:
 
     @property
     def release_stress(self) -> float:
-        """Stress at which a surface releases [Pa]: 10 to 100 kPa, log-uniform, derived from the draw of
+        """Stress at which a surface releases [Pa]: 10 to 100 kPa, log-uniform. It is derived from the draw of
         friction."""
         low, high = RANGES["friction"]
         return float(1e4 * 10.0 ** ((self.friction - low) / (high - low)))
@@ -128,7 +131,7 @@ RANGES = {
     "damping": (1.5e-5, 3.5e-5),
     "friction": (0.15, 0.45),
 }
-"""Ranges of the uniformly drawn true parameters; for Poisson's ratio, of twice the ratio."""
+"""Ranges of the uniformly drawn true parameters. For Poisson's ratio it is the range of twice the ratio."""
 
 
 def draw_setup(rng: np.random.Generator) -> Setup:
@@ -170,7 +173,7 @@ def draw_truth(setup: Setup, rng: np.random.Generator) -> Truth:
 
 
 def drawn(number: int, seed: int) -> tuple[Setup, Truth]:
-    """Setup and truth of an experiment, which depend only on its number and the seed."""
+    """Setup and truth of an experiment. They depend only on its number and the seed."""
     setup = draw_setup(np.random.default_rng([seed, 2, number // GROUP]))
     return setup, draw_truth(setup, np.random.default_rng([seed, 3, number]))
 
@@ -209,7 +212,7 @@ def curve(truth: Truth) -> FloatArray:
 
 
 def template(setup: Setup, truth: Truth) -> Observations:
-    """Observations with the times and heights of the instruments; the readings are arbitrary."""
+    """Observations with the times and heights of the instruments. The readings are arbitrary."""
     seen = setup.frames[setup.frames > 0.0]
     y = HEIGHTS * (setup.length - stroke(seen, setup, truth)[:, None])
     line = CentreLine(
@@ -305,7 +308,7 @@ def experiment(
     observations, (force, Z), frames = template(setup, truth), seen, setup.frames
     line, stress = observations.centre_line, curve(truth)
     clean = np.where(frames > 0.0, stroke(frames, setup, truth), 0.0)
-    # The order of the draws must not change, so that a seed keeps its values.
+    # The order of the draws must not change: a seed then has the same values.
     felt = force + truth.force_sigma * rng.standard_normal(force.shape)
     tested = stress * (1.0 + truth.curve_sigma * rng.standard_normal(stress.shape))
     flown = clean + truth.flyer_sigma * rng.standard_normal(clean.shape)

@@ -20,7 +20,7 @@ RIGS, POINTS = 20, 150
 POSE = {"none": 0.0, "0.05 mrad": 5e-5, "0.2 mrad": 2e-4, "1 mrad": 1e-3}
 """Standard deviations of the errors of the pose's rotations and tilts [rad]."""
 LENS = (("right", 0.0), ("wrong", 1.0))
-"""Whether the intrinsic parameters are wrong: focal lengths by 0.1 %, centres by 2 px, k1 by 0.01."""
+"""True if the intrinsic parameters are wrong: focal lengths by 0.1 %, centres by 2 px, k1 by 0.01."""
 
 
 def rig(rng: np.random.Generator) -> StereoRig:

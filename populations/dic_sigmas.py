@@ -1,12 +1,13 @@
 """Errors over their stated standard deviations: `python -m populations.dic_sigmas --population judged --out
 FOLDER`.
 
-Every scene (`populations.sigma_scenes`) is rendered. The noise is estimated from the frames at rest; the
+Every scene (`populations.sigma_scenes`) is rendered. The noise is estimated from the frames at rest. The
 points are tracked and, with two cameras, reconstructed as in `kolsky dic`. The table gives the root mean
-square of the error over the stated standard deviation, which is 1 if the latter is correct. It has entries by
-kind of scene and noise for the displacement in the pictures' plane, for the depth, at rest and in motion, and
-for the outline. The standard deviations were calibrated on the population "chosen" and are tested on
-"judged". The folder stores one file per scene, so an interrupted study can be continued.
+square of the error over the stated standard deviation. It is 1 if the standard deviation is correct. The
+table has one row for each kind of scene and noise. Its columns are displacement in the pictures' plane,
+depth, both at rest and in motion, and outline. The standard deviations were calibrated on the population
+"chosen" and are tested on "judged". The folder stores one file per scene, so an interrupted study can be
+continued.
 """
 
 from collections.abc import Iterable

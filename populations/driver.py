@@ -1,7 +1,7 @@
 """Common parts of all studies: the command line, the processes, and the folder that stores every answer.
 
 A study calls `answers` with a function that answers one experiment. Each answer is stored when it is
-finished, so an interrupted study continues when it is called again.
+finished. An interrupted study therefore continues at its next call.
 """
 
 import argparse
@@ -68,7 +68,7 @@ def results(work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]], workers: 
     """Results of a function for each job's arguments, in the order of completion.
 
     With one worker the function runs in this process. Several workers use one thread each for linear algebra,
-    because more threads than cores would slow them down; ``work`` must then be a module-level function.
+    because more threads than cores are slower. ``work`` must then be a module-level function.
     """
     if workers == 1:
         yield from (work(*job) for job in jobs)
@@ -87,9 +87,9 @@ def answers(
     workers: int = 1,
     line: Callable[[Any], str] | None = None,
 ) -> list[Any]:
-    """Answers to all jobs in order; existing files are read instead.
+    """Answers to all jobs in order. Existing files are read and not recomputed.
 
-    ``line`` returns the text that is printed for a finished answer; the name of its file by default.
+    ``line`` returns the printed text of a finished answer; by default it is the name of the file.
     """
     missing = [(work, path, job) for path, job in jobs.items() if not path.exists()]
     for path, answer in results(_kept, missing, workers):
@@ -105,7 +105,7 @@ def _kept(work: Callable[..., Any], path: Path, job: tuple[Any, ...]) -> tuple[P
 
 
 def write(path: Path, content: Any, *, indent: int | None = None) -> None:
-    """Write a JSON file completely or not at all; makes its folder."""
+    """Write a JSON file completely or not at all. Makes its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial_file = path.with_suffix(".part")
     partial_file.write_text(json.dumps(content, indent=indent) + "\n", "utf-8")
@@ -113,8 +113,8 @@ def write(path: Path, content: Any, *, indent: int | None = None) -> None:
 
 
 def hold(study: Any, folder: Path) -> None:
-    """Write a study's settings into its folder; ValueError if the folder has other settings, devices
-    excepted."""
+    """Write a study's settings into its folder. ValueError if the folder has other settings; devices are not
+    compared."""
     content = {key: value for key, value in asdict(study).items() if "device" not in key}
     path = folder / "study.json"
     if path.exists():
@@ -138,7 +138,7 @@ def about(study: Any, given: argparse.Namespace) -> dict[str, Any]:
 
 
 def print_tables(table: Callable[[Any], str]) -> None:
-    """Print the table of every file of results that the command line names."""
+    """Print the table of every results file on the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE.json")
     for path in parser.parse_args().files:

@@ -1,8 +1,8 @@
 """A bonded cylinder compressed by FElupe: biquadratic elements with a continuous pressure (Taylor and Hood).
 
-FElupe is a separate program (https://felupe.readthedocs.io) and shares no code with this one: neither mesh,
-element, law, contact nor Newton iteration. The nodes of the side touch the platen one by one and do not slip
-on it.
+FElupe is a separate program (https://felupe.readthedocs.io). It shares no code with this one: mesh, element,
+law, contact and Newton iteration are different. The nodes of the side touch the platen one by one and do not
+slip on it.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from explicit.arrays import FloatArray
 Slope = Callable[[FloatArray], FloatArray]
 """A function of the first invariant."""
 PENALTY = 100.0
-"""Contact stiffness of a node over the mean stiffness of its elements [-]; with FElupe's default 1 the side
+"""Contact stiffness of a node over the mean stiffness of its elements [-]. With FElupe's default 1 the side
 penetrates the platen."""
 STEP = 0.01
 """Largest step of compression [-]."""
@@ -94,7 +94,8 @@ def _volume(F: FloatArray) -> tuple[FloatArray, FloatArray]:
 def compression_force(
     law: Invariants, radius: float, length: float, strain: FloatArray, mesh: tuple[int, int]
 ) -> FloatArray:
-    """Force [N] at nominal compressive strains, shape [n]; elements across the radius and the half length."""
+    """Force [N] at nominal compressive strains, shape [n]. The mesh gives the elements across the radius and
+    the half length."""
     import felupe as fem
 
     r, z = (_graded(side, n) for side, n in ((radius, mesh[0]), (0.5 * length, mesh[1])))
@@ -106,7 +107,7 @@ def compression_force(
     linear = fem.Mesh(points, cells, "quad")
     fine = fem.mesh.convert(linear, order=2, calc_points=True, calc_midfaces=True)
     fine.update(points=np.vstack([fine.points, [[0.5 * length, 1.5 * radius]]]))
-    fine.points_without_cells = fine.points_without_cells[:-1]  # the point of the platen may move
+    fine.points_without_cells = fine.points_without_cells[:-1]  # this point of the platen may move
     field = fem.FieldsMixed(
         fem.RegionBiQuadraticQuad(fine), n=3, axisymmetric=True, mesh=linear, disconnect=False
     )

@@ -1,17 +1,17 @@
 """Thresholds of `kolsky.diagnosis.fit_quality` from shots with correct inputs.
 
-``python -m populations.fit_thresholds ONE --judge TWO`` reads every ``identification.h5`` below two folders:
-results of synthetic shots with independent noise, mesh and element, whose declared inputs are correct. The
-limits are chosen on the shots of ONE and tested on those of TWO; without ``--judge`` they are only chosen.
-With ``--identify`` every shot below the folders that has no result is identified first, so an interrupted
-study can be continued.
+``python -m populations.fit_thresholds ONE --judge TWO`` reads every ``identification.h5`` below two folders.
+They are results of synthetic shots with independent noise, mesh and element and with correct declared inputs.
+The limits are chosen on the shots of ONE and tested on those of TWO. Without ``--judge`` they are only
+chosen. With ``--identify`` every shot without a result is identified first, so an interrupted study can be
+continued.
 
-The limit of a figure follows from a given rate of false alarms. It is the upper tolerance limit of the
-figure's logarithm, assumed normal, below which the remaining share of all correct shots lies with 95 %
-confidence (Howe 1969). If the largest observed value is higher, that is used. The result is multiplied by a
-margin for different shots. Evidence is zero on many correct shots; its limit is the largest value times the
-margin. The table gives for each limit the number of shots of TWO above it, and above the limit in use, with
-the 95 % interval of that share. ``--out`` stores it with the quantiles of all figures that the verdicts use.
+The limit of a figure follows from a given rate of false alarms. The logarithm of the figure is assumed
+normal. The limit is its upper tolerance limit: with 95 % confidence the remaining share of all correct shots
+is below it (Howe 1969). If the largest observed value is higher, this value is used. The result is multiplied
+by a margin for different shots. Evidence is zero on many correct shots; its limit is the largest value times
+the margin. The table gives the number of shots of TWO above each limit, and above the limit in use, with the
+95 % interval of the share. ``--out`` stores it with the quantiles of all figures that the verdicts use.
 """
 
 from collections import Counter
@@ -62,8 +62,8 @@ def figures(result: Identification) -> Iterator[tuple[str, float]]:
 
 
 def threshold(values: Iterable[float]) -> float:
-    """Threshold of a positive figure from its values for correct shots; ValueError for fewer than `FEWEST`
-    values, or one that is not positive and finite."""
+    """Threshold of a positive figure from its values for correct shots. ValueError for fewer than `FEWEST`
+    values, or a value that is not positive and finite."""
     found = np.array(list(values), dtype=np.float64)
     if len(found) < FEWEST or not (np.isfinite(found).all() and (found > 0.0).all()):
         raise ValueError(
@@ -83,7 +83,7 @@ def tolerance_factor(n: int) -> float:
 
 
 def population(folder: Path) -> list[RightShot]:
-    """Results below a folder, named by their paths; ValueError if there is none, or one without a goodness of
+    """Results below a folder, named by their paths. ValueError if there is none, or if one has no goodness of
     fit."""
     places = sorted(folder.rglob(RESULT))
     if not places:
@@ -107,8 +107,7 @@ def limit(name: str, values: list[float]) -> float:
 
 
 def identify_missing(folder: Path, *, workers: int, device: str) -> list[str]:
-    """Identify the shots below a folder that have no result; returns one line for each shot that was
-    rejected."""
+    """Identify the shots below a folder that have no result. Returns one line for each rejected shot."""
     shots = sorted(path.parent for path in folder.rglob("shot.toml"))
     missing = [shot for shot in shots if not (shot / "results" / RESULT).exists()]
     lines = results(identified, [(shot, device) for shot in missing], workers)

@@ -1,10 +1,10 @@
 """Error of the flyer's zero over its stated sigma, on random rigs: `python -m populations.flyer_zero --out
 FOLDER`.
 
-Each experiment draws a shot of the population of `runs/virtual/forty.toml` with its own seed and simulates it
-on a coarse mesh. It renders both series with the true cameras, finds the regions, tracks the flyer, and
-compares its displacement with the truth. There is no identification. The folder stores the pictures and the
-answer of each experiment; if the answer is missing, it is measured from the stored pictures.
+Each experiment draws a shot of the population of `runs/virtual/forty.toml` with a separate seed. It simulates
+the shot on a coarse mesh and renders both series with the true cameras. Then it finds the regions, tracks the
+flyer, and compares its displacement with the truth. There is no identification. The folder stores the
+pictures and the answer of each experiment. A missing answer is measured from the stored pictures.
 """
 
 import json
@@ -46,7 +46,7 @@ from populations.driver import answers, command
 SPEC = Path(__file__).parents[1] / "runs" / "virtual" / "forty.toml"
 STRIP = 0.6e-3
 LATE = 10
-"""Number of frames, those with most points, over which the error of the zero is averaged."""
+"""Number of frames over which the error of the zero is averaged. They are the frames with the most points."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Experiment:
     why: str = ""
     """Reason why there is no zero, or how the regions were found."""
     error: float | None = None
-    """Error of the displacement in the frames with most points."""
+    """Error of the displacement in the frames with the most points."""
     sigma: float | None = None
     """Stated standard deviation of the zero."""
     from_rim: bool = False
@@ -83,9 +83,9 @@ class Experiment:
     length_error: float = 0.0
     """Declared minus true length."""
     length_seen: tuple[float, float] | None = None
-    """Length in the pictures minus the true one, and its stated standard deviation."""
+    """Length in the pictures minus the true length, and its stated standard deviation."""
     length_used: tuple[float, float] | None = None
-    """The same for the length that is used."""
+    """The same two numbers for the used length."""
     seconds: float = 0.0
 
 
@@ -248,7 +248,7 @@ def with_lengths(
     placement: Placement,
     disagreement: tuple[float, float],
 ) -> Experiment:
-    """The experiment with the errors of the length in the pictures and of the length that is used."""
+    """The experiment with the errors of the length in the pictures and of the used length."""
     lower = float(placement.frame.covariance[4, 4])  # the rig is the true one: no calibration error
     rim = rim_of(disagreement, length_sigma=settings.length_sigma, lower_variance=lower)
     length = conditioned_length(
@@ -303,7 +303,7 @@ def main() -> None:
 
 
 def scatter(results: list[Experiment]) -> dict[str, float | int]:
-    """Root mean square of the errors over their stated standard deviations, 1 if these are correct."""
+    """Root mean square of the errors over their stated standard deviations. It is 1 if these are correct."""
     zero = [e.error / e.sigma for e in results if e.error is not None and e.sigma]
     lengths = [e for e in results if e.length_seen is not None and e.length_used is not None]
     seen, used = np.array([e.length_seen for e in lengths]), np.array([e.length_used for e in lengths])

@@ -4,10 +4,10 @@
     python -m populations.folding --judge    # others, made afterwards
     python -m populations.folding --drawn 8 --seed 4711   # drawn meshes, gradings, speeds and coefficients
 
-Impacts to 56 % compression on the specimen of the verification manual, at 2.6 m/s or a random speed. Each
-impact has one row: the final radius of the edge; from 24 % on its largest jump between two times, relative to
-the median; its distance from that of the F-bar element on the same mesh; the smallest corner; and whether the
-warning is raised.
+The study makes impacts to 56 % compression on the specimen of the verification manual, at 2.6 m/s or a random
+speed. Each impact has one row. It gives the final radius of the edge, and the largest jump of the edge
+between two times from 24 % on, relative to the median. It also gives the distance from the radius with the
+F-bar element on the same mesh, the smallest corner, and whether the warning is raised.
 """
 
 import argparse
@@ -28,12 +28,12 @@ CHOSEN = (((24, 33, 1.0), (24, 33, 3.0), (48, 66, 1.0)), (0.1, 0.3, 0.5))
 JUDGED = (((24, 33, 2.0), (40, 55, 1.5), (56, 76, 1.0)), (0.15, 0.25, 0.35, 0.45))
 """Meshes (elements across and along, largest over smallest) and coefficients of friction."""
 ACROSS, GRADINGS, SPEEDS, COEFFICIENTS = (20, 44), (1.0, 3.0), (1.5, 3.5), (0.08, 0.6)
-"""Ranges of random impacts: elements across, gradings, speeds [m/s], and friction coefficients (four per
-setting)."""
+"""Ranges of random impacts: elements across, gradings, speeds [m/s], and four friction coefficients per
+setting."""
 JUMP = 50e-6
 """Jump of the edge between two successive times, 4 % of compression apart, that must be detected [m]."""
 FROM = 5
-"""Index of the first time at which the edge is checked; before it the face slips physically."""
+"""Index of the first time at which the edge is checked. Before this time the face slips physically."""
 
 
 @dataclass(frozen=True)

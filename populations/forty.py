@@ -1,10 +1,10 @@
 """Forty random shots, from pictures and voltages to m: `python -m populations.forty --out FOLDER`.
 
 Each shot of a population is made, identified automatically as by `kolsky identify`, and compared with its
-truth: answered and correct, rejected with a reason, or confidently wrong. Afterwards the rejected shots are
-tried again with the remedies of `populations.forty_cures.CURES`, which are counted separately. The folder
-stores the shots, one file per answer, and the table of the finished ones, so an interrupted study can be
-continued. With `--exports` the outline and the flyer come from tables instead of pictures. With
+truth. The result is answered and correct, rejected with a reason, or confidently wrong. The rejected shots
+are tried again with the remedies of `populations.forty_cures.CURES`; these are counted separately. The folder
+stores the shots, one file per answer, and the table of the finished shots. An interrupted study can therefore
+be continued. With `--exports` the outline and the flyer come from tables instead of pictures. With
 `--true-inputs` length, diameter, density and sensitivity are declared with their true values, in a separate
 folder. The difference shows the effect of errors in the declared inputs.
 
@@ -31,7 +31,7 @@ from populations.forty_shots import KINDS, RIGHT, Answer, Study, available, one,
 
 SPEC = Path(__file__).parents[1] / "runs" / "virtual" / "forty.toml"
 MAKING = "making.json"
-"""File of the wall times of making shots, one for each call that made some."""
+"""File with the wall times for making shots, one for each call that made some."""
 
 
 def series_of(study: Study) -> Series:
@@ -49,7 +49,7 @@ def series_of(study: Study) -> Series:
 
 
 def made(study: Study, numbers: list[int], workers: int) -> tuple[list[str], str]:
-    """Make the missing shots; returns the names of the existing shots and the reason why others are
+    """Make the missing shots. Returns the names of the existing shots, and the reason why others are
     missing."""
     series, place = series_of(study), Path(study.out) / "shots"
     started, why, fresh = time.perf_counter(), "", 0
@@ -81,7 +81,7 @@ def made(study: Study, numbers: list[int], workers: int) -> tuple[list[str], str
 
 
 def attempts(study: Study, names: list[str], workers: int) -> Iterator[list[Answer]]:
-    """All answers so far, in order, after each finished one: first of every shot, then with remedies."""
+    """All answers so far, in order, after each finished answer: first of every shot, then with remedies."""
     found: dict[str, Answer] = {}
     for cures in (False, True) if study.cures else (False,):
         todo = names if not cures else [name for name in names if found[name].kind == "refused"]
@@ -95,7 +95,7 @@ def attempts(study: Study, names: list[str], workers: int) -> Iterator[list[Answ
 
 
 def write(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]:
-    """Write the present table and forty.json; returns the content of the latter."""
+    """Write the present table and forty.json. Returns the content of forty.json."""
     write_table(Path(study.out) / "forty.csv", table(answers))
     found = summary(study, answers, missing)
     write_json(Path(study.out) / "forty.json", found, indent=1)
@@ -155,8 +155,8 @@ SPREAD = ("scatter", "largest", "inside k = 2", "median error", "mean uncertaint
 def spread(answers: list[Answer]) -> dict[str, float | None]:
     """Statistics of the errors of the answered shots.
 
-    Errors of m over their standard uncertainties: root mean square, largest, and number up to 2. Relative to
-    the true m: median absolute error and mean standard uncertainty.
+    For errors of m over their standard uncertainties: root mean square, largest, and number up to 2. Relative
+    to the true m: median absolute error and mean standard uncertainty.
     """
     given = [(a.value, a.truth, a.sigma) for a in answers if a.answered and a.value is not None and a.sigma]
     if not given:
@@ -176,7 +176,7 @@ def expected_beyond(answers: list[Answer]) -> float:
     """Expected number of answered shots with an error above 1 % if their uncertainties are correct.
 
     Each shot contributes the probability 1 - erf(0.01 m / (sqrt 2 u)) of a normal error. The number shows how
-    many answers beyond 1 % the tests' uncertainty explains without a fault of the program.
+    many answers beyond 1 % come from the tests' uncertainty without a fault of the program.
     """
     given = [a for a in answers if a.answered and a.sigma]
     return sum(math.erfc(RIGHT * abs(a.truth) / (2.0**0.5 * (a.sigma or 1.0))) for a in given)

@@ -1,5 +1,4 @@
-"""Remedies for a random shot that was rejected: the actions that its message recommends, as a user would take
-them."""
+"""Remedies for a rejected random shot: the actions that its message recommends to a user."""
 
 import json
 import re
@@ -52,7 +51,7 @@ class View:
         return 0.5 * q.specimen.diameter, 0.5 * q.motion.flyer_diameter
 
     def lower_edge(self) -> FloatArray:
-        """Pixel (x, y) of the specimen's lower end, or of the platen's rim if that hides it."""
+        """Pixel (x, y) of the specimen's lower end, or of the platen's rim if the rim hides the end."""
         places = [self.pixel(0.0, z) for z in self.radii]
         side = self.specification.cameras.flyer_side
         axis, way = int(side in ("up", "down")), -1.0 if side in ("up", "left") else 1.0
@@ -60,8 +59,8 @@ class View:
 
     def rectangle(self, low: float | None, high: float | None) -> tuple[list[float], list[float]] | None:
         """A rectangle, as ranges of x and y [px], inside the picture and between the heights `low` and `high`
-        above the transmission platen [m]; a height of None: up to the edge of the picture. None if it is too
-        flat."""
+        above the transmission platen [m]. A height of None: up to the edge of the picture. Returns None if
+        the rectangle is too flat."""
         columns, rows = self.specification.cameras.picture
         side = self.specification.cameras.flyer_side
         x, y = [CLEAR, columns - 1 - CLEAR], [CLEAR, rows - 1 - CLEAR]
@@ -79,7 +78,7 @@ class View:
 
 
 def flyer_region(text: str, folder: Path) -> str | None:
-    """Declare a region of the flyer in the last frame, as a user would after looking at the picture."""
+    """Declare a region of the flyer in the last frame, as a user would who looks at the picture."""
     view = View.of(folder)
     if view is None or "flyer = {" in text:
         return None
@@ -124,7 +123,7 @@ def _last_frame(folder: Path) -> int:
 
 
 def with_subset(share: float) -> Callable[[str, Path], str | None]:
-    """Correlate with subsets of a different size, odd and within the limits of a shot file."""
+    """Correlate with subsets of a different size. The size is odd and within the limits of a shot file."""
 
     def changed(text: str, folder: Path) -> str | None:
         found = re.search(r"^subset = (\d+)$", text, re.MULTILINE)
@@ -137,8 +136,8 @@ def with_subset(share: float) -> Callable[[str, Path], str | None]:
 
 
 def true_inputs(text: str, folder: Path) -> str:
-    """Declare the true length, diameter, density and sensitivity: a remaining error is due to the measurement
-    or the program."""
+    """Declare the true length, diameter, density and sensitivity. A remaining error then comes from the
+    measurement or the program."""
     q = json.loads((folder / TRUTH).read_text("utf-8"))["specification"]
     known = {**q["specimen"], "sensitivity": q["transmitted"]["sensitivity"]}
     for key in ("diameter", "length", "density", "sensitivity"):
@@ -156,6 +155,6 @@ CURES: dict[str, Callable[[str, Path], str | None]] = {
     "larger subsets": with_subset(1.4),
     "smaller subsets": with_subset(0.7),
 }
-"""Remedies for a shot whose pictures were rejected, tried in this order, one at a time."""
+"""Remedies for a shot whose pictures were rejected. They are tried in this order, one at a time."""
 FINER_MESH = "a finer mesh"
-"""First remedy if there is a value that was rejected: a finer mesh of the search."""
+"""First remedy for a rejected value: a finer mesh of the search."""

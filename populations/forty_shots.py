@@ -1,4 +1,5 @@
-"""One shot of the study of forty: identified, compared with its truth, tried again if it was rejected."""
+"""One shot of the study of forty: it is identified and compared with its truth. A rejected shot is tried
+again."""
 
 import json
 import os
@@ -25,7 +26,8 @@ FINER = (32, 43)
 RIGHT = 0.01
 """Largest relative error of an answer that counts as correct [-]."""
 COVERED = 3.0
-"""Number of standard uncertainties from the truth beyond which an answer is confidently wrong [-]."""
+"""An answer is confidently wrong if its distance from the truth exceeds this number of standard uncertainties
+[-]."""
 KINDS = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
 
 
@@ -102,10 +104,10 @@ class Answer:
 
 
 def one(study: Study, name: str) -> Answer:
-    """Identify a synthetic shot and compare it with its truth; a stored answer is read instead.
+    """Identify a synthetic shot and compare it with its truth. A stored answer is only read.
 
-    The answer is stored when it is finished and after each remedy, so an interrupted study loses one attempt
-    at most.
+    The answer is stored when it is finished and after each remedy. An interrupted study therefore loses at
+    most one attempt.
     """
     keep_to(study.cores)
     kept = Path(study.out) / f"{name}.json"
@@ -133,7 +135,7 @@ def one(study: Study, name: str) -> Answer:
 
 
 def cures_for(answer: Answer) -> list[str]:
-    """Remedies for a rejected shot; a finer mesh is the first one if there is a value."""
+    """Remedies for a rejected shot. If there is a value, a finer mesh is the first one."""
     return [FINER_MESH, *CURES] if answer.value is not None else list(CURES)
 
 
@@ -145,10 +147,10 @@ def available() -> list[int]:
 
 
 def shares(cores: Sequence[int], workers: int) -> tuple[tuple[int, ...], ...]:
-    """Cores divided among workers in contiguous groups; with more workers than cores several workers share a
+    """Cores divided among workers in contiguous groups. With more workers than cores, several workers share a
     core.
 
-    The correlation of pictures uses all cores that its process may use: without this division each of eight
+    The correlation of pictures uses all cores that its process may use. Without this division each of eight
     workers on sixteen cores would start sixteen threads.
     """
     n = len(cores)
@@ -191,8 +193,7 @@ def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
 
 
 def said_on_purpose(error: Exception) -> bool:
-    """Whether an error was raised by a `raise` statement on purpose, not by an accident inside a
-    computation."""
+    """Whether an error comes from a `raise` statement, and not from a failure inside a computation."""
     if isinstance(error, InputError):
         return True
     lines = traceback.extract_tb(error.__traceback__)

@@ -1,16 +1,16 @@
 """Sets of three viscoelastic shots and a relaxation test: `python -m populations.joint_coverage --out
 FOLDER`.
 
-Each draw is one material (m, strength, time, Poisson's ratio, damping) with three shots at random speeds
-between 1.2 and 3.5 m/s, made by the virtual laboratory with one quasi-static curve, and a relaxation test.
-`identify_shots` identifies them with all parameters free, and decides whether the data require relaxation.
-With --elastic the same materials are elastic, and are identified in the same way. The study counts how often
-the 95 % interval contains the true value, how often strength and time are both within two standard
-uncertainties, and how often relaxation is required. The folder stores every answer, so an interrupted study
-can be continued.
+Each draw is one material (m, strength, time, Poisson's ratio, damping) with three shots and a relaxation
+test. The virtual laboratory makes the shots with one quasi-static curve and random speeds between 1.2 and 3.5
+m/s. `identify_shots` identifies them with all parameters free and decides whether the data require
+relaxation. With --elastic the same materials are elastic and are identified in the same way. The study counts
+three results: the 95 % interval contains the true value; strength and time are both within two standard
+uncertainties; relaxation is required. The folder stores every answer, so an interrupted study can be
+continued.
 
-Processes share all GPUs: the truths run in parallel on them, each GPU with its part of the shots
-(--truth-device cuda). An answer takes some minutes on one core of a CPU (--device cpu).
+Processes share all GPUs. With --truth-device cuda the truths run in parallel on them; each GPU has a part of
+the shots. An answer takes some minutes on one core of a CPU (--device cpu).
 """
 
 import shutil
@@ -69,7 +69,7 @@ times = ["{prony_time_1:.9g} s"]
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a study; studies with equal settings have the same draws and the same answers."""
+    """Settings of a study. Studies with equal settings have the same draws and the same answers."""
 
     elastic: bool = False
     """Whether the materials are elastic."""
@@ -82,8 +82,8 @@ class Study:
     truth_mesh: tuple[int, int] = (96, 129)
     """Mesh of the truth."""
     truth_grading: float = 5.0
-    """Ratio of its largest to its smallest element; the small ones are at the faces' edges. A uniform mesh
-    with the same number of elements has twice the error (docs/validation/coverage.md)."""
+    """Ratio of the largest to the smallest element of this mesh. The small elements are at the faces' edges.
+    A uniform mesh with the same number of elements has twice the error (docs/validation/coverage.md)."""
     truth_element: str = "middle"
     """Element of the truth: F-bar elements alone have an error as large as the uncertainty of three shots."""
     device: str = "cpu"
@@ -107,7 +107,7 @@ def truth(study: Study, number: int) -> dict[str, float]:
 
 
 def make_truths(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> None:
-    """Make the shots of all draws: on GPUs their simulations run in parallel; the shots of a draw share one
+    """Make the shots of all draws. On GPUs their simulations run in parallel. The shots of a draw share one
     quasi-static curve."""
     places = [place for number in numbers for place in specified(study, folder, number)]
     threads = 1 if study.truth_device == "cpu" else None

@@ -23,8 +23,8 @@ SYMBOLS = {
 
 
 def summary(each: Each) -> dict[str, Any]:
-    """Counts of covered truths, correct pairs and required relaxation, and a short form of every draw; a
-    rejected draw counts as not covering and not requiring relaxation."""
+    """Counts of covered truths, correct pairs and required relaxation, and a short form of every draw. A
+    rejected draw counts as not covering and without relaxation."""
     answered = [one for one in each if one["found"] is not None]
     choices = [one["found"]["model_choice"] for one in answered]
     return {
@@ -58,7 +58,7 @@ def _parameter(name: str, answered: Each, of: int) -> dict[str, Any]:
 
 
 def pair_found(one: dict[str, Any]) -> bool:
-    """Whether strength and time both lie within two standard uncertainties of the truth."""
+    """Whether strength and time are both within two standard uncertainties of the truth."""
     found, true = one["found"]["estimates"], one["truth"]
     return all(abs(found[name]["value"] - true[name]) <= 2.0 * found[name]["sigma"] for name in PAIR)
 
@@ -121,7 +121,7 @@ def table(said: dict[str, Any]) -> str:
 
 
 def element_of(study: dict[str, Any]) -> str:
-    """The element of a study's truths in words; a study without the entry used F-bar elements."""
+    """Text: the element of a study's truths. A study without this entry used F-bar elements."""
     words = {"fbar": "F-bar", "one_point": "one point", "middle": "the middle of both elements"}
     return words[study.get("truth_element", "fbar")]
 

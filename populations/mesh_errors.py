@@ -1,10 +1,10 @@
 """Effect of the mesh on an answer: `python -m populations.mesh_errors --truths FOLDER --out FOLDER`.
 
 Experiments of `populations.coverage_problem` without noise are identified with the default meshes and free m,
-nu and beta, and compared with the truths of a coverage study. The errors are due to the mesh and to the
-interpolation of the flyer's path between frames. For one, two and three free parameters the study stores the
-error on the refined mesh and the shift that each additional run causes. It prints the error that remains
-after extrapolation with several orders, over the estimate of `kolsky.uncertainty.mesh_error`.
+nu and beta. The answers are compared with the truths of a coverage study. The errors come from the mesh and
+from the interpolation of the flyer's path between frames. For one, two and three free parameters the study
+stores the error on the refined mesh and the shift by each additional run. It prints the remaining error after
+extrapolation with several orders, over the estimate of `kolsky.uncertainty.mesh_error`.
 """
 
 from dataclasses import replace
@@ -58,7 +58,7 @@ def errors(study: Study, folder: Path, number: int) -> dict[str, Any]:
 
 
 def _moved(fine: RefinedOptimum, change: MeshChange, true: FloatArray, free: list[int]) -> dict[str, Any]:
-    """Error, and shift of the free parameters by each change of the mesh, from one linear map."""
+    """Error of the free parameters, and their shift by each change of the mesh. One linear map gives both."""
     objective, slope = fine.objective, fine.jacobian
     gain = objective.gain(slope[:, free])
     at_truth = fine.model(fine.x)[0] + slope @ (true - fine.x)

@@ -2,9 +2,9 @@
 
 Experiments of `populations.coverage_problem` are simulated without noise, at their true parameters, on a
 series of meshes with both elements. One fixed linear map converts differences of the data vectors to
-differences of the parameters, so weights and searches have no influence on the order. `--judge` fits nothing;
-it prints the errors that remain with the order of `kolsky.uncertainty.mesh_error`. The folder stores one file
-for each mesh, so an interrupted series can be continued.
+differences of the parameters. Weights and searches therefore do not affect the order. `--judge` does not fit
+the order. It prints the remaining errors with the order of `kolsky.uncertainty.mesh_error`. The folder stores
+one file for each mesh, so an interrupted series can be continued.
 """
 
 import json
@@ -35,18 +35,18 @@ ELEMENTS = ("one_point", "fbar")
 STEPS = {"stiffness_factor": 0.01, "poisson": 5e-5, "damping": 2e-6}
 """Steps of the central differences by the parameters, to either side, in SI."""
 DISCREPANCY = 0.15
-"""Standard deviation of the force in the weights in addition to its noise: about the effect of the flyer's
-noise [N]."""
+"""Standard deviation of the force in the weights, in addition to its noise [N]. It is about the effect of the
+flyer's noise."""
 
 LIMIT_ORDER = 1.2
 """Assumed order of convergence of the outline of F-bar elements in the test. This program prints 1.7 for seed
 1 and 0.7 for twelve tests of seed 2. The order is 1.2 in slow tests and up to 2.8 in fast ones. The limit of
-F-bar elements is therefore up to 0.0015 of m too far, and the mean that serves as the truth half of that
-(`populations.truth_meshes`)."""
+F-bar elements therefore has an error of up to 0.0015 of m. The mean, which is the truth, has half of this
+error (`populations.truth_meshes`)."""
 
 Series = dict[tuple[int, str], FloatArray]
-"""Optimum minus the optimum on the finest mesh of F-bar elements, by number of elements across the radius and
-element."""
+"""Optimum minus the optimum on the finest mesh of F-bar elements, by element and number of elements across
+the radius."""
 
 
 def main() -> None:
@@ -85,8 +85,8 @@ def main() -> None:
 
 
 def fitted(series: list[Series]) -> dict[str, Any]:
-    """The order of the error of m with one limit for both elements, and the order of the elements'
-    distance."""
+    """The order of the error of m with one limit for both elements, and the order of the difference of the
+    elements."""
     sizes = np.array([1.0 / mesh[0] for mesh in MESHES])
     errors = np.array([[[one[m[0], e][0] for m in MESHES] for e in ELEMENTS] for one in series])
 
@@ -124,8 +124,8 @@ def fitted(series: list[Series]) -> dict[str, Any]:
 def judged(series: list[Series]) -> dict[str, Any]:
     """Errors of the corrected answer on the default meshes over their estimates, by parameter.
 
-    F-bar and one-point elements extrapolate to two limits. The mean of both is taken as the truth; half their
-    distance is its uncertainty.
+    F-bar and one-point elements extrapolate to two limits. The mean of both is the truth; half of their
+    difference is its uncertainty.
     """
     coarse, fine, finest = MESHES[0][0], MESHES[3][0], MESHES[-1][0]
     share = 1.0 / ((finest / fine) ** LIMIT_ORDER - 1.0)

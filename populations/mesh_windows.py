@@ -1,9 +1,9 @@
 """Duration over which mesh errors have one sign: `python -m populations.mesh_windows --out FOLDER`.
 
-The folder is that of `populations.truth_meshes`, with its noise-free tests on several meshes; missing ones
-are simulated. One fixed linear map gives the error of m, nu and beta on the default refined mesh. It is
-corrected like an answer and divided by the estimate of `kolsky.uncertainty.mesh_error`. The sign of the
-elements' distance is assumed constant over the whole test, a half of it, a quarter and so on.
+The folder is that of `populations.truth_meshes`, with its noise-free tests on several meshes. Missing tests
+are simulated. One fixed linear map gives the error of m, nu and beta on the default refined mesh. The error
+is corrected like an answer and divided by the estimate of `kolsky.uncertainty.mesh_error`. The sign of the
+elements' difference is assumed constant over the whole test, over half of it, over a quarter and so on.
 """
 
 from collections.abc import Mapping
@@ -78,7 +78,7 @@ def cases_of(numbers: list[int], seed: int, folder: Path) -> list[Case]:
 
 
 def compared(cases: list[Case]) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
-    """Root mean squares of the corrected errors over those of the elements' distance, by number of
+    """Root mean squares of the corrected errors over those of the elements' difference, by number of
     windows."""
     left = np.array([case.error + case.change.correction(case.gain) for case in cases])
     table = {}

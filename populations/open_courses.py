@@ -1,9 +1,10 @@
 """Mesh error in the truths of the open shots: `python -m populations.open_courses open-01 open-02`.
 
-The exact force and outline of a shot from another program are compared with this solver's at the shot's true
-values: on the mesh of an answer, and as the mean of both elements on a graded 96 x 129 mesh, the truth of the
-coverage studies. Least squares of the exact histories, weighted by the instruments' noise, convert the
-difference to m, nu and beta. It estimates the effect of the other program's mesh on its truth.
+The exact force and outline of a shot from another program are compared with those of this solver at the
+shot's true values. This solver runs on the mesh of an answer, and as the mean of both elements on a graded 96
+x 129 mesh, the truth of the coverage studies. Least squares of the exact histories, weighted by the
+instruments' noise, convert the difference to m, nu and beta. The result estimates the effect of the other
+program's mesh on its truth.
 """
 
 import argparse
@@ -20,8 +21,8 @@ from kolsky.base.arrays import FloatArray
 SHOTS = Path(__file__).resolve().parents[2] / "shared" / "data" / "shots"
 STRETCH = np.linspace(1.0, 0.36, 257)
 HEIGHTS = np.linspace(0.15, 0.85, 14)
-"""Heights at which the outline is compared, over the current length of the specimen: away from the parts that
-roll onto a platen [-]."""
+"""Heights at which the outline is compared, over the current length of the specimen [-]. They avoid the parts
+that roll onto a platen."""
 STEPS = np.array([3e-3, 5e-6, 5e-7])
 """Steps of m, nu and beta for the derivatives."""
 FORCE_SIGMA, OUTLINE_SIGMA, BIN = 0.146, 4e-6, 16
@@ -113,8 +114,8 @@ class Course:
 
 
 def compared(name: str) -> dict[str, list[float]]:
-    """Values of m, nu and beta fitted to the exact histories minus the truth, with two models of this
-    solver."""
+    """Fitted values of m, nu and beta minus the truth. Two models of this solver are fitted to the exact
+    histories."""
     course = Course(name)
     beside = [course.true + sign * step for step in np.diag(STEPS) for sign in (1.0, -1.0)]
     runs = course.simulated(np.array([course.true, *beside]), (64, 86))

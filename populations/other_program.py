@@ -1,10 +1,10 @@
 """A coverage study with truths of another program: `python -m populations.other_program --out FOLDER`.
 
-Experiments of `populations.coverage_problem`, two of each group, are simulated by DOLFINx
-(`tests/reference/M_dolfinx.py`, run by the interpreter of `--python`) and identified as in
+DOLFINx simulates experiments of `populations.coverage_problem`, two of each group
+(`tests/reference/M_dolfinx.py`, run by the interpreter of `--python`). They are identified as in
 `populations.coverage`. The folder stores every truth and every answer, so an interrupted study can be
-continued. `--truths` makes truths only; `--answers` identifies the existing truths only. `--compare` compares
-truths with those of this package's solver; `--csv` prints a thinned one.
+continued. `--truths` makes truths only. `--answers` identifies the existing truths only. `--compare` compares
+truths with those of this package's solver. `--csv` prints a truth with fewer frames.
 """
 
 import json
@@ -46,14 +46,14 @@ EACH = 2
 BIN = 16
 """Number of force samples that are averaged for the comparison: about one frame."""
 EVERY = 8
-"""Number of frames between rows of a thinned truth."""
+"""Number of frames from row to row in the output of `--csv`."""
 UNUSED = ("friction", "force_sigma", "flyer_sigma", "outline_sigma", "curve_sigma")
 """Parameters without effect on the exact histories of a bonded test."""
 
 
 def numbers_of(groups: int) -> list[int]:
-    """Numbers of the experiments: the first of every group, then the second, so that an incomplete study has
-    all groups."""
+    """Numbers of the experiments: the first of every group, then the second. An incomplete study then has all
+    groups."""
     return [GROUP * group + i for i in range(EACH) for group in range(groups)]
 
 
@@ -104,7 +104,7 @@ def slopes(number: int, seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 def binned(force: FloatArray) -> FloatArray:
-    """Means of `BIN` samples each, along the first axis; an incomplete last bin is left out."""
+    """Means of `BIN` samples each, along the first axis. An incomplete last bin is left out."""
     n = len(force) // BIN
     return np.asarray(force[: n * BIN].reshape(n, BIN, *force.shape[1:]).mean(1))
 
@@ -135,7 +135,7 @@ def apart(
 
 
 def thinned(force: FloatArray, Z: FloatArray) -> FloatArray:
-    """A truth at every eighth frame: mean force since the row before [N], radii at `HEIGHTS` [m]."""
+    """A truth at every eighth frame: mean force since the previous row [N], radii at `HEIGHTS` [m]."""
     radii = Z.reshape(-1, len(HEIGHTS))[EVERY - 1 :: EVERY]
     means = force[1:].reshape(len(radii), -1).mean(1)
     return np.column_stack([means, radii])
@@ -193,7 +193,7 @@ def main() -> None:
     parser.add_argument("--csv", type=int, help="print this experiment, thinned, and do nothing else")
     given = parser.parse_args()
     study = Study(free=tuple(STEPS), seed=given.seed, mesh=given.mesh, refined_mesh=given.refined_mesh)
-    # Truths are stored next to the answers' folder: in --out, separate from those of `populations.coverage`.
+    # Truths are stored in --out, next to the answers' folder, separate from those of `populations.coverage`.
     folder, numbers = given.out / "answers", numbers_of(given.groups)
     hold(study, folder)
     if given.csv is not None:

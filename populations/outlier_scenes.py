@@ -2,8 +2,8 @@
 pictures.
 
 A cylindrical specimen is shortened uniformly at constant volume and rendered by ray casting
-(`speckle_pictures.py`), so that the position of every material point is known in closed form. Defects are a
-highlight that moves over the surface, at a different position for each camera, and paint that is missing from
+(`speckle_pictures.py`). The position of every material point has a closed form. One defect is a highlight
+that moves over the surface, at a different position for each camera. The other is paint that is missing from
 a frame on.
 """
 
@@ -123,7 +123,7 @@ def _path(scene: OutlierScene, rng: np.random.Generator) -> list[FloatArray]:
 
 
 def rig(angle: float, scale: float = 1.0) -> StereoRig:
-    """Cameras on both sides of the line of sight to the axis; all lengths are multiplied by `scale`."""
+    """Cameras on both sides of the line of sight to the axis. All lengths are multiplied by `scale`."""
     cameras = []
     for a in (-0.5 * angle, 0.5 * angle):
         centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
@@ -145,8 +145,8 @@ def rig(angle: float, scale: float = 1.0) -> StereoRig:
 
 
 def drawn(population: str, seed: int) -> OutlierScene:
-    """Scene number `seed` of a population, "tuned" or "judged": of four scenes one has a highlight, one
-    missing paint, one both, one neither."""
+    """Scene number `seed` of a population, "tuned" or "judged". Of four scenes one has a highlight, one has
+    missing paint, one has both and one has no defect."""
     rng = np.random.default_rng([{"tuned": 1, "judged": 2}[population], seed])
     kind = seed % 4
     spoiled = Spoiled(

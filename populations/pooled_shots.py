@@ -1,8 +1,8 @@
 """Five shots with the known value m = 1.12, pooled: `python -m populations.pooled_shots --out FOLDER`.
 
-The shots are those of `runs/rate_shots.py`: one material, flyers of 0.7 to 4.5 m/s, the mean of both elements
-on a mesh 1.5 times as fine as the answers' mesh, graded toward the faces' edges. The study tests whether the
-95 % interval of their mean contains 1.12. Existing results are not recomputed.
+The shots are those of `runs/rate_shots.py`: one material and flyers of 0.7 to 4.5 m/s. They are the mean of
+both elements on a mesh 1.5 times as fine as the answers' mesh, graded toward the faces' edges. The study
+tests whether the 95 % interval of their mean contains 1.12. Existing results are not recomputed.
 """
 
 import importlib.util
@@ -49,7 +49,7 @@ def maker() -> ModuleType:
 
 
 def done(number: int, study: Study, folder: Path) -> str:
-    """Make and identify a shot that is not in the folder; returns a text on what was done."""
+    """Make and identify a shot that is not in the folder. Returns a text about the steps."""
     shot = folder / f"rate-{number:02d}"
     result = shot / "results" / "identification.h5"
     if not (shot / "truth.json").exists():  # the file that is written last

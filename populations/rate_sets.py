@@ -1,13 +1,14 @@
 """False alarms of the rate-sensitivity test: `python -m populations.rate_sets ANSWERS.json ...`.
 
 Each file is a `summary.json` of `python -m populations.coverage`: elastic shots of known stiffness factor,
-each identified separately. The identified values are divided by their truth and multiplied by 1.12, so that
-all shots have the true value m = 1.12. Sets of five shots are drawn whose rates span the half decade that a
-slope requires, independently of m. The study counts how often such a set is classified as rate sensitive. It
-also counts how often an added slope is detected whose size the set should detect with a probability of 0.9.
+each identified separately. The identified values are divided by their truth and multiplied by 1.12. All shots
+then have the true value m = 1.12. Sets of five shots are drawn independently of m. Their rates span at least
+the half decade that a slope requires. The study counts how often such a set is classified as rate sensitive.
+It also adds a slope that the set should detect with a probability of 0.9, and counts how often it is
+detected.
 
-Sets share shots, so there are fewer independent sets than sets. Here every experiment has its own
-quasi-static curve with independent noise; the shots of a campaign share one curve.
+Sets share shots, so not all sets are independent. Every experiment has a separate quasi-static curve with
+independent noise; the shots of a campaign share one curve.
 """
 
 import argparse
@@ -33,7 +34,7 @@ SHOTS = 5
 """Number of shots of a set."""
 CURVE = "material curve"
 MOST_DRAWS = 10000
-"""Number of draws of a set after which the population's range of rates is considered too narrow."""
+"""Largest number of draws of a set. After it the population's range of rates is considered too narrow."""
 
 
 @dataclass(frozen=True)

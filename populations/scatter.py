@@ -1,7 +1,7 @@
 """Errors of random shots over their standard uncertainties: `python -m populations.scatter FILE.json ...`.
 
-Each file holds ``answers`` with ``values``, ``sigmas`` and ``truths`` by parameter, written by `python -m
-populations.answers`, like populations/results/right_second.json.
+Each file contains ``answers`` with ``values``, ``sigmas`` and ``truths`` by parameter. `python -m
+populations.answers` writes such files, e.g. populations/results/right_second.json.
 """
 
 import statistics

@@ -1,6 +1,6 @@
 """Random scenes for tests of standard deviations: a plane with one camera, a cylinder with two.
 
-Every position is known in closed form: planes are rendered from a sum of Gaussians, cylinders by ray casting
+Every position has a closed form. Planes are rendered from a sum of Gaussians, cylinders by ray casting
 (`speckle_pictures.py`). After frames at rest the surface is shifted as a rigid body, or stretched or
 compressed by up to 20 %. Pictures have eight bits.
 """
@@ -18,7 +18,7 @@ from tests.helpers.speckle_pictures import RenderedCylinder, Speckles, render, s
 
 WHITE = 255.0
 STATIC, MOVED = 4, 4
-"""Number of frames at rest and after them."""
+"""Number of frames at rest, and of frames after them."""
 LEVELS = (1.0, 2.0, 5.0)
 """Standard deviations of a grey value [grey]."""
 KINDS = ("plane, shift", "plane, strain", "cylinder, shift", "cylinder, strain")

@@ -1,8 +1,8 @@
 """Constants of a cylinder of a thesis from other programs' forces: `python -m populations.thesis_cylinder`.
 
-The cylinder of 80 mm by 70 mm with C10 = 1404.9 Pa, C20 = 699.4 Pa (Table 3.3), compressed by 10 mm between
-plates with f = 0.7, was simulated by DOLFINx and by GetFEM (`tests/reference`, tables I and H). Their forces
-serve as test data; the constants are identified by inverse finite elements.
+The cylinder of 80 mm by 70 mm has C10 = 1404.9 Pa and C20 = 699.4 Pa (Table 3.3). DOLFINx and GetFEM
+simulated its compression by 10 mm between plates with f = 0.7 (`tests/reference`, tables I and H). Their
+forces are the test data. The constants are identified by inverse finite elements.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
 """Limits chosen on one population of correct shots and tested once on another: numbers and table.
 
-In a shot with a wrong search result an estimate is more than `ASTRAY` standard uncertainties from the truth
-in its `truth.json`. Its residuals are not those of a correct answer: it is not used to choose a limit, and it
-is counted separately.
+A search result is wrong if an estimate is more than `ASTRAY` standard uncertainties from the truth in
+`truth.json`. The residuals of such a shot are not those of a correct answer. It is not used to choose a limit
+and is counted separately.
 """
 
 import json
@@ -18,7 +18,7 @@ from kolsky.diagnosis.fit_quality import LIMITS, SLOW_LIMITS
 from kolsky.inverse.result import Identification
 
 ASTRAY = 6.0
-"""Number of standard uncertainties from the truth beyond which a search result is wrong."""
+"""A search result is wrong if its distance from the truth exceeds this number of standard uncertainties."""
 TRUE = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
 """Keys of truth.json by parameter."""
 STRONGEST = "strongest evidence of a cause"
@@ -55,7 +55,7 @@ class RightShot:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The causes that are reported although there is none."""
+        """The reported causes, although there is no cause."""
         return tuple(cause.key for cause in self.result.causes if cause.named)
 
 
@@ -85,8 +85,9 @@ def truth(result: Path) -> dict[str, float]:
 def chosen(
     one: list[RightShot], two: list[RightShot], limit: Callable[[str, list[float]], float]
 ) -> dict[str, Any]:
-    """Limits from population one, and the false alarms of these and of the limits in use on population two,
-    which may be empty; ``limit`` is a function of a figure's name and its values for correct shots."""
+    """Limits from population one, and false alarms on population two of these limits and of the limits in
+    use. Population two may be empty. ``limit`` is a function of a figure's name and its values for correct
+    shots."""
     found, judged = [s for s in one if not s.astray], [s for s in two if not s.astray]
     rows = {}
     for name, used in IN_USE.items():

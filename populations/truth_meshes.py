@@ -2,8 +2,8 @@
 
 Experiments of `populations.coverage_problem` are simulated without noise on meshes with both elements, some
 with stronger grading toward the faces' edges. The table gives the difference of each outline from that of the
-truth, converted to m, nu and beta by least squares over all its points: m alone, then the three together. All
-must converge to the same limit. The folder stores one file for each run, so an interrupted study can be
+truth. Least squares over all its points convert it to m, nu and beta: first m only, then the three together.
+All must converge to the same limit. The folder stores one file for each run, so an interrupted study can be
 continued.
 """
 
@@ -46,7 +46,7 @@ class Variant:
 
 
 TRUTH = tuple(Variant((128, 172), element, TRUTH_GRADING) for element in TRUTH_ELEMENTS)
-"""The study's truth is the mean of these."""
+"""The study's truth is the mean of these variants."""
 VARIANTS = (
     *(Variant(mesh, e) for e in TRUTH_ELEMENTS for mesh in ((64, 86), (128, 172), (192, 258))),
     *TRUTH,

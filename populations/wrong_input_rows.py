@@ -1,5 +1,4 @@
-"""Rows of the study of wrong inputs: the error that is applied to a correct shot, and the cause that
-describes it."""
+"""Rows of the study of wrong inputs: the error in a correct shot, and the cause that describes it."""
 
 import math
 import tomllib
@@ -32,11 +31,11 @@ class Row:
     name: str
     """Description of the wrong input."""
     key: str
-    """Key of the correct cause in `kolsky.shot.input_records.Cause`; empty if there is none."""
+    """Key of the correct cause in `kolsky.shot.input_records.Cause`. Empty if there is none."""
     wrong: Wrong
     """Function that makes the shot with this input."""
     free: bool = False
-    """Whether Poisson's ratio and damping are identified, as by default; else they are fixed."""
+    """True if Poisson's ratio and damping are identified (the default), False if they are fixed."""
     names: tuple[str, ...] = ()
     """Other keys that are equally correct: density, stress and force have the same scale."""
 
@@ -62,7 +61,8 @@ def _damping(factor: float) -> Wrong:
 
 
 def _poisson(excess: float) -> Wrong:
-    """Shot with 1 - 2 nu multiplied by `excess`: 0.499 declared as 0.495 is 5, as 0.4999 is 0.1."""
+    """Shot with 1 - 2 nu multiplied by `excess`. 0.499 declared as 0.495 is 5; declared as 0.4999 it is
+    0.1."""
 
     def change(shot: Shot) -> Shot:
         wrong = min(0.5 - excess * (0.5 - shot.model.poisson), 0.4999)
@@ -145,7 +145,7 @@ def _zero(shot: Shot) -> Shot:
 
 
 def _form(name: str, amount: float) -> Wrong:
-    """Shot whose curve needs the correction `name` of `kolsky.shot.corrections`: a column with another
+    """Shot whose curve needs the correction `name` of `kolsky.shot.corrections`, because a column has another
     definition."""
     return _changed(lambda s: replace(s, curve=wrong_curve(s.curve, name, amount)))
 
@@ -245,7 +245,7 @@ def _with_file(folder: Path, name: str, text: str) -> Shot:
 
 
 def _true_strain(folder: Path) -> Shot:
-    """Shot whose curve file contains logarithmic strain; the reader may reject strains beyond the full
+    """Shot whose curve file contains logarithmic strain. The reader may reject strains beyond the full
     length."""
     name = "quasi_static.csv"
     head, *rows = (folder / name).read_text("utf-8").splitlines()
@@ -255,7 +255,7 @@ def _true_strain(folder: Path) -> Shot:
 
 
 CURVES = ("curve.stress", "curve.strain", "curve shape")
-"""Keys of the shape of a curve, which a wrong definition also changes."""
+"""Keys of the shape of a curve. A wrong definition also changes the shape."""
 
 ROWS: tuple[Row, ...] = (
     Row(RIGHT, "", load_shot, free=True),

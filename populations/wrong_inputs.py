@@ -34,9 +34,9 @@ class Job:
     shot: Path
     """Folder of the correct shot."""
     device: str
-    """Of the solver."""
+    """Device of the solver."""
     threads: int | None
-    """Of the solver."""
+    """Number of threads of the solver."""
     meshes: tuple[tuple[int, int], tuple[int, int]] | None
     """Meshes of the surrogate and of the answer; None: the defaults."""
 
@@ -95,17 +95,17 @@ def run(job: Job) -> dict[str, Any]:
 
 
 CONFIDENT = 0.01
-"""Relative error of m above which an answer without a warning is confidently wrong if its interval excludes
-the truth; below it the wrong input has no significant effect."""
+"""An answer without a warning is confidently wrong if its interval excludes the truth and its relative error
+of m exceeds this. Below this error the wrong input has no significant effect."""
 
 
 def judged(row: Row, said: dict[str, Any]) -> str:
     """Outcome of a job.
 
-    For a correct shot "quiet" or "alarm". For the curve's scale "said" or "silent". Otherwise: "first" or
-    "second", the rank of the correct cause among the likely ones; "refused" with the correct key in the
-    message; "other" cause or "none" reported and the value withheld; "harmless", an answer whose interval
-    contains the truth; "confident", a wrong answer.
+    A correct shot is "quiet" or "alarm". The curve's scale is "said" or "silent". For all others "first" or
+    "second" is the rank of the correct cause among the likely ones. "refused" is a rejection with the correct
+    key in its message. With "other" or "none" the value is withheld, and another cause or no cause is
+    reported. "harmless" is an answer whose interval contains the truth, "confident" a wrong answer.
     """
     right = {row.key, *row.names} - {""}
     if said["refused"]:
@@ -153,8 +153,7 @@ def summary(jobs: list[dict[str, Any]]) -> dict[str, float]:
 
 
 def table(jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One entry for each row: outcomes of its jobs, the error of m, the estimated value of the correct
-    cause."""
+    """One entry for each row: outcomes of its jobs, error of m, estimated value of the correct cause."""
     found = []
     for row in ROWS:
         mine = [said for said in jobs if said["row"] == row.name]
@@ -202,8 +201,8 @@ def finite(value: Any) -> Any:
 
 
 def jobs_of(args: argparse.Namespace, shots: list[Path]) -> Iterator[Job]:
-    """Jobs for all correct shots, and for each wrong input the requested number of shots, different ones from
-    row to row."""
+    """Jobs for all correct shots, and for each wrong input the requested number of shots. Each row has other
+    shots."""
     words = [word for word in args.rows.split(",") if word]
     meshes = None if args.mesh is None else (args.mesh, args.refined_mesh)
     first = 0

@@ -1,7 +1,7 @@
 """A laboratory's script for a shot from pictures: `python runs/from_pictures.py SHOT [FOLDER]`.
 
-Surfaces first, so that a look at them costs no simulation; then the stiffness, from the same surfaces.
-Regions that shot.toml leaves out are found in the pictures.
+The script first measures the surfaces, so they can be checked without a simulation. Then it identifies the
+stiffness from these surfaces. Regions that shot.toml does not declare are found in the pictures.
 """
 
 import sys

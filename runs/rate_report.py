@@ -1,7 +1,7 @@
 """A laboratory's script over identified shots: `python runs/rate_report.py SHOT SHOT ...`.
 
-It writes what `kolsky rate` writes, into the folder rates, and has the numbers at hand: here the shot of each
-group without which the mean moves most.
+It writes the files of `kolsky rate` into the folder rates. It also shows how to use the numbers: for each
+group it prints the shot whose removal changes the mean most.
 """
 
 import sys

@@ -1,9 +1,10 @@
 """Shots of one material at other flyer velocities: `python runs/rate_shots.py FOLDER [MESH] [SPEED[:M] ...]`.
 
-Each is a simulation with a known stiffness factor and noise like that of open-01 (1 um, 4 um, 0.3 N, 12
-bits), written as the files of open-01. They show what a comparison of rates finds, not that the model is
-right: it is the same solver, in the middle of both elements on a mesh graded toward the faces' edges and,
-unless MESH (as 48x64) says otherwise, 1.5 times as fine as the answers'.
+Each shot is a simulation with a known stiffness factor and noise like that of open-01 (1 um, 4 um, 0.3 N, 12
+bits). It is written as the files of open-01. The shots show the result of a comparison of rates. They do not
+validate the model, because the same solver makes them. They are the mean of both elements on a mesh graded
+toward the faces' edges. MESH (e.g. 48x64) sets the mesh; by default it is 1.5 times as fine as that of the
+answers.
 """
 
 import json
@@ -18,14 +19,15 @@ import kolsky
 
 ORIGIN = Path(__file__).resolve().parent / "open-01"
 NUMERICS = kolsky.Numerics(mesh=(96, 129), grading=5.0)
-ELEMENTS = ("fbar", "one_point")  # their outlines come to one limit from above and from below
+ELEMENTS = ("fbar", "one_point")  # their outlines converge to one limit from above and from below
 STATIC, FRAMES, SAMPLES, POINTS, STRAIN = 12, 150, 3000, 14, 0.55
 SIGMA_FLYER, SIGMA_Z, SIGMA_FORCE = 1e-6, 4e-6, 0.3
 REST, RISE, DRAG = 29.2e-6, 60e-6, 0.15
 
 
 def flyer(time: np.ndarray, speed: float, length: float) -> np.ndarray:
-    """Displacement [m]: a smooth ramp to the speed, then slower in proportion to the way."""
+    """Displacement [m]: a smooth ramp to the speed, then a decrease of the speed in proportion to the
+    path."""
     u = np.clip((time - REST) / RISE, 0.0, None)
     ramp = np.where(u < 1.0, RISE * u**4 * (2.5 - 3.0 * u + u**2), RISE * (u - 0.5))
     way = length * STRAIN / DRAG
@@ -35,9 +37,9 @@ def flyer(time: np.ndarray, speed: float, length: float) -> np.ndarray:
 def make(
     folder: Path, speed: float, m: float, *, seed: int, numerics: kolsky.Numerics = NUMERICS, **held: float
 ) -> None:
-    """Write one shot with the flyer's speed [m/s] and the stiffness factor m, of both elements' mean.
+    """Write one shot with the flyer's speed [m/s] and the stiffness factor m, as the mean of both elements.
 
-    ``held``: other parameters at other values than those of open-01, such as ``poisson=0.49998``.
+    ``held``: parameters with other values than in open-01, such as ``poisson=0.49998``.
     """
     rng, origin = np.random.default_rng(seed), kolsky.load_shot(ORIGIN)
     length = origin.specimen.length

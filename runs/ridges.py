@@ -1,7 +1,7 @@
 """Does m trade against damping, friction and Poisson's ratio? `python runs/ridges.py [SHOT] [PARAMETER ...]`.
 
-Identifies the stiffness factor together with each of the parameters in turn, writes the map of the likelihood
-with both profiles to SHOT/results/ridges, and prints the verdicts.
+The script identifies the stiffness factor together with each of the parameters in turn. It writes the map of
+the likelihood with both profiles to SHOT/results/ridges and prints the verdicts.
 """
 
 import sys

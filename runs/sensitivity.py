@@ -1,7 +1,8 @@
 """Sobol' indices and Morris screening of a shot: `python runs/sensitivity.py [SHOT] [FOLDER] [POINTS]`.
 
-Over the box below, by the solver itself and on a checked surrogate: a picture into FOLDER (default:
-SHOT/results), a table on the terminal. POINTS of each sample, a power of two, are 512 if not given.
+The script uses the box below, the solver, and a checked surrogate. It writes a picture into FOLDER (default:
+SHOT/results) and prints a table on the terminal. POINTS is the number of points of each sample, a power of
+two (default 512).
 """
 
 import sys
@@ -13,7 +14,7 @@ from doe import Box
 BOX = Box.of({"stiffness_factor": (1.0, 1.25), "poisson": (0.495, 0.4995), "damping": (1e-5, 1e-4)})
 COARSE = kolsky.Numerics(
     mesh=(16, 22)
-)  # indices are shares: a mesh that is too soft by 1 % does not change them
+)  # indices are shares: a mesh with an error of 1 % of the stiffness does not change them
 
 shot = kolsky.load_shot(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parent / "open-01")
 folder = Path(sys.argv[2]) if len(sys.argv) > 2 else shot.folder / "results"

@@ -1,7 +1,7 @@
 """A sensitivity sweep with a ledger: `python runs/sweep.py [SHOT [FOLDER [RUNS [DEVICE]]]]`.
 
-Friction has no part in a bonded shot, so stiffness and damping are varied here. RUNS of a Sobol' design, a
-power of two, are 64 if not given. Stopped and started again it goes on where it was.
+Friction has no effect in a bonded shot, so the script varies stiffness and damping. RUNS is the number of
+points of a Sobol' design, a power of two (default 64). After a stop, a new start continues the sweep.
 """
 
 import sys
@@ -15,7 +15,7 @@ BOX = Box.of({"stiffness_factor": (1.0, 1.25), "damping": (1e-5, 5e-5)})
 given = dict(enumerate(sys.argv))
 shot = kolsky.load_shot(given.get(1, Path(__file__).parent / "open-01"))
 folder = Path(given.get(2, shot.folder / "results"))
-folder.mkdir(exist_ok=True)  # the ledger is there from the first run on
+folder.mkdir(exist_ok=True)  # the ledger exists from the first run on
 design = sobol(BOX, int(given.get(3, "64")), rng=1)
 numerics = kolsky.Numerics(mesh=(16, 22), device=given.get(4, "cpu"))
 result = kolsky.sweep(shot, design, numerics=numerics, ledger=folder / "sweep.sqlite")

@@ -1,9 +1,9 @@
 """Exports like VIC-3D's, to try `[surface]` with: `python runs/vic3d_exports.py FOLDER [SHOT]`.
 
-One file a frame, of nine points on the centre line that ride with the outline of the shot (open-01 if none
-is given), in a frame whose Y points down and begins 2 mm above the transmission platen's face. A point above
-or below the measured part of the outline is lost, with a negative sigma, as VIC-3D marks it. The rest of the
-shot is copied.
+Each frame has one file with nine points on the centre line. They move with the outline of the shot (default
+open-01). Y of their frame points down and begins 2 mm above the transmission platen's face. A point outside
+the measured part of the outline is lost; it has a negative sigma, as in VIC-3D. All other files of the shot
+are copied.
 """
 
 import csv

@@ -1,4 +1,4 @@
-"""What every test can use: the `shared` folder, the `--slow` option, and `from order import ...`."""
+"""Common parts of all tests: the `shared` folder, the `--slow` option, and `from order import ...`."""
 
 import gc
 import sys

@@ -1,7 +1,7 @@
 """`python -m tests.readme_figures RESULT.h5`: do README's picture and its last line agree with a result?
 
-`.ci/run` calls it with what `kolsky identify runs/open-05` has just written, so that neither can go stale;
-exit 1 if they differ. `--write` makes the picture anew.
+`.ci/run` calls it with the result of `kolsky identify runs/open-05`, so both are always up to date. Exit 1 if
+they differ. `--write` makes a new picture.
 """
 
 import argparse

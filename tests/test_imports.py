@@ -1,4 +1,4 @@
-"""Who may import whom: the arrows of docs/architecture.md, read from the source of every module."""
+"""Allowed imports: the arrows of docs/architecture.md, compared with the source of every module."""
 
 import ast
 import subprocess

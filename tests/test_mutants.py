@@ -1,4 +1,4 @@
-"""No named fault gets past the quick tests, and the trial itself can tell: see `tests.mutants`."""
+"""The quick tests detect every named fault, and the trial itself is tested: see `tests.mutants`."""
 
 import ast
 import subprocess

@@ -1,6 +1,6 @@
-"""The public names of the packages: loaded when first used, the same for a type checker and at run time.
+"""The public names of the packages: loaded at first use, the same for a type checker and at run time.
 
-`kolsky` is what scripts import: its names are documented, and scripts need no others.
+Scripts import `kolsky`: its names are documented, and scripts need no other names.
 """
 
 import ast

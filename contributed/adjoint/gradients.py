@@ -2,8 +2,8 @@
 constants or curve.
 
 The kernels read a cubic for every interval of Marlow's law. It follows from the quotient 2 U' and its slope
-at both ends: two unknowns at every knot. The monotone cubic gives the slopes from the points of a curve, so
-the derivative by a point sums its effects on the neighbouring quotients and slopes.
+at both ends: two unknowns at every knot. The monotone cubic gives the slopes from the points of a curve. The
+derivative by a point is therefore the sum of its effects on the neighbouring quotients and slopes.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ Objective = Callable[[Histories], tuple[float, Histories]]
 """A function of the histories of a simulation that returns a number and its derivative by every entry."""
 
 CHECKPOINT_EVERY = 50
-"""Steps of a segment: with more steps the stored rows need more memory, the checkpoints less."""
+"""Steps of a segment. Longer segments need more memory for rows and less for checkpoints."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,11 @@ class Gradient:
     mass_damping: float
     """Derivative by alpha [s]."""
     law: FloatArray
-    """Partial derivatives by the law's constants as the kernels read them, in the order of
-    `MaterialLaw.parameters` and per their units, the initial shear modulus held fixed."""
+    """Partial derivatives by the law's constants as the kernels read them, at a fixed initial shear modulus.
+    The order and the units are those of `MaterialLaw.parameters`."""
     shear_modulus: float
-    """Partial derivative by the law's initial shear modulus [1/Pa], through the bulk modulus, the damping
-    and the hourglass control, the stress of the law held fixed."""
+    """Partial derivative by the law's initial shear modulus [1/Pa], at a fixed stress of the law. The modulus
+    acts through the bulk modulus, the damping and the hourglass control."""
     steps: StepSequence
     memory: int
     """Memory of checkpoints, rows of a segment and their gradients [B]."""
@@ -67,10 +67,10 @@ def gradient(
 ) -> Gradient:
     """Differentiate any function of the histories by all parameters and the whole material table at once.
 
-    One forward run in phases measures its steps and stores a checkpoint every `checkpoint_every` steps. Then,
-    from the last to the first, every segment is recomputed on a `warp.Tape` and differentiated in reverse.
-    The cost does not depend on the number of unknowns. The result is the derivative of the discrete response,
-    with fixed time steps and fixed contact decisions (README.md).
+    One forward run in phases measures its steps and stores a checkpoint every `checkpoint_every` steps. The
+    reverse pass takes the segments from the last to the first. It recomputes each segment on a `warp.Tape`
+    and differentiates it. The cost does not depend on the number of unknowns. The result is the derivative of
+    the discrete response, with fixed time steps and fixed contact decisions (README.md).
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ def gradient(
     Raises
     ------
     ValueError
-        If there is not exactly one sample, a requested time is before the start, the wave in a bar returns
-        within a segment, the cotangent has other shapes than the histories, or the run does not reach its
-        end.
+        If there is not exactly one sample, or a requested time is before the start. If the wave in a bar
+        returns within a segment, or the run does not reach its end. If the cotangent and the histories have
+        different shapes.
     """
     if checkpoint_every < 1:
         raise ValueError(f"checkpoint_every must be >= 1 step, got {checkpoint_every}")
@@ -126,8 +126,8 @@ def forward_run(
     stepping: Stepping | None = None,
     steps: StepSequence | None = None,
 ) -> tuple[Histories, StepSequence]:
-    """The forward run of `gradient` without the reverse pass, with given steps if any: for difference
-    quotients.
+    """The forward run of `gradient` without the reverse pass, for difference quotients. It can repeat given
+    steps.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def _by_parameter(model: Model, samples: Samples, solid: NDArray[np.void]) -> di
 
 
 RELATIVE_STEP = 1e-7
-"""Relative step of the differences of a table by its curve; the measured error is 1e-9 of a derivative."""
+"""Relative step of the differences of a table by its curve. The measured relative error is 1e-9."""
 
 
 def by_table(gradient: Gradient, law: MarlowLaw) -> tuple[FloatArray, FloatArray]:
@@ -177,8 +177,8 @@ def by_table(gradient: Gradient, law: MarlowLaw) -> tuple[FloatArray, FloatArray
     Returns
     -------
     by_quotient : array, shape [n_knots]
-        Derivative by 2 U' at each knot [1/Pa]. The first one is also the initial shear modulus, on which the
-        bulk modulus, the damping and the hourglass control depend; that is included.
+        Derivative by 2 U' at each knot [1/Pa]. The first one is also the initial shear modulus. Its effect on
+        the bulk modulus, the damping and the hourglass control is included.
     by_slope : array, shape [n_knots]
         Derivative by the slope of 2 U' in s at each knot [1/Pa].
 

@@ -25,7 +25,7 @@ from explicit.time_loop.node_sweeps import BAR_HISTORY
 
 @dataclass(frozen=True)
 class StepSequence:
-    """The steps that a forward run took; a gradient holds them fixed."""
+    """The steps that a forward run took. A gradient does not vary them."""
 
     start: float
     """Time at which the specimen is at rest [s]."""
@@ -55,8 +55,8 @@ class StepSequence:
 class ForceSampling:
     """The linear map from the forces of the steps to force and impulse at the requested times.
 
-    The interpolation is that of the time loop: a force is linear between two steps, and an impulse increases
-    with the force of the step that contains the time.
+    The interpolation is that of the time loop. A force is linear between two steps. An impulse increases with
+    the force of the step that contains the time.
     """
 
     steps: StepSequence
@@ -118,8 +118,9 @@ class Source(NamedTuple):
 class ReturnedWave:
     """The outgoing wave of each step and the returned wave, which is interpolated from it.
 
-    The time loop stores `BAR_HISTORY` values of the outgoing wave per round trip, each from the first step at
-    or after its time, and interpolates linearly: each returned value depends on two outgoing ones.
+    The time loop stores `BAR_HISTORY` values of the outgoing wave per round trip. Each value comes from the
+    first step at or after its time. The loop interpolates linearly, so each returned value depends on two
+    outgoing ones.
     """
 
     support: CharacteristicBar
@@ -152,8 +153,8 @@ class ReturnedWave:
             self._stored.append(len(self.outgoing) - 1)
 
     def check_segments(self, n_steps: int) -> None:
-        """Raise ValueError if, with segments of `n_steps` steps, a wave returns within the segment in which
-        it left."""
+        """Raise ValueError if a wave returns within the segment in which it left; a segment has `n_steps`
+        steps."""
         last_step = np.array([source.following for source in self.sources], dtype=np.int64)
         inside = np.flatnonzero(
             (last_step >= 0) & (last_step >= np.arange(len(last_step)) // n_steps * n_steps)

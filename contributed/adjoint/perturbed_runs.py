@@ -1,13 +1,13 @@
 """Derivatives of a response by its parameters: one batch of perturbed runs with verified difference steps.
 
-The error of a central difference is proportional to h^2 for a large step h and to round-off over h for a
-small one. One batch computes every derivative with a series of steps (the ladder). The changes between
+A large step h gives a central difference an error proportional to h^2. A small step gives it an error of
+round-off over h. One batch computes every derivative with a series of steps (the ladder). The changes between
 neighbouring steps form a V; the step at its minimum is chosen, and the changes are returned.
 
-Both runs of a difference must take the same time steps. A step that depends on the deformation depends on the
-parameter too; the response then has a kink wherever a requested time moves from one step to the next.
-`same_steps` avoids this. Contact remains: a node lands in one step or in the next, and the discrete response
-is smooth only between two such changes (`README.md`).
+Both runs of a difference must take the same time steps. A step that depends on the deformation also depends
+on the parameter. The response then has a kink wherever a requested time moves from one step to the next.
+`same_steps` avoids this. Contact still causes jumps: a node lands in one step or in the next. The discrete
+response is smooth only between two such changes (`README.md`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,8 +29,8 @@ from explicit.run_batch import run
 class Histories:
     """Forces, impulses and the side surface at the times of an `explicit.Sampling`.
 
-    Leading axes, if any, depend on the use: samples, parameters or none. Units are those of the values; a
-    derivative is per unit of its parameter, a cotangent is per unit of the value.
+    Leading axes depend on the use: samples, parameters or none. Units are those of the values. A derivative
+    is per unit of its parameter; a cotangent is per unit of the value.
     """
 
     force_flyer: FloatArray
@@ -74,7 +74,7 @@ NAMES: tuple[str, ...] = tuple(field.name for field in fields(Histories))
 LADDER = tuple(10.0 ** (-0.5 * k) for k in range(2, 14))
 """Relative steps from 0.1 to 3e-7, two a decade."""
 STEP_MARGIN = 0.9
-"""Time step of all runs over the smallest step of a trial batch [-]."""
+"""Ratio of the time step of all runs to the smallest step of a trial batch [-]."""
 FORCES, IMPULSES, PROFILE = NAMES[:2], NAMES[2:4], NAMES[4:]
 
 
@@ -90,7 +90,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class Stencil:
-    """Points where a response is evaluated, and its slope: sum_j weights[j] f(value + offsets[j] h) / h."""
+    """Points where a response is evaluated. Its slope is sum_j weights[j] f(value + offsets[j] h) / h."""
 
     offsets: FloatArray
     """Distances from the value in steps, the first one 0 [-], shape [3]."""
@@ -103,7 +103,7 @@ CENTRAL = Stencil(np.array([0.0, 1.0, -1.0]), np.array([0.0, 0.5, -0.5]))
 FORWARD = Stencil(np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))
 """(-3 f(p) + 4 f(p + h) - f(p + 2 h)) / 2 h."""
 BACKWARD = Stencil(-FORWARD.offsets, -FORWARD.weights)
-"""The same on the other side."""
+"""The same formula on the other side."""
 
 
 def stencil_for(name: str, value: float, widest: float) -> Stencil:
@@ -128,8 +128,8 @@ class StepStudy:
     """Change of a derivative from one step of the ladder to the next smaller one (the V).
 
     Changes are root mean squares over both platens, or over radii and heights, relative to that of the
-    derivative. They decrease with the square of the step while it is too large, and increase when it is too
-    small.
+    derivative. They decrease with the square of a step that is too large. They increase again if the step is
+    too small.
     """
 
     step: FloatArray
@@ -187,8 +187,8 @@ def jacobian(
     """Derivatives of forces, impulses and side surface by parameters, in one batch of perturbed runs.
 
     Differences are central, (f(p + h) - f(p - h)) / 2 h, and one-sided of second order where a bound of the
-    parameter is near. The error of an entry is the Richardson estimate r^2 / (r^2 - 1) |D(h) - D(h / r)|
-    from the chosen step and the next smaller one; on the narrow side of the V it is about the round-off.
+    parameter is near. The error of an entry is the Richardson estimate r^2 / (r^2 - 1) |D(h) - D(h / r)| from
+    the chosen step and the next smaller one. For steps below the minimum of the V it is about the round-off.
 
     Parameters
     ----------
@@ -209,8 +209,8 @@ def jacobian(
     Raises
     ------
     ValueError
-        If there is not exactly one sample, a parameter is unknown, repeated or has no effect in the model, a
-        step leaves a parameter's range, or a run does not complete.
+        If there is not exactly one sample, or a run does not complete. If a parameter is unknown, repeated or
+        without effect in the model, or a step leaves its range.
     """
     names, ladder = tuple(parameters), np.asarray(relative_steps, dtype=float)
     _check(model, samples, names, ladder)
@@ -310,7 +310,7 @@ def _require_completed(response: Response, samples: Samples, names: tuple[str, .
 
 def _study(step: FloatArray, slopes: Histories) -> StepStudy:
     def change(names: tuple[str, ...]) -> FloatArray:
-        # Both platens together: a platen before the arrival of the wave has round-off only.
+        # Both platens together: before the wave arrives, the values of a platen are round-off only.
         slope = np.concatenate([getattr(slopes, name).reshape(*step.shape, -1) for name in names], axis=2)
         size = np.sqrt((slope[:, 1:] ** 2).mean(axis=2))
         difference = np.sqrt((np.diff(slope, axis=1) ** 2).mean(axis=2))
@@ -321,7 +321,8 @@ def _study(step: FloatArray, slopes: Histories) -> StepStudy:
     chosen = larger.argmin(axis=1)
     smooth = np.ones(len(step), dtype=bool)
     for p, k in enumerate(chosen):
-        # Near the minimum round-off flattens the curve; above it a change must decrease faster than its step.
+        # Near the minimum, round-off makes the curve flat. At larger steps a change must decrease faster than
+        # its step.
         fall = larger[p, 1:k] / larger[p, : max(k - 1, 0)]
         above = larger[p, 1:k] > 30.0 * larger[p, k]
         smooth[p] = not (above & (fall > step[p, 1:k] / step[p, : max(k - 1, 0)])).any()

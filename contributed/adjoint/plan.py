@@ -36,7 +36,7 @@ class PhaseKernels:
     nodes: Any
     """Velocities and displacements of row k + 1 and the platens' impulses; launch with dim = n_nodes."""
     support: Any
-    """Motion of the transmission platen in front of a bar, row k + 1; launch with dim = 1."""
+    """Motion of the transmission platen in front of a bar in row k + 1; launch with dim = 1."""
 
 
 @cache
@@ -165,7 +165,7 @@ def phase_kernels(
         lower_platen: wp.array2d(dtype=wp.float64),
         outgoing: wp.array(dtype=wp.float64),
     ):
-        # As the time loop does it: v = F / Z + 2 h, together with the mass that the platen carries.
+        # As in the time loop: v = F / Z + 2 h, with the mass that the platen carries.
         dt, interval = timing[k, 0], timing[k, 1]
         speed = lower_platen[k, 1]
         inertia = loaded[k] / (interval * impedance)
@@ -310,8 +310,8 @@ def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> Ph
     Raises
     ------
     ValueError
-        If there is not exactly one sample, it refers to a material or motion that the model does not have,
-        the precision is single, or the support or a contact law has no adjoint.
+        If there is not exactly one sample, or it refers to a missing material or motion. If the precision is
+        single, or the support or a contact law has no adjoint.
     """
     if len(samples) != 1:
         raise ValueError(f"samples must be one sample, the point to differentiate at, got {len(samples)}")

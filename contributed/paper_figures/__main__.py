@@ -1,8 +1,8 @@
 """Figures like Figs. 7 to 10 of Mates et al. (2012): `python -m contributed.paper_figures SHOT [FOLDER]`.
 
-Shape misfit and cost against Poisson's ratio, force for several dampings, misfits over friction and
-stiffness, runs and surrogates along the stiffness: pictures into FOLDER (default: SHOT/results/paper),
-numbers on the terminal.
+The figures show shape misfit and cost against Poisson's ratio, the force for several dampings, and misfits
+over friction and stiffness. The last one shows runs and surrogates along the stiffness. The command writes
+pictures into FOLDER (default: SHOT/results/paper) and prints numbers on the terminal.
 """
 
 import sys

@@ -1,7 +1,8 @@
 """The trends of Mates et al. (2012), their Figs. 7 to 10, for any shot with an outline.
 
-Effect of each parameter on the misfits before any identification: Poisson's ratio on the shape and on the
-cost of a run, damping on the force, friction and stiffness on both. Also the accuracy of surrogates.
+The figures show the effect of each parameter on the misfits before any identification. Poisson's ratio
+affects the shape and the cost of a run. Damping affects the force. Friction and stiffness affect both. The
+last figure shows the accuracy of surrogates.
 """
 
 from dataclasses import dataclass
@@ -82,8 +83,7 @@ class Plane:
     """Likewise of Phi_S [-]."""
 
     def left_beyond(self, friction: float) -> tuple[float, float]:
-        """Range of Phi_F and Phi_S for friction coefficients of at least `friction`, over their full range
-        [-].
+        """Range of Phi_F and Phi_S where friction is at least `friction`, over their full range [-].
 
         Means over the stiffness are compared, because oscillations of the force make single runs scatter.
         """

@@ -23,16 +23,18 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track
 
 FREE = 9.0
-"""Prior standard deviation of the lateral motion, over the length of a pixel, where both cameras see the body
-and determine this motion [-]."""
+"""Prior standard deviation of the lateral motion, over the length of a pixel [-]. It is used where both
+cameras see the body and determine this motion."""
 LATERAL_SIGMA = 0.9
-"""Largest standard deviation of the lateral motion since the nearest frame seen by both cameras, where only
-one camera sees the body, over the length of a pixel [-]."""
+"""Largest standard deviation of the lateral motion where only one camera sees the body, over the length of a
+pixel [-]. The motion counts from the nearest frame that both cameras see."""
 LEAST_LATERAL = 0.02
-"""Smallest value of the same [-]; also its prior if only one camera ever sees the body. It is small, because
-a single camera measures depth only by perspective, and warm air causes similar displacements."""
+"""Smallest value of this standard deviation [-]. It is also the prior if only one camera ever sees the body.
+It is small because one camera measures depth only by perspective, and warm air causes similar
+displacements."""
 NEAREST = 20
-"""Number of frames seen by both cameras whose mean gives the lateral position of a body."""
+"""The mean of this number of frames gives the lateral position of a body. Both cameras must see these
+frames."""
 FEWEST_FRAMES = 10
 """Smallest number of frames seen by both cameras for an estimate of the lateral velocity."""
 GATE = 5.0
@@ -41,7 +43,7 @@ GATE = 5.0
 
 @dataclass(frozen=True)
 class ObservedPoints:
-    """Points of a body that one camera saw in one frame."""
+    """Points of a body in one frame of one camera."""
 
     camera: Camera
     rows: IntArray
@@ -86,10 +88,10 @@ def lateral_places(
     """Lateral position of a body in frames that only one camera sees, from those that both see.
 
     It is the mean over the `NEAREST` of these frames, weighted with the number of points, because the nearest
-    frame has the fewest points. The lateral velocity of the body is constant in flight. Its estimate plus
-    twice its standard deviation, times the time to these frames, bounds the additional displacement. The
-    scatter of the frames about their straight line bounds the error of the position, which is common to all
-    frames.
+    frame has the fewest points. The lateral velocity of the body is constant in flight. The bound of the
+    velocity is its estimate plus twice its standard deviation. This bound times the time to these frames
+    limits the additional displacement. The scatter of the frames about their straight line limits the error
+    of the position, which is common to all frames.
     """
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     across, weight = moves[twice][:, [0, 2]], counts[twice].astype(np.float64)
@@ -121,8 +123,8 @@ def _translation_in(
     overlap: csr_array,
 ) -> tuple[float, float, int] | None:
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
-    visible. ``lateral``: prior standard deviation of the translation across y, relative to that of `near`
-    [m]."""
+    visible. ``lateral``: prior standard deviation of the translation across y from the lateral position of
+    `near` [m]."""
     observed = [
         ObservedPoints.of(camera, track, k, places, finite)
         for camera, track in zip(rig.cameras, body.tracks, strict=True)
@@ -161,15 +163,15 @@ def _translation_in(
 
 
 OWN_SHARE = 0.5
-"""Share of the variance of a match due to the current frame; the rest is due to the reference and common to
-all frames."""
+"""Share of the variance of a match that comes from the current frame. The rest comes from the reference and
+is common to all frames."""
 ROUNDS = 4
 """Number of alternating estimates of positions on the body and translations."""
 
 
 @dataclass(frozen=True)
 class Translations:
-    """Translations of a body along the axis, frame by frame; frames in which it was not found have no row."""
+    """Translations of a body along the axis, frame by frame. A frame in which it was not found has no row."""
 
     frame: IntArray
     """Frames, shape [n]."""
@@ -178,10 +180,10 @@ class Translations:
     sigma: list[float]
     """Standard deviations, independent from frame to frame [m]."""
     n_points: list[int]
-    """Number of points for each; 0: from the edge strip."""
+    """Number of points of each frame; 0 for a translation from the edge strip."""
     common: float
-    """Standard deviation common to all frames at rest: effect of the error of the lateral position on the
-    axial one [m]."""
+    """Standard deviation common to all frames at rest [m]: the effect of an error of the lateral position on
+    the axial one."""
     pixel: float
     """Length along the axis that one pixel shows [m]."""
     places: FloatArray
@@ -223,12 +225,12 @@ def translations(
 
     The positions of the points on the body come from the frames in which both cameras see them. The
     translation of every frame is then the weighted least-squares fit to all pixels of both cameras. If only
-    one camera sees the body, its lateral position is constrained to that of the nearest frames seen by both.
+    one camera sees the body, the nearest frames of both cameras constrain its lateral position.
 
     ``t``: frame times [s], and ``static``: frames in which the flyer is at rest, both of shape [n_frames].
-    ``subset``: side of the subsets [px]: those that overlap share their noise. ``pictures``: both series. If
-    the first point comes into view only after the static frames, the edge strip of the body is registered in
-    the earlier frames (`dic.bodies.edge_registration`). None: no registration.
+    ``subset``: side of the subsets [px]: those that overlap share their noise. ``pictures``: both series. The
+    first point may come into view only after the static frames. Then the edge strip of the body is registered
+    in the earlier frames (`dic.bodies.edge_registration`). None: no registration.
     """
     valid = body.reconstruction.outcome == PointOutcome.VALID
     if not valid.any():
@@ -260,7 +262,7 @@ def translations(
     fine = np.flatnonzero(consistent_frames(rows, fits, counts, static, SEARCH_RANGE * pixel)).tolist()
     rows, fits = [rows[i] for i in fine], [fits[i] for i in fine]
     sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
-    if body.material in rows and len(rows) > 1:  # exact there, but not relative to other frames
+    if body.material in rows and len(rows) > 1:  # exact in this frame, but not relative to other frames
         at = rows.index(body.material)
         displaced = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
         sigma[at] = max(sigma[at], min(displaced))
@@ -286,12 +288,12 @@ def translations(
 
 
 def of_moving(edge: RegisteredEdge) -> float:
-    """Standard deviation of the registration of a moving frame, including the error common to frames at rest
-    [m].
+    """Standard deviation of the registration of a moving frame [m]. It includes the error common to frames at
+    rest.
 
-    Static frames show the same rows, whose error is contained in the position at rest. A moving body shows
-    different rows in every frame, and its last row at another sub-pixel position. The error of the rows is
-    then independent in each frame, while for a match only `OWN_SHARE` of the variance is independent.
+    Static frames show the same rows; the position at rest contains their error. A moving body shows different
+    rows in every frame, and its last row at another sub-pixel position. The error of the rows is then
+    independent in each frame. For a match only `OWN_SHARE` of the variance is independent.
     """
     return float(np.hypot(edge.sigma, edge.common / OWN_SHARE**0.5))
 
@@ -320,11 +322,11 @@ MODEL = 0.008
 """Standard deviation of the mean position at rest due to errors common to the static frames: warm air,
 interpolation [px]."""
 FACE_SHARE, NARROW_FACE = 0.001, 1.0
-"""Additional error: this share of the visible width of the flyer's face next to its rim, if a camera sees
-more than the second value [px]. The face moves with the flyer, but the hidden part of the specimen does
-not."""
+"""Additional error where a camera sees the flyer's face next to its rim. It is the first value times the
+face's visible width, if this width exceeds the second value [px]. The face moves with the flyer, but the
+hidden part of the specimen does not."""
 FEWEST_AT_REST = 3
-"""If fewer static frames show the body, the others are also assigned its position at rest."""
+"""If fewer static frames show the body, the others also get its position at rest."""
 MOST_APART = 4.0
 """Largest disagreement of two positions at rest that are combined, in standard deviations."""
 
@@ -344,13 +346,13 @@ class AxialDisplacement:
     n_points: IntArray
     """Number of points used, shape [n]."""
     rest_sigma: float
-    """Standard deviation of the mean position at rest, common to all later displacements [m]."""
+    """Standard deviation of the mean position at rest [m]. It is common to all later displacements."""
     from_rim: bool = False
     """True if no static frame shows the body. The rim of the body's face at the specimen's upper end then
-    gives the position at rest, and the displacement in the static frames is zero as declared."""
+    gives the position at rest. The displacement in the static frames is zero by declaration."""
     rim_disagreement: tuple[float, float] | None = None
-    """Height at rest of the rim of the body's face above the specimen's upper end, which follows from the
-    length, and its standard deviation [m]; None if the body or its rim is not visible at rest."""
+    """Height at rest of the rim of the body's face above the specimen's upper end, and its standard deviation
+    [m]. The specimen's length gives the upper end. None if the body or its rim is not visible at rest."""
 
 
 def from_rest(
@@ -365,8 +367,9 @@ def from_rest(
     """Displacement from the position at rest, from the results of `translations` and `rim_of`.
 
     ``geometry``: the specimen at rest. If no static frame shows the body, its rim gives the position at rest
-    (`dic.bodies.rest_from_rim`). None: not known. Returns None if both cameras never saw a common point, or
-    the position at rest is not known: the body is visible in no static frame, and its rim in too few frames.
+    (`dic.bodies.rest_from_rim`). None: not known. Returns None if the cameras never saw a common point, or if
+    the position at rest is not known. It is not known if no static frame shows the body and too few frames
+    show its rim.
     """
     if motion is None:
         return None
@@ -417,7 +420,7 @@ def from_rest(
 def include_static_frames(
     static: IntArray, rest_y: float, index: IntArray, y: FloatArray, sigma: list[float], counts: list[int]
 ) -> tuple[IntArray, FloatArray, list[float], list[int]]:
-    """The displacements, completed with the static frames that do not show the body, where it is at rest."""
+    """Add the static frames that do not show the body. There its displacement is that at rest."""
     still = np.setdiff1d(static, index)
     order = np.argsort(np.concatenate([still, index]), kind="stable")
     spread = np.concatenate([np.full(still.size, float(np.median(sigma))), sigma])[order]
@@ -431,8 +434,8 @@ def include_static_frames(
 
 
 def common_sigma(face: float) -> float:
-    """Standard deviation of the mean position at rest that more static frames do not reduce [px]. ``face``:
-    widest strip of the flyer's face that a camera sees [px]."""
+    """The part of the standard deviation of the mean position at rest that more static frames do not reduce
+    [px]. ``face``: widest strip of the flyer's face that a camera sees [px]."""
     return float(np.hypot(MODEL, FACE_SHARE * max(face - NARROW_FACE, 0.0)))
 
 
@@ -448,7 +451,7 @@ def _widest_face(rig: StereoRig, frame: SpecimenFrame, places: FloatArray, geome
 def combine_rest(by_frames: tuple[float, float], by_end: tuple[float, float]) -> tuple[float, float]:
     """Position at rest and its standard deviation, from the visible body and from the specimen's end.
 
-    Both are combined by least squares. If they disagree by more than `MOST_APART` standard deviations, only
+    Least squares combine both. If they disagree by more than `MOST_APART` standard deviations, only
     the position of the visible body is used.
 
     ``by_frames``, ``by_end``: position and standard deviation [m].

@@ -2,7 +2,7 @@
 
 The poses of all frames and the positions of all points on the body are estimated together from all valid
 observations: ``x_ik = R_k X_i + p_k``. The positions X_i are eliminated by Schur's complement. Six unknowns
-per frame remain; six combinations of them are undetermined until the body's frame is chosen.
+per frame remain. Six combinations of them are undetermined until the body's frame is chosen.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,7 +48,8 @@ def lever(r: FloatArray) -> FloatArray:
 MOST_ROUNDS = 12
 MOST_STEPS = 50
 ROUGH, FINE = 1e-2, 1e-4
-"""Largest change of converged poses, in sigmas: for the rejection of outliers, and for the final result."""
+"""Largest change of converged poses [sigmas]. First value: for the rejection of outliers. Second value: for
+the final result."""
 FLATTEST = 1e-10
 """Smallest eigenvalue of a frame's normal matrix, scaled to a diagonal of 1, for a determined pose."""
 
@@ -64,7 +65,7 @@ class Observations:
     valid: BoolArray
     """Observations that are used, shape [n_frames, n_points]."""
     single: BoolArray
-    """Observations by a single camera: W is zero along its ray, shape [n_frames, n_points]."""
+    """Observations by a single camera, shape [n_frames, n_points]. Their W is zero along the camera's ray."""
     factor: FloatArray
     """Variance factors for overlap [-], shape [n_frames, n_points]."""
 
@@ -105,8 +106,8 @@ class Poses:
     p: FloatArray
     """Positions of the body's origin [m], shape [n, 3]."""
     covariance: FloatArray
-    """Covariance of small rotations after R [rad] and shifts of p [m], up to motions common to all frames,
-    for the declared sigmas; shape [n, 6, n, 6]."""
+    """Covariance of small rotations after R [rad] and shifts of p [m] for the declared sigmas, shape [n, 6,
+    n, 6]. It excludes motions common to all frames."""
     count: IntArray
     """Number of observations used in each frame, shape [n]."""
     chi2_per_dof: float
@@ -215,8 +216,8 @@ def _step(
     size: float,
     sigma: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, Callable[[], FloatArray]]:
-    """One Gauss-Newton step: poses, points, largest change in sigmas, and a function that computes the poses'
-    covariance, which takes as long as several steps."""
+    """One Gauss-Newton step. Returns poses, points, the largest change in sigmas, and a function for the
+    poses' covariance. This function takes as long as several steps."""
     n, m = len(R), len(X)
     unit = sigma * np.repeat([1.0 / size, 1.0], 3)  # rad and m
     W = observations.weights * sigma**2
@@ -240,7 +241,7 @@ def _step(
         if spread is not None:
             scaled = spread / unit[0 if coordinate == "rotation" else 3]
             _add_prior(S.reshape(n, 6, n, 6), right.reshape(n, 6), R, p, frames, coordinate, scaled, unit)
-    # The body's frame is undetermined: its six motions get an arbitrary value.
+    # The body's frame is undetermined: the six motions of this frame get an arbitrary value.
     common = np.zeros((n, 6, 6))
     common[:, :3, :3] = common[:, 3:, 3:] = R
     N = common.reshape(6 * n, 6) * np.sqrt(float(np.trace(S))) / (6 * n)
@@ -328,12 +329,12 @@ class BodyMotion:
     rotation: FloatArray
     """Rotation vectors from the mean attitude at rest [rad], shape [n_frames, 3]."""
     covariance: FloatArray
-    """Covariance of rotation [rad] and displacement [m] in the frames with a pose, `frames`, shape [n, 6, n,
-    6]. If it is given for all frames, as in old result files, the others are left out."""
+    """Covariance of rotation [rad] and displacement [m] in the frames with a pose (`frames`), shape [n, 6, n,
+    6]. Older result files have all frames; those without a pose are removed."""
     n_points: IntArray
     """Points used in each frame, shape [n_frames]."""
     outcome: IntArray
-    """`dic.FrameOutcome`: LOST with too few points that are also seen in other frames, shape [n_frames]."""
+    """`dic.FrameOutcome`: LOST if too few points are also seen in other frames. Shape [n_frames]."""
     chi2_per_dof: float
     """Sum of squared residuals over their declared variances, per degree of freedom [-]."""
     noise_scale: float
@@ -414,17 +415,17 @@ def body_motion(
     body's point whose displacement is given, in the test frame [m], shape [3]. ``rest_frames``: frames in
     which the body is at rest; their mean is the zero of displacement and rotation. ``overlaps``: for each
     reconstruction the variance factors of points whose subsets overlap, `overlap_factor`; shape [n_points] or
-    [n_frames, n_points]. ``shared``: share of a point's variance that is common to all frames, i.e. due to
-    the noise of its material picture; it affects the position of the point on the body, not the motion of the
-    body [-]. ``rig``, ``tracks``: the cameras, and for each reconstruction its tracks: points seen by one
-    camera only are then used too. Such frames need `rotation_change` and `lateral_change`, because one camera
-    measures little along the view. ``rotation_change``: standard deviation of the change of attitude from one
-    frame to the next, about each axis [rad]; with it, frames with a narrow view of the body are constrained
-    by frames with a wide view. None: no constraint. ``lateral_change``: standard deviation of the
-    displacement across y from one frame to the next, along x and Z [m]; None: no constraint. ``reject``:
-    observations with residuals of more than this many sigmas are left out [-]; if the scatter exceeds the
-    sigmas, robust standard deviations are used. Raises ValueError: no frame at rest that is connected with
-    the others, shapes that do not match, options out of range.
+    [n_frames, n_points]. ``shared``: share of a point's variance that is common to all frames [-]. It comes
+    from the noise of the point's material picture. It affects the position of the point on the body, but not
+    the motion of the body. ``rig``, ``tracks``: the cameras, and the tracks of each reconstruction. With
+    them, points that only one camera sees are used too. Such frames need `rotation_change` and
+    `lateral_change`, because one camera measures little along the view. ``rotation_change``: standard
+    deviation of the change of attitude from one frame to the next, about each axis [rad]. With it, frames
+    with a wide view of the body constrain frames with a narrow view. None: no constraint. ``lateral_change``:
+    standard deviation of the displacement across y from one frame to the next, along x and Z [m]; None: no
+    constraint. ``reject``: observations with residuals of more than this many sigmas are left out [-]. If the
+    scatter exceeds the sigmas, robust standard deviations are used. Raises ValueError if no frame at rest is
+    connected with the others, if shapes do not match, or if an option is out of range.
     """
     point = np.asarray(at, dtype=np.float64)
     _check(reconstructions, point, rest_frames, shared, (rotation_change, lateral_change), reject, overlaps)
@@ -507,7 +508,7 @@ def _nearest(place: FloatArray, valid: BoolArray) -> FloatArray:
 
 
 def _from_rest(poses: Poses, at: FloatArray, rest_frames: Sequence[int], n_frames: int) -> BodyMotion:
-    """Poses as motions of `at` from rest; the motion common to all frames is fixed by the mean at rest."""
+    """Poses as motions of `at` from rest. The mean at rest determines the motion common to all frames."""
     k, R = poses.frames, poses.R
     still = np.isin(k, list(rest_frames))
     if not still.any():
@@ -525,7 +526,7 @@ def _from_rest(poses: Poses, at: FloatArray, rest_frames: Sequence[int], n_frame
     N[:, :3, :3] = N[:, 3:, 3:] = R
     inverse = np.linalg.inv(N[still].mean(axis=0))
 
-    def from_rest(V: FloatArray) -> FloatArray:  # motions of all frames minus the mean at rest
+    def from_rest(V: FloatArray) -> FloatArray:  # the motions of all frames minus the mean at rest
         return np.asarray(V - np.einsum("kab,bc,cx->kax", N, inverse, V[still].mean(axis=0), optimize=True))
 
     V = np.einsum("kab,kblc->kalc", T, poses.covariance, optimize=True)

@@ -1,8 +1,8 @@
 """Edge between two bodies in strips of pictures, by a maximum-likelihood fit of the rows' covariance.
 
 The rows of a strip are parallel to the edge; each column crosses it. Each column is a sample of a Gaussian
-process: the paint of each body has a covariance that ends at the edge, and the optics blur the result. The
-mean and the shading of each row are removed, so that the brightness of the bodies does not matter.
+process. The paint of each body has a covariance that ends at the edge. The optics blur the result. The mean
+and the shading of each row are removed; the brightness of the bodies has no effect.
 """
 
 from collections.abc import Iterable, Iterator
@@ -27,8 +27,8 @@ BEYOND = 5.0
 
 
 def paint(lag: FloatArray, length: float, shape: float) -> FloatArray:
-    """Covariance of paint, the rational quadratic ``(1 + lag² / (2 shape length²))^-shape``: Gaussian for a
-    large shape, with the longer tail of spots of many sizes for a small one [-]."""
+    """Covariance of paint, the rational quadratic ``(1 + lag² / (2 shape length²))^-shape`` [-]. It is
+    Gaussian for a large shape. A small shape gives the longer tail of spots of many sizes."""
     return np.asarray((1.0 + lag**2 / (2.0 * shape * length**2)) ** -shape)
 
 
@@ -50,7 +50,7 @@ class _Side:
     """Its derivative by the logarithm of the blur, shape [n_u, n_v]."""
     end: tuple[int, FloatArray] | None
     """The cell of paint in which the body ends, and the derivative of its contribution by the position of the
-    end [1/px], shape [n_u]; None if the body ends beyond the strip."""
+    end [1/px], shape [n_u]. None if the body ends beyond the strip."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ def covariance(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> F
 def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> tuple[FloatArray, FloatArray]:
     """Covariance of the rows of a strip, and its slope over each parameter.
 
-    ``p``: position of the edge [px]; logarithms of blur, of the lengths of the paint on the body and beyond
-    [px], of the contrasts of body and beyond and of the noise [-], of the shape; the band's parameter. ``u``:
+    ``p``: first the position of the edge [px]. Then seven logarithms: blur, length of the paint on the body
+    and beyond [px], contrast of the body and beyond, noise [-], shape. Last the band's parameter. ``u``:
     positions of the rows [px], shape [n_rows]. ``width``: width of the band for parameter 0, and its increase
     for parameter 1 [px]. Returns: covariance, shape [n_rows, n_rows], and slopes, shape [9, n_rows, n_rows].
     """
@@ -117,7 +117,7 @@ def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> 
 def of_bands(
     p: FloatArray, u: FloatArray, widths: Iterable[FloatArray], free: bool
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """`with_slopes` for several bands in turn; common parts, mainly the body before the edge, are computed
+    """`with_slopes` for several bands in turn. Common parts, mainly the body before the edge, are computed
     once."""
     edge, (blur, first, second_grey, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
     v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
@@ -179,7 +179,7 @@ def sandwich(
     bound: list[tuple[float, float]],
 ) -> float:
     """Standard deviation of the edge's position from the scatter of the blocks' scores: ``H^-1 Σ g gᵀ H^-1
-    n/(n-1)`` with the information H; parameters at a bound are fixed."""
+    n/(n-1)``. H is the information; parameters at a bound are fixed."""
     used = [
         k
         for k, (low, high) in enumerate(bound)
@@ -226,7 +226,7 @@ ROOM = 1.0
 CLEAR_OF_EDGE = 3.0
 """Distance before an edge from which rows have the body's full contrast [px]."""
 BLOCK = 8.0
-"""Width of the blocks of columns that are taken as independent [px]: more than a speckle."""
+"""Width of the blocks of columns [px]. Blocks are wider than a speckle and are taken as independent."""
 BANDS = 6
 """Largest number of groups of frames with similar bands."""
 ALIKE = 0.05
@@ -246,8 +246,8 @@ class EdgeFit:
     contrast: float
     """Standard deviation of the body's paint over that of the noise [-]."""
     gap: float
-    """Distance of the edge from the row where the contrast falls to half that of the body [px]: near zero if
-    the paint reaches the edge, otherwise the width of the gap in the paint."""
+    """Distance of the edge from the row where the contrast falls to half that of the body [px]. It is near
+    zero if the paint reaches the edge. Otherwise it is the width of the gap in the paint."""
 
 
 def strip_places(x: FloatArray, y: FloatArray, radius: float) -> FloatArray:
@@ -257,7 +257,7 @@ def strip_places(x: FloatArray, y: FloatArray, radius: float) -> FloatArray:
 
 
 def in_view(camera: Camera, shape: tuple[int, ...], frame: SpecimenFrame, places: FloatArray) -> BoolArray:
-    """True for positions in the test frame that lie in the picture, at least a pixel from its border, shape
+    """True for positions in the test frame that lie in the picture, a pixel or more from its border. Shape
     [n_y, n_x]."""
     at = camera.project(frame.in_rig(places.reshape(-1, 3))).reshape(*places.shape[:2], 2)
     return np.asarray(np.all((at >= 1.0) & (at <= np.array(shape[::-1]) - 2.0), axis=2))
@@ -282,10 +282,10 @@ def fit_edge(
     ``strips``: grey values, shape [n_frames, n_rows, n_columns]. ``u``: positions of the rows, outward from
     the body, relative to the centre of the search [px], shape [n_rows]. ``bands``: width of the band in every
     frame for a parameter p from 0 to 1, as ``first + p second`` [px], shape [2, n_frames]. ``reach``: largest
-    distance of the edge from the centre [px]. ``sure``: True if other evidence shows that there is an edge
-    within `reach`; no other position is then tried. If the frames show the same paint, its random pattern may
-    resemble an edge. Returns: None if the most likely edge of the strip is not within `reach`, or at an end
-    of it.
+    distance of the edge from the centre [px]. ``sure``: True if other evidence shows an edge within `reach`.
+    Then no position outside `reach` is tried. If all frames show the same paint, its random pattern may
+    resemble an edge. Returns: None if the most likely edge of the strip is outside `reach` or at an end of
+    it.
     """
     flat = without_shading(strips)
     size = float(np.sqrt(np.mean(flat**2)))
@@ -299,7 +299,7 @@ def fit_edge(
     n = int(group.max()) + 1
     width = np.stack([widths[:, group == k].mean(axis=1) for k in range(n)])
     n_blocks = int(columns.max()) + 1
-    moments = np.zeros((n, n_blocks, u.size, u.size))  # sums of squares, not yet divided by their number
+    moments = np.zeros((n, n_blocks, u.size, u.size))  # sums of squares, divided by their number below
     for k in range(n):
         for b in range(n_blocks):
             part = flat[group == k][:, :, columns == b]
@@ -352,7 +352,7 @@ def fit_edge(
 
 
 def gap_before(spread: FloatArray, u: FloatArray, place: float) -> float:
-    """Distance from the last row of the body with half its contrast to an edge [px]."""
+    """Distance from an edge to the last row that has half the body's contrast [px]."""
     body = spread[u <= max(place - CLEAR_OF_EDGE, float(u[0]))]
     half = 0.5 * float(np.median(body))
     below = np.flatnonzero((spread < half) & (u > u[body.size - 1]))

@@ -1,7 +1,7 @@
-"""Position of a body of which only an edge strip is visible at rest.
+"""Position of a body with only an edge strip visible at rest.
 
 The strip has too few rows for a subset, but it moves as a rigid body. The static pictures of both cameras are
-compared pixel by pixel with the material picture; the only unknown is the translation along the axis. The
+compared pixel by pixel with the material picture. The only unknown is the translation along the axis. The
 outermost rows of a picture are shifted inward by a fraction of a pixel; `EdgeRegistration.fit_row_offsets`
 measures this.
 """
@@ -20,7 +20,7 @@ from dic.stereo.geometry import pixels_per_length
 from dic.surfaces.cylinder import SpecimenFrame
 
 EDGE_ROWS = 12
-"""Number of rows that are compared, from the border at which the body enters the picture."""
+"""Number of compared rows, from the border at which the body enters the picture."""
 
 
 FEWEST = 40
@@ -28,9 +28,9 @@ FEWEST = 40
 LEAST_ZNCC = 0.9
 """Smallest ZNCC of a strip that is accepted as the body, independent of other frames."""
 UNLIKE, TIMES = 0.03, 6.0
-"""Smallest 1 - ZNCC at which a strip is rejected, absolute and relative to the median of frames with known
-translation [-]. For speckles of about four pixels, an error of half a pixel gives 0.03; noise gives the same
-value in all frames."""
+"""A strip is rejected if 1 - ZNCC exceeds both limits [-]: an absolute value, and a multiple of the median of
+frames with known translation. For speckles of about four pixels, an error of half a pixel gives 0.03. Noise
+gives the same value in all frames."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class EdgeView:
     x: IntArray
     """Pixels of the edge strip (x, y), shape [n, 2]."""
     X: FloatArray
-    """Intersections of their rays with the body's cylinder, in the test frame [m], shape [n, 3]; rays that
-    miss it are left out."""
+    """Intersections of their rays with the body's cylinder, in the test frame [m], shape [n, 3]. Rays that
+    miss the cylinder are left out."""
     row: IntArray
     """Their rows, counted from the border at which the body enters, shape [n]."""
 
@@ -97,8 +97,8 @@ def least_zncc(values: Sequence[float]) -> float:
 
 
 def fitted(grey: FloatArray, reference: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Least-squares step of y in ``grey = gain (reference + slope step) + offset``, gain and offset free [m],
-    and its variance; infinite where grey values are constant."""
+    """Least-squares step of y [m] in ``grey = gain (reference + slope step) + offset`` with free gain and
+    offset, and its variance. The variance is infinite where grey values are constant."""
     f, g = grey - grey.mean(), reference - reference.mean()
     cross, energy, n = float(f @ g), float(g @ g), len(grey)
     if not (energy > 0.0 and f @ f > 0.0):
@@ -177,8 +177,8 @@ def _visible_pixels(
 
 
 LARGEST_EDGE = 0.1
-"""Largest error of the row at the region's end, in frames with known translation, for which this row is used
-if no other row is in view [px]. A larger error is due to the blur of the body's edge."""
+"""The row at the region's end may be used only if its error in frames with known translation is at most this
+[px]. It is used if no other row is in view. The blur of the body's edge causes a larger error."""
 FEWEST_ROW = 20
 """Smallest number of pixels of a row that must show the body for an estimate of the row's offset."""
 FEWEST_FRAMES = 3
@@ -202,10 +202,10 @@ class RegisteredEdge:
     sigma: float
     """Its standard deviation, from the residual of the comparison [m]."""
     common: float
-    """Further standard deviation, common to frames that show the same rows, due to the uncertainty of the
-    rows' offsets and of the row at the region's end if that is used [m]."""
+    """Further standard deviation, common to frames that show the same rows [m]. It comes from the uncertainty
+    of the rows' offsets, and of the row at the region's end if this row is used."""
     clear: bool
-    """False if there are too few rows clear of the region's end, so that the row at its end is used too."""
+    """False if too few rows are clear of the region's end. Then the row at the end is used too."""
     zncc: float
     """ZNCC of the edge strip."""
     n_pixels: int
@@ -217,9 +217,9 @@ class EdgeRegistration:
 
     ``material``: pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
     [rows, columns] each. ``mask``: pixels of the body in camera 0's picture of that time, shape [rows,
-    columns]. ``rig``, ``frame``: the cameras and the test frame, the body is a body of revolution about its y
-    axis. ``places``: points of its surface at translation zero, in the test frame [m], shape [n, 3].
-    ``move``: translation at the time of `material` [m], shape [3].
+    columns]. ``rig``, ``frame``: the cameras and the test frame. The body is a body of revolution about the y
+    axis of this frame. ``places``: points of its surface at translation zero, in the test frame [m], shape
+    [n, 3]. ``move``: translation at the time of `material` [m], shape [3].
     """
 
     def __init__(
@@ -248,8 +248,8 @@ class EdgeRegistration:
     def fit_row_offsets(
         self, matched_frames: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
     ) -> tuple[FloatArray, FloatArray]:
-        """Estimate the offset of each row at the border. `register` subtracts it, and rejects strips with a
-        much lower correlation than in these frames.
+        """Estimate the offset of each row at the border. `register` subtracts these offsets. It rejects
+        strips whose correlation is much lower than in these frames.
 
         ``matched_frames``: pairs of pictures, shape [rows, columns] each, with the body's translation in them
         [m], shape [3]. Returns: offsets along y of each camera's rows from the border inward [m], shape [2,
@@ -305,9 +305,9 @@ class EdgeRegistration:
         """Error of the body's position from the row at the region's end, in frames with known translation
         [m].
 
-        ``matched_frames``: pairs of pictures with the body's translation, as `fit_row_offsets`; that row is
-        in view there. Returns: root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames
-        show it, or it is more than `LARGEST_EDGE`.
+        ``matched_frames``: pairs of pictures with the body's translation, as in `fit_row_offsets`. They must
+        show this row. Returns: root mean square, including the mean. None if fewer than `FEWEST_FRAMES`
+        frames show the row, or if the error exceeds `LARGEST_EDGE`.
         """
         end = self._masks[0] & ~self._masks[1]
         steps = []
@@ -373,8 +373,8 @@ class EdgeRegistration:
     def _compare(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, float, float, float, int]:
-        """Correlation at a translation y, the Gauss-Newton step of y [m], its variance, the contribution of
-        the rows' offsets to its sigma [m], and the number of pixels."""
+        """Five numbers at a translation y. They are the correlation, the Gauss-Newton step of y [m], its
+        variance, the part of the rows' offsets in its sigma [m], and the number of pixels."""
         parts = self._visible(pictures, near, y, mask)
         zncc, n = _zncc_of(parts), sum(len(part.grey) for part in parts)
         if zncc <= -1.0:
@@ -387,7 +387,8 @@ class EdgeRegistration:
         correlations = np.concatenate(
             [sigma[part.row] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
         )
-        # An offset is common to its row's pixels; the plain sum over rows is the most they can add up to.
+        # An offset is common to its row's pixels. The sum of the absolute values over rows is the upper
+        # bound.
         return zncc, step, variance, float(weight @ correlations), n
 
 
@@ -426,7 +427,7 @@ def registered_edges(
     result: list[tuple[int, RegisteredEdge]] = []
     recent: list[tuple[tuple[FloatArray, FloatArray], FloatArray]] = []
     end_error: float | None = None
-    # The first points to come into view are few: the motion is that of the first ten frames together.
+    # Few points are in view at first, so the motion is estimated from the first ten frames together.
     at, y = np.array(rows[:10], dtype=np.float64), np.array(positions[:10])
     speed = float(np.median(np.diff(y) / np.diff(at))) if at.size > 1 else 0.0
     start = float(np.median(y - speed * (at - first)))
@@ -450,7 +451,7 @@ def registered_edges(
         else:
             end_error = registration.end_error(recent) if end_error is None else end_error
             if end_error is None:
-                break  # the visible part of the body is too near its edge
+                break  # the visible part of the body is too close to its edge
             edge = replace(edge, common=float(np.hypot(edge.common, end_error)))
         result.append((k, edge))
         past = [(k, edge.y), past[0]]
@@ -464,8 +465,8 @@ def consistent_frames(
 
     While a body enters the picture, a few of its points may agree on a wrong position. Frames are checked
     from the one with the most points back to rest. A frame is left out if its distance from the line through
-    the next frames exceeds `distance` [m], or half a step. Because the body accelerates from rest, a static
-    frame is left out if it lies farther than `distance` beyond that line, or on the other side of the next
+    the next frames exceeds `distance` [m], or half a step. The body accelerates from rest. A static frame is
+    therefore left out if it lies more than `distance` beyond that line, or on the other side of the next
     frame.
     """
     fine = [True] * len(rows)

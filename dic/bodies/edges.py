@@ -2,7 +2,7 @@
 
 Pictures shifted with the flyer agree in the rows of the flyer and disagree in those of the specimen. At rest,
 adjacent rows of one body correlate, but two rows on either side of an end do not. A camera outside the plane
-of an end sees its circle as an arc, which is fitted by a robust parabola.
+of an end sees its circle as an arc. A robust parabola is fitted to this arc.
 """
 
 from collections.abc import Sequence
@@ -28,15 +28,17 @@ LARGEST_SPAN = 0.3
 LEAST_ZNCC = 0.85
 """Smallest correlation of the flyer's rows from frame to frame."""
 RIGID = 1.4
-"""After the shift with the flyer, its rows vary by less than this many standard deviations of the noise,"""
+"""After the shift with the flyer, its rows vary by less than this number of standard deviations of the
+noise."""
 PLACED = 0.1
-"""in addition to the variation due to the remaining shift: warm air, interpolation, error of the shift [px].
-At the edges of sharp speckles a twentieth of a pixel causes more variation than the noise."""
+"""Error of the shift that is left, from warm air and interpolation [px]. The variation that it causes is
+added to the limit. At the edges of sharp speckles a twentieth of a pixel causes more variation than the
+noise."""
 DEPARTS = 2.0
-"""The first row that varies by this many times as much as the flyer's rows is at the edge."""
+"""The edge is at the first row whose variation is this many times that of the flyer's rows."""
 EDGE_SHARE = 0.3
-"""The edge is placed where the variation reaches this share of that in the rows beyond. It is below one half,
-because the specimen's adjacent rows move almost with the flyer."""
+"""The edge is where the variation reaches this share of the variation in the rows beyond. The share is below
+one half, because the specimen's adjacent rows move almost with the flyer."""
 WIDTH = 3
 """Number of rows beyond the edge whose variation represents that of the specimen."""
 CLEAR = 3.0
@@ -116,7 +118,7 @@ def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
         if 0 < best < score.size - 1:
             a, b, c = score[best - 1 : best + 2]
             part = 0.5 * (a - c) / (a - 2.0 * b + c)
-        # relative to the last frame, so that errors do not accumulate
+        # relative to the last frame: errors do not accumulate
         rough = travel[k + 1] + best - 1 + part
         fine = _fine_shift(pictures[k], pictures[-1], rough, STRIP)
         travel[k] = rough if fine is None or abs(fine - rough) > 1.0 else fine
@@ -183,7 +185,7 @@ def _row_variation(pictures: FloatArray, travel: FloatArray) -> FloatArray:
 def _consistent_edge(
     pictures: FloatArray, travel: FloatArray, noise: float, largest: float
 ) -> tuple[float, float]:
-    """Row of the edge in the last picture, from the longest travel over which the strip shows only the
+    """Row of the edge in the last picture, from the longest travel. Over this travel the strip shows only the
     flyer."""
     problem, before = "", 0
     for span in np.linspace(largest, LEAST_TRAVEL, SPANS):
@@ -265,7 +267,7 @@ def rotate_rows(picture: FloatArray, toward: str) -> FloatArray:
 
 
 def clear_edge(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
-    """The row before the one clear edge among rows."""
+    """The row before the edge, if exactly one edge among the rows is clear."""
     k = int(np.argmin(pairs))
     median = float(np.median(likeness))
     distant = np.delete(pairs, np.arange(max(k - 3, 0), min(k + 4, pairs.size)))
@@ -281,8 +283,8 @@ def clear_edge(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
 def follow_by_correlation(
     pictures: Pictures, frames: Sequence[int], toward: str, inner: slice, start: int, farthest: int
 ) -> tuple[int, FloatArray, int]:
-    """Track the flyer's edge along the path of least correlation from row `start` of the first frame; it
-    cannot reach row `farthest`. Returns the last frame, its picture, and the row before the edge."""
+    """Track the flyer's edge along the path of least correlation from row `start` of the first frame. The
+    edge must stay before row `farthest`. Returns the last frame, its picture, and the row before the edge."""
     cost, back, usable = None, [], []
     picture = np.empty(0)
     for k in frames:
@@ -301,7 +303,7 @@ def follow_by_correlation(
             back.append(np.argmin(steps, axis=0) - 1)
             cost = row_cost + steps.min(axis=0)
         usable.append((k, row_cost, float(np.median(likeness[:farthest]))))
-    assert cost is not None  # a usable static frame was there
+    assert cost is not None  # at least one static frame is usable
     row = int(np.argmin(cost))
     last, row_cost, median = usable[-1]
     if row_cost[row] > CLEAR_CORRELATION * median:
@@ -331,10 +333,10 @@ RIM_CLEARANCE = 4
 FEWEST = 3
 """Smallest number of rows of the platen for an estimate of its grey level."""
 SHARE = 0.5
-"""The edge is placed where the difference from the platen's grey level is this share of that of the
+"""The edge is where the difference from the platen's grey level is this share of the difference in the
 specimen's rows."""
 SPREAD = 0.4
-"""Distance of a block's edge from the arc beyond which its weight decreases [px]."""
+"""The weight of a block decreases if its edge is farther from the arc than this [px]."""
 
 
 def end_arc(picture: FloatArray, edge: float) -> FloatArray | None:
@@ -361,8 +363,8 @@ def end_arc(picture: FloatArray, edge: float) -> FloatArray | None:
 
 
 def block_edge(block: FloatArray, platen: int) -> float:
-    """Row at which a block of columns falls to the platen's grey level, between the last row of the specimen
-    and the one below it [px].
+    """Row at which a block of columns falls to the platen's grey level [px]. It lies between the last row of
+    the specimen and the next one.
     """
     level = np.median(block[platen:])
     departs = np.sqrt(np.mean((block - level) ** 2, axis=1))

@@ -1,7 +1,7 @@
 """Tracking of bodies by two cameras: points matched between them, tracked in each, reconstructed.
 
-The two cameras are tracked in parallel: in two processes on a CPU, in two threads on a GPU, which a fork
-cannot use. The results are bitwise equal.
+The two cameras are tracked in parallel: in two processes on a CPU, in two threads on a GPU. A forked process
+cannot use a GPU. The results are bitwise equal.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ EXACT = 1e-8
 """Variance of a point in the picture in which it was chosen [px²]: only rounding."""
 
 STRIP = 0.75
-"""Share of a subset's part inside a strip that both pictures must show."""
+"""Both pictures must show this share of the part of a subset that lies inside a strip."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def match_body(
     `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``mask``: pixels of the body in
     the region's picture, shape [rows, columns]; None: those within its corners. ``rigid``: True for a body
     that only translates. ``name``: name of the stages in progress reports of `follow_bodies`. Raises
-    ValueError: a region outside the picture, or no frame that both cameras saw.
+    ValueError if the region is outside the picture, or if both cameras saw no common frame.
     """
     material = material_frame(health, region.frame)
     if mask is None:
@@ -110,9 +110,9 @@ def match_body(
 def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -> float:
     """Share of a subset that pictures must show if only a strip of the body is in view.
 
-    A subset that is wider than the strip extends past it on both sides. The strip then contains hardly more
-    than `Correlation.least_pixels` of its area, and no margin would remain for pixels that the other camera
-    does not see.
+    A subset that is wider than the strip extends past it on both sides. The strip then contains little more
+    than `Correlation.least_pixels` of its area. No margin would remain for pixels that the other camera does
+    not see.
     """
     share = uniform_filter(mask.astype(np.float64), size=settings.subset, mode="constant")
     x, y = np.round(points).astype(int).T
@@ -120,7 +120,7 @@ def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -
 
 
 def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], None] | None = None) -> Track:
-    """Track a body's points in one camera; in camera 1 only the matched ones."""
+    """Track a body's points in one camera. In camera 1 only the matched points are tracked."""
     first, points, match = camera == 0, body.points, body.match
     matched = np.ones(len(points), dtype=bool) if first else match.valid
     if not matched.any():
@@ -143,7 +143,7 @@ def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], No
     if first:
         return result
     fields = dict(vars(result))
-    del result  # so that each array can be freed after it is expanded
+    del result  # each array can be freed after it is expanded
     return _all_points(fields, points, match)
 
 
@@ -173,7 +173,8 @@ def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Tr
 
 
 def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) -> Track:
-    """A track of the matched points, with rows for the others, which keep the outcome of their match."""
+    """The track of the matched points with rows for the other points. Those rows have the outcome of the
+    match."""
     valid, n_frames, n = match.valid, len(fields["warp"]), len(points)
     for name in ("warp", "covariance", "zncc", "excess", "reference"):
         if fields[name] is None or valid.all():
@@ -193,8 +194,8 @@ Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, done, total)``."""
 
 MOST_SENT = 400_000
-"""Largest number of points times frames, of all bodies, whose tracks are computed in a fork: about 70 MB are
-sent back. Larger tracks are computed in threads, which block each other less the more points a match has."""
+"""Largest number of points times frames of all bodies for tracks in a forked process, which sends back about
+70 MB. Larger tracks are computed in threads: with more points per match, threads block each other less."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +213,7 @@ class TrackedBody:
     stereo: StereoMatch
     """The match between the cameras in that frame."""
     tracks: tuple[Track, Track]
-    """Both cameras' tracks of all points; a point without a stereo match has that match's outcome in
+    """Both cameras' tracks of all points. A point without a stereo match has the outcome of the match in
     camera 1."""
     reconstruction: Reconstruction
     """Positions in the rig's frame."""
@@ -229,7 +230,7 @@ def follow_bodies(
 ) -> list[TrackedBody]:
     """Track matched bodies, with the two cameras in parallel.
 
-    ``progress``: called with the frames done; for camera 1 only when all its frames are done.
+    ``progress``: called with the number of finished frames. For camera 1 it is called once, at the end.
     """
     report = progress or (lambda stage, done, total: None)
 
@@ -278,12 +279,12 @@ def _tracked(
 
 
 def _common(match: StereoMatch, root: FloatArray | None, n_frames: int) -> FloatArray:
-    """Noise of the material picture's template, which both cameras' tracks begin with [px²], shape [n_frames,
-    n_points, 2, 2], equal in all frames and stored once. In the material picture itself camera 0 has no
-    noise, and `reconstruct` limits the common part accordingly.
+    """Noise of the material picture's template [px²], shape [n_frames, n_points, 2, 2]. Both cameras' tracks
+    start from this template. The noise is equal in all frames and stored once. In the material picture camera
+    0 has no noise, and `reconstruct` limits the common part accordingly.
 
-    If the shape functions differ, the common part is the error of the lower one: that of camera 0's track
-    (`root`), or that of the match between the cameras (None).
+    If the shape functions differ, the common part is the error of the lower order. It is that of camera 0's
+    track (`root`) or of the match between the cameras (None).
     """
     valid = match.valid
     common = np.zeros((len(valid), 2, 2))

@@ -41,12 +41,13 @@ class Region:
 def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int]) -> BoolArray:
     """The pixels whose centres lie inside a polygon or on its boundary.
 
-    OpenCV's `fillPoly` also fills pixels that a side crosses, whose centres may lie up to half a pixel
-    outside: a region declared clear of an edge would touch it.
+    OpenCV's `fillPoly` also fills pixels that a side crosses. Their centres may lie up to half a pixel
+    outside. A region that was declared clear of an edge would then touch the edge.
 
-    ``corners``: corners (x, y) in order [px], at least three; the last is joined to the first. Even-odd rule.
-    ``shape``: rows and columns of the picture. Returns: shape [rows, columns]. Raises ValueError: fewer than
-    three corners, a corner that is not finite, or a polygon without a pixel of the picture.
+    ``corners``: at least three corners (x, y) in order [px]. The last is joined to the first. The even-odd
+    rule decides what is inside. ``shape``: rows and columns of the picture. Returns: shape [rows, columns].
+    Raises ValueError if there are fewer than three corners, if a corner is not finite, or if the polygon
+    contains no pixel of the picture.
     """
     vertices = np.asarray(corners, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[0] < 3 or vertices.shape[1] != 2:
@@ -75,8 +76,8 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
     ``mask``: pixels of the body, shape [rows, columns]. ``step``: distance of adjacent points [px] (1 or
     more). ``margin``: smallest distance of a point from the nearest pixel outside the mask [px]; the area
     beyond the picture's border is outside. Returns: positions (x, y) [px], shape [n, 2]: whole numbers, i.e.
-    pixel centres. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError: a step
-    below 1, a negative margin, or no remaining point.
+    pixel centres. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError if the
+    step is below 1, if the margin is negative, or if no point remains.
     """
     if step < 1 or margin < 0.0:
         raise ValueError(f"step must be at least 1 px and margin not negative, got {step} and {margin}")
@@ -93,7 +94,7 @@ def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[Flo
             raise ValueError(
                 f"no pixel of the region is {margin:g} px inside it: enlarge it or lower the subset"
             )
-    # The grid is centred on the measurable area, so that both boundaries are approached equally.
+    # The grid is centred on the measurable area: the distance to both boundaries is equal.
     x = _centred(columns.min(), columns.max(), step)
     y = _centred(rows.min(), rows.max(), step)
     i, j = np.meshgrid(np.arange(x.size), np.arange(y.size))
@@ -135,7 +136,7 @@ class FoundRegions:
     edge: tuple[float, float]
     """End of the specimen at the transmission platen at rest (x, y) [px]."""
     why: str = ""
-    """How the flyer was distinguished from the specimen, in words."""
+    """Text: how the flyer was distinguished from the specimen."""
 
 
 def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, toward: str) -> FoundRegions:
@@ -143,7 +144,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
 
     ``pictures``: the series of camera 0. ``static``: frames in which both bodies are at rest, shape
     [n_frames]. ``usable``: frames with a usable picture, shape [n_frames]. Raises ValueError if an edge is
-    not in view or not clear; the message names the edge and asks the user to declare the region.
+    not in view or not clear. The message names the edge and asks the user to declare the region.
     """
     if toward not in TURNS:
         raise ValueError(f"toward must be one of {', '.join(TURNS)}, got {toward!r}")
@@ -225,7 +226,7 @@ def _noise(pictures: Pictures, rest_frames: Sequence[int], toward: str, inner: s
 def _upper_end(mean: FloatArray, followed: FollowedEdge) -> int:
     """First row of the specimen at rest, a pixel clear of the flyer; `mean` is the picture at rest."""
     row = float(followed.row[-1])
-    if followed.frames[-1] == 0:  # followed to rest
+    if followed.frames[-1] == 0:  # the edge was tracked back to rest
         return max(int(np.ceil(row + 0.75)), 2)
     likeness = row_correlation(mean)
     pairs = 0.5 * (likeness[:-1] + likeness[1:])
@@ -268,7 +269,7 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
     middle = len(mean) // 2
     pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows, and both pairs span it
     first = int(np.flatnonzero(contrast >= BAND * typical)[-1]) + 1
-    if first < len(mean):  # an even platen: where the contrast has fallen to half
+    if first < len(mean):  # an even platen: the end is where the contrast falls to half
         before, after = contrast[first - 1], contrast[first]
         edge = first - 1 + float((before - BAND * typical) / (before - after))
         arc = end_arc(mean, edge)  # a camera outside the plane of the end shows it, or the rim, as a curve
@@ -286,7 +287,7 @@ def _painted(contrast: FloatArray) -> float:
 
 
 def _columns(body: FloatArray, name: str) -> tuple[int, int]:
-    """First and last column of a body, from its middle outward to the end of its contrast."""
+    """First and last column of a body. The search goes from its middle outward until the contrast ends."""
     contrast = gaussian_filter1d(np.std(body, axis=0), 3.0)
     middle = contrast.size // 2
     inside = contrast >= FLANK * np.median(contrast[middle - middle // 2 : middle + middle // 2])
@@ -299,7 +300,7 @@ def _columns(body: FloatArray, name: str) -> tuple[int, int]:
 
 
 def _inner(columns: tuple[int, int]) -> slice:
-    """Columns of a body clear of its flanks."""
+    """Columns of a body that are clear of its flanks."""
     room = (columns[1] - columns[0]) // 16
     return slice(columns[0] + room, columns[1] + 1 - room)
 

@@ -1,8 +1,8 @@
-"""Rest position of the flyer from its rim: until the flyer moves, its face is the specimen's upper end.
+"""Rest position of the flyer from its rim. Until the flyer moves, its face touches the specimen's upper end.
 
-Every picture is sampled at the same positions on the flyer's cylinder, so that the paint ends at the rim in
-all frames of a camera (`dic.bodies.edge_fit`). The rim's position on the body, the specimen's declared length
-and its lower end give the translation at rest, even if no picture shows the flyer at rest.
+Every picture is sampled at the same positions on the flyer's cylinder. The paint then ends at the rim in all
+frames of a camera (`dic.bodies.edge_fit`). The translation at rest follows from the rim's position on the
+body, the specimen's declared length and its lower end. No picture needs to show the flyer at rest.
 """
 
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from dic.stereo.geometry import pixels_per_length
 from dic.surfaces.cylinder import SpecimenFrame
 
 MODEL = 0.12
-"""Standard deviation of a rim due to effects that the model does not include: printed dots that end before
-the rim, a shadow, a chamfer, aliased rows [px]. For sprayed drops, which reach the rim, it is half as
-large."""
+"""Standard deviation of a rim due to effects that the model does not include [px]. Examples are printed dots
+that end before the rim, a shadow, a chamfer and aliased rows. Sprayed drops reach the rim; for them it is
+half as large."""
 MOST_FRAMES = 24
 """Largest number of frames that are compared."""
 FEWEST_FRAMES = 6
@@ -31,17 +31,18 @@ SHARE = 0.4
 FEWEST_COLUMNS = 16
 """Smallest number of columns of the strip that must be in view [px]."""
 WITHIN, BEYOND = 16, 10
-"""Rows around the region's end in which the specimen's side is searched, toward the flyer and beyond [px]."""
+"""The specimen's side is searched in these rows around the region's end, toward the flyer and away from it
+[px]."""
 CLEAR = 4.0
 """Smallest ratio of the specimen's variation to that of the flyer."""
 REACH = 1.0
-"""Largest distance of the rim from its prediction by the first varying row and the band; half of the band's
-change is added [px]."""
+"""Largest distance of the rim from its prediction [px]. The prediction uses the first varying row and the
+band. Half of the band's change is added to the limit."""
 VARIES = 5.0, 0.12
-"""The first varying row varies by this many times as much as the flyer's rows, and by at least this share of
-the specimen's variation."""
+"""The variation of the first varying row is this multiple of that of the flyer's rows, and at least this
+share of that of the specimen."""
 LARGEST_SHARE = 0.0025
-"""Largest standard deviation of the upper end over the length [-]; if it is larger, the cameras disagree on
+"""Largest standard deviation of the upper end over the length [-]. If it is larger, the cameras disagree on
 the lower end, or the length was not measured."""
 
 
@@ -111,10 +112,10 @@ def find_rim(
 def combine_rims(ends: list[float], sigmas: list[float]) -> Rim:
     """The rim from one camera or both.
 
-    Both cameras see the same paint at the same rim, so that the model error does not average out. If they
+    Both cameras see the same paint at the same rim, so the model error does not average out. If they
     disagree, one of them may show no rim, and it is unknown which one. Half of their difference is therefore
-    added to the standard deviation, so that each position is within one standard deviation of the mean. If
-    the difference is too large (`RestGeometry.length_is_certain`), the rim is not used as the zero of
+    added to the standard deviation. Each position is then within one standard deviation of the mean. If the
+    difference is too large (`RestGeometry.length_is_certain`), the rim is not used as the zero of
     displacements.
     """
     apart = abs(ends[0] - ends[-1])
@@ -126,13 +127,13 @@ def combine_rims(ends: list[float], sigmas: list[float]) -> Rim:
 
 
 def _end_of_region(body: TrackedBody, places: FloatArray, finite: BoolArray) -> float:
-    """y on the body at the end of its region toward the specimen [m]: the points' y, extrapolated to that
-    pixel."""
+    """y on the body at the end of its region toward the specimen [m]. The y of the points is extrapolated to
+    this end."""
     along = body.points[finite] - body.points[finite].mean(axis=0)
     slope, *_ = np.linalg.lstsq(np.column_stack([along, np.ones(len(along))]), places[finite, 1], rcond=None)
     axis = int(np.argmax(np.abs(slope[:2])))
     line = Polynomial.fit(body.points[finite, axis], places[finite, 1], 1)
-    rows = np.flatnonzero(body.mask.any(axis=axis))  # axis 0 is x: columns of the mask
+    rows = np.flatnonzero(body.mask.any(axis=axis))  # axis 0 is x, the columns of the mask
     ends = line(np.array([rows[0], rows[-1]], dtype=np.float64))
     return float(ends.min())
 
@@ -193,8 +194,8 @@ def _stabilised_strip(
     frames: IntArray,
     moves: FloatArray,
 ) -> tuple[FloatArray, list[int]]:
-    """Grey values at positions on the body, shape [n, y, x], in the frames that show all of them, and these
-    frames. Positions outside the view in the last frame are left out."""
+    """Grey values at positions on the body, shape [n, y, x], and their frames. Only frames that show all
+    positions are used. Positions outside the view in the last frame are left out."""
     places = strip_places(x, y, radius)
     columns = in_view(camera, pictures.shape, frame, places + moves[frames[-1]]).all(axis=0)
     if columns.sum() < FEWEST_COLUMNS:
@@ -212,7 +213,7 @@ def _stabilised_strip(
         usable.append(k)
     stack = np.array(strips)
     if len(stack):
-        level = stack[:, :HALF].mean(axis=(1, 2), keepdims=True)  # light that flickers
+        level = stack[:, :HALF].mean(axis=(1, 2), keepdims=True)  # the light may flicker
         stack = stack * (level.mean() / np.where(level > 0.0, level, 1.0))
     return stack, usable
 
@@ -220,10 +221,10 @@ def _stabilised_strip(
 def face_width(camera: FloatArray, y: float, radius: float, geometry: RestGeometry) -> tuple[float, float]:
     """Width at which a camera sees the flyer's face between its rim and the specimen [m].
 
-    ``camera``: the camera's centre in the test frame [m], shape [3]. ``y``: the face's position [m]. If it is
-    above the camera, the face is visible; if below, the rim hides the specimen's end. ``radius``: of the
-    flyer [m]. ``geometry``: the specimen. Returns: the width if the specimen keeps its initial radius at the
-    face, and the width if it has its mean radius there, which grows at constant volume.
+    ``camera``: the camera's centre in the test frame [m], shape [3]. ``y``: the face's position [m]. If the
+    face is above the camera, it is visible. If it is below, the rim hides the specimen's end. ``radius``: of
+    the flyer [m]. ``geometry``: the specimen. Returns two widths: for the initial radius of the specimen at
+    the face, and for its mean radius, which grows at constant volume.
     """
     mean = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))
     distance = float(np.hypot(camera[0], camera[2])) - radius

@@ -1,10 +1,10 @@
 """Bundle adjustment of two cameras and the target's poses, with exact covariance.
 
 Weighted least squares over all points of all pictures by Levenberg and Marquardt's method. The poses are
-eliminated pair by pair (Schur's complement; Triggs et al. 2000, doi:10.1007/3-540-44480-7_21). The centre of
-a dot's image is that of an ellipse in closed form (Heikkilä 2000, doi:10.1109/34.879788), with a further
-shift on a curved target: Eqs. (CC.1) and (CC.2) of docs/theory/pictures.md. A patch with the second moment s
-per axis is treated as a disc of r² = 4 s: s = (r² + h²)/4 for a ring, a²/12 for a square.
+eliminated pair by pair (Schur's complement; Triggs et al. 2000, doi:10.1007/3-540-44480-7_21). The image of a
+dot is an ellipse, whose centre has a closed form (Heikkilä 2000, doi:10.1109/34.879788). A curved target adds
+a shift. See Eqs. (CC.1) and (CC.2) of docs/theory/pictures.md. A patch with the second moment s per axis is
+treated as a disc of r² = 4 s. A ring has s = (r² + h²)/4, a square has a²/12.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -81,7 +81,7 @@ def _bent_middles(
 
 
 def join_views(views: Sequence[View]) -> View:
-    """All points of several views of one camera as one view; `poses_of` gives the target's poses."""
+    """Join several views of one camera to one view; `poses_of` gives the target's poses."""
     parts = {
         name: np.concatenate([getattr(view, name) for view in views])
         for name in ("ids", "points", "normals", "spread", "bend", "pixels", "sigma")
@@ -122,8 +122,8 @@ def project_points(
 def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives of `project_points` by the rig's parameters and by the target's pose.
 
-    Small changes of (CC.1) and (CC.2) with the pose are neglected: relative to the other terms they are
-    (r/z)² and s κ/z.
+    Changes of (CC.1) and (CC.2) with the pose are neglected. Relative to the other terms they are only (r/z)²
+    and s κ/z.
 
     Returns: derivatives by the parameters, shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`.
     Returns: derivatives by a small rotation applied after R, and by t, shape [n, 2, 6].
@@ -275,13 +275,12 @@ MOST_STEPS = 100
 DAMPED, HARDLY = 1e-4, 1e-12
 """Damping of the first step, for a start near the solution and for one very close to it."""
 ROUGH = 1e-8
-"""With a relative tolerance of at least this value, the search ends after the first steps to the valley of
-the minimum."""
+"""With a relative tolerance of this value or more, the search ends once it is near the minimum."""
 SMALL = 3
-"""Number of successive steps without gain that end the search; a single step may be short due to damping in a
-long, curved valley."""
+"""The search ends after this number of successive steps without gain. Damping may make a single step
+short."""
 FAR = 1e6
-"""Residuals, over their sigma, that are used for a trial with a point behind a camera."""
+"""A trial with a point behind a camera gets these residuals [sigma]."""
 
 
 def adjust(
@@ -296,9 +295,9 @@ def adjust(
 
     ``rig``: the start; poses without a view are not changed. ``views``: the observed points. ``columns``: the
     adjusted parameters (`free_columns`), in addition to the poses. ``tolerance``: relative decrease of the
-    sum of squares at which the search ends. ``damping``: damping of the first step. Raises Undetermined:
-    fewer measured coordinates than adjusted parameters, or a combination of parameters on which no picture
-    depends.
+    sum of squares at which the search ends. ``damping``: damping of the first step. Raises Undetermined if
+    there are fewer measured coordinates than adjusted parameters, or if no picture depends on a combination
+    of parameters.
     """
     views = list(views)
     pairs = sorted({view.pair for view in views})
@@ -344,9 +343,9 @@ def clustering(fit: Fit, views: Iterable[View], columns: FloatArray) -> float:
 
         F = Σ g_pᵀ S⁻¹ g_p / (s² m) · P / (P - 1)                                                  (CC.4)
 
-    for P pairs and m parameters. F is 1 on average if residuals are independent, and larger if those of a
-    picture are correlated (a bent target, a lens model too simple), so that they contain less information
-    than their number suggests [Moulton1986]_.
+    for P pairs and m parameters. F is 1 on average if residuals are independent. It is larger if the
+    residuals of a picture are correlated, for example by a bent target or a too simple lens model. They then
+    contain less information than their number suggests [Moulton1986]_.
 
     .. [Moulton1986] B. R. Moulton, Random group effects and the precision of regression estimates, J. of
        Econometrics 32 (1986) 385-397, doi:10.1016/0304-4076(86)90021-7.
@@ -377,7 +376,8 @@ Normal = tuple[FloatArray, FloatArray, dict[int, tuple[FloatArray, FloatArray, F
 def _normal_equations(
     rig: Rig, cameras: list[OneCamera], columns: FloatArray, off: list[FloatArray]
 ) -> Normal:
-    """U, its right side, and for each pair V, W and the right side; ``off``: residuals by `_weighted`."""
+    """U and its right side, and for each pair V, W and the right side. ``off``: residuals from
+    `_weighted`."""
     m = columns.shape[1]
     U, b = np.zeros((m, m)), np.zeros(m)
     pairs: dict[int, tuple[FloatArray, FloatArray, FloatArray]] = {}
@@ -398,7 +398,7 @@ def _normal_equations(
 
 
 def _by_camera(views: list[View]) -> list[OneCamera]:
-    """The views of each camera that has any, separately and joined."""
+    """The views of each camera with views, separately and joined."""
     parts = [[view for view in views if view.camera == camera] for camera in (0, 1)]
     return [(part, join_views(part)) for part in parts if part]
 

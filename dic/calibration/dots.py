@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 from dic.basics import MAD, BoolArray, FloatArray, IntArray, cv2
 
 WINDOW, RING = 1.35, 1.85
-"""The centroid is taken over this many radii of the dot, the brightness around it out to the second."""
+"""The first value is the extent of the centroid, the second that of the brightness around it [radii of the
+dot]."""
 MARGIN = 1.5
-"""Further out by this much, for the blur of the lens [px]."""
+"""Added to both extents for the blur of the lens [px]."""
 CENTROID_PIXELS_AT_ONCE = 60_000
-"""Number of pixels processed at once: many, so that other threads can work meanwhile, but few enough that
-memory is reused for each array."""
+"""Number of pixels processed at once. It is large, so other threads can work meanwhile. It is small enough to
+reuse memory for each array."""
 RING_PIXELS = 1000
-"""Sufficient number of pixels around a dot for the plane; of more pixels, evenly spaced ones are used."""
+"""Largest number of pixels around a dot for the fit of the plane. If there are more, evenly spaced ones are
+used."""
 
 
 def centroids(image: FloatArray, ellipses: FloatArray, noise: float) -> FloatArray:
@@ -38,7 +40,7 @@ def centroids(image: FloatArray, ellipses: FloatArray, noise: float) -> FloatArr
     order = np.argsort(reach, kind="stable")
     first = 0
     while first < len(order):
-        # dots of like size together: their windows are those of the largest
+        # dots of similar size are processed together with the window of the largest
         size = np.cumsum(np.ones(len(order) - first, dtype=int)) * (2 * reach[order[first:]] + 1) ** 2
         rows = order[
             first : first + max(1, int(np.searchsorted(size, CENTROID_PIXELS_AT_ONCE, side="right")))
@@ -55,7 +57,7 @@ def _batch_centroids(image: FloatArray, ellipses: FloatArray, reach: int, noise:
     for last in (
         False,
         True,
-    ):  # a second time about the centre found, so that the window is centred on the dot
+    ):  # a second time with the window about the centre from the first time
         part = _Window(image, x0[rows], y0[rows], ellipses[rows, 2:], reach)
         plane, fine = _plane(part)
         around = plane[:, :1] + plane[:, 1:2] * part.inner_x + plane[:, 2:] * part.inner_y
@@ -82,7 +84,8 @@ def _batch_centroids(image: FloatArray, ellipses: FloatArray, reach: int, noise:
 
 
 class _Window:
-    """Pixels in and around n dots, listed: offsets from the centre [px], grey values, which of them count."""
+    """Lists of the pixels in and around n dots: offsets from the centre [px], grey values, and whether they
+    count."""
 
     def __init__(
         self, image: FloatArray, x0: FloatArray, y0: FloatArray, ellipses: FloatArray, reach: int
@@ -103,7 +106,7 @@ class _Window:
         )
         ring &= ~wide
         far = (x < reach) | (y < reach) | (x >= columns - reach) | (y >= rows - reach)
-        for k in np.flatnonzero(far):  # a window over the picture's edge
+        for k in np.flatnonzero(far):  # a window that extends past the picture's edge
             i, j = x[k] + along, y[k] + down
             inside = (i >= 0) & (j >= 0) & (i < columns) & (j < rows)
             wide[k] &= inside
@@ -123,7 +126,8 @@ class _Window:
 
 
 def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, BoolArray]:
-    """Columns at which each row of a mask is true, shape [n, m], padded, and a mask of the valid entries.
+    """Columns at which each row of a mask is true, shape [n, m], with padding, and a mask of the valid
+    entries.
 
     Of row i only every ``every[i]``-th one is listed.
     """
@@ -155,8 +159,8 @@ def _quantile(values: FloatArray, used: BoolArray, share: float) -> FloatArray:
 
 
 def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
-    """Brightness a + b x + c y around the dots without the pixels that belong to something else, shape
-    [n, 3], and where there are enough of them."""
+    """Brightness a + b x + c y around the dots, shape [n, 3], and whether enough pixels are left. Pixels of
+    other objects are left out."""
     basis = np.stack([np.ones_like(part.ring_x), part.ring_x, part.ring_y], axis=1)
     used, fine = part.ring, np.ones(len(basis), dtype=bool)
     for _ in range(3):
@@ -164,7 +168,7 @@ def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
         weighted = basis * (used & fine[:, None])[:, None]
         normal = weighted @ np.swapaxes(basis, 1, 2)
         normal[~fine] = np.eye(3)
-        normal += 1e-12 * normal[:, :1, :1] * np.eye(3)  # pixels on one line fix no plane
+        normal += 1e-12 * normal[:, :1, :1] * np.eye(3)  # pixels on one line determine no plane
         solution = np.linalg.solve(normal, weighted @ part.ring_grey[..., None])
         off = np.abs(part.ring_grey - (np.swapaxes(solution, 1, 2) @ basis)[:, 0])
         middle = np.where(fine, _quantile(off, used, 0.5), 0.0)
@@ -176,20 +180,20 @@ def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
 Single = NDArray[np.float32]
 
 STEPS = 8
-"""Gauss-Newton steps at most."""
+"""Largest number of Gauss-Newton steps."""
 CONVERGED = 1e-5
 """A dot has converged if a step moves its centre by less than this [px]; noise is about a hundred times
 larger."""
 EDGE_PIXELS_AT_ONCE = 250_000
-"""Pixels of the dots that are fitted in one go: many, so that other threads can process pictures in
-between."""
+"""Number of pixels of the dots that are fitted at once. It is large, so other threads can process
+pictures."""
 ROOT = float(np.sqrt(2.0 * np.pi))
 """√(2π)"""
 HASTINGS = (0.3275911, 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
 """Coefficients p and a1 to a5 of Hastings' approximation of the error function."""
 LARGEST = 25.0
 """Largest radius of a dot for the fit of its outline [px]. The centroid of a larger dot is accurate to a few
-mpx, and its printed outline deviates from an ellipse by as much."""
+mpx. Its printed outline deviates from an ellipse by the same amount."""
 
 
 def _fit_discs(
@@ -197,13 +201,13 @@ def _fit_discs(
 ) -> tuple[FloatArray, FloatArray]:
     """Centres of dark discs and their standard deviations, all dots of a picture at once.
 
-    With d the offset from the centre and q = √(dᵀ M d), so that q = 1 is the outline, the model is
+    Let d be the offset from the centre and q = √(dᵀ M d); the outline is q = 1. The model is
 
         I = (B + g · d) (1 - D Φ(-δ / s)),     δ = (q - 1) q / |M d|                               (CC.3)
 
-    with δ the distance from the outline to first order, Φ the normal distribution and s the blur. The
+    δ is the distance from the outline to first order, Φ the normal distribution and s the blur. The
     brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. Only the edge determines
-    the position, so the noise of the surrounding surface has no effect, unlike in a centroid.
+    the position. Unlike in a centroid, the noise of the surrounding surface has no effect.
     """
     centres, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
     w = int(np.ceil(reach))
@@ -232,7 +236,7 @@ def _fit_block(
     start = p[:, :2].copy()
     normal, last = np.tile(np.eye(10), (n, 1, 1)), np.full((n, 2), np.nan)
     rows, room = np.arange(n), np.empty((n, p.shape[1], xx.size), dtype=np.float32)
-    with np.errstate(all="ignore"):  # a dot whose fit runs away becomes NaN and is left to the caller
+    with np.errstate(all="ignore"):  # a dot whose fit diverges becomes NaN; the caller handles it
         for _ in range(STEPS):
             J = room[: len(rows)]
             model = _model(p[rows], xx, yy, J)
@@ -244,7 +248,7 @@ def _fit_block(
             scaled, scale = _scale(N)
             step = scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
             p[rows] += step
-            p[rows, 5] = np.maximum(p[rows, 5], 0.3)  # a sharper edge than a pixel's own width is noise
+            p[rows, 5] = np.maximum(p[rows, 5], 0.3)  # an edge sharper than a pixel's width is noise
             normal[rows], last[rows] = N, step[:, :2]
             rows = rows[np.abs(step[:, :2]).max(axis=1) > CONVERGED]
             if not len(rows):
@@ -261,7 +265,8 @@ def _fit_block(
 
 
 def _scale(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Normal matrices with a diagonal of 1, hardly damped, shape [n, 10, 10], and their scales, [n, 10]."""
+    """Slightly damped normal matrices with a diagonal of 1, shape [n, 10, 10], and their scales, shape [n,
+    10]."""
     scale = 1.0 / np.sqrt(np.einsum("nkk->nk", normal) + 1e-300)
     return normal * scale[:, :, None] * scale[:, None] + 1e-9 * np.eye(10), scale
 
@@ -290,7 +295,7 @@ def _upper(x: Single, bell: Single) -> Single:
     """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2).
 
     Hastings' approximation (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26) takes a tenth
-    of the time of SciPy's, which was a third of that of the fit.
+    of the time of SciPy's function.
     """
     t = 1.0 / (1.0 + HASTINGS[0] / np.sqrt(2.0, dtype=x.dtype) * np.abs(x))
     total = np.zeros_like(t)
@@ -301,7 +306,7 @@ def _upper(x: Single, bell: Single) -> Single:
 
 
 BANDS, BAND = 16, 24
-"""Number of bands, and of their rows, that the noise is taken from."""
+"""Number of bands for the noise estimate, and number of rows of a band."""
 
 
 def grey(picture: NDArray[np.generic]) -> FloatArray:
@@ -322,7 +327,7 @@ def grey(picture: NDArray[np.generic]) -> FloatArray:
 
 
 def quantiles(values: NDArray[np.generic], shares: Sequence[float]) -> FloatArray:
-    """`numpy.quantile`, of few-bit grey values by counting them."""
+    """`numpy.quantile`. Grey values of few bits are counted instead of sorted."""
     if values.dtype not in (np.uint8, np.uint16):
         return np.asarray(np.quantile(values.astype(np.float64), shares))
     rank = np.asarray(shares, dtype=np.float64) * (values.size - 1)
@@ -334,9 +339,9 @@ def quantiles(values: NDArray[np.generic], shares: Sequence[float]) -> FloatArra
 def noise_level(picture: NDArray[np.generic]) -> float:
     """Standard deviation of the grey values' noise, at least that of rounding.
 
-    From second differences along both axes, N = [1 -2 1; -2 4 -2; 1 -2 1], which are 0 for a plane and for a
-    straight edge along an axis [Immerkær1996]_; only bright pixels away from dots are used. Bands of rows
-    distributed over the picture represent the whole picture.
+    It is computed from second differences along both axes, N = [1 -2 1; -2 4 -2; 1 -2 1] [Immerkær1996]_.
+    They are 0 for a plane and for a straight edge along an axis. Only bright pixels away from dots are used.
+    Bands of rows distributed over the picture represent the whole picture.
 
     .. [Immerkær1996] J. Immerkær, Fast noise variance estimation, Computer Vision and Image
        Understanding 64 (1996) 300-302, doi:10.1006/cviu.1996.0060.
@@ -351,7 +356,7 @@ def noise_level(picture: NDArray[np.generic]) -> float:
     )
     bright = [(band > limit).astype(np.uint8) for band in bands]
     part = np.concatenate([response[1:-1, 1:-1].ravel() for response in responses])
-    for size in (9, 5, 3):  # as far from dots and corners as leaves enough pixels
+    for size in (9, 5, 3):  # as far from dots and corners as possible with enough pixels
         away = [cv2.erode(b, np.ones((size, size)), borderType=cv2.BORDER_REPLICATE) > 0 for b in bright]
         samples = [r[1:-1, 1:-1][a[1:-1, 1:-1]] for r, a in zip(responses, away, strict=True)]
         if sum(map(len, samples)) > 1000:
@@ -361,7 +366,7 @@ def noise_level(picture: NDArray[np.generic]) -> float:
 
 
 def eight_bits(picture: NDArray[np.generic]) -> NDArray[np.uint8]:
-    """The picture stretched to 0 to 255, as OpenCV's detectors take it."""
+    """The picture scaled to 0 to 255, as OpenCV's detectors require."""
     image = np.asarray(picture)
     checked = image if image.dtype in (np.uint8, np.uint16) and image.ndim == 2 else grey(image)
     stretched = cv2.normalize(checked, None, 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)  # type: ignore[call-overload]
@@ -380,8 +385,8 @@ def refined(picture: NDArray[np.generic], corners: FloatArray, reach: int) -> Fl
 def corner_sigma(picture: NDArray[np.generic], corners: FloatArray, reach: float) -> FloatArray:
     """Standard deviation of a corner's coordinate from the grey values' noise [px], shape [n].
 
-    A saddle is located by the gradients around it: with G = Σ ∇I ∇Iᵀ over the window, the covariance is
-    σ² G⁻¹ (least squares); the root of its mean eigenvalue is given.
+    The gradients around a saddle locate it. With G = Σ ∇I ∇Iᵀ over the window, the covariance is σ² G⁻¹
+    (least squares). The root of its mean eigenvalue is returned.
 
     ``picture``: grey values, shape [rows, columns]. ``corners``: places [px], shape [n, 2]. ``reach``: half
     side of the window [px].
@@ -398,16 +403,17 @@ def corner_sigma(picture: NDArray[np.generic], corners: FloatArray, reach: float
 
 
 LEAST_AREA = 12.0
-"""Area of the smallest dot that is looked for [px²]: below, an outline has too few pixels for an ellipse."""
+"""Area of the smallest dot that is searched for [px²]. The outline of a smaller dot has too few pixels for an
+ellipse."""
 ALIKE = 1.8
-"""Dots of one target differ in radius by less than this, with all tilt and perspective."""
+"""Largest difference in radius of the dots of one target, including tilt and perspective."""
 MOST_DOTS = 20_000
-"""Largest number of dark patches; a picture with more shows no target, and its search is stopped."""
+"""Largest number of dark patches. If a picture has more, it shows no target, and the search stops."""
 
 
 @dataclass(frozen=True)
 class Dots:
-    """Dots of a picture, one row a dot."""
+    """Dots of a picture, one row per dot."""
 
     centre: FloatArray
     """Centroid of the image of the dot [px], shape [n, 2]."""
@@ -422,16 +428,16 @@ class Dots:
 
 
 def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bool = True) -> Dots:
-    """All dots of a picture that lie wholly inside it.
+    """All dots that lie completely inside a picture.
 
-    Outlines come from thresholds relative to the mean brightness nearby, at window sizes in steps of two;
-    the size with the most dots alike is kept. The centre of a dot is then the centroid of
+    Outlines come from thresholds relative to the mean brightness nearby. Several window sizes in steps of two
+    are tried; the size with the most similar dots is used. The centre of a dot is then the centroid of
 
         w = 1 - I / B
 
-    with B a plane through the brightness around the dot, so that neither uneven light nor blur shifts it.
-    Round dots without a hole are then fitted by their edges (`dic.calibration.dots`), and the more precise
-    of the two is kept.
+    where B is a plane through the brightness around the dot. Uneven light and blur therefore do not shift the
+    centre. Round dots without a hole are also fitted by their edges (`dic.calibration.dots`). The more
+    precise of the two centres is used.
 
     ``picture``: grey values of any depth, shape [rows, columns]. ``dark``: True for dark dots on a bright
     board, False for bright dots on a dark one. ``round_dots``: whether outlines must be ellipses; False lets
@@ -455,8 +461,8 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
 
 
 def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArray, bool]], float]:
-    """The outlines of one size, with the sum of their radii: many dots have more weight than specks and a few
-    patches."""
+    """The outlines of one size, and the sum of their radii. In this sum many dots have more weight than
+    specks and a few patches."""
     radius = np.array([0.5 * np.sqrt(ellipse[2] * ellipse[3]) for ellipse, _ in outlines])
     if not radius.size:
         return [], 0.0
@@ -472,24 +478,25 @@ def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArr
 def _outlines(
     eight: NDArray[np.uint8], size: int, step: float, round_dots: bool
 ) -> list[tuple[FloatArray, bool]]:
-    """Ellipses (x, y, major, minor diameter, angle in degrees) of dark patches, and whether hollow."""
+    """Ellipses (x, y, major, minor diameter, angle in degrees) of dark patches, and whether they are
+    hollow."""
     mask = cv2.adaptiveThreshold(eight, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size, step)
     contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if tree is None or len(contours) > MOST_DOTS:
         return []
     rows, columns = eight.shape
-    # thousands of specks in every picture: few of them are worth a call of Python
+    # a picture has thousands of specks; most are removed before a call of Python
     lengths = np.fromiter(map(len, contours), dtype=np.int64, count=len(contours))
     numbers, outlines = [], []
     area_of, box_of, ellipse_of = cv2.contourArea, cv2.boundingRect, cv2.fitEllipseDirect
     for k in np.flatnonzero((tree[0, :, 3] < 0) & (lengths >= 8)).tolist():
         contour = contours[k]
-        area = area_of(contour) + 0.5 * len(contour)  # through pixel centres: half a pixel short
+        area = area_of(contour) + 0.5 * len(contour)  # through pixel centres: half a pixel too small
         if area < LEAST_AREA:
             continue
         x, y, w, h = box_of(contour)
         inside = x > 1 and y > 1 and x + w < columns - 1 and y + h < rows - 1
-        # A patch larger than the window is filled only along its rim.
+        # Of a patch larger than the window only the rim is filled.
         if not inside or max(w, h) > 0.7 * size:
             continue
         centre, diameters, angle = ellipse_of(contour)
@@ -499,7 +506,7 @@ def _outlines(
     ellipses[:, 2:4] += 1.0
     narrow, wide = np.sort(ellipses[:, 2:4], axis=1).T
     filled = areas[:, 0] / (0.25 * np.pi * narrow * wide)
-    # A square fills more of its ellipse's outline, or less, than a disc does.
+    # A square fills more or less of its ellipse's outline than a disc.
     least, most = (0.9, 1.1) if round_dots else (0.7, 1.3)
     fine = np.isfinite(ellipses).all(axis=1) & (narrow >= 0.2 * wide) & (least < filled) & (filled < most)
     return [
@@ -548,7 +555,7 @@ def _locate_dots(
 def _fit_dots(
     image: FloatArray, centre: FloatArray, sigma: FloatArray, ellipses: FloatArray, noise: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Centres with their sigma; from the edges where that is more precise."""
+    """Centres with their sigma. The edges are used where they are more precise."""
     if not len(centre):
         return centre, sigma
     c, s = np.cos(np.deg2rad(ellipses[:, 4])), np.sin(np.deg2rad(ellipses[:, 4]))
@@ -558,5 +565,5 @@ def _fit_dots(
     )
     reach = 0.5 * float(ellipses[:, 2:4].max()) * WINDOW + MARGIN
     fitted, noise_of_it = _fit_discs(image, centre, shape, reach, noise)
-    better = noise_of_it < sigma  # not where the fit failed: NaN
+    better = noise_of_it < sigma  # NaN where the fit failed
     return np.where(better[:, None], fitted, centre), np.where(better, noise_of_it, sigma)

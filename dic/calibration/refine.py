@@ -2,8 +2,9 @@
 
 The rays of a matched point must meet. The relative pose minimises the epipolar distances robustly, Eq. (CC.5)
 of docs/theory/pictures.md; the calibration's covariance is the prior. The length of the baseline is not
-observable and is kept. `Refinement.helps` checks the result on points that were not fitted. The order of
-picture pairs is the one with which the target's poses in camera 0 predict most positions in camera 1.
+observable and is kept. `Refinement.helps` checks the result on points that were not fitted. For the order of
+picture pairs, the target's poses in camera 0 predict its positions in camera 1. The order with the most
+correct predictions is chosen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,11 +49,11 @@ class Refinement:
     covariance: FloatArray
     """Covariance of turn and tilt [rad²], shape [5, 5]."""
     before: float
-    """Median absolute epipolar distance with the calibration [px]."""
+    """Median absolute epipolar distance with the original calibration [px]."""
     after: float
     """The same with the refined pose [px]."""
     held_out_before: float
-    """Median absolute epipolar distance of held-out points with the calibration [px]."""
+    """Median absolute epipolar distance of held-out points with the original calibration [px]."""
     held_out_after: float
     """The same with the poses fitted to the other points [px]."""
     n_points: int
@@ -65,7 +66,7 @@ class Refinement:
 
     @property
     def words(self) -> dict[str, object]:
-        """The numbers in JSON types."""
+        """The values as JSON types."""
         return {
             "points": self.n_points,
             "epipolar_median_before_px": self.before,
@@ -83,8 +84,8 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
 
     ``rig``: the cameras; their covariance, if it is known, is the prior. ``pixels0``, ``pixels1``: the same
     points in both pictures [px], shape [n, 2]. ``sigma``: standard deviations of their epipolar distances
-    [px], shape [n]. Raises ValueError: fewer than `LEAST_POINTS` points, shapes that do not match, a sigma
-    that is not positive.
+    [px], shape [n]. Raises ValueError if there are fewer than `LEAST_POINTS` points, if shapes do not match,
+    or if a sigma is not positive.
     """
     n = len(pixels0)
     if n < LEAST_POINTS or pixels1.shape != pixels0.shape or np.shape(sigma) != (n,):
@@ -94,7 +95,7 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
         )
     if not np.all(sigma > 0.0):
         raise ValueError("every sigma must be positive")
-    aims = [  # only the pose changes: pixels are undistorted once
+    aims = [  # only the pose changes, so pixels are undistorted once
         Rays.of(camera, pixels) for camera, pixels in zip(rig.cameras, (pixels0, pixels1), strict=True)
     ]
 
@@ -176,7 +177,7 @@ def refine_from_pictures(
     mask: BoolArray | None = None,
     device: str = "cpu",
 ) -> Refinement:
-    """Match points of one pair of pictures with a wide epipolar gate, and refine the pose from them.
+    """Match points of one pair of pictures with a wide epipolar gate. Refine the pose from them.
 
     ``pictures``: pictures of camera 0 and camera 1 at one instant, each of shape [rows, columns]. ``points``:
     positions in camera 0's picture [px], shape [n, 2]; about `MOST_POINTS` of them are matched. ``mask``:

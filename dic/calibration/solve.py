@@ -1,8 +1,8 @@
 """Calibration of two cameras from their views of a target.
 
-`calibrate` starts from focal lengths and single poses, adjusts the bundle, rejects pairs and points that
-disagree with the cameras of the others, and checks predictions: residuals of left-out pairs, distances on
-the target.
+`calibrate` starts from focal lengths and single poses and adjusts the bundle. It rejects pairs and points
+that disagree with the other pairs. Then it checks the residuals of left-out pairs and the distances on the
+target.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ from dic.processes import run_parallel
 FOCAL = (0.3, 60.0)
 """Range of focal lengths that are tried, over the longer side of the picture."""
 FOCAL_TRIALS = 6
-"""Number of pictures from which the focal length is chosen, and of pairs whose relative pose is tried."""
+"""Number of pictures for the choice of the focal length, and number of pairs whose relative pose is tried."""
 
 
 def resection(camera: Camera, view: View) -> list[Pose]:
@@ -84,10 +84,10 @@ def misfit(camera: Camera, view: View, pose: Pose) -> float:
 
 
 def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
-    """A camera without distortion, its principal point in the middle of the picture.
+    """A camera without distortion and with its principal point in the middle of the picture.
 
-    The focal length is found by a scan: it has the smallest median misfit over a few pictures. Unlike the
-    closed form from homographies, the scan cannot diverge for a long lens and nearly parallel boards.
+    A scan finds the focal length with the smallest median misfit over a few pictures. For a long lens and
+    nearly parallel boards the closed form from homographies may diverge; the scan cannot.
     """
     middle = (0.5 * (sensor[0] - 1), 0.5 * (sensor[1] - 1))
     few = [views[k] for k in np.unique(np.linspace(0, len(views) - 1, FOCAL_TRIALS).round().astype(int))]
@@ -150,7 +150,7 @@ def start(
     poses_of_pairs: dict[int, Pose] = {}
     for pair in pairs:
         options = poses[pair]
-        if (pair, 0) not in views:  # seen by camera 1 only: its pose, transformed
+        if (pair, 0) not in views:  # seen by camera 1 only: use its transformed pose
             back = (rel[0].T, -rel[0].T @ rel[1])
             options = [in_camera_1(p, back) for p in resection(cameras[1], views[pair, 1][0])]
         if not options:
@@ -178,7 +178,8 @@ def _relative(
     poses: Mapping[int, Sequence[Pose]],
     views: Mapping[tuple[int, int], Sequence[View]],
 ) -> Pose:
-    """The relative pose that explains most pairs; a flat board has two possible tilts in each picture."""
+    """The relative pose that agrees with the most pairs. A flat board has two possible tilts in each
+    picture."""
     few = [joint[k] for k in np.unique(np.linspace(0, len(joint) - 1, FOCAL_TRIALS).round().astype(int))]
     candidates = [
         relative(p, q)
@@ -237,7 +238,7 @@ def cross_validation_error(fit: Fit, views: Sequence[View], columns: FloatArray,
         return float("nan")
 
     def part(k: int) -> tuple[float, int] | None:
-        """Sum of squares and number of residuals of a part; None if the other pairs are too few."""
+        """Sum of squares and number of residuals of a part. None if there are too few other pairs."""
         out = set(joint[k::folds])
         try:
             remaining = [s for s in views if s.pair not in out]
@@ -282,7 +283,7 @@ def distances(rig: Rig, views: Sequence[View]) -> tuple[float, float, float]:
     """Ratio of triangulated to true distances on the target, its sigma, and the rms error of shape [m].
 
     The ratio is the scale of the best-fit similarity from the true points of each pair to the triangulated
-    ones; each distance is so weighted with its length.
+    points. This gives each distance its length as weight.
     """
     ratios, squares, count = [], 0.0, 0
     for pair_views in _group_by_pair(views).values():
@@ -304,7 +305,7 @@ def distances(rig: Rig, views: Sequence[View]) -> tuple[float, float, float]:
 
 
 def advice(rig: StereoRig, free: Sequence[str]) -> tuple[str, ...]:
-    """Parameters that the pictures do not determine, with the cure."""
+    """Parameters that the pictures do not determine, with advice."""
     assert rig.covariance is not None
     sigma = dict(zip(rig.parameter_names, np.sqrt(np.diag(rig.covariance)), strict=True))
     warnings = []
@@ -331,9 +332,10 @@ def advice(rig: StereoRig, free: Sequence[str]) -> tuple[str, ...]:
 
 
 Z_PAIR, TIMES = 6.0, 2.0
-"""A pair is bad if its rms residual lies this many robust standard deviations above the median of the pairs,
-and is also this many times the median. The first limit only would reject the worst of very similar pictures;
-the second only would reject the blurred ones of a mixed set."""
+"""A bad pair has an rms residual above both limits. The first limit is this number of robust standard
+deviations above the median of the pairs. The second is this multiple of the median. The first limit alone
+would reject the worst of very similar pictures. The second alone would reject the blurred pictures of a mixed
+set."""
 Z_POINT = 7.0
 """A point is rejected if its residual exceeds this many robust standard deviations of its view."""
 REWEIGHTINGS = 4
@@ -349,7 +351,7 @@ class Verdicts:
     good: list[View]
     """Views with the points used."""
     used: dict[tuple[int, int], NDArray[np.bool_]]
-    """(pair, camera) -> which points of the view were used."""
+    """Mask of the used points of a view, by (pair, camera)."""
     bad: dict[int, str]
     """Pair -> reason why it was left out."""
 
@@ -362,7 +364,7 @@ def _solve_without_bad(
     bad: dict[int, str] = {}
     if reject:
         first = {pair: rms(rig, views) for pair, views in pairs.items()}
-        # The start is rough: here only extreme outliers are left out; they are tried again below.
+        # The start is rough, so only extreme outliers are left out here. They are checked again below.
         limit = 10.0 * float(np.median(list(first.values()))) + 1.0
         bad = {pair: "" for pair, value in first.items() if value > limit}
     fit = _solve(rig, pairs, bad, columns[0])
@@ -399,11 +401,11 @@ def _solve(rig: Rig, pairs: dict[int, list[View]], bad: dict[int, str], columns:
 def _robust(
     fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], columns: FloatArray
 ) -> tuple[Fit, dict[int, str]]:
-    """Cameras from a robust fit that bad pairs hardly affect, and the pairs that do not fit.
+    """Cameras from a robust fit, and the pairs that do not fit. Bad pairs have little effect on the fit.
 
-    Iteratively reweighted least squares: each pair has the weight 1 / (1 + (e / m)²), with its rms residual e
-    and the median m of all pairs (Cauchy's weights). Pairs that do not fit lose weight and then fit even
-    less.
+    The method is iteratively reweighted least squares with Cauchy's weights. Each pair has the weight 1 / (1
+    + (e / m)²), with its rms residual e and the median m of all pairs. The weight of bad pairs decreases from
+    round to round.
     """
     weights = dict.fromkeys(pairs, 1.0)
     for _ in range(REWEIGHTINGS):
@@ -499,14 +501,15 @@ def calibrate(
     """Calibrate two cameras from pairs of pictures of a target: parameters, relative pose and covariance.
 
     All points of all pairs are adjusted together (`dic.calibration.bundle`). A pair that only one camera saw
-    is used for that camera. Pairs that are inconsistent with the others are left out with a reason, and so
-    are outlying points.
+    is used for that camera. Pairs that are inconsistent with the others are left out with a reason. Outlying
+    points are left out too.
 
     Parameters
     ----------
     views0, views1
-        Detections of camera 0 and camera 1, one entry per pair: a `Detection`; the `TargetNotFound` that the
-        detection raised; the `PictureError` of an unusable picture; or None without a picture.
+        Detections of camera 0 and camera 1, one entry per pair. An entry is a `Detection`, the
+        `TargetNotFound` of a failed detection, the `PictureError` of an unusable picture, or None without a
+        picture.
     target
         The target, or one target for each pair.
     sensors
@@ -525,15 +528,15 @@ def calibrate(
     folds
         Number of parts for the cross-validation with held-out pairs; 0: no cross-validation.
     predict
-        Check the calibration with independent data: held-out pairs and distances on the target. False: only
-        the cameras are computed, and the `Checks` are NaN.
+        Check the calibration with held-out pairs and distances on the target. False: only the cameras are
+        computed, and the `Checks` are NaN.
 
     Raises
     ------
     dic.calibration.bundle.Undetermined
         If the pictures do not determine the requested parameters.
     ValueError
-        Lists of different lengths, or an unknown distortion model.
+        If lists have different lengths, or the distortion model is unknown.
     """
     n = len(views0)
     targets = list(target) if isinstance(target, Sequence) else [target] * n

@@ -39,8 +39,8 @@ def detect(picture: NDArray[np.generic], target: Target) -> Detection:
 
 
 Views = tuple[list[Detection | TargetNotFound | PictureError], ...]
-"""For each camera a list with one entry per picture: the detection, the reason why there is none, or the
-reason why the picture is unusable."""
+"""For each camera a list with one entry per picture. The entry is the detection, the reason why there is
+none, or the reason why the picture is unusable."""
 
 
 @contextmanager
@@ -49,8 +49,8 @@ def detect_in_background(
 ) -> Iterator[Callable[..., Views]]:
     """Detect a target in all pictures of several cameras in the background (`dic.processes.background_pool`).
 
-    ``targets``: the target for each camera. Yields: a function that joins in the work and returns the
-    detections for `calibrate`; they do not depend on the number of processes. It takes a `progress`, see
+    ``targets``: the target for each camera. Yields: a function that helps with the work and returns the
+    detections for `calibrate`. They do not depend on the number of processes. It takes a `progress`, see
     `dic.processes.run_parallel`.
     """
     jobs = [
@@ -213,7 +213,7 @@ class Calibration(ResultViews):
 
     @property
     def unusable(self) -> tuple[Pair, ...]:
-        """Pairs of which only one picture was used, because the other one is unusable."""
+        """Pairs with only one used picture, because the other one is unusable."""
         return tuple(pair for pair in self.pairs if pair.outcome.used and pair.unusable)
 
     @property

@@ -52,7 +52,7 @@ class CameraFormat(Protocol):
     def write(self, rig: StereoRig, length_unit: float) -> str:
         """The text of a file with lengths in multiples of `length_unit` [m].
 
-        Raises ValueError if the format cannot hold the rig.
+        Raises ValueError if the format cannot store the rig.
         """
 
 
@@ -67,7 +67,7 @@ def read_rig(path: Path | str, *, length_unit: float = 1e-3) -> StereoRig:
     ----------
     path
         A VIC-3D project, a DICe camera system (XML or text), a MatchID .caldat, an OpenCV storage file or
-        OpenCorr's camera parameters; they are distinguished by their content.
+        OpenCorr's camera parameters. The format is recognised by the content.
     length_unit
         The file's unit of length [m], that of the calibration target. If a file states its unit, that one is
         used.
@@ -81,7 +81,7 @@ def read_rig(path: Path | str, *, length_unit: float = 1e-3) -> StereoRig:
     Raises
     ------
     CameraFileError
-        If the file cannot be read, is of no known format, or does not hold two cameras.
+        If the file cannot be read, has no known format, or does not contain two cameras.
     """
     if not 0.0 < length_unit <= 1.0:
         raise ValueError(f"length_unit must be above 0 and at most 1 m, got {length_unit}")
@@ -111,7 +111,7 @@ def write_rig(path: Path | str, rig: StereoRig, format: str, *, length_unit: flo
     Raises
     ------
     CameraFileError
-        An unknown format, or one that cannot hold this rig.
+        If the format is unknown or cannot store this rig.
     """
     by_name = {file_format.name: file_format for file_format in FORMATS}
     if format not in by_name:

@@ -5,7 +5,7 @@ Poses are world to camera, ``X_cam = R X + t`` with R given, or R = Rz(γ) Ry(β
 Lengths have the unit of the target, which the file does not state. A text file holds cx cy fx fy fs k1 k2 k3
 of each camera, alpha beta gamma [degrees] or R11 to R33, tx ty tz, height and width; a # begins a comment. FS
 is a skew in px. Brown's lens models are read. Coefficients of VIC-3D are read with VIC-3D's definition, also
-in text files, where DICe itself assumes K1 R + K2 R² + K3 R³ on the radius. Other models are rejected.
+in text files. In these DICe assumes K1 R + K2 R² + K3 R³ on the radius. Other models are rejected.
 """
 
 import numpy as np

@@ -18,8 +18,8 @@ POSE = ("Tx", "Ty", "Tz", "Theta", "Phi", "Psi")
 UNITS = {"mm": 1e-3, "m": 1.0, "µm": 1e-6, "um": 1e-6, "inch": 25.4e-3}
 ENTRY = re.compile(r"\s*([^\[;:=\t]{1,40}?)\s*(?:\[([^\]]{1,20})\])?\s*[;:=\t]\s*(\S[^;]{0,60}?)\s*;?\s*$")
 LONGEST = 400
-"""Longest line that is searched for a name and a value [characters], because the time of the search grows
-with a power of the length."""
+"""Longest line that is searched for a name and a value [characters]. The time of the search grows with a
+power of the length."""
 CAMERA = re.compile(r"^[ \t]{0,40}Cam(\d{1,6})_", re.MULTILINE)
 
 

@@ -1,8 +1,9 @@
 """OpenCorr camera parameters, as written by its programs and examples.
 
 ``view1_cam_intrinsics.fx = 6673.3f;`` and so on for fx fy fs cx cy k1 to k6 p1 p2 of views 1 and 2, and
-``view1_cam_extrinsics.tx`` to ``rz``: ``X_view = R X + t``, R of the rotation vector (rx, ry, rz) [rad] by
-Rodrigues. Lengths have the unit of the calibration target, which the file does not state.
+``view1_cam_extrinsics.tx`` to ``rz``: ``X_view = R X + t``, where Rodrigues' formula gives R from the
+rotation vector (rx, ry, rz) [rad]. Lengths have the unit of the calibration target, which the file does not
+state.
 """
 
 import re

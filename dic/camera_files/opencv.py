@@ -181,7 +181,7 @@ def _entry(
 
 
 def _collect(source: Source, name: str, node: cv2.FileNode, into: list[float]) -> None:
-    """The numbers of a node and of the lists inside it."""
+    """The numbers in a node and in its lists."""
     if node.isReal() or node.isInt():
         into.append(node.real())
     elif node.isSeq():
@@ -200,7 +200,7 @@ def _collect(source: Source, name: str, node: cv2.FileNode, into: list[float]) -
 
 
 def _depth(text: str) -> int:
-    """Depth of nested brackets, tags and list dashes; unclosed ones keep counting."""
+    """Depth of nested brackets, tags and list dashes. Unclosed ones count too."""
     deepest = depth = 0
     for match in _LEVELS.finditer(text):
         token = match[0]

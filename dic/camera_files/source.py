@@ -1,7 +1,7 @@
 """Shared parts of the camera file formats: safe reading of text and XML, numbers, and the error class.
 
 VIC-3D, DICe and MatchID write the angles of R = Rz(γ) Ry(β) Rx(α), in degrees. XML is parsed by Expat. A
-document that declares an entity is rejected, so that nothing is expanded or fetched.
+document that declares an entity is rejected; no entity is expanded or loaded.
 """
 
 import math
@@ -25,7 +25,7 @@ LONGEST = 100_000
 class CameraFileError(ValueError):
     """A camera file that cannot be read, or a rig that a format cannot hold.
 
-    Its text names the file, the line (if known), the fault and the cure.
+    Its text names the file, the line (if known), the fault and the remedy.
     """
 
     def __init__(self, path: Path | str, fault: str, *, line: int | None = None, cure: str = "") -> None:

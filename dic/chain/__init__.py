@@ -1,7 +1,8 @@
 """Measurement of surfaces from two series of pictures and their calibrated cameras.
 
-`measure` runs the stages one after the other and records their wall times; each stage is a module of this
-package. Both cameras' pictures are tracked in parallel; so are the flyer's motion and the specimen's surface.
+`measure` runs the stages one after the other and records their wall times. Each stage is a module of this
+package. Both cameras' pictures are tracked in parallel. The flyer's motion and the specimen's surface are
+also computed in parallel.
 """
 
 from collections.abc import Callable, Mapping
@@ -55,7 +56,7 @@ class Clock:
         """Wall time of each finished stage, by its name [s]."""
 
     def __call__(self, stage: str, work: Callable[[], Result]) -> Result:
-        """Do the work of a stage and record its time; a stage that raises an exception has no time."""
+        """Run a stage and record its time. A stage that raises an exception has no time."""
         return self.of(stage, timed(work))
 
     def of(self, stage: str, timed_result: tuple[Result, float]) -> Result:
@@ -71,7 +72,7 @@ def timed(work: Callable[..., Result], *arguments: Any) -> tuple[Result, float]:
 
 
 VERSION = 20
-"""Increased when the same pictures and settings give other numbers: stored results are then recomputed."""
+"""Increased when a change of the code changes the numbers. Stored results are then recomputed."""
 
 
 def _matched(inputs: Inputs, specimen: Region, flyer: Region | None) -> list[MatchedBody]:
@@ -115,7 +116,7 @@ def measure(
     progress
         Called as ``progress(stage, done, total)`` with the frames done.
     inspection
-        Inspection of these pictures and static frames (`inspect_pictures`); None: it is made here.
+        Inspection of these pictures and static frames (`inspect_pictures`). None: `measure` inspects them.
 
     Returns
     -------
@@ -125,8 +126,8 @@ def measure(
     Raises
     ------
     ChainError
-        If nothing can be measured: no usable static frame, no point matched between the cameras, points that
-        lie on no cylinder.
+        If nothing can be measured. Examples: no static frame is usable, no point was matched between the
+        cameras, or the points lie on no cylinder.
     """
     clock = Clock()
     inspection = inspection or inspect_pictures(pictures, static)
@@ -164,7 +165,7 @@ def measure(
     flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
     with background(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
         body = gate_ends(inputs, body, rest_state, axial)
-        body = gate_residual(body)  # one at a time: each holds a copy of all positions
+        body = gate_residual(body)  # one at a time, because each holds a copy of all positions
         body = gate_surface(body, rest_state)
         surface, left_out = surface_of(inputs, body, placement, rest_frames)
         another_frame = remarks.of_material(body, specimen)

@@ -1,8 +1,8 @@
 """Tracking of specimen and flyer through both series; the flyer's region, displacement and poses.
 
 A camera below the flyer's face sees the face between the rim and the specimen. The face moves with the flyer,
-so a region may contain part of it; but at the same place the other camera sees the specimen. If only a few
-rows are in view, this shifts the match by half a pixel.
+so a region may contain part of it. At the same place the other camera sees the specimen. If only a few rows
+are in view, this shifts the match by half a pixel.
 """
 
 from collections.abc import Sequence
@@ -41,8 +41,8 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track, Tracking
 
 CLEAR = 1.0
-"""Distance from the rim at which such a region is cut off, as a detected region is: the blur of the edge
-[px]."""
+"""A region that contains part of the face is cut off at this distance from the rim, the blur of the edge
+[px]. A detected region has the same distance."""
 
 
 def before_rim(
@@ -65,13 +65,13 @@ def before_rim(
 
 
 LATERAL_SHARE = 0.05
-"""Prior standard deviation of the lateral displacement from frame to frame, over the axial displacement in
-that time: the change of direction of the velocity [rad]."""
+"""Prior standard deviation of the change of direction of the velocity [rad]. It is the lateral displacement
+from frame to frame over the axial displacement."""
 MOST_FRAMES = 400
-"""Largest number of frames whose poses are solved for together; of more frames, evenly spaced ones are
+"""Largest number of frames whose poses are estimated together. If there are more, evenly spaced frames are
 used."""
 MOST_POINTS = 2000
-"""Largest number of points from which poses are solved for; of more points, evenly spaced ones are used. The
+"""Largest number of points for the estimate of poses. If there are more, evenly spaced points are used. The
 memory grows with frames times points. More points add little information, because their subsets overlap."""
 WIDE = 0.25
 """Smallest number of points of a frame, relative to the frame with the most points [-].
@@ -93,7 +93,8 @@ def flyer_poses(
     subset: int,
     length: float | None,
 ) -> tuple[BodyMotion | None, list[Remark]]:
-    """The rigid motion of the flyer in the frames with enough points, and remarks if there is none."""
+    """The rigid motion of the flyer in the frames with enough points, and remarks if no motion was
+    estimated."""
     body = subsample(body, MOST_POINTS)
     r = body.reconstruction
     visible = np.logical_or(*(track.outcome == PointOutcome.VALID for track in body.tracks))
@@ -134,7 +135,7 @@ def flyer_poses(
 
 
 def subsample(body: TrackedBody, most: int) -> TrackedBody:
-    """A body with at most `most` of its points, evenly chosen; the body itself if it has no more."""
+    """A body with at most `most` evenly chosen points. A body with fewer points is returned unchanged."""
     n = len(body.points)
     if n <= most:
         return body
@@ -230,7 +231,7 @@ def _matched(
 
 
 def usable_region(inputs: Inputs, region: Region, name: str) -> Region:
-    """The region in the nearest frame with a usable picture of both cameras, if the body is at the same place
+    """The region in the nearest frame with usable pictures of both cameras, if the body has not moved
     there."""
     frame = material_frame(inputs.health, region.frame)
     if frame == region.frame or (inputs.static[frame] and inputs.static[region.frame]):
@@ -300,8 +301,7 @@ def clear_of_rim(
 def follow_before_rim(
     inputs: Inputs, region: Region, mask: BoolArray, progress: Progress | None = None
 ) -> TrackedBody | None:
-    """The flyer, tracked with some pixels of its region; None if these contain no point that both cameras
-    see."""
+    """The flyer, tracked with some pixels of its region. None if both cameras see no point in them."""
     try:
         flyer = follow(inputs, [match_flyer(inputs, region, mask)], progress)[0]
     except ValueError:  # no room for a point

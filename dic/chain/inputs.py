@@ -25,7 +25,7 @@ DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right
 
 
 class ChainError(ValueError):
-    """No surface can be measured in the pictures; the text gives the reason and the cure."""
+    """No surface can be measured in the pictures; the text gives the reason and the remedy."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +35,14 @@ class ChainSettings:
     toward_flyer: str
     """Direction to the flyer in the pictures of camera 0: a key of `DIRECTIONS`."""
     zero: tuple[float, float]
-    """End of the specimen at the transmission platen in camera 0's first picture (x, y), known to a pixel or
-    two [px]. The edge is then located in both cameras' pictures."""
+    """End of the specimen at the transmission platen in camera 0's first picture (x, y) [px]. An error of a
+    pixel or two is allowed: the edge is located in both cameras' pictures."""
     strip_half_width: float
     """Points within this distance of the centre plane belong to the outline [m]."""
     radius: float | None = None
-    """Radius of the undeformed specimen, measured otherwise, e.g. by a calliper [m]: the axis then lies at
-    this distance behind the surface. None: the radius is estimated; radius and axis are then less certain,
-    because only part of the circumference is visible."""
+    """Radius of the undeformed specimen from another measurement, e.g. with a calliper [m]. The axis then
+    lies at this distance behind the surface. None: the radius is estimated. Radius and axis are then less
+    certain, because only part of the circumference is visible."""
     largest_sigma: float | None = None
     """Rows of the outline with a larger standard deviation are left out [m]; None: all rows are kept."""
     length: float | None = None
@@ -101,8 +101,8 @@ class ChainSettings:
 
 
 MOST_SENT = 2**25
-"""Largest number of pixels of a series that a fork reads and sends back. Sending takes a tenth of the time of
-decoding, but the pictures are in memory twice until they are copied."""
+"""Largest number of pixels of a series that a forked process reads and sends back. Sending takes a tenth of
+the time of decoding. Until they are copied, the pictures are in memory twice."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntA
 
 
 def _line(grey: GreyNoise) -> Noise:
-    """The straight line of variance over grey value if the noise has one, else its mean."""
+    """The straight line of variance over grey value if the noise has one; otherwise the mean variance."""
     if grey.intercept > 0.0 and grey.slope > 0.0:
         return Noise(floor=grey.intercept**0.5, gain=grey.slope)
     return Noise(floor=grey.sigma)

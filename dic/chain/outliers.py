@@ -1,9 +1,9 @@
 """Removal of outliers from the tracked specimen: changed patches, false matches, rough points, ends.
 
-A gate changes the body in place, because its arrays are the largest of a measurement, and returns it. A
+A gate changes the body in place and returns it, because its arrays are the largest of a measurement. A
 highlight, lost paint or a shadow causes a residual far above the noise. The largest residual along a point's
-references (`dic.tracking.Track.excess`) is compared with that of better points in the same frame. Points that
-have rolled onto a platen, or that a platen's rim hides from a camera, are removed by their position.
+references (`dic.tracking.Track.excess`) is compared with that of better points in the same frame. Some points
+have rolled onto a platen, or a platen's rim hides them from a camera. They are removed by their position.
 """
 
 from dataclasses import replace
@@ -31,9 +31,9 @@ MARGIN = 0.5
 SMALL = 1e-5
 """Distance of the two points from which a picture's scale is computed [m]."""
 AT_ONCE = 50_000
-"""Points of all frames that are processed in one call: many frames at once if there are few points."""
+"""Number of points times frames in one call. If there are few points, a call processes many frames."""
 SLACK = 0.8
-"""Lower bound of a picture's scale anywhere on the specimen, relative to its value at one point [-]."""
+"""Smallest scale of a picture on the specimen, relative to the scale at one point [-]."""
 
 
 def past_the_ends(
@@ -46,11 +46,11 @@ def past_the_ends(
     *,
     platen: float | None = None,
 ) -> BoolArray:
-    """Valid points whose subset reaches past an end, so that part of it is hidden from a camera.
+    """Valid points whose subset reaches past an end: a camera cannot see a part of it.
 
     The masked subset extends a known number of pixels from its point toward either end in the material
-    picture. Deformed with the point's warp, this extent must fit between the point and that end in each
-    camera's picture. Where the platen's rim hides the end, the rim takes its place.
+    picture. The point's warp deforms this extent. It must then fit between the point and the end in each
+    camera's picture. If the platen's rim hides the end, the rim is used instead of the end.
     """
     r = body.reconstruction
     toward = np.asarray(direction) / np.linalg.norm(direction)
@@ -90,8 +90,8 @@ def visible_room(
 ) -> FloatArray:
     """Distance in a picture from points to the visible end of the specimen [px], shape [n].
 
-    The end is taken at the point's distance from the axis. The rim lies in the plane of the end, where the
-    plane through the point, the camera and the direction of the axis meets the rim on the camera's side. It
+    The end is taken at the point's distance from the axis. The rim lies in the plane of the end. Its point is
+    on the camera's side, in the plane through the point, the camera and the direction of the axis. The rim
     does not hide points at the same or a larger distance from the axis.
     """
     y = np.full(len(places), end)
@@ -155,7 +155,7 @@ SIGMAS = 5.0
 BENDING = 0.035
 """Further allowance for the curvature of the surface between the points, over their spacing [-]."""
 FEWEST_CONFIRMING = 2
-"""Smallest number of neighbours of a valid point; a point with fewer is removed."""
+"""Smallest number of neighbours of a valid point. A point with fewer neighbours is removed."""
 FEWEST = 4
 """Smallest number of neighbours for a check of a point against a plane."""
 BENT = 10
@@ -182,9 +182,9 @@ def off_surface(
     """Valid points that lie off the smooth surface through their neighbours.
 
     In every frame a polynomial in the grid's columns and rows is fitted to the positions of a point's
-    neighbours, without the point itself. The worst point of a neighbourhood is removed first and all points
-    are checked again without it, so that one false match does not reject the points around it. A point with
-    fewer than two neighbours is removed too; one with two or three neighbours is not checked.
+    neighbours, without the point itself. The worst point of a neighbourhood is removed first, and all points
+    are checked again without it. One false match therefore does not reject the points around it. A point with
+    fewer than two neighbours is removed too. A point with two or three neighbours is not checked.
     """
     if not distance > 0.0:
         raise ValueError(f"distance must be a positive length [m], got {distance}")
@@ -214,7 +214,7 @@ def off_surface(
 
 
 def _neighbours(cell: IntArray) -> tuple[IntArray, FloatArray]:
-    """Points around each point, -1 where there is none, and their offsets [cells]: [n, m] and [n, m, 2]."""
+    """Points around each point (-1: none) and their offsets [cells], shapes [n, m] and [n, m, 2]."""
     low = cell.min(axis=0) - REACH
     table = np.full(tuple(cell.max(axis=0) - low + REACH + 1), -1, dtype=np.int64)
     table[tuple((cell - low).T)] = np.arange(len(cell))
@@ -259,7 +259,7 @@ def _scores(
         weights = (A @ np.linalg.solve(np.swapaxes(A, 1, 2) @ A + ridge, constant))[..., 0]
         spread = np.sqrt(np.einsum("nm,nmk->nk", weights**2, noise**2))
         expected = np.einsum("nm,nmk->nk", weights, x)
-        # Weights that extrapolate also magnify the curvature between the points.
+        # An extrapolation also magnifies the curvature between the points.
         bent = bending * np.maximum(1.0, np.sum(np.abs(weights), axis=1))[:, None]
         allowed = bent + SIGMAS * np.hypot(spread, sigma[chosen])
         score[chosen] = np.max(np.abs(position[chosen] - expected) / allowed, axis=1)
@@ -277,7 +277,7 @@ TOUCH_REACH = 2
 
 
 def unlike_points(excess: FloatArray, valid: BoolArray, cell: IntArray) -> BoolArray:
-    """Valid points of patches whose residual noise does not explain.
+    """Valid points of patches whose residual is larger than noise can cause.
 
     A patch contains a point with `SEED` times the residual of the frame's better points, and all adjoining
     points with `TOUCHED` times that residual. The limits were chosen on one random population and tested on
@@ -314,8 +314,8 @@ OWN_SIGMAS = 4.0
 def gate_residual(body: TrackedBody) -> TrackedBody:
     """Remove patches of points that no longer resemble their reference, in either camera.
 
-    Points that another gate has removed are not used and begin no patch: a subset that reaches past an end
-    also has a large residual, which is no evidence about its neighbours.
+    Points that another gate has removed are not used and begin no patch. A subset that reaches past an end
+    also has a large residual, but its neighbours may be correct.
     """
     valid = np.asarray(body.reconstruction.outcome == PointOutcome.VALID)
     unlike = np.zeros(valid.shape, dtype=bool)
@@ -342,10 +342,10 @@ def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> T
 def gate_ends(
     inputs: Inputs, body: TrackedBody, rest_state: RestState, axial: AxialDisplacement | None
 ) -> TrackedBody:
-    """Remove points whose subset reaches past an end in either camera, or behind a platen's rim.
+    """Remove points whose subset, in either camera, reaches past an end or behind a platen's rim.
 
-    The upper end follows from the declared length and the flyer's displacement; without either it is not
-    known, and only the lower end is checked.
+    The upper end follows from the declared length and the flyer's displacement. If one of them is missing,
+    only the lower end is checked.
     """
     settings, t = inputs.settings, inputs.t
     upper = np.full(t.size, np.nan)
@@ -367,7 +367,7 @@ def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
     """Remove points that lie off the smooth surface through their neighbours."""
     r, placement = body.reconstruction, rest_state.placement
     variance = placement.frame.variances(r.covariance)
-    # Relative to the cylinder, whose curvature a surface through a few neighbours does not follow.
+    # Relative to the cylinder, because a surface through a few neighbours does not follow its curvature.
     at_rest = placement.frame.positions(static_mean(r, rest_state.frames)[0])
     depth = np.sqrt(np.maximum(placement.radius**2 - at_rest[:, 0] ** 2, 0.0))
     cylinder = np.stack([at_rest[:, 0], at_rest[:, 1], depth], axis=1)

@@ -21,7 +21,7 @@ from dic.stereo.diagnose import Finding
 RADIUS_SIGMAS = 4.0
 """Smallest difference of measured and declared radius that gives a remark, in standard deviations."""
 RADIUS_SHARE = 0.01
-"""Smallest such difference relative to the radius; a smaller one may come from calibration or calliper."""
+"""Smallest such difference relative to the radius. Calibration or calliper may cause a smaller one."""
 
 
 def of_findings(findings: Iterable[Finding]) -> list[Remark]:
@@ -90,8 +90,8 @@ def of_flyer(required: bool, axial: AxialDisplacement | None) -> list[Remark]:
 
 
 def of_rim(past: float, narrower: bool) -> list[Remark]:
-    """Remark on a region of the flyer that reaches past the rim of its face. ``past``: how far [px].
-    ``narrower``: whether the flyer was tracked with only the part before the rim."""
+    """Remark on a region of the flyer that reaches past the rim of its face. ``past``: distance past the rim
+    [px]. ``narrower``: True if only the part before the rim was tracked."""
     if past <= 0.0:
         return []
     return [
@@ -187,7 +187,7 @@ SIGMAS = 5.0
 STEP_SHARE = 0.35
 """Smallest deviation of a frame-to-frame step that gives a remark, relative to the steps around it."""
 STEADY = 0.2
-"""The motion is steady if the steps before and after differ by less than this share."""
+"""The motion is steady if the steps before and after differ by less than this share [-]."""
 AROUND = 3
 """Number of steps on either side with which a step is compared."""
 MOST_AHEAD = 1.05
@@ -264,7 +264,8 @@ def uneven_steps(axial: AxialDisplacement) -> IntArray:
 
 
 def fastest_share(axial: AxialDisplacement, specimen: Body) -> float | None:
-    """Axial displacement of the specimen's fastest points over the flyer's, the median over the later half.
+    """Ratio of the axial displacement of the specimen's fastest points to that of the flyer. Median over the
+    later half.
 
     The flyer pushes the specimen against a platen, so no point of the specimen moves farther than the flyer.
     """
@@ -279,7 +280,8 @@ def fastest_share(axial: AxialDisplacement, specimen: Body) -> float | None:
 
 
 WANTED = 0.02
-"""Predicted standard deviation of a match above which a subset is reported as too small [px]."""
+"""A subset is reported as too small if the predicted standard deviation of its match is larger than this
+[px]."""
 MOST_AVERAGED = 50
 """Largest number of static pictures that are averaged."""
 
@@ -306,8 +308,9 @@ def speckles(
 
     ``frames``: static frames with a usable picture. ``pixels``: positions of the body's points at rest in its
     picture [px], shape [n, 2]; NaN where not visible. Their convex hull is assessed. ``subset``: side of the
-    subsets [px]. ``wanted``: predicted standard deviation that a subset should reach [px]. Raises ValueError:
-    fewer than three points, all points on one line, or no contrast between them.
+    subsets [px]. ``wanted``: predicted standard deviation that a subset should reach [px]. Raises ValueError
+    if there are fewer than three points, if all points are on one line, or if there is no contrast between
+    them.
     """
     chosen = list(frames)[:MOST_AVERAGED]
     finite = pixels[np.isfinite(pixels).all(axis=1)]
@@ -336,7 +339,7 @@ def _quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
         "floor": quality.median_floor if worst.size else None,
         "wanted": quality.wanted,
         "too_small": float(quality.too_small[judged].mean()) if worst.size else None,
-        # the subset that suffices at nearly all places; none if no tried size suffices at some places
+        # the subset that is large enough at nearly all places; none if no tried size is
         "needed": int(np.percentile(subsets, 95)) if subsets.size and np.mean(subsets > 0) > 0.95 else None,
     }
 
@@ -344,7 +347,7 @@ def _quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
 def speckles_of(
     result: StereoResult, pictures: tuple[Pictures, Pictures]
 ) -> tuple[Speckles | None, Speckles | None]:
-    """The speckles of both cameras of a stereo result; None where they cannot be assessed.
+    """The speckles of both cameras of a stereo result; None if they cannot be assessed.
 
     ``result``: the stereo result; its table gives the reason if a camera's speckles cannot be assessed.
     """

@@ -24,8 +24,8 @@ from dic.surfaces.surface_history import CentrePoints, referenced, static_mean, 
 MODEL = 0.06
 """Standard deviation of an edge due to effects that the model does not include [px]."""
 PHASES = (0.0, 0.5)
-"""Shifts of the strip that are tried [px]: the error of a fit depends on the sub-pixel position of the
-strip's rows, with a period of one pixel."""
+"""Tried shifts of the strip [px]. The error of a fit depends on the sub-pixel position of the strip's rows,
+with a period of one pixel."""
 LEAST_GAP = 0.5
 """Largest gap in the paint before the edge that is ignored [px]."""
 SHARE = 0.4
@@ -39,8 +39,8 @@ REACH = 3.5
 RIM_SIGMA = 0.02
 """Relative standard deviation of the platen's radius, if the flyer's radius is used for it [-]."""
 OPEN_RIM = 0.25
-"""Width of the platen's face outside the specimen, over the radius, and its standard deviation, if no radius
-of a platen is known [-]."""
+"""Assumed width of the platen's face outside the specimen, over the radius, and its standard deviation [-].
+They are used if no radius of a platen is known."""
 
 DECLARED = 0.5
 """Standard deviation of a position that a person read from a picture [px]."""
@@ -57,9 +57,9 @@ def refined_end(
 ) -> tuple[FloatArray, float, int]:
     """The lower end of a specimen at rest, from its edge in both cameras' pictures.
 
-    A camera above the plane of the end sees the specimen's edge and, beyond it, the platen's face at a
-    grazing angle. For a camera below that plane the platen's rim hides the end: the visible edge is the rim,
-    at the platen's radius in the same plane.
+    A camera above the plane of the end sees the specimen's edge. Beyond the edge it sees the platen's face at
+    a grazing angle. For a camera below that plane the platen's rim hides the end. The visible edge is then
+    the rim, at the platen's radius in the same plane.
     """
     rim = (1.0 + OPEN_RIM) * cylinder.radius if platen is None else max(platen, cylinder.radius)
     rim_sigma = OPEN_RIM * cylinder.radius if platen is None else RIM_SIGMA * rim
@@ -69,7 +69,7 @@ def refined_end(
         zero = on_cylinder(rig.cameras[0], declared, replace(cylinder, radius=rim))
         frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
     y, sigma, count = 0.0, np.inf, 0
-    for _ in range(2):  # about the declared position, then about the one found
+    for _ in range(2):  # first about the declared position, then about the measured one
         looked = run_parallel(
             [
                 partial(end_in_camera, camera, picture, frame, y, cylinder.radius, rim, rim_sigma)
@@ -88,8 +88,8 @@ def refined_end(
 
 
 def weighted_mean(values: FloatArray, sigmas: FloatArray) -> tuple[float, float]:
-    """Mean weighted with the inverse variances, and its standard deviation, enlarged by the root of
-    chi-squared per degree of freedom if the values disagree."""
+    """Mean weighted with the inverse variances, and its standard deviation. If the values disagree, it is
+    multiplied by the root of chi-squared per degree of freedom."""
     w = 1.0 / sigmas**2
     mean = float(np.sum(w * values) / np.sum(w))
     chi2 = float(np.sum(w * (values - mean) ** 2)) / max(values.size - 1, 1)
@@ -149,8 +149,9 @@ def of_phases(fits: FloatArray) -> tuple[float, float]:
     """Position of an edge and its standard deviation [px], from fits to strips with different sub-pixel
     shifts.
 
-    Added to the fits' standard deviation are `MODEL`, half of the difference between the fits, and the gap in
-    the paint before the edge. The body may end anywhere in the gap (a uniform distribution).
+    The standard deviation contains that of the fits, `MODEL`, and half of the difference between the fits. It
+    also contains the gap in the paint before the edge: the body may end anywhere in the gap (uniform
+    distribution).
     """
     place, sigma, gap = fits.mean(axis=0)
     apart = 0.5 * float(np.ptp(fits[:, 0]))
@@ -257,8 +258,8 @@ def _mean_picture(pictures: Pictures, frames: list[int]) -> FloatArray:
 def surface_of(
     inputs: Inputs, body: TrackedBody, placement: Placement, reference: list[int]
 ) -> tuple[Body, IntArray]:
-    """The points of a body with a position in the reference frames, and the outcomes of all others in the
-    material picture."""
+    """The points of a body with a position in the reference frames, and the outcomes of all other points in
+    the material picture."""
     r = body.reconstruction
     selected = referenced(r, reference)
     surface = to_surface(r, placement.frame, inputs.t, reference=reference, points=selected)
@@ -288,7 +289,7 @@ def surface_of_flyer(inputs: Inputs, flyer: TrackedBody | None, placement: Place
 
 
 def outline_of(specimen: Body, settings: ChainSettings) -> tuple[CentrePoints, int]:
-    """The outline on the centre line without rows of too large a sigma, and the number of these rows."""
+    """The outline on the centre line without rows whose sigma is too large, and the number of these rows."""
     line = outline(
         specimen.surface,
         specimen.points,

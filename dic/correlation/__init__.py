@@ -29,9 +29,9 @@ def correlate(
 ) -> Match:
     """Match subsets of one picture in another.
 
-    The template of a point is ``T(ξ) = f(W_ref(ξ))``, f one of the pictures of `reference`. The result is the
-    warp ``W`` that minimises the ZNSSD between T and ``g(W(ξ))``, g one of the pictures of `deformed`. Both
-    warps are total warps from the material picture.
+    The template of a point is ``T(ξ) = f(W_ref(ξ))``; f is one of the pictures of `reference`. The result is
+    the warp ``W`` that minimises the ZNSSD between T and ``g(W(ξ))``; g is one of the pictures of `deformed`.
+    Both warps are total warps from the material picture.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def correlate(
     guess
         Initial total warps, shape [n, 12]; a row with a NaN ends as NO_FIRST_GUESS.
     settings
-        Subset, shape function and limits. A shape function of lower order does not change the higher-order
-        terms of the guess, apart from composition.
+        Subset, shape function and limits. A shape function of lower order does not fit the higher-order terms
+        of the guess; only the composition of warps changes them.
     reference_picture, deformed_picture
         Index of the picture in its stack for each point, shape [n], or one index for all.
     reference_warp
@@ -66,8 +66,8 @@ def correlate(
     Raises
     ------
     ValueError
-        Shapes that do not match, indices outside the stacks, stacks on two devices or with a prefilter other
-        than that of `settings`, templates for other settings or with too few rows.
+        If shapes do not match, or an index is outside the stacks. If the stacks are on two devices, or their
+        prefilter is not that of `settings`. If the templates are for other settings or have too few rows.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2:

@@ -5,7 +5,7 @@ were chosen. A warp is always a total one, from the material picture to any pict
 
     W(ξ) = x0 + ξ + (u, v) + ∇(u, v) ξ + ½ ξᵀ ∇∇(u, v) ξ
 
-with twelve parameters in the order of `NAMES`; for a shape function of lower order the later ones are zero.
+It has twelve parameters in the order of `NAMES`. For a shape function of lower order the later ones are zero.
 """
 
 from collections.abc import Iterable, Sequence
@@ -85,7 +85,7 @@ class Correlation:
     Raises
     ------
     ValueError
-        A value outside its range; the message names it.
+        If a value is outside its range; the message names it.
     """
 
     subset: int = 21
@@ -96,11 +96,11 @@ class Correlation:
     max_iterations: int = 30
     """Largest number of iterations; a point that needs more ends as NOT_CONVERGED."""
     tolerance: float = 1e-3
-    """The search has converged if the last update moves no corner of the subset by more than this [px]."""
+    """The search has converged if the last update moved every corner of the subset by at most this [px]."""
     least_zncc: float = 0.7
     """A point with a smaller zero-normalised cross-correlation (1 - ZNSSD/2) ends as LOW_CORRELATION."""
     least_pixels: float = 0.5
-    """Share of the subset that must lie inside the mask and the pictures; with less a point is
+    """Share of the subset that must lie inside the mask and the pictures. With a smaller share a point is
     OUT_OF_VIEW."""
 
     def __post_init__(self) -> None:
@@ -119,7 +119,7 @@ class Correlation:
 
 @dataclass(frozen=True)
 class Match:
-    """Result of matching subsets, one row per subset; a row that is not VALID holds the last iterate."""
+    """Result of matching subsets, one row per subset. A row that is not VALID contains the last iterate."""
 
     warp: FloatArray
     """Total warps from the material picture (`dic.correlation.subsets`), shape [n, 12]."""
@@ -134,7 +134,7 @@ class Match:
 
 
 MOST_TEMPLATES = 256 * 2**20
-"""Largest memory for templates [bytes]; if the points need more, templates are recomputed in every call."""
+"""Largest memory for templates [bytes]. If the points need more, templates are recomputed in every call."""
 PACK = 32
 """Number of pixels in a pack; a subset is stored in whole packs."""
 ARRAYS = 4
@@ -145,7 +145,7 @@ ARRAYS = 4
 class Templates:
     """Templates of n points in their references, filled by `correlate` on a CPU.
 
-    The owner must call `forget` for a point whose reference, or warp in the reference, has changed.
+    The owner must call `forget` for a point if its reference or its warp in the reference has changed.
     """
 
     pixels: NDArray[np.float32]
@@ -173,14 +173,14 @@ class Templates:
 
 
 TOGETHER = 64 * 2**20
-"""Size of the pictures that are sent to a GPU and filtered there at once [bytes]."""
+"""Memory of the pictures that are sent to a GPU and filtered together [bytes]."""
 
 
 @dataclass(frozen=True)
 class Noise:
     """Noise of grey values, independent from pixel to pixel: variance = floor² + gain × grey value.
 
-    Raises ValueError: a number that is negative or not finite.
+    Raises ValueError if a number is negative or not finite.
     """
 
     floor: float
@@ -232,11 +232,11 @@ class PictureStack:
         """Filter pictures, if requested, and compute their spline coefficients.
 
         ``pictures``: grey values, shape [rows, columns] or [n, rows, columns], or an iterable of pictures of
-        one shape, of which only those sent to the device at once are in memory. ``noise``: standard deviation
-        of a grey value, one for all pictures or one per picture [grey]. ``prefilter``: standard deviation of
-        the Gaussian [px], 0 to 5; that of the `Correlation` used later. ``device``: "cpu" or "cuda". Raises
-        ValueError: no picture, pictures of several shapes or smaller than 8 x 8, grey values that are not
-        finite, a noise for another number of pictures, a device that does not exist.
+        one shape. Only the pictures that are sent together are in memory. ``noise``: standard deviation of a
+        grey value, one for all pictures or one per picture [grey]. ``prefilter``: standard deviation of the
+        Gaussian [px], 0 to 5; that of the `Correlation` used later. ``device``: "cpu" or "cuda". Raises
+        ValueError if there is no picture, if shapes differ or are smaller than 8 x 8, or if a grey value is
+        not finite. Also if the noise is for another number of pictures, or the device does not exist.
         """
         if not 0.0 <= prefilter <= 5.0:
             raise ValueError(f"prefilter must be from 0 to 5 px, got {prefilter}")
@@ -290,7 +290,7 @@ class PictureStack:
     def join(cls, stacks: Sequence["PictureStack"]) -> "PictureStack":
         """One stack with the pictures of several stacks, in their order; the coefficients are shared.
 
-        Raises ValueError: no stack, or stacks of several shapes, prefilters or devices.
+        Raises ValueError if there is no stack, or if shapes, prefilters or devices differ.
         """
         kinds = {(stack.shape, stack.prefilter, stack.device) for stack in stacks}
         if len(kinds) != 1:
@@ -341,12 +341,13 @@ def overlap_correlation(
 ) -> FloatArray:
     """Correlation of the errors of points whose square subsets overlap.
 
-    The error of a match is a sum over the subset of noise times gradient times a weight: the weight of a
-    pixel in the least-squares fit of the shape function's central value. For a uniform speckle pattern the
+    The error of a match is a sum over the subset of noise times gradient times a weight. It is the weight of
+    a pixel in the least-squares fit of the shape function's central value. For a uniform speckle pattern the
     covariance of two such sums is the integral of both weights over the common area. For a rigid or affine
-    shape function all weights are equal, which gives (1 - |Δx|/s)(1 - |Δy|/s), s the side. For a quadratic
-    one the weight is ``7/2 - 15/4 (ξ² + η²)``, ξ and η from -1 to 1 over the subset. It is negative in the
-    corners, so that the errors of neighbours are less correlated, and anticorrelated at larger distances.
+    shape function all weights are equal. The correlation is then (1 - |Δx|/s)(1 - |Δy|/s) with the side s.
+    For a quadratic one the weight is ``7/2 - 15/4 (ξ² + η²)``, with ξ and η from -1 to 1 over the subset.
+    This weight is negative in the corners. The errors of neighbours are then less correlated, and
+    anticorrelated at larger distances.
 
     ``first``, ``second``: positions in the material picture [px], shapes [n, 2] and [m, 2]. ``subset``: side
     of the subsets [px]. ``shape``: shape function of the match. Returns: shape [n, m].
@@ -361,8 +362,8 @@ def _alike(apart: FloatArray, subset: float, shape: Shape) -> FloatArray:
     across, down = share[..., 0], share[..., 1]
     if shape <= Shape.AFFINE:
         return np.asarray(across * down)
-    # half the overlap h along an axis, and half the distance e, in halves of the side: means over the overlap
-    # of ξ² (alike for the other subset's, by symmetry) and of the product of both squares
+    # h: half the overlap along an axis, e: half the distance, in halves of the side. Means over the overlap:
+    # of ξ² (equal for the other subset, by symmetry) and of the product of both squares
     e2 = (1.0 - share) ** 2
     square = share**2 / 3.0 + e2
     product = share**4 / 5.0 - 2.0 * e2 * share**2 / 3.0 + e2**2
@@ -372,7 +373,7 @@ def _alike(apart: FloatArray, subset: float, shape: Shape) -> FloatArray:
 
 
 def overlap_matrix(points: ArrayLike, subset: float, shape: Shape = Shape.AFFINE) -> csr_array:
-    """`overlap_correlation` between all points of a set, stored only for pairs whose subsets overlap.
+    """`overlap_correlation` between all points of a set. Only pairs whose subsets overlap are stored.
 
     ``points``: positions in the material picture [px], shape [n, 2]. ``subset``: side of the subsets [px].
     ``shape``: shape function of the match. Returns: a sparse symmetric matrix, shape [n, n], with ones on its
@@ -391,10 +392,10 @@ def overlap_matrix(points: ArrayLike, subset: float, shape: Shape = Shape.AFFINE
 
 
 def overlap_factor(points: ArrayLike, subset: float, valid: ArrayLike | None = None) -> FloatArray:
-    """Variance factor of each point with which points can be combined as if they were independent.
+    """Variance factor of each point. With it points can be combined as if they were independent.
 
-    It is the sum of a point's correlations with all valid points of the frame, itself included. The resulting
-    variance is exact for a mean with equal weights, and a little too large for slopes.
+    It is the sum of a point's correlations with all valid points of the frame, including the point itself.
+    The resulting variance is exact for a mean with equal weights. For slopes it is a little too large.
 
     ``points``: positions in the material picture [px], shape [n_points, 2]. ``subset``: side of the subsets
     [px]. ``valid``: mask of the points that are combined, shape [..., n_points]; None: all. Returns: factors

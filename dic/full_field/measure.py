@@ -1,4 +1,4 @@
-"""Full-field measurement of a plane by one camera; settings, extensometers and grey noise of all full
+"""Full-field measurement of a plane by one camera. Settings, extensometers and grey noise of all full
 fields."""
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +29,7 @@ class FullFieldSettings:
     Raises
     ------
     ValueError
-        A value outside its range; the message names it.
+        If a value is outside its range; the message names it.
     """
 
     step: int = 5
@@ -50,8 +50,8 @@ class FullFieldSettings:
     """Number of static frames at the beginning. From two or more, the noise of the grey values and a mean
     reference position are computed."""
     noise: float | None = None
-    """Standard deviation of a grey value [grey]; None: it is estimated from the static frames, or from the
-    residuals of the matches if there is only one static frame."""
+    """Standard deviation of a grey value [grey]. None: it is estimated from the static frames. With only one
+    static frame it is estimated from the residuals of the matches."""
     device: str = "cpu"
 
     @property
@@ -119,15 +119,15 @@ def extension(
 ) -> Extension:
     """Length of an extensometer in every frame.
 
-    The position of an end is the value there of a plane fitted to the positions of the points around it. The
-    same points and weights w are used at the reference, so that lost points do not shift an end. The sigma is
-    that of ``n · Σ g x``: g is w of the second end minus w of the first, n the unit vector between the ends.
+    A plane is fitted to the positions of the points around an end; its value at the end is the position. The
+    same points and weights w are used at the reference, so lost points do not shift an end. The sigma is that
+    of ``n · Σ g x``. g is w of the second end minus w of the first; n is the unit vector between the ends.
     The errors of points are correlated where their subsets overlap.
 
     ``points``: positions of its points in the reference picture [px], shape [n_points, 2]. ``step``,
     ``subset``: distance of adjacent points, and side of the subsets [px]. ``reference_sigma``: standard
-    deviations of the reference positions, independent of the frames' [m], shape [n_points, 3]; None: they are
-    exact.
+    deviations of the reference positions [m], shape [n_points, 3]. They are independent of those of the
+    frames. None: the positions are exact.
     """
     near = [_near(points, end, extensometer.window, step) for end in extensometer.ends]
     rows = np.flatnonzero(near[0] | near[1])
@@ -176,7 +176,7 @@ def extensions(
 ) -> tuple[Extension, ...]:
     """`extension` of several extensometers.
 
-    Raises ValueError if an end lies outside all points, so that no frame could give a length.
+    Raises ValueError if an end lies outside all points: no frame could give a length.
     """
     for one in gauges:
         for end in one.ends:
@@ -194,8 +194,8 @@ def _near(points: FloatArray, end: tuple[float, float], window: int, step: float
 
 
 def _weights(grid: FloatArray, used: BoolArray, end: tuple[float, float], step: float) -> FloatArray | None:
-    """Weights that give the value at `end` of the plane through the used points, shape [n]; None if there are
-    too few of them or they lie nearly on a line."""
+    """Weights of the used points for the value of their best-fit plane at `end`, shape [n]. None if there are
+    too few points or they lie nearly on a line."""
     if used.sum() < FEWEST:
         return None
     q = (grid[used] - np.array(end)) / step
@@ -236,9 +236,9 @@ def noise_from_matches(
 ) -> float:
     """Standard deviation of a grey value, estimated from the correlation of the matched subsets [grey].
 
-    Two pictures of one pattern with independent noise σ have the correlation ``1 - σ²/s²``, where s² is the
-    variance of the grey values in the subset, noise included. The median over the points of ``s √(1 - zncc)``
-    includes errors of interpolation and shape function; it tends to be too large.
+    Two pictures of one pattern with independent noise σ have the correlation ``1 - σ²/s²``. s² is the
+    variance of the grey values in the subset, including noise. The result is the median over the points of
+    ``s √(1 - zncc)``. It includes errors of interpolation and shape function and tends to be too large.
 
     ``picture``: the reference picture, shape [rows, columns]. ``points``: centres of the matched subsets
     [px], shape [n, 2]. ``zncc``: their correlations, shape [n]. ``subset``: side of the subsets [px].
@@ -261,7 +261,7 @@ Progress = Callable[[str, int, int], None]
 Series = Pictures | Sequence[Any]
 """A series of pictures, or arrays [rows, columns] in memory."""
 EXACT = 1e-4
-"""Standard deviation of a chosen position, which is exact [px]."""
+"""Standard deviation of a chosen position [px]: a chosen position is exact."""
 
 
 def measure_plane(
@@ -304,8 +304,8 @@ def measure_plane(
     Raises
     ------
     ValueError
-        Shapes that do not match, an unusable reference picture, no point in the mask, an extensometer outside
-        all points.
+        If shapes do not match, the reference picture is unusable, no point lies in the mask, or an
+        extensometer lies outside all points.
 
     Examples
     --------

@@ -1,9 +1,10 @@
-"""Full-field measurement by two cameras: a curved surface, or a cylinder corrected for the curvature bias.
+"""Full-field measurement by two cameras: a curved surface, or a cylinder with a correction of the curvature
+bias.
 
-Camera 1 sees a subset displaced by a field u(ξ) that the shape function cannot follow. The misfit moves the
-fitted centre by ``b = c₀ - u(0)``, ``c = argmin Σ_ξ |u(ξ) - Σ_j c_j φ_j(ξ)|²``; φ_j are the terms of the
-shape function (φ₀ = 1), ξ the pixels in the mask. For a cylinder near the true one, u follows in closed form
-from the rays; b is subtracted.
+On a curved surface camera 1 sees a subset displaced by a field u(ξ). The shape function cannot follow this
+field. The misfit moves the fitted centre by ``b = c₀ - u(0)``, ``c = argmin Σ_ξ |u(ξ) - Σ_j c_j φ_j(ξ)|²``.
+φ_j are the terms of the shape function (φ₀ = 1), ξ the pixels in the mask. For a cylinder near the true one,
+the rays give u in closed form, and b is subtracted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,8 +49,8 @@ from dic.tracking import Track
 
 
 def plane_frame(X: FloatArray, rig: StereoRig) -> SpecimenFrame:
-    """Frame on the best-fit plane of points: Z along the normal toward the cameras, x to the right and y up
-    in camera 0's pictures, the origin in the middle of the points.
+    """Frame on the best-fit plane of points. Z is along the normal toward the cameras. x points to the right
+    and y up in camera 0's pictures. The origin is in the middle of the points.
     """
     if len(X) < 3:
         raise ValueError(f"a plane needs three points, got {len(X)}")
@@ -66,9 +67,9 @@ def plane_frame(X: FloatArray, rig: StereoRig) -> SpecimenFrame:
 
 
 def _cylinder_frame(cylinder: Cylinder, rig: StereoRig) -> SpecimenFrame:
-    """Frame on a cylinder: y along its axis, up in camera 0's pictures, or to the right if the axis is
-    horizontal there; Z from the axis toward the cameras. The origin is the point of the axis nearest to the
-    middle of the points.
+    """Frame on a cylinder. y is along its axis and points up in camera 0's pictures, or to the right if the
+    axis is horizontal. Z points from the axis toward the cameras. The origin is the point of the axis nearest
+    to the middle of the points.
     """
     ends = cylinder.point + np.outer([-0.1, 0.1], cylinder.radius * cylinder.axis)
     across, down = np.abs(np.diff(rig.cameras[0].project(ends), axis=0)[0])
@@ -77,14 +78,14 @@ def _cylinder_frame(cylinder: Cylinder, rig: StereoRig) -> SpecimenFrame:
 
 
 NODES = 15
-"""Nodes along each side of a subset that represent its pixels."""
+"""Number of nodes along each side of a subset. The nodes represent its pixels."""
 LEAST_VISIBLE = 0.2
 """Smallest share of the nodes that must lie on the cylinder and in the mask."""
 
 
 def polynomial_bias(field: FloatArray, shape: Shape) -> FloatArray:
-    """Value at the centre of the best-fit polynomial of a field over a square, minus the field's value
-    there."""
+    """Value of the best-fit polynomial of a field over a square, minus the value of the field, both at the
+    centre."""
     x, y = subset_nodes(2.0).T  # from -1 to 1: the result does not depend on a length
     terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if shape == Shape.QUADRATIC else [])
     T = np.stack(terms, axis=1)
@@ -139,7 +140,7 @@ def without_bias(track: Track, bias: FloatArray, material: int) -> Track:
     """
     finite_bias = np.where(np.isfinite(bias), bias, 0.0)
     F = gradient(track.warp)
-    with np.errstate(invalid="ignore"):  # from lost points
+    with np.errstate(invalid="ignore"):  # lost points give no numbers
         start = np.where(np.isfinite(F[material]), F[material], np.eye(2))
         now = np.where(np.isfinite(F), F, np.eye(2))
     shift = now @ (np.linalg.inv(start) @ finite_bias[..., None])
@@ -192,8 +193,8 @@ def _remove_curvature_bias(
     settings: FullFieldSettings,
     radius: float | None,
 ) -> tuple[TrackedBody, float, float]:
-    """The body corrected for the curvature bias, the median size of the bias in camera 1 [px], and the radius
-    before the correction [m]."""
+    """The body after the correction of the curvature bias, the median size of the bias in camera 1 [px], and
+    the radius before the correction [m]."""
     first, track = body, body.tracks[1]
     plain, size = _cylinder_of(first.reconstruction, rest_frames, settings, body.points).radius, 0.0
     for _ in range(CORRECTIONS):
@@ -237,7 +238,7 @@ def cylinders(
 
 
 TRIED = 300
-"""Number of points whose matches give the noise of the grey values if there is no other source."""
+"""If nothing else gives the noise of the grey values, the matches of this number of points give it."""
 
 
 def measure_surface(
@@ -299,7 +300,7 @@ def measure_cylinder(
     pictures, rig, settings, mask, t, extensometers, facts, progress
         As for `measure_surface`.
     radius
-        Radius at the reference, measured otherwise, e.g. by a calliper [m]: the axis then lies at this
+        Radius at the reference from another measurement, e.g. with a calliper [m]. The axis then lies at this
         distance behind the surface. The radii of the frames remain free. None: the radius is estimated.
 
     Returns

@@ -1,7 +1,7 @@
 """Picture series: the registry of file formats, and facts declared by the caller.
 
-A file is recognised by its first bytes, not by its name. To add a format, write its module and add one line
-to `FORMATS`. Series are read lazily. `health` inspects frames; `quality` rates their noise and speckles.
+A file is recognised by its first bytes; its name is not used. To add a format, write its module and add one
+line to `FORMATS`. Series are read lazily. `health` inspects frames; `quality` rates their noise and speckles.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,8 +44,8 @@ class DeclaredPictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one frame as recorded, shape [rows, columns].
 
-        Raises PictureError if the file has no such frame, it cannot be read, or a grey value needs more than
-        `bits`.
+        Raises PictureError if the file has no such frame, if the frame cannot be read, or if a grey value
+        needs more than `bits`.
         """
         if checked_index(self.n_frames, index) >= self.pictures.n_frames:
             raise PictureError(
@@ -70,7 +70,8 @@ def declared(
     ``bits``: bits that carry the grey value: 12 for a 12-bit camera whose values lie in 16 bits.
     ``crop_offset``: position of the top left pixel on the sensor (x, y) [px]. ``times``: times of the frames
     [s], increasing; one per frame. ``n_frames``: correct number of frames, if the file was cut off; reading a
-    missing frame raises PictureError. Raises ValueError: a value outside its range; the message names it.
+    missing frame raises PictureError. Raises ValueError if a value is outside its range; the message names
+    it.
     """
     count = pictures.n_frames if n_frames is None else int(n_frames)
     if not pictures.n_frames <= count <= MOST_FRAMES:
@@ -152,13 +153,13 @@ def open_pictures(
     Parameters
     ----------
     path
-        A file of any of the formats; a folder with a numbered series of TIFF, PNG, JPEG or BMP files; or
-        a list of such files in the order of the frames.
+        A file of any of the formats, a folder with a numbered series of TIFF, PNG, JPEG or BMP files, or a
+        list of such files in the order of the frames.
     pattern
         In a folder: the names of the series with one `*` for the number, e.g. ``"cam0_*.png"``. In an HDF5
         file: the name of the dataset.
     bits, crop_offset, times, n_frames
-        Values that the files do not state, or state wrongly; see `dic.images.declared`.
+        Values that are missing or wrong in the files; see `dic.images.declared`.
 
     Returns
     -------

@@ -1,9 +1,9 @@
 """Phantom `.cine`: uncompressed 8 and 16-bit pictures, and the packed P10 and P12L.
 
-After Vision Research's "Cine File Format": a file header, a bitmap header, the SETUP block, tagged blocks
-with the time stamps, and a table of the pictures' offsets. Uncompressed pictures are stored bottom row first,
-packed ones top row first. The display settings in SETUP (flips, gain, gamma) are not applied. SETUP does not
-contain the position of a crop on the sensor: it has to be declared.
+Vision Research's "Cine File Format" defines the parts of a file. These are a file header, a bitmap header,
+the SETUP block, tagged blocks with the time stamps, and a table of the pictures' offsets. Uncompressed
+pictures are stored bottom row first, packed ones top row first. The display settings in SETUP (flips, gain,
+gamma) are not applied. SETUP does not contain the position of a crop on the sensor. The user must declare it.
 """
 
 import struct
@@ -63,8 +63,8 @@ class CinePictures:
         """Grey values of one picture, shape [rows, columns]; P10 is converted to linear 12-bit values
         (`p10_to_linear`).
 
-        Raises PictureError if the picture or its entry in the table lies beyond the end of the file, or its
-        size is wrong.
+        Raises PictureError if the picture's size is wrong, or if the picture or its entry in the table lies
+        beyond the end of the file.
         """
         index = checked_index(self.n_frames, index)
         rows, columns = self.shape
@@ -125,8 +125,8 @@ def read(path: Path) -> CinePictures:
     time stamps relative to the trigger. Without stamps they follow from the frame rate and the first image
     number. If the number of stamps differs from that of the pictures, there are no times.
 
-    Raises PictureError if its headers are cut off or contradict themselves, or it holds compressed or colour
-    pictures.
+    Raises PictureError if its headers are cut off or contradictory, or if its pictures are compressed or have
+    colours.
     """
     size = path.stat().st_size
     with open(regular(path), "rb") as file:
@@ -189,7 +189,7 @@ def _piece(file: BinaryIO, path: Path, part: str, start: int, count: int) -> byt
 
 
 def _field(setup: bytes, place: int) -> int:
-    """An unsigned field of SETUP; 0 if the writer's version of SETUP ended before it."""
+    """An unsigned field of SETUP; 0 if this version of SETUP does not contain it."""
     return int(_NUMBER.unpack_from(setup, place)[0]) if len(setup) >= place + 4 else 0
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import h5py
 
 LARGEST_BLOCK = 2**29
-"""Largest block that a dataset of pictures may be stored in [bytes]; a block is unpacked as a whole."""
+"""Largest block of a stored dataset of pictures [bytes]. A block is unpacked as a whole."""
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
@@ -54,7 +54,7 @@ class Hdf5Pictures:
         try:
             with h5py.File(regular(self.path), "r") as file:
                 picture = np.asarray(file[self.dataset][index])
-        except Exception as error:  # any exception of the library is due to a damaged file
+        except Exception as error:  # every exception of the library means a damaged file
             raise PictureError(self.path, f"cannot be read ({error})", frame=index) from error
         return checked_frame(self.path, index, picture, self.shape, self.bits)
 
@@ -111,7 +111,7 @@ def _opened(path: Path, dataset: "h5py.Dataset") -> Hdf5Pictures:
     import h5py
 
     n_frames, rows, columns = dataset.shape
-    checked_count(path, n_frames)  # before its times are read
+    checked_count(path, n_frames)  # a check before its times are read
     block = int(np.prod(dataset.chunks or (1,), dtype=object)) * dataset.dtype.itemsize
     if block > LARGEST_BLOCK:
         raise PictureError(

@@ -1,7 +1,7 @@
 """Health of whole frames: unreadable, black, saturated, repeated, or with a specular flash.
 
-The limits are shares of pixels or ratios, so that none depends on the grey range. Brightness is compared with
-that of the surrounding frames, so that a flickering lamp is not taken for a fault.
+The limits are shares of pixels or ratios and do not depend on the grey range. Brightness is compared with
+that of the surrounding frames, so a flickering lamp is not reported as a fault.
 """
 
 from collections.abc import Mapping
@@ -38,24 +38,24 @@ class FrameHealth:
     gain: FloatArray
     """Median grey value over its median in the surrounding frames: flicker [-], shape [n_frames]."""
     contrast: FloatArray
-    """Standard deviation of the signal that neighbouring pixels share, i.e. without noise [grey], shape
-    [n_frames]."""
+    """Standard deviation of the signal that neighbouring pixels share [grey], shape [n_frames]. It contains
+    no noise."""
     correlation: FloatArray
     """Correlation of neighbouring pixels; 0 if there is only noise [-], shape [n_frames]."""
     saturated: FloatArray
     """Share of pixels at `ceiling`, shape [n_frames]."""
     flash: FloatArray
-    """Share of pixels that are brighter than the brightest spots of the surrounding frames, corrected for
-    flicker, or saturated more often than there. NaN if more than `flash_share` of the pixels is usually
-    saturated, so that a flash cannot be detected. Shape [n_frames]."""
+    """Share of pixels that are brighter than the brightest spots of the surrounding frames, or saturated more
+    often than in these frames. Flicker is corrected. NaN if more than `flash_share` of the pixels is usually
+    saturated: a flash cannot then be detected. Shape [n_frames]."""
     flashed: NDArray[np.bool_]
     """Frames with a specular flash; points outside the flash remain valid. Shape [n_frames]."""
     ceiling: int
     """Grey value at which pixels saturate: 2**bits - 1, or lower if the histogram has a peak below it."""
     notes: Mapping[int, str]
-    """Frame number -> finding in one line, for frames that are not VALID or have a flash."""
+    """Finding in one line by frame number, for frames that are not VALID or have a flash."""
     mismatched: tuple[int, ...]
-    """Frames of another size, or of other bits, than the series."""
+    """Frames whose size or bits differ from those of the series."""
     constant: NDArray[np.bool_]
     """Frames whose grey values are all equal, below the largest possible one. Shape [n_frames]."""
 
@@ -72,14 +72,15 @@ def frame_health(
     """Inspect every frame of a series.
 
     A frame is SATURATED if more than `most_saturated` of its pixels are at the ceiling. It is BLACK if it
-    shows only noise: the correlation of neighbouring pixels is less than 0.2, or the contrast is below
-    `noise`, or below `least_contrast` of the series' median contrast. It is REPEATED if every pixel equals
-    that of the previous frame, because the noise of two exposures would differ.
+    shows only noise. Then the correlation of neighbouring pixels is less than 0.2, or the contrast is below
+    `noise` or below `least_contrast` of the series' median contrast. It is REPEATED if every pixel equals
+    that of the previous frame: the noise of two exposures would differ.
 
     ``pictures``: the series. ``mask``: pixels that are inspected, shape [rows, columns]; None: all.
     ``noise``: standard deviation of a pixel's noise [grey], if known. ``most_saturated``, ``least_contrast``,
     ``flash_share``: limits, each from 0 to 1; a frame has a flash if its `flash` exceeds `flash_share`.
-    Raises ValueError: a limit out of range, or a mask of another shape or without two neighbouring pixels.
+    Raises ValueError if a limit is out of range, or if the mask has another shape or no two neighbouring
+    pixels.
     """
     for name, limit in (("most_saturated", most_saturated), ("least_contrast", least_contrast)):
         if not 0.0 < limit <= 1.0:
@@ -98,14 +99,14 @@ def frame_health(
     saturated = np.where(statistics.top >= ceiling, statistics.at_top, np.where(readable, 0.0, np.nan))
     gain = statistics.middle / np.maximum(_around(statistics.middle), 1.0)
     above = _brighter(statistics.histograms, gain)
-    # a flash on a bright scene is only a little brighter than its bright spots, but saturates
+    # in a bright scene a flash is only a little brighter than the bright spots, but it saturates
     usual = _around(saturated)
     flash = np.where(usual <= flash_share, np.fmax(above, saturated - usual), np.nan)
 
     outcome = np.full(pictures.n_frames, int(FrameOutcome.VALID))
     if (
         statistics.repeats.sum() <= MOST_REPEATS * pictures.n_frames
-    ):  # else the pictures have no noise and may be equal
+    ):  # otherwise the pictures have no noise and may be equal
         outcome[statistics.repeats] = int(FrameOutcome.REPEATED)
     typical = float(np.nanmedian(statistics.contrast)) if readable.any() else 0.0
     black = statistics.correlation < _LEAST_CORRELATION
@@ -145,21 +146,22 @@ def frame_health(
 
 
 _CURES = {
-    "unreadable": "",  # its error has one
+    "unreadable": "",  # its error has a finding
     "constant": "was the lens cap on, or the light off? is it the right file?",
     "black": "was the lens cap on, or the light off? is it the right file?",
     "saturated": "expose shorter, or close the lens; declare bits where the camera has fewer than stored",
     "repeated": "export each frame once",
 }
-"""Fault of an unusable picture, in one word -> the cure."""
+"""Cure by the fault of an unusable picture (one word)."""
 
 
 def check_series(pictures: Pictures, health: FrameHealth) -> None:
     """Reject a series that cannot be correlated.
 
-    ``pictures``, ``health``: the series and its health by `frame_health`. Raises PictureError, which names
-    the first file or frame and the cause: a picture of another size or of other bits than the series, or
-    fewer than two pictures that are readable and neither constant, black, saturated nor repeated.
+    ``pictures``, ``health``: the series and its health by `frame_health`. Raises PictureError if a picture
+    has another size or other bits than the series, or if fewer than two pictures are usable. Usable pictures
+    are readable and not constant, black, saturated or repeated. The error names the first file or frame and
+    the cause.
     """
     count = pictures.n_frames
     if health.mismatched:
@@ -170,7 +172,7 @@ def check_series(pictures: Pictures, health: FrameHealth) -> None:
             cure="is a picture of another recording among them? leave it out, or export all alike",
         )
     bad = np.flatnonzero(health.outcome != FrameOutcome.VALID).tolist()
-    if count - len(bad) >= 2 or count < 2:  # a correlation compares two pictures
+    if count - len(bad) >= 2 or count < 2:  # a correlation needs two pictures
         return
     kinds = [
         "constant" if health.constant[i] else FrameOutcome(int(health.outcome[i])).name.lower() for i in bad

@@ -1,8 +1,8 @@
 """Numbered series of TIFF, PNG, JPEG and BMP pictures, one file per frame.
 
-The number in the name gives the frame: the first number is frame 0, and the step is the largest one that fits
-all numbers (0002, 0004, 0008: step 2). A missing number is a missing frame. OpenCV decodes truncated files
-and accepts any size stated in a header. Therefore size and completeness are checked in the bytes first.
+The number in the name gives the frame. The first number is frame 0. The step is the largest one that fits all
+numbers (0002, 0004, 0008: step 2). A missing number is a missing frame. OpenCV decodes truncated files and
+accepts any size stated in a header. Therefore size and completeness are checked in the bytes first.
 """
 
 import re
@@ -30,7 +30,8 @@ from dic.images.series import (
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG_END_WITHIN = 65_536
-"""Largest distance of a JPEG's end mark from the end of the file, as cameras append notes [bytes]."""
+"""Largest distance of a JPEG's end mark from the end of the file [bytes]. Cameras append notes after the
+mark."""
 
 
 def _missing_end(data: bytes) -> str:
@@ -93,7 +94,7 @@ def _bmp(data: bytes) -> str:
         return "the BMP file is cut off in its header"
     start, header, width, height, _, bits, compression = struct.unpack_from("<IIiiHHI", data, 10)
     if header < 40 or compression != 0:
-        return ""  # an older header or run lengths: left to the decoder
+        return ""  # an older header or run lengths: the decoder checks them
     need = start + (abs(width) * bits + 31) // 32 * 4 * abs(height)
     return f"the BMP file is cut off: {len(data)} of {need} bytes are there" if len(data) < need else ""
 
@@ -101,7 +102,7 @@ def _bmp(data: bytes) -> str:
 SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """File name endings that are searched in a folder; a pattern may name others."""
 MOST_MISSING = 20
-"""Largest span of the numbers over the number of pictures; a larger one suggests time stamps."""
+"""Largest span of the numbers over the number of pictures. A larger span suggests time stamps."""
 WEIGHTS = "0.299 R + 0.587 G + 0.114 B"
 """Grey value of a colour pixel (ITU-R BT.601), with OpenCV's weights; a TIFF with colours is rejected."""
 LARGEST_FILE = 2**29
@@ -126,7 +127,7 @@ class NumberedPictures:
     stored: int = 0
     """Bits in which each grey value is stored, 8 or 16; 0: not checked."""
     tripled: bool = False
-    """Whether the first picture has three equal colour channels, of which one is used."""
+    """Whether the first picture has three equal colour channels. Then one of them is used."""
 
     @property
     def n_frames(self) -> int:
@@ -157,8 +158,8 @@ class NumberedPictures:
 def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
     """Open the series in a folder.
 
-    ``pattern``: names of the series with one `*` for the number, e.g. ``"cam0_*.png"``; without it all
-    pictures of the folder must belong to one series, by the last number in their names.
+    ``pattern``: names of the series with one `*` for the number, e.g. ``"cam0_*.png"``. Without it all
+    pictures of the folder must belong to one series. The last number in a name is then the frame's number.
     """
     candidates = _matching(path, pattern) if pattern is not None else _only_series(path)
     by_number: dict[int, Path] = {}
@@ -184,7 +185,7 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
 
 
 def read_files(files: Sequence[Path]) -> NumberedPictures:
-    """Open picture files in the given order; frame i is file i, and a file that does not exist is a missing
+    """Open picture files in the given order. Frame i is file i. A file that does not exist is a missing
     frame."""
     if not files:
         raise PictureError("list of files", "it is empty", cure="name a file at least")

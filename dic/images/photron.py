@@ -36,7 +36,7 @@ _XML = {
     "Save Step": "frameInfo/skipFrame",
     "Camera Type": "deviceInfo/deviceName",
 }
-"""The fields that are read: name in the text form -> path in the XML form."""
+"""The fields that are read: path in the XML form by name in the text form."""
 _SEGMENT = "Segment Position"
 """Name of the field with the pictures' position on the sensor, "x, y" [px]."""
 _COLOUR_CAMERA = re.compile(r"\bC\b|colou?r|bayer", re.IGNORECASE)
@@ -208,12 +208,12 @@ def sniff(path: Path, start: bytes) -> bool:
 def read(path: Path) -> MrawPictures:
     """Open a recording by its `.mraw` or its header.
 
-    The times are (Start Frame + i)/Record Rate, on the trigger's clock; None if the header gives no rate, or
-    saves only every n-th frame, which its two forms do not define alike. `segmentPos` of the XML is the crop
-    offset. "Raw" means the grey values of a camera without a colour mosaic.
+    The times are (Start Frame + i)/Record Rate, on the trigger's clock; None if the header gives no rate.
+    Also None if only every n-th frame was saved, because the two forms of the header define this differently.
+    `segmentPos` of the XML is the crop offset. "Raw" are the grey values of a camera without a colour mosaic.
 
-    Raises PictureError if one of the two files is missing, the header is inconsistent, or the pictures have
-    colours.
+    Raises PictureError if one of the two files is missing, if the header is inconsistent, or if the pictures
+    have colours.
     """
     pixels, header = _pair(path)
     colours, kind = header.word("Color Type", "mono"), header.word("File Format", "mraw")

@@ -1,4 +1,4 @@
-"""Quality of pictures: noise of the grey values, speckle size and coverage, the predicted noise floor.
+"""Quality of pictures: noise of the grey values, speckle size and coverage, predicted noise floor.
 
 The noise is measured in static frames. Gradients are those of a picture's interpolating quintic B-spline. The
 speckle size is measured by the autocorrelation and by the edges.
@@ -58,7 +58,8 @@ def _half_width(line: FloatArray) -> float:
 
 
 def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
-    """Share of dark pixels [-], and diameter of random discs with the chord lengths of the minor phase [px].
+    """Share of dark pixels [-], and diameter of random discs with the same chord lengths as the minor phase
+    [px].
 
     The picture divided by its illumination `level` is binarised with Otsu's threshold. An edge is counted
     where the grey value crosses the threshold by more than two standard deviations of the noise on both
@@ -100,7 +101,7 @@ def illumination(f: FloatArray, used: Mask) -> FloatArray:
     from dic.basics import cv2
 
     width = max(float(np.sqrt(used.sum())) / 6.0, 8.0)
-    step = max(int(width / 8.0), 1)  # smooth enough to be computed on coarser pixels
+    step = max(int(width / 8.0), 1)  # it is smooth, so coarser pixels are sufficient
     rows, columns = f.shape
     coarse = (max(columns // step, 1), max(rows // step, 1))
 
@@ -148,20 +149,22 @@ _BINS = 20
 
 @dataclass(frozen=True)
 class GreyNoise:
-    """Standard deviation of the grey values, and how it depends on them."""
+    """Standard deviation of the grey values, and its dependence on the grey value."""
 
     sigma: float
     """Standard deviation of one pixel of one frame, over the whole mask [grey]."""
     intercept: float
     """Variance at grey value 0 of the straight line `intercept + slope * grey` [grey²]."""
     slope: float
-    """Growth of the variance with the grey value [grey]; photon noise makes it positive."""
+    """Increase of the variance with the grey value [grey]. Photon noise makes it positive."""
     slope_sigma: float
     """Standard deviation of the slope [grey]."""
     gain: FloatArray
-    """Brightness of each frame relative to the mean of all (flicker); removed [-], shape [n_frames]."""
+    """Brightness of each frame relative to the mean of all (flicker) [-], shape [n_frames]. The noise does
+    not include it."""
     motion: FloatArray
-    """Rigid motion (x, y) of each frame relative to the mean of all; removed [px], shape [n_frames, 2]."""
+    """Rigid motion (x, y) of each frame relative to the mean of all [px], shape [n_frames, 2]. The noise does
+    not include it."""
 
     def variance(self, grey: NDArray[np.generic]) -> FloatArray:
         """Variance at given grey values [grey²], by the straight line, not below a tenth of `sigma²`."""
@@ -178,15 +181,15 @@ def grey_noise(
     """Measure the noise in static frames.
 
     Each frame k is compared with the mean M of all: ``f_k = b (M - u·∇M) + c + noise``, by least squares over
-    the mask. The gain b and offset c remove flicker, u removes a rigid motion of a small part of a pixel. The
-    variance is half of that of the differences between successive frames' residuals, so that a slow change of
-    the picture is not taken as noise. Its median over the pairs is ``sigma²``. The line is fitted to its mean
-    over pixels of similar brightness, weighted by their precision.
+    the mask. The gain b and offset c remove flicker; u removes a rigid motion of a small part of a pixel. The
+    variance is half of that of the differences between successive frames' residuals. A slow change of the
+    picture is then not taken as noise. The median over the pairs is ``sigma²``. The line is fitted to the
+    mean variance of pixels of similar brightness, weighted by its precision.
 
     ``pictures``: a series, or pictures of shape [rows, columns]. ``frames``: numbers of the static frames, at
     least two. ``mask``: pixels that are used, shape [rows, columns]; None: all. Exclude saturated pixels.
-    Raises ValueError: fewer than two frames, a mask of other shape or of fewer than 100 pixels, or no noise
-    at all. Raises PictureError: a frame that cannot be read.
+    Raises ValueError if there are fewer than two frames, if the mask has another shape or fewer than 100
+    pixels, or if there is no noise. Raises PictureError if a frame cannot be read.
     """
     if len(frames) < 2:
         raise ValueError(f"noise needs at least 2 static frames, got {len(frames)}")
@@ -219,7 +222,7 @@ def grey_noise(
         slope=slope,
         slope_sigma=error,
         gain=np.asarray(gain / gain.mean()),
-        motion=np.asarray(-fitted[:, 2:] / fitted[:, :1]),  # moved by u, b M looks like b (M - u·∇M)
+        motion=np.asarray(-fitted[:, 2:] / fitted[:, :1]),  # b M, moved by u, is b (M - u·∇M)
     )
 
 
@@ -242,7 +245,7 @@ LARGEST_SUBSET = 101
 """Largest subset that is tried for a wanted noise floor [px]."""
 _LEAST_SHARE = 0.5
 _MOST_POINTS = 300_000
-"""Largest number of points at which the subset for a wanted floor is computed; larger pictures are
+"""Largest number of points at which the subset for a wanted floor is computed. Larger pictures are
 sampled."""
 
 
@@ -255,8 +258,8 @@ class SpeckleQuality:
     size: tuple[float, float]
     """Speckle size along x and y: full width at half height of the autocorrelation [px]."""
     size_by_edges: float
-    """Speckle size from coverage and edges: the diameter of random discs with the same number of edges, for
-    the phase that covers less [px]."""
+    """Speckle size from coverage and edges [px]: the diameter of random discs with the same number of edges.
+    It is that of the phase with the smaller area."""
     coverage: float
     """Share of the pixels below Otsu's threshold, after correction of the illumination [-]."""
     mean_gradient: float
@@ -265,14 +268,14 @@ class SpeckleQuality:
     """Standard deviation of the noise, root mean square over the mask [grey]."""
     floor: FloatArray
     """Predicted standard deviation of a match in x and y, for a subset centred at each pixel [px], shape
-    [rows, columns, 2]; NaN where less than half of the subset lies in the mask, infinite where the subset has
-    no contrast."""
+    [rows, columns, 2]. It is NaN where less than half of the subset lies in the mask, and infinite where the
+    subset has no contrast."""
     wanted: float | None
     """The requested floor [px]; None if there was no request."""
     needed: IntArray | None
-    """Side of the smallest subset that reaches the wanted floor [px]; 0 where none up to `LARGEST_SUBSET`
-    does or the floor is NaN. Shape [rows, columns]; in large pictures constant over small blocks of pixels.
-    None if no floor was requested."""
+    """Side of the smallest subset that reaches the wanted floor [px]. 0 where no subset up to
+    `LARGEST_SUBSET` reaches it, or where the floor is NaN. Shape [rows, columns]; in large pictures constant
+    over small blocks of pixels. None if no floor was requested."""
 
     @property
     def median_floor(self) -> float:
@@ -306,16 +309,16 @@ def speckle_quality(
     is √(2σ²/ΣG²). The noise's contribution to ∇f is subtracted in the square. The floor is valid at the
     subset's centre for rigid and affine shape functions; quadratic ones scatter more.
 
-    The size by edges assumes randomly placed discs of one diameter, which may overlap (Serra, Image Analysis
-    and Mathematical Morphology, 1982, ch. XIII): if they cover a share p, the mean length of their chords is
-    ``π d/4 · p/((1 - p) ln(1/(1 - p)))``.
+    The size by edges assumes randomly placed discs of one diameter. The discs may overlap (Serra, Image
+    Analysis and Mathematical Morphology, 1982, ch. XIII). If they cover a share p, the mean length of their
+    chords is ``π d/4 · p/((1 - p) ln(1/(1 - p)))``.
 
     ``picture``: grey values, shape [rows, columns]; preferably the mean of static frames. ``mask``: the
     pixels of the specimen, shape [rows, columns]; None: all. ``subset``: side of the square subset [px]: odd,
     5 to 101. ``noise``: standard deviation of a pixel of one frame [grey], or its dependence on the grey
-    value. ``averaged``: number of frames of which the picture is the mean. ``wanted``: floor to be reached
-    [px]; if given, `SpeckleQuality.needed` is computed. Raises ValueError: a value outside its range, or a
-    picture without contrast in the mask.
+    value. ``averaged``: number of averaged frames in the picture. ``wanted``: requested floor [px]; if given,
+    `SpeckleQuality.needed` is computed. Raises ValueError if a value is outside its range, or if the picture
+    has no contrast in the mask.
     """
     f = np.asarray(picture, dtype=np.float64)
     used = np.ones(f.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)

@@ -1,8 +1,8 @@
 """A series of pictures of one camera: from a file, from memory, or decoded once; limits for all readers.
 
-Limits are checked before memory is allocated. Grey values of 10 and 12 bits may be packed without gaps,
-most significant bit first, as in TIFF (12 bits), Photron's `.mraw` and Phantom's P10 and P12L: four values
-of 10 bits in five bytes, two of 12 bits in three.
+Limits are checked before memory is allocated. Grey values of 10 and 12 bits may be packed without gaps, most
+significant bit first: four values of 10 bits in five bytes, two of 12 bits in three. Such formats are TIFF
+(12 bits), Photron's `.mraw` and Phantom's P10 and P12L.
 """
 
 import operator
@@ -21,7 +21,7 @@ from dic.files import one_line
 class PictureError(ValueError):
     """A picture file or one frame of it that cannot be read.
 
-    Its text names the file, the frame (if it concerns one), the fault and the cure.
+    Its text names the file, the frame (if only one is affected), the fault and the cure.
     """
 
     def __init__(
@@ -125,9 +125,9 @@ def checked_count(path: Path, frames: int) -> int:
 
 
 def checked_bits(path: Path, bits: int, container: int) -> int:
-    """The bits that carry the grey value, if they are not more than the `container` bits.
+    """The bits that carry the grey value, at most the `container` bits.
 
-    Raises PictureError if they do not.
+    Raises PictureError if there are more.
     """
     if not 1 <= bits <= container:
         raise PictureError(
@@ -152,10 +152,9 @@ def checked_index(n_frames: int, index: int) -> int:
 def checked_frame(
     path: Path, index: int, picture: NDArray[np.generic], shape: tuple[int, int], bits: int
 ) -> Grey:
-    """One decoded frame, if it has the series' shape and its 8 or 16-bit grey values do not exceed the
-    series' bits.
+    """One decoded frame with the series' shape and 8 or 16-bit grey values within the series' bits.
 
-    Raises PictureError if it does not.
+    Raises PictureError if the frame differs.
     """
     if picture.shape != shape:
         size = " x ".join(str(side) for side in picture.shape)
@@ -187,11 +186,11 @@ class PicturesInMemory:
     """Arrays as a series; see `dic.images.Pictures`.
 
     Floating-point pictures are converted to 16-bit whole numbers, with the same scale for all. Values from 0
-    to 1 are multiplied by 65 535. For any other range the smallest value becomes 1 and the largest 65 534, so
-    that no pixel counts as saturated.
+    to 1 are multiplied by 65 535. For any other range the smallest value becomes 1 and the largest 65 534; no
+    pixel counts as saturated.
 
-    Raises ValueError: no pictures, one that is not of shape [rows, columns], or a floating-point value that
-    is not finite.
+    Raises ValueError if there are no pictures, if one is not of shape [rows, columns], or if a floating-point
+    value is not finite.
     """
 
     pictures: Sequence[NDArray[np.generic]]
@@ -254,12 +253,12 @@ def whole_numbers(pictures: Sequence[NDArray[np.generic]]) -> tuple[Words, ...]:
 
 
 MOST_DECODED = 128 * 2**20
-"""Largest memory for the pictures of one series [bytes]; further pictures are read again on each request.
-Decoding a large picture takes much less time than matching its points."""
+"""Largest memory for the pictures of one series [bytes]. Pictures beyond this limit are read again on each
+request. Decoding a large picture takes much less time than matching its points."""
 
 
 def decode_once(pictures: Pictures) -> "DecodedPictures":
-    """A series that keeps its decoded pictures; the series itself if it does so already."""
+    """A series that keeps its decoded pictures. A series that already does so is returned unchanged."""
     return pictures if isinstance(pictures, DecodedPictures) else DecodedPictures(pictures)
 
 
@@ -296,8 +295,7 @@ class DecodedPictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one frame, read-only, shape [rows, columns].
 
-        Raises PictureError as the series does; reading an unreadable frame is tried again at the next
-        request.
+        Raises PictureError as the series does. After an error the next request reads the frame again.
         """
         picture = self._kept.get(index)
         if picture is None:
@@ -316,8 +314,8 @@ def unpack(raw: Bytes, bits: int, values: int) -> Words:
     """The first `values` grey values of packed bytes, shape [values].
 
     ``raw``: the bytes, at least `packed_size` of them, shape [n]. ``bits``: bits of a grey value: 10 or 12.
-    ``values``: number of grey values to read. Raises ValueError: other bits, or fewer bytes than the values
-    need.
+    ``values``: number of grey values to read. Raises ValueError if `bits` is another number, or if there are
+    fewer bytes than the values need.
     """
     if bits not in (10, 12):
         raise ValueError(f"bits = {bits}: packed grey values have 10 or 12")

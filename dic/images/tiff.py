@@ -1,8 +1,8 @@
 """Multi-page TIFF and BigTIFF: 8, 12 and 16-bit grey values, one page per frame.
 
 Opening reads the chain of page headers; each frame is decoded on request. In a truncated file the pages
-before the cut are readable; the number of lost pages is known only from a description by tifffile or ImageJ.
-Both programs write uncompressed pages in one block, so that the grey values are found without page headers.
+before the cut are readable. The number of lost pages is known only from a description by tifffile or ImageJ.
+Both programs write uncompressed pages in one block. Their grey values can be read without page headers.
 """
 
 import logging
@@ -41,10 +41,10 @@ _OWN_DECODERS = {1, 8, 32773, 32946}
 others."""
 _DEFLATE = (8, 32946)
 _SLACK = 1_000_000
-"""Allowed size of a page's strips beyond its grey values, because tiles extend past its edges [bytes]."""
+"""Allowed size of a page's strips beyond its grey values [bytes]. Tiles extend past the edges of a page."""
 _HARMLESS = 200_000_000
-"""Largest possible size of unpacked strips for which no check is made [bytes]; Deflate expands one byte to at
-most 1032."""
+"""Strips are checked only if their unpacked size may exceed this [bytes]. Deflate expands one byte to at most
+1032."""
 _MIN_IS_WHITE, _MIN_IS_BLACK = 0, 1
 _FLOATING = 3
 """`SampleFormat` of floating-point numbers."""
@@ -83,7 +83,7 @@ class TiffPictures:
             picture = _decode(self.path, index, self.offsets[index])
         except PictureError:
             raise
-        except Exception as error:  # any exception of a decoder is due to a damaged page
+        except Exception as error:  # every exception of a decoder means a damaged page
             raise PictureError(
                 self.path, f"cannot be decoded ({error})", frame=index, cure="copy or export the file again"
             ) from error
@@ -111,10 +111,11 @@ def sniff(path: Path, start: bytes) -> bool:
 def read(path: Path) -> TiffPictures:
     """Open a TIFF.
 
-    The grey range is that of the stored numbers, unless the first page states a smaller one: in the
-    `MaxSampleValue` tag, or as `SignificantBits` in an OME description.
+    The grey range is that of the stored numbers. The first page may state a smaller range, in the
+    `MaxSampleValue` tag or as `SignificantBits` in an OME description.
 
-    Raises PictureError if it is not a TIFF of grey pictures, or the header of its first page is incomplete.
+    Raises PictureError if it is not a TIFF of grey pictures, or if the header of its first page is
+    incomplete.
     """
     import tifffile
 
@@ -254,8 +255,7 @@ def _decode(path: Path, index: int, offset: int) -> NDArray[np.generic]:
 
 
 def _check_strips(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> None:
-    """Reject strips that contain, or unpack to, more data than the page: a small file may unpack to any
-    size."""
+    """Reject strips with more data than the page, packed or unpacked: a small file may unpack to any size."""
     most = page.imagelength * page.imagewidth * 2 + _SLACK
     if sum(page.databytecounts) > 2 * most:
         raise ValueError(f"its strips have {sum(page.databytecounts)} bytes, the page needs at most {most}")

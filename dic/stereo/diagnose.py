@@ -1,10 +1,10 @@
 """Diagnosis of a stereo test with large epipolar distances: exchanged cameras, crop offset, synchronisation.
 
-Explanations are tried in the order of their frequency in practice; one is accepted if it makes the epipolar
-distances as small as expected. A crop offset is found by robust Gauss-Newton; components that the points do
-not determine stay zero. If camera 1 is late by τ frames, a point has the epipolar distance ``τ w``, w its
-motion across its epipolar line in one frame. τ is estimated as a robust slope with an intercept for each
-point.
+Explanations are tried in the order of their frequency in practice. An explanation is accepted if it makes the
+epipolar distances as small as expected. A crop offset is found by robust Gauss-Newton steps. Components that
+the points do not determine stay zero. If camera 1 is late by τ frames, a point has the epipolar distance ``τ
+w``. w is its motion across its epipolar line in one frame. τ is estimated as a robust slope with an intercept
+for each point.
 """
 
 from dataclasses import dataclass, replace
@@ -24,12 +24,12 @@ from dic.tracking import Tracking, track
 OFFSET_POINTS = 4000
 """Largest number of point pairs that are used, evenly spaced."""
 INDEPENDENT = 100
-"""Largest number of independent points for a standard deviation, because neighbours share the errors of the
-calibration."""
+"""Largest number of points that count as independent for a standard deviation: neighbours share the errors of
+the calibration."""
 DETERMINED = 8.0
 """Largest standard deviation of a determined component [px]."""
 SURE, LEAST_FAINT = 3.5, 4.0
-"""Smallest reported offset along the epipolar lines, in standard deviations and in pixels [-, px]."""
+"""Smallest reported offset along the epipolar lines, in standard deviations [-] and in pixels [px]."""
 CALIBRATED = 2.0
 """Standard deviation of such an offset for a good calibration [px]."""
 REMAINING_SHARE = 0.5
@@ -89,11 +89,11 @@ def _find_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, where
 
 
 def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Offset | None:
-    """An offset of one camera along the epipolar lines, from its small effect across them.
+    """An offset of one camera along the epipolar lines, found by its small effect across these lines.
 
-    Epipolar distances of hundredths of a pixel are normal. But if they vary over the field in the way of a
-    crop offset with perspective, and an offset of whole pixels removes half of them, the crop is reported: it
-    affects depths and all lengths.
+    Epipolar distances of hundredths of a pixel are normal. With perspective, a crop offset gives them a
+    typical variation over the field. If an offset of whole pixels removes half of them, the crop offset is
+    reported, because it affects depths and all lengths.
     """
     step = -(-len(pixels0) // OFFSET_POINTS)
     p0, p1 = pixels0[::step], pixels1[::step]
@@ -102,7 +102,7 @@ def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Of
     sure = (np.abs(value) >= SURE * sigma) & (np.abs(value) >= LEAST_FAINT)
     if not np.any(sure):
         return None
-    fitted = np.where(sure, np.round(value), value)  # across the lines a part of a pixel is the calibration's
+    fitted = np.where(sure, np.round(value), value)  # fractions of a pixel: calibration
     after = p1 + (basis @ fitted)[2:]
     sizes = [float(np.median(np.abs(epipolar_slopes(rig, p0, p)[0]))) for p in (p1, after)]
     if sizes[1] > REMAINING_SHARE * sizes[0]:
@@ -114,8 +114,8 @@ def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Of
 def _fit(
     rig: StereoRig, p0: FloatArray, p1: FloatArray, basis: FloatArray, fixed: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
-    """Offset and standard deviation [px], shapes [2]; 0 ± infinite for fixed components, or if no offset is
-    found."""
+    """Offset and standard deviation [px], shape [2] each. 0 ± infinite for fixed components, or if no offset
+    is found."""
     value, sigma = np.zeros(2), np.full(2, np.inf)
     free = ~fixed
     if not np.any(free):
@@ -124,10 +124,10 @@ def _fit(
         shift = basis @ value
         try:
             e, slope0, slope1 = epipolar_slopes(rig, p0 + shift[:2], p1 + shift[2:])
-        except ValueError:  # the lens folds back there: an impossible offset
+        except ValueError:  # the lens model is not valid there: an impossible offset
             return np.zeros(2), np.full(2, np.inf)
         J = np.concatenate([slope0, slope1], axis=-1) @ basis[:, free]
-        # At first all points have weight; points that remain far off then lose it.
+        # At first all points have weight. Points that remain far off then lose their weight.
         spread = 2.5 * MAD * float(np.median(np.abs(e - np.median(e)))) + 1e-9
         spread = max(spread, 2.5 * float(np.median(np.abs(e)))) if trial < 6 else spread
         weight = 1.0 / (1.0 + (e / spread) ** 2)
@@ -148,8 +148,8 @@ def _fit(
 LEAST_SYNCHRONISATION_PAIRS = 100
 """Smallest number of point pairs for a tested shift."""
 LEAST_MOTION = 0.05
-"""Smallest motion across the epipolar lines that distinguishes successive frames [px/frame]: as large as the
-variation of a calibration error along a path."""
+"""Smallest motion across the epipolar lines that distinguishes successive frames [px/frame]. The variation of
+a calibration error along a path is as large."""
 SYNCHRONISATION_POINTS = 500
 """Largest number of points that are used, evenly spaced."""
 
@@ -161,11 +161,12 @@ class Synchronisation:
     shifts: IntArray
     """Assumed delays of camera 1 [frames], shape [n_shifts]."""
     scatter: FloatArray
-    """Robust standard deviation of the epipolar distances for each shift, relative to each point's value in
-    the fifth of the frames with the least motion [px], shape [n_shifts]; infinite where fewer than
-    `LEAST_PAIRS` pairs remain."""
+    """Robust standard deviation of the epipolar distances for each shift [px], shape [n_shifts]. Distances
+    are relative to the point's value in the fifth of the frames with the least motion. Infinite where fewer
+    than `LEAST_PAIRS` pairs remain."""
     motion: float
-    """Root mean square motion across the epipolar lines, minus each point's mean [px/frame]."""
+    """Root mean square motion across the epipolar lines, after subtraction of each point's mean
+    [px/frame]."""
     late: float
     """Delay of camera 1 with fractions of a frame [frames]; NaN if it cannot be determined."""
     late_sigma: float
@@ -184,8 +185,9 @@ def synchronisation(
 
     ``rig``: the cameras. ``pixels0``, ``pixels1``: the same points in the frames of each camera (x, y) [px],
     NaN where lost, shapes [n_frames, n_points, 2]. ``farthest``: largest shift that is tried in both
-    directions [frames]. Returns: the delay; `late` is meaningful only if `decided`. Raises ValueError: shapes
-    that do not match, fewer than `farthest` + 3 frames, a lens distortion that cannot be inverted.
+    directions [frames]. Returns: the delay; `late` is meaningful only if `decided`. Raises ValueError if
+    shapes do not match, if there are fewer than `farthest` + 3 frames, or if a lens distortion cannot be
+    inverted.
     """
     if pixels0.shape != pixels1.shape or pixels0.ndim != 3:
         raise ValueError(
@@ -213,7 +215,7 @@ def synchronisation(
         if np.sum(np.isfinite(free)) >= LEAST_SYNCHRONISATION_PAIRS:
             scatter[i] = MAD * np.nanmedian(np.abs(free))
     late, late_sigma, motion = 0.0, float("nan"), 0.0
-    for _ in range(3):  # w is the motion at the paired frame: pair again with the new shift
+    for _ in range(3):  # w is the motion at the paired frame, so frames are paired again with the new shift
         best = int(np.clip(np.round(late), -farthest, farthest))
         e, _ = shifted[best]
         remainder, late_sigma, motion = _regression(e, _delayed(across, best))
@@ -225,7 +227,7 @@ def synchronisation(
 
 
 def _without_jumps(pixels: FloatArray) -> FloatArray:
-    """Pixels, with NaN for those far from the median of the five surrounding frames."""
+    """Pixels. NaN replaces pixels far from the median of the five surrounding frames."""
     padded = np.pad(pixels, ((2, 2), (0, 0), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0)
     off = np.abs(pixels - _median(windows, axis=-1)).max(axis=-1)
@@ -234,7 +236,7 @@ def _without_jumps(pixels: FloatArray) -> FloatArray:
 
 
 def _shifted(rig: StereoRig, aim0: Rays, aim1: Rays, shift: int) -> tuple[FloatArray, FloatArray]:
-    """Distances [n_frames, n_points] for camera 1 late by `shift`, and their derivatives by its pixels."""
+    """Distances [n_frames, n_points] if camera 1 is late by `shift`, and their derivatives by its pixels."""
     e, _, slope1 = slopes_between(rig, aim0, Rays(*(_delayed(part, shift) for part in aim1)))
     return e, slope1
 
@@ -251,7 +253,7 @@ def _delayed(values: FloatArray, by: int) -> FloatArray:
 
 def _median(values: FloatArray, axis: int) -> FloatArray:
     """Medians of the finite values; NaN where there are none."""
-    # NaN is sorted behind all numbers; `numpy.nanmedian` is slow, as it loops over the lines
+    # a sort puts NaN behind all numbers; `numpy.nanmedian` is slow, because it loops over the lines
     ordered = np.sort(np.where(np.isfinite(values), values, np.nan), axis=axis)
     count = np.sum(np.isfinite(values), axis=axis, keepdims=True)
     pair = [np.take_along_axis(ordered, k, axis) for k in (np.maximum(count - 1, 0) // 2, count // 2)]
@@ -266,7 +268,7 @@ def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
         return float("nan"), float("nan"), 0.0
     e, w = np.where(used, e, 0.0), np.where(used, w, 0.0)
     off = w - _median(np.where(used, w, np.nan), axis=1)[:, None]
-    # A false point has a large motion w and would outweigh all others.
+    # A false point has a large motion w and would have more weight than all others.
     trust = used & (np.abs(off) <= 4.0 * MAD * np.median(np.abs(off[used])))
     weight, slope = trust.astype(np.float64), 0.0
     for _ in range(20):
@@ -279,7 +281,7 @@ def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
         slope = float(np.sum(weight * w_free * e_free) / power)
         residual = e_free - slope * w_free
         weight = trust * _cauchy(residual, used)
-    # Points of a frame share its error: frames, not points, are the independent observations.
+    # Points of a frame share its error. The frames are therefore the independent observations.
     per_frame = np.sum(weight * w_free * residual, axis=1)
     sigma = float(np.sqrt(np.sum(per_frame**2)) / power)
     return slope, sigma, float(np.sqrt(power / weight.sum()))
@@ -338,14 +340,14 @@ def diagnose(
     """Identify the cause of too large epipolar distances of matched points.
 
     ``pixels0``, ``pixels1``: the same points in the frames of each camera (x, y) [px], NaN where lost, shapes
-    [n_frames, n_points, 2], e.g. `Reconstruction.pixels`. The matches must not have been selected by their
-    epipolar distance. ``tolerance``: upper bound of the median absolute epipolar distance for a good
-    calibration [px]. ``farthest``: largest shift between the cameras' frames that is tried in both
-    directions; synchronisation is checked only if the series has at least three frames more. Returns: the
-    faults; empty if the epipolar distances show none. They do not reveal a motion along the epipolar lines,
-    or the exchange of cameras that are aligned to `tolerance`. An offset along the lines is reported only
-    from `LEAST_FAINT` on (`dic.stereo.diagnose.faint_offset`). Raises ValueError: shapes that do not match,
-    fewer than 20 pairs, a tolerance that is not positive, a lens distortion that cannot be inverted.
+    [n_frames, n_points, 2], e.g. `Reconstruction.pixels`. The matches must not be selected by their epipolar
+    distance. ``tolerance``: upper bound of the median absolute epipolar distance for a good calibration [px].
+    ``farthest``: largest tried shift between the cameras' frames, in both directions. Synchronisation is
+    checked only if the series has at least `farthest` + 3 frames. Returns: the faults; empty if the epipolar
+    distances show none. They do not show a motion along the epipolar lines, or an exchange of cameras that
+    are aligned to `tolerance`. An offset along the lines is reported only if it is at least `LEAST_FAINT`
+    (`dic.stereo.diagnose.faint_offset`). Raises ValueError if shapes do not match, if there are fewer than 20
+    pairs, if the tolerance is not positive, or if a lens distortion cannot be inverted.
     """
     if not tolerance > 0.0:
         raise ValueError(f"tolerance must be positive, got {tolerance} px")
@@ -373,7 +375,7 @@ def diagnose(
 def _at_rest(
     pixels0: FloatArray, pixels1: FloatArray, still: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean positions of the points in frames with little motion, as far as both cameras saw them, [n, 2]."""
+    """Mean positions of the points in frames with little motion, [n, 2]. Both cameras must see the points."""
     count = still.sum(axis=0)
     defined = count > 0
     first, second = (
@@ -384,7 +386,8 @@ def _at_rest(
 
 
 def _stillest(pixels: FloatArray, pair: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The frames with the least motion to the next one that together have enough pairs, shape [n_frames]."""
+    """The frames with the least motion to the next frame, shape [n_frames]. Together they have enough
+    pairs."""
     n = len(pixels)
     motion = np.full(n, np.inf)
     for f in range(n - 1):
@@ -401,7 +404,7 @@ def _stillest(pixels: FloatArray, pair: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _standing_faults(
     rig: StereoRig, p0: FloatArray, p1: FloatArray, tolerance: float
 ) -> tuple[list[Finding], StereoRig, tuple[FloatArray, FloatArray]]:
-    """Faults that do not depend on motion, and the rig and the correction of the pixels that remove them."""
+    """Faults that do not depend on motion, and the corrections of rig and pixels."""
     none = (np.zeros(2), np.zeros(2))
     before = _size(rig, p0, p1)
     if before <= tolerance:
@@ -409,7 +412,7 @@ def _standing_faults(
     swapped = StereoRig((rig.cameras[1], rig.cameras[0]))
     try:
         after = _size(swapped, p0, p1)
-    except ValueError:  # the other lens folds back there: the other camera did not take this picture
+    except ValueError:  # the other lens model is not valid there: the other camera did not take this picture
         after = np.inf
     if after <= tolerance:
         return [_swap(before, after)], swapped, none
@@ -462,7 +465,7 @@ def _offset_finding(offset: Offset) -> Finding:
 
 
 def _out_of_step(sync: Synchronisation) -> Finding | None:
-    """A finding if the motion shows a delay between the cameras of a quarter of a frame or more."""
+    """A finding if the motion shows that a camera is late by a quarter of a frame or more."""
     if not sync.decided or abs(sync.late) < 0.25:
         return None
     before = float(sync.scatter[sync.shifts == 0][0])
@@ -479,7 +482,7 @@ def _out_of_step(sync: Synchronisation) -> Finding | None:
 
 
 MOST_POINTS = 150
-"""Largest number of points that are matched, sufficient for a diagnosis."""
+"""Largest number of matched points; it is sufficient for a diagnosis."""
 
 
 def free_pairs(
@@ -491,7 +494,7 @@ def free_pairs(
     mask: BoolArray | None = None,
     device: str = "cpu",
 ) -> tuple[FloatArray, FloatArray]:
-    """Match points of one camera in the other without using the cameras' parameters.
+    """Match points of one camera in the other camera. The cameras' parameters are not used.
 
     Camera 1's picture is treated as a later picture of camera 0 and searched by features and windows. Matches
     are checked against their neighbours only. On a strongly curved surface only the middle of the view is
@@ -515,7 +518,7 @@ def free_pairs(
 
 
 def check_setup(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> tuple[Finding, ...]:
-    """Findings about cameras and crop offsets from the epipolar distances; none if there are too few pairs.
+    """Findings about cameras and crop offsets from the epipolar distances. None if there are too few pairs.
 
     ``rig``: the cameras, for the cropped pictures of the series. ``pixels0``, ``pixels1``: the same points in
     both cameras, NaN where lost [px], shape [n_frames, n_points, 2].

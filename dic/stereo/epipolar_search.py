@@ -1,15 +1,15 @@
 """Candidates for a stereo match: templates of a pair of pictures, compared along whole epipolar curves.
 
 At every step of a point's epipolar curve the subset is deformed like a facet at that distance, and correlated
-(ZNCC). The best position is an initial guess; the ratio to the second peak measures its uniqueness. No
+(ZNCC). The best position is an initial guess. The ratio to the second peak measures its uniqueness. No
 neighbour or earlier match is used. The part of a curve inside the picture follows from linear inequalities of
-1/s, s the distance along the ray. A facet at X = C0 + s d with normal n is seen by camera 1 as ::
+1/s; s is the distance along the ray. Camera 1 sees a facet at X = C0 + s d with normal n as ::
 
     A = s P B - s (P d) (qᵀ B),        B = ∂d/∂p,   P = ∂π1/∂X,   q = n / n·d
 
-(Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 13.1, lens distortion included). The slope of
-a surface affects A only along the epipolar line P d. Across it A is the same for all surfaces, which is a
-test of any match.
+(Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 13.1, including lens distortion). The slope
+of a surface affects A only along the epipolar line P d. Across this line A is the same for all surfaces. This
+is a test of every match.
 """
 
 from dataclasses import dataclass, replace
@@ -41,23 +41,24 @@ class StereoSearch:
     """Search for initial guesses."""
 
     distances: tuple[float, float] | None = None
-    """Nearest and farthest distance of the specimen along camera 0's rays [m]; None: wherever the
-    epipolar curves lie in camera 1's picture."""
+    """Nearest and farthest distance of the specimen along camera 0's rays [m]. None: the whole part of the
+    epipolar curves in camera 1's picture."""
     stretching_turns: tuple[float, ...] = (-50.0, -25.0, 0.0, 25.0, 50.0)
-    """Rotations of a facet within the epipolar plane that are tried, relative to one that faces both cameras
-    equally [°]."""
+    """Tried rotations of a facet within the epipolar plane [°]. They are relative to a facet that faces both
+    cameras equally."""
     shearing_turns: tuple[float, ...] = (-25.0, 0.0, 25.0)
-    """Rotations of the facet out of the epipolar plane that are tried [°]."""
+    """Tried rotations of the facet out of the epipolar plane [°]."""
     seeds: int = 40
-    """Number of points, spread over all, that are searched along their whole epipolar curve."""
+    """Number of points that are searched along their whole epipolar curve. They are spread over all
+    points."""
     subset: int | None = None
-    """Side of the subset for this search [px]; None: the match's, or 31 px if that is smaller."""
+    """Side of the subset for this search [px]. None: that of the match, but at least 31 px."""
     least_zncc: float = 0.6
     """Smallest correlation of a seed at its best position."""
     distinct: float = 0.6
     """Largest ratio of a seed's ZNSSD to that of the second peak."""
     neighbours: int = 8
-    """Number of nearest points that may pass on a guess."""
+    """Number of nearest points that may give a guess to a point."""
     attempts: int = 3
     """Largest number of neighbours' guesses that a point tries."""
 
@@ -92,15 +93,16 @@ class StereoSearch:
 class StereoGates:
     """Gates that a match must pass; they are independent of each other.
 
-    Raises ValueError: a value outside its range; the message names it.
+    Raises ValueError if a value is outside its range; the message names it.
     """
 
     sigmas: float = 4.0
-    """Number of standard deviations of the match by which the distances below are increased."""
+    """The distances below are increased by this number of standard deviations of the match."""
     epipolar: float = 0.5
     """Largest distance from the epipolar line for an exact match, due to calibration errors [px]."""
     facet: float = 1.0
-    """Largest part of the subset's deformation that no surface can cause, at its border [px]."""
+    """Largest part of the subset's deformation that no surface can cause [px]. It is measured at the subset's
+    border."""
     back_match: float = 0.5
     """Largest distance of the point from its back match in camera 0 [px]."""
     neighbours: float = 0.5
@@ -108,8 +110,8 @@ class StereoGates:
     distinct: float = 0.6
     """Largest ratio of the ZNSSD to that of the second peak, in both directions."""
     unseen: float = 0.15
-    """Largest share of the subset outside a picture, because the centre of a curved subset is extrapolated at
-    the picture's border. Pixels outside the mask are not counted."""
+    """Largest share of the subset outside a picture. At a picture's border the centre of a curved subset is
+    extrapolated. Pixels outside the mask are not counted."""
     incidence: float = 75.0
     """Largest angle between a ray and the surface's normal, for both cameras [°]."""
 
@@ -141,7 +143,8 @@ class FacetGeometry(NamedTuple):
     d: FloatArray
     """Unit vectors from camera 0 to them, shape [..., 3]."""
     B: FloatArray
-    """Derivative of d with respect to camera 0's pixel, up to multiples of d [1/px], shape [..., 3, 2]."""
+    """Derivative of d with respect to camera 0's pixel [1/px], shape [..., 3, 2]. Multiples of d are
+    arbitrary."""
     P: FloatArray
     """Derivative of camera 1's pixel with respect to X [px/m], shape [..., 2, 3]."""
 
@@ -162,8 +165,8 @@ def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
     """Normals rotated from the one that faces both cameras equally.
 
     ``X``: positions of the facets in the rig's frame [m], shape [..., 3]. ``turns``: angles within the
-    epipolar plane, which stretch one camera's view relative to the other, and out of it, which shear it,
-    shape [m, 2] [rad]. Returns: unit vectors toward the cameras, shape [..., m, 3].
+    epipolar plane and out of it [rad], shape [m, 2]. The first stretch one camera's view relative to the
+    other; the second shear it. Returns: unit vectors toward the cameras, shape [..., m, 3].
     """
     to = [_unit(camera.centre - X) for camera in rig.cameras]
     middle = _unit(to[0] + to[1])
@@ -179,7 +182,7 @@ def gradient(facet: FacetGeometry, distance: FloatArray, normal: FloatArray) -> 
     """A: derivative of camera 1's pixel of a facet by camera 0's [-], shape [..., 2, 2].
 
     ``facet``: the facets' geometry. ``distance``: along camera 0's rays [m], shape [...]. ``normal``: the
-    facets' normals, shape [..., 3]; of any length, not across the ray.
+    facets' normals, shape [..., 3]. They may have any length and must not be perpendicular to the ray.
     """
     q = normal / np.sum(normal * facet.d, axis=-1, keepdims=True)
     plane = facet.B - facet.d[..., :, None] * (q[..., None, :] @ facet.B)
@@ -213,7 +216,7 @@ def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: Floa
     excess = s[..., None] * (facet.P @ facet.B) - A
     tilt = np.einsum("...i,...ij->...j", along, excess) / (s * length)  # qᵀ B
     wrong = np.linalg.norm(np.einsum("...i,...ij->...j", across, excess), axis=-1)
-    # q: its component along d is 1, the others follow from qᵀ B, whose columns span the rest with d
+    # q: its component along d is 1; qᵀ B gives the other two components
     basis = np.concatenate([facet.B, facet.d[..., None]], axis=-1)
     q = np.linalg.solve(
         np.swapaxes(basis, -1, -2), np.concatenate([tilt, np.ones_like(s)], axis=-1)[..., None]
@@ -235,7 +238,7 @@ def _unit(v: FloatArray) -> FloatArray:
 
 
 MARGIN = 0.5
-"""For the search of second peaks, the range of distances is widened on both sides by this share of its span
+"""For the search of second peaks, the range of distances is extended on both sides by this share of its span
 ..."""
 LEAST_SUBSETS_ALONG = 2.0
 """... and by at least this many subsets along the curve."""
@@ -243,7 +246,7 @@ LEAST_SUBSETS_ALONG = 2.0
 
 @dataclass(frozen=True)
 class Pair:
-    """Inputs of one stereo match; every point has a position in camera 0."""
+    """Inputs of one stereo match. Every point has a position in camera 0."""
 
     rig: StereoRig
     pictures: tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -316,9 +319,9 @@ class Pair:
 Array = NDArray[np.floating[Any]]
 
 SAMPLES = 12
-"""A subset is sampled at about this many positions in each direction; the picture is smoothed accordingly."""
+"""Approximate number of samples of a subset in each direction. The picture is smoothed accordingly."""
 ROWS = 4_000
-"""Number of subsets that are processed at once, to stay in the cache; OpenCV accepts arrays of up to 32766
+"""Number of subsets that are processed at once. They fit into the cache. OpenCV accepts arrays of up to 32766
 rows."""
 
 
@@ -377,7 +380,7 @@ def subsets(
 
 
 def inside_picture(places: FloatArray, shape: tuple[int, int]) -> BoolArray:
-    """True where positions [px] lie between a picture's outermost pixel centres, shape [...]; False for
+    """True where positions [px] lie between the outermost pixel centres of a picture, shape [...]. False for
     NaN."""
     return np.asarray(np.all((places >= 0.0) & (places <= (shape[1] - 1.0, shape[0] - 1.0)), axis=-1))
 
@@ -453,14 +456,13 @@ def ideal_box(camera: Camera, shape: tuple[int, int]) -> tuple[FloatArray, Float
 
 
 RANGE = 20.0
-"""Ratio that limits the searched distances of a whole curve, relative to that of the crossing optical
-axes."""
+"""Limit of the searched distances of a whole curve, relative to the distance where the optical axes cross."""
 
 
 def fold(camera: Camera) -> float:
-    """Squared radius on the plane z = 1 at which a lens model begins to fold back [-]; inf if it does not.
+    """Squared radius on the plane z = 1 up to which a lens model is unique [-]; inf without a limit.
 
-    ``camera``: the camera; the radius is that where r (1 + k1 r² + k2 r⁴ + k3 r⁶) turns.
+    ``camera``: the camera. Beyond this radius r (1 + k1 r² + k2 r⁴ + k3 r⁶) decreases.
     """
     k1, k2, _, _, k3 = camera.distortion
     turning = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
@@ -496,9 +498,10 @@ def search(
 
     ``picture1``: camera 1's picture, shape [rows, columns]. ``limits``: smallest and largest distance along
     camera 0's rays [m]; None: the whole curve. ``turns``: rotations of the facet that are tried at every
-    position (`normals`) [rad], shape [h, 2]. ``gradients``: instead of `turns`: the gradient of camera 1's
-    pixel by camera 0's for each point, shape [n, 2, 2], constant along its curve. ``threads``: CPU threads;
-    None: all cores that the process may use. The result does not depend on it. Returns: one row per point.
+    position (`normals`) [rad], shape [h, 2]. ``gradients``: used instead of `turns`. It is the gradient of
+    camera 1's pixel by camera 0's for each point, shape [n, 2, 2], constant along the curve. ``threads``: CPU
+    threads; None: all cores that the process may use. The result does not depend on it. Returns: one row per
+    point.
     """
     n, places = len(templates.points), templates.places
     if not n:

@@ -1,12 +1,12 @@
 """Geometry of two cameras: rays, epipolar distance with its uncertainty, triangulation with covariance.
 
-The ray of camera 0's ideal point x0 is the line ``l . x1 = 0``, ``l = t × R x0`` for camera 1 (Hartley and
-Zisserman, Multiple View Geometry, 2nd ed., eq. 9.11); distances are ``d = g / |∇g|`` in the picture as taken,
-``g(p1) = l . undistort(p1)``. A point in space minimises (section 12.3 there) ::
+Camera 1 sees the ray of camera 0's ideal point x0 as the line ``l . x1 = 0``, ``l = t × R x0`` (Hartley and
+Zisserman, Multiple View Geometry, 2nd ed., eq. 9.11). Distances in the distorted picture are ``d = g / |∇g|``
+with ``g(p1) = l . undistort(p1)``. A point in space minimises (section 12.3 of the same book) ::
 
     X = argmin Σ_k (p_k - π_k(X))ᵀ C_k⁻¹ (p_k - π_k(X)),      cov X = (Σ_k J_kᵀ C_k⁻¹ J_k)⁻¹
 
-with J_k = ∂π_k/∂X, by Gauss-Newton steps from the middle between the two lines.
+with J_k = ∂π_k/∂X. Gauss-Newton steps start from the middle between the two lines.
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ def largest_eigenvalue(M: FloatArray) -> FloatArray:
     """The larger eigenvalue of matrices with real eigenvalues, shape [...]."""
     a, b, c, d = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
     half = 0.5 * (a - d)
-    # rounding must not make a double eigenvalue complex
+    # prevents complex eigenvalues by rounding
     return np.asarray(0.5 * (a + d) + np.sqrt(np.maximum(half * half + b * c, 0.0)))
 
 
@@ -91,9 +91,9 @@ def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:
 def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
     """Distance of camera 1's points from the epipolar curves of camera 0's, signed [px].
 
-    Positive toward larger y for cameras side by side, toward larger x for cameras one above the other. It is
-    correct to first order in the distance: exact on the curve; elsewhere the error is due to the curvature of
-    the curve and the variation of the lens's magnification within the distance.
+    For cameras side by side it is positive toward larger y. For cameras one above the other it is positive
+    toward larger x. It is correct to first order in the distance and exact on the curve. Its error comes from
+    the curvature of the curve and from the variation of the lens's magnification within the distance.
 
     ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px], shapes [..., 2]. Returns:
     shape [...]; NaN where a pixel is NaN. Raises ValueError if the cameras have the same centre, or a lens
@@ -121,13 +121,13 @@ def epipolar_sigma(
 def sigma_of(
     slope0: FloatArray, slope1: FloatArray, covariance0: FloatArray, covariance1: FloatArray
 ) -> FloatArray:
-    """`epipolar_sigma` from known slopes of `epipolar_slopes`."""
+    """`epipolar_sigma` for slopes that `epipolar_slopes` has computed."""
     variance = np.einsum("...i,...ij,...j->...", slope0, covariance0, slope0)
     return np.asarray(np.sqrt(variance + np.einsum("...i,...ij,...j->...", slope1, covariance1, slope1)))
 
 
 def epipolar_curve(rig: StereoRig, pixels0: FloatArray, depths: FloatArray) -> FloatArray:
-    """Pixels of camera 1 for what camera 0 sees at `pixels0`, at each assumed depth [px]."""
+    """Pixels of camera 1 [px] of the points that camera 0 sees at `pixels0`, for each assumed depth."""
     first, second = rig.cameras
     rays = directions(first, pixels0)
     return second.project(first.centre + rays[..., None, :] * np.asarray(depths)[:, None])
@@ -138,15 +138,15 @@ def epipolar_slopes(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """`epipolar_distance` [px], shape [...], and its derivatives by the two pixels [-], shapes [..., 2].
 
-    The derivatives neglect the change of the line's direction, a relative error of the order of distance over
-    focal length.
+    The derivatives neglect the change of the line's direction. The relative error is of the order of distance
+    over focal length.
     """
     first, second = rig.cameras
     return slopes_between(rig, Rays.of(first, pixels0), Rays.of(second, pixels1))
 
 
 class Rays(NamedTuple):
-    """Rays of a camera's pixels, computed once for several comparisons."""
+    """Rays of a camera's pixels. They are computed once and used in several comparisons."""
 
     x: FloatArray
     """Ideal image points (x, y, 1) on the plane z = 1 [-], shape [..., 3]."""
@@ -183,9 +183,11 @@ def _by_pixel(line: FloatArray, slope: FloatArray) -> FloatArray:
 
 
 EXACT = 1e-10
-"""Variance that is added to all, so that a chosen (exact) position has a finite weight [px²]: (1e-5 px)²."""
+"""Variance that is added to every position [px²]: (1e-5 px)². It gives a chosen (exact) position a finite
+weight."""
 STEPS = 10
-"""Largest number of Gauss-Newton steps; two suffice unless the cameras disagree by many pixels."""
+"""Largest number of Gauss-Newton steps. Two steps are sufficient unless the cameras disagree by many
+pixels."""
 
 
 class Triangulation(NamedTuple):
@@ -197,7 +199,7 @@ class Triangulation(NamedTuple):
     covariance: FloatArray
     """Covariance of the position due to the noise of the pixels [m²], shape [..., 3, 3]."""
     epipolar: FloatArray
-    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], shape [...]."""
+    """Signed distance of camera 1's point from the epipolar line of camera 0's point [px], shape [...]."""
     epipolar_sigma: FloatArray
     """Its standard deviation, from the noise of the pixels [px], shape [...]."""
 
@@ -233,11 +235,10 @@ def triangulate(
     """Points in space from points in two pictures, with covariances.
 
     ``rig``: the cameras. ``pixels0``, ``pixels1``: pixels (x, y) of the same points in both cameras [px],
-    shapes [..., 2]. ``covariance0``, ``covariance1``: covariances of the pixels, independent between the
-    cameras [px²], shapes [..., 2, 2] or [2, 2], wherever the pixels are finite; zero for a chosen position,
-    e.g. a material point in the material picture. Returns: position, covariance, epipolar distance and its
-    sigma. Raises ValueError: shapes that do not match, an invalid covariance, a lens distortion that cannot
-    be inverted.
+    shapes [..., 2]. ``covariance0``, ``covariance1``: covariances of the finite pixels, independent between
+    the cameras [px²], shapes [..., 2, 2] or [2, 2]. Zero for a chosen position, e.g. a material point in the
+    material picture. Returns: position, covariance, epipolar distance and its sigma. Raises ValueError if
+    shapes do not match, a covariance is invalid, or a lens distortion cannot be inverted.
     """
     pixels0, pixels1 = (np.asarray(p, dtype=np.float64) for p in (pixels0, pixels1))
     if pixels0.shape != pixels1.shape or pixels0.shape[-1:] != (2,):
@@ -312,7 +313,7 @@ def _nearest(
 
 
 def _before(rig: StereoRig, X: FloatArray) -> NDArray[np.bool_]:
-    """Points in front of both cameras, at a finite distance, shape [n]."""
+    """True for points in front of both cameras at a finite distance, shape [n]."""
     depth = np.stack([camera.in_camera(X)[:, 2] for camera in rig.cameras])
     return np.asarray(np.all(np.isfinite(depth) & (depth > 0.0), axis=0))
 

@@ -1,7 +1,8 @@
 """Stereo match of camera 0's points in camera 1, guided by reliable neighbours and accepted by gates.
 
-The method follows Pan (Reliability-guided digital image correlation, Applied Optics 48, 2009), but in rounds:
-every point with matched neighbours tries the warp of the best correlated one, all points in one batch.
+The method follows Pan (Reliability-guided digital image correlation, Applied Optics 48, 2009), but works in
+rounds. In a round, every point with matched neighbours tries the warp of the best correlated one. All points
+of a round are one batch.
 """
 
 from collections.abc import Callable
@@ -55,9 +56,9 @@ def propagate(
     attempt: Callable[[IntArray, FloatArray], tuple[Match, BoolArray]],
     matched: BoolArray,
 ) -> BoolArray:
-    """Match points not found yet, starting from their neighbours; `match` and `matched` are filled in place.
+    """Match the remaining points from their neighbours. `match` and `matched` are filled in place.
 
-    ``match``: match of all points; rows of points not found yet are overwritten by their last attempt.
+    ``match``: match of all points; rows of the remaining points contain their last attempt.
     ``points``: positions in the material picture [px], shape [n, 2]. ``near``: `neighbourhood` of the points.
     ``attempts``: largest number of guesses per point. ``attempt``: function that matches points (rows) from
     guesses and returns which of them are accepted. ``matched``: points that may propagate their warps, shape
@@ -87,10 +88,9 @@ MOST_SEARCHED = 31
 
 
 def guided_match(pair: Pair) -> Match:
-    """Match of seeds, then of neighbours of matched points, then of all points with the requested shape
-    function.
+    """Match seeds, then neighbours of matched points, then all points with the requested shape function.
 
-    A point without any guess is NO_FIRST_GUESS; one that converged off its epipolar line or far from its
+    A point without a guess is NO_FIRST_GUESS. A point that converged off its epipolar line or far from its
     guess is a STEREO_MISMATCH.
     """
     n = len(pair.points)
@@ -118,12 +118,12 @@ def guided_match(pair: Pair) -> Match:
 
 
 def _seed(pair: Pair, match: Match, matched: BoolArray) -> None:
-    """Search whole curves for seed points, spread over the points not found yet."""
+    """Search whole curves for seed points, which are spread over the remaining points."""
     rows = _spread_out(pair.points, ~matched, pair.search.seeds)
     side = pair.search.subset or max(pair.settings.subset, MOST_SEARCHED)
     templates = subsets(pair.pictures[0], pair.points[rows], pair.reference[rows], side, pair.mask)
     limits = pair.search.distances
-    if limits is None and matched.any():  # the rest of the surface is near the known part
+    if limits is None and matched.any():  # the other points are near the known part of the surface
         matched_rows = np.flatnonzero(matched)
         limits = pair.around(matched_rows, match.warp[matched_rows])
     candidates = search_curves(
@@ -175,18 +175,18 @@ def _write(match: Match, rows: IntArray, result: Match, which: BoolArray | slice
 Limits = tuple[float, float]
 
 LOOSE = 0.02
-"""Tolerance of the back match [px], coarse because its gate is a few tenths. At a picture's border, where
-pixels enter and leave the subset between steps, a finer one may never be reached."""
+"""Tolerance of the back match [px]. It can be coarse, because the gate is a few tenths. At a picture's border
+pixels enter and leave the subset between steps, and a finer tolerance may never be reached."""
 COARSE = 0.05
-"""Insignificant differences of 1 - ZNCC, due to pixel steps and errors of the slope."""
+"""Smaller differences of 1 - ZNCC are not significant. Pixel steps and errors of the slope cause them."""
 SUSPECT = 0.75
-"""Correlation of a second peak from which the search is repeated with all slopes; the first search uses the
-slope of the match."""
+"""If the correlation of the second peak exceeds this, the search is repeated with all slopes. The first
+search uses the slope of the match."""
 
 
 @dataclass(frozen=True)
 class GateValues:
-    """Value for each gate, one row per point; inf where it could not be computed."""
+    """Value for each gate, one row per point. inf where a value could not be computed."""
 
     sigma: FloatArray
     """Standard deviation of forward and back match [px], shape [n]."""
@@ -203,7 +203,7 @@ class GateValues:
     neighbours: FloatArray
     """Distance from the position predicted by the neighbours [px], shape [n]."""
     distinct: FloatArray
-    """ZNSSD over that of the second peak, the worse of both directions [-], shape [n]."""
+    """ZNSSD over that of the second peak [-], shape [n]. It is the worse of both directions."""
     distance: FloatArray
     """Distance along camera 0's ray [m], shape [n]."""
     unseen: FloatArray
@@ -248,8 +248,8 @@ def disagreement(points: FloatArray, warp: FloatArray, near: IntArray, valid: Bo
     """Distance of each point from the positions predicted by its neighbours, median over them [px], shape
     [n].
 
-    The prediction is the neighbour's match plus the step between the points, mapped by the mean of both
-    gradients. It is exact for quadratic displacements.
+    The prediction is the neighbour's match plus the mapped step between the points. The mean of both
+    gradients maps the step. It is exact for quadratic displacements.
 
     ``points``: places in the material picture [px], shape [n, 2]. ``warp``: total warps, shape [n, 12].
     ``near``: their neighbours, shape [n, k], -1 for none. ``valid``: matched points, shape [n]; only these
@@ -313,8 +313,8 @@ def _search_twice(
     limits: Limits,
     A: FloatArray,
 ) -> Candidates:
-    """Best positions and second peaks of subsets deformed as in the match; if a second peak is close in
-    correlation, the search is repeated with all slopes."""
+    """Best positions and second peaks of subsets that are deformed as in the match. If the correlation of a
+    second peak is close, the search is repeated with all slopes."""
     device = pair.stacks[0].device
     candidates = search_curves(rig, templates, picture, limits=limits, gradients=A, device=device)
     rows = np.flatnonzero(candidates.second_peak > SUSPECT)
@@ -334,8 +334,7 @@ def _reach(pair: Pair) -> float:
 
 
 def _share(candidates: Candidates, home: FloatArray, reach: float) -> FloatArray:
-    """ZNSSD of the best position over that of the second peak; inf if the best position is not that of the
-    match."""
+    """ZNSSD of the best position over that of the second peak. inf if the match is at another position."""
     at_home = np.linalg.norm(candidates.warp[:, :2] - home[:, :2], axis=1) <= reach
     share = np.maximum(1.0 - candidates.zncc, COARSE) / np.maximum(1.0 - candidates.second_peak, 1e-9)
     return np.where(at_home, share, np.inf)
@@ -368,7 +367,7 @@ def failed_gates(
 ) -> IntArray:
     """Gates that each match fails, as a sum of `Gate` members, shape [n]."""
     near, far = distances if distances is not None else (0.0, np.inf)
-    with np.errstate(invalid="ignore"):  # inf (no evidence) fails every comparison
+    with np.errstate(invalid="ignore"):  # inf (no value) fails every comparison
         noise = np.where(np.isfinite(gate_values.sigma), gates.sigmas * gate_values.sigma, 0.0)
         passes = (
             (
@@ -391,7 +390,7 @@ def failed_gates(
 
 @dataclass(frozen=True)
 class StereoMatch:
-    """Positions of camera 0's points in camera 1, one row per point; rows that are not VALID hold the last
+    """Positions of camera 0's points in camera 1, one row per point. Rows that are not VALID contain the last
     attempt."""
 
     points: FloatArray
@@ -435,9 +434,9 @@ def match_stereo(
 ) -> StereoMatch:
     """Match points of camera 0's picture in camera 1's, and check every match by gates.
 
-    A few seeds are searched along their whole epipolar curves; their subsets are deformed like facets of
-    several slopes. The other points follow from their neighbours, the most reliable first, with affine shape
-    functions. The final match uses the shape function of `settings`. See :ref:`theory-stereo-matching`.
+    A few seeds are searched along their whole epipolar curves. Their subsets are deformed like facets of
+    several slopes. The other points get a guess from their neighbours, the most reliable first, and affine
+    shape functions. The final match uses the shape function of `settings`. See :ref:`theory-stereo-matching`.
 
     Parameters
     ----------
@@ -472,7 +471,7 @@ def match_stereo(
     Raises
     ------
     ValueError
-        A rigid shape function, shapes that do not match, points or pictures that are not finite.
+        If the shape function is rigid, if shapes do not match, or if points or pictures are not finite.
     """
     search, gates = search or StereoSearch(), gates or StereoGates()
     if settings.shape < Shape.AFFINE:
@@ -520,7 +519,7 @@ def _judged(pair: Pair) -> StereoMatch:
 
 
 def _spread(part: StereoMatch, points: FloatArray, finite: BoolArray) -> StereoMatch:
-    """The result for all points; points that camera 0 has lost have no first guess."""
+    """The result for all points. Points that camera 0 has lost have no first guess."""
     if finite.all():
         return part
 

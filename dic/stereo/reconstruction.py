@@ -1,10 +1,10 @@
 """Positions in space from two tracks of the same points, and the common errors of positions.
 
-A calibration error shifts every position by S δθ, S = ∂X/∂θ: ``S C_θ Sᵀ`` does not average out over points.
-Errors that are correlated in space and time are estimated from the epipolar distances, which contain no
-motion. Relative to its mean over time, a point's distance has the covariance ``s² exp(-(r / l)²) exp(-|dt| /
-tau)`` between points at distance r and frames at time lag dt. Points whose subsets share pixels are not
-compared.
+A calibration error shifts every position by S δθ, S = ∂X/∂θ. Its covariance ``S C_θ Sᵀ`` does not average out
+over points. Errors that are correlated in space and time are estimated from the epipolar distances, which
+contain no motion. Relative to its mean over time, the distance of a point has the covariance ``s² exp(-(r /
+l)²) exp(-|dt| / tau)`` between points at distance r and frames at time lag dt. Points whose subsets share
+pixels are not compared.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -25,22 +25,22 @@ from dic.tracking.inputs import Track
 MOST_COMMON = 0.9
 """Largest share of a camera's noise, in any direction, that is common to both cameras."""
 GATE, GATE_SIGMAS = 0.5, 5.0
-"""Allowed epipolar distance due to the calibration [px], and due to noise, in standard deviations."""
+"""Allowed epipolar distance due to the calibration [px], and due to noise [standard deviations]."""
 AT_ONCE = 20_000
-"""Number of points of some frames that are reconstructed at once. It limits the memory and balances the load
-of the threads."""
+"""Number of points times frames that are reconstructed at once. It limits the memory and balances the load of
+the threads."""
 THREADS = 4
 """Largest number of threads; each needs about 80 MB for intermediate results."""
 TINY = 1e-10
-"""Variance that represents zero [px²], as in the triangulation of chosen positions."""
+"""Variance that replaces zero [px²], as in the triangulation of chosen positions."""
 
 
 @dataclass(frozen=True)
 class Reconstruction:
     """Material points in the rig's frame, through the frames.
 
-    NaN where the outcome is not VALID, with two exceptions: epipolar distances are kept where both cameras
-    found a point whose rays do not meet, and pixels where the camera found the point.
+    NaN where the outcome is not VALID, with two exceptions. Epipolar distances are kept where both cameras
+    found a point, even if its rays do not meet. Pixels are kept where the camera found the point.
     """
 
     position: FloatArray
@@ -48,8 +48,8 @@ class Reconstruction:
     covariance: FloatArray
     """Covariance of the positions due to the noise of the matches [m²], shape [n_frames, n_points, 3, 3]."""
     epipolar: FloatArray
-    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px],
-    shape [n_frames, n_points]."""
+    """Signed distance of camera 1's point from the epipolar line of camera 0's point [px], shape [n_frames,
+    n_points]."""
     pixels: tuple[FloatArray, FloatArray]
     """Pixels of the points in the two cameras [px], each of shape [n_frames, n_points, 2]."""
     outcome: IntArray
@@ -70,15 +70,15 @@ def reconstruct(
 ) -> Reconstruction:
     """Reconstruct positions in space of points that were tracked in both cameras.
 
-    A point that a camera lost has that camera's outcome, camera 0's first. A point is a STEREO_MISMATCH if
-    its epipolar distance exceeds both `gate` and `gate_sigmas` predicted standard deviations, or if it would
-    lie behind a camera.
+    A point that a camera lost has the outcome of this camera, of camera 0 if both lost it. A point is a
+    STEREO_MISMATCH if its epipolar distance exceeds both `gate` and `gate_sigmas` predicted standard
+    deviations, or if it would lie behind a camera.
 
-    Both tracks begin with the same template, from camera 0's material picture. Due to its noise both tracks
-    follow the same point at a distance ε from the chosen one. With the deformation gradients F₀ and F₁ their
-    errors are F₀ ε and F₁ ε, which shift the reconstructed point along the surface, not off it. Therefore the
-    covariance `common` of ε is subtracted from the cameras' noise. It is added again as the error ``(G₀ F₀ +
-    G₁ F₁) ε`` of the position, G its derivatives by the pixels.
+    Both tracks begin with the same template from camera 0's material picture. Because of its noise, both
+    tracks follow the same point at a distance ε from the chosen point. With the deformation gradients F₀ and
+    F₁ their errors are F₀ ε and F₁ ε. These errors shift the reconstructed point along the surface. The
+    covariance `common` of ε is therefore subtracted from the cameras' noise. It is added as the error ``(G₀
+    F₀ + G₁ F₁) ε`` of the position; G are the derivatives of the position by the pixels.
 
     Parameters
     ----------
@@ -104,8 +104,8 @@ def reconstruct(
     Raises
     ------
     ValueError
-        Tracks of different shape, a gate that is not positive, a VALID point without a pixel or covariance, a
-        lens distortion that cannot be inverted.
+        If the tracks have different shapes, a gate is not positive, a VALID point has no pixel or covariance,
+        or a lens distortion cannot be inverted.
     """
     if not (gate > 0.0 and gate_sigmas > 0.0):
         raise ValueError(f"gate and gate_sigmas must be positive, got {gate} px and {gate_sigmas}")
@@ -124,7 +124,7 @@ def reconstruct(
         epipolar_sigma=(sigma := np.full(shape, np.nan)),
     )
     frames = max(1, AT_ONCE // max(shape[1], 1))
-    # in parts: intermediate results take ten times the memory
+    # in parts, because intermediate results take ten times the memory
     parts = [slice(first, first + frames) for first in range(0, shape[0], frames)]
 
     def fill(part: slice) -> None:
@@ -139,7 +139,7 @@ def reconstruct(
 
 
 def narrow_gates(reconstruction: Reconstruction, *, gate: float, gate_sigmas: float) -> None:
-    """Narrow the gates of a reconstruction in place, with the same result as `reconstruct` with these gates.
+    """Narrow the gates of a reconstruction in place. The result is that of `reconstruct` with these gates.
 
     ``reconstruction``: a result of `reconstruct`. ``gate``, ``gate_sigmas``: as for `reconstruct`, not
     larger.
@@ -153,7 +153,7 @@ def narrow_gates(reconstruction: Reconstruction, *, gate: float, gate_sigmas: fl
 
 
 def end_points(reconstruction: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
-    """Set the outcome of points of a reconstruction in place, which saves the memory of a copy.
+    """Set the outcome of points of a reconstruction in place, without the memory of a copy.
 
     ``points``: mask of points and frames, shape [n_frames, n_points].
     """
@@ -236,7 +236,7 @@ def _pixels(track: Track, part: slice, valid: NDArray[np.bool_], camera: int) ->
 
 
 def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
-    """The rig with slightly changed parameters; camera 0's pose, which defines the frame, is unchanged.
+    """The rig with slightly changed parameters. The pose of camera 0 defines the frame and is unchanged.
 
     ``change``: changes in the order of `StereoRig.parameter_names` [px, -, rad, m], shape [26].
     """
@@ -272,13 +272,12 @@ def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
 
 
 def calibration_sigma(rig: StereoRig, points: FloatArray) -> FloatArray:
-    """Standard deviations of positions due to the calibration's covariance; the error is common to all
-    points.
+    """Standard deviations of positions from the calibration's covariance. The error is common to all points.
 
     ``rig``: the cameras, with a covariance. ``points``: positions in the rig's frame, in front of both
     cameras [m], shape [..., 3]. The result is smooth over the field and equal in all frames, so some points
-    of one frame suffice. Returns: by component [m], shape [..., 3]. Raises ValueError: a rig without a
-    covariance, or one of another size than its parameters.
+    of one frame are sufficient. Returns: by component [m], shape [..., 3]. Raises ValueError if the rig has
+    no covariance, or if its size does not match the parameters.
     """
     n = len(rig.parameter_names)
     if rig.covariance is None:
@@ -332,8 +331,8 @@ STEPS = 25
 
 @dataclass(frozen=True)
 class SharedError:
-    """Part of the epipolar distance's error that is correlated between neighbouring points and successive
-    frames."""
+    """Shared error: the part of the epipolar distance's error that is correlated between neighbouring points
+    and successive frames."""
 
     sigma: float
     """Standard deviation s of the epipolar distance [px]; 0 if none was found."""
@@ -352,9 +351,9 @@ def shared_error(epipolar: FloatArray, valid: BoolArray, points: FloatArray, *, 
 
     ``epipolar``: signed distances of camera 1's points from the epipolar lines of camera 0's [px], shape
     [n_frames, n_points]. ``valid``: mask of the known ones, same shape. ``points``: positions in the material
-    picture [px], shape [n_points, 2]. ``subset``: side of the subsets [px]; points closer than that, across
-    and along, share noise. Returns: `NONE` if too few points were tracked, or their distances are not
-    correlated.
+    picture [px], shape [n_points, 2]. ``subset``: side of the subsets [px]. Points that are closer in both
+    directions share noise. Returns: the estimate; `NONE` if too few points were tracked, or if their
+    distances are not correlated.
     """
     steady = np.flatnonzero(valid.mean(axis=0) > 0.5)
     steady = steady[:: max(-(-steady.size // MOST_POINTS), 1)]
@@ -379,7 +378,8 @@ def shared_error(epipolar: FloatArray, valid: BoolArray, points: FloatArray, *, 
 def demeaned(n: int, memory: float) -> FloatArray:
     """Covariances by lag of n values of a unit process with memory, relative to their mean, shape [n].
 
-    Subtracting the mean of n values with covariance exp(-|i - j| / memory) removes a part of the process.
+    The process has the covariance exp(-|i - j| / memory). The subtraction of the mean of n values removes a
+    part of it.
     """
     at = np.arange(n)
     R = np.exp(-np.abs(at[:, None] - at) / memory)

@@ -1,9 +1,9 @@
 """Best-fit circular cylinder of measured points, and the test frame on it.
 
-The test frame has y along the specimen's axis, Z toward the cameras, and x right-handed; the direction of the
-axis and y = 0 are declared. Distances are weighted with the noise ``nᵀ C n`` along the normal n. If only part
-of the circumference is visible, radius and depth of the axis are strongly correlated; the covariance includes
-this.
+The test frame is right-handed, with y along the specimen's axis and Z toward the cameras. The direction of
+the axis and y = 0 are declared. Distances are weighted with the noise ``nᵀ C n`` along the normal n. If only
+part of the circumference is visible, radius and depth of the axis are strongly correlated. The covariance
+includes this correlation.
 """
 
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ def _complete_basis(axis: FloatArray, near: FloatArray | None = None) -> FloatAr
         near = np.eye(3)[np.argmin(np.abs(axis))]
     e1 = near - (near @ axis) * axis
     e1 = e1 / np.linalg.norm(e1)
-    (a, b, c), (x, y, z) = axis.tolist(), e1.tolist()  # numpy.cross takes a hundred times as long for two
+    (a, b, c), (x, y, z) = axis.tolist(), e1.tolist()  # numpy.cross is a hundred times slower
     return np.array([e1, [b * z - c * y, c * x - a * z, a * y - b * x], axis])
 
 
@@ -135,8 +135,8 @@ class Cylinder:
     radius: float
     """Radius [m]."""
     covariance: FloatArray
-    """Of shift along e1 and e2 [m], tilt of the axis toward e1 and e2 [rad], radius [m]; shape [5, 5]. It
-    includes `noise_scale`; row and column of a fixed radius are zero."""
+    """Covariance of shift along e1 and e2 [m], tilt of the axis toward e1 and e2 [rad], and radius [m], shape
+    [5, 5]. It includes `noise_scale`. Row and column of a fixed radius are zero."""
     residual: FloatArray
     """Distance of every point from the surface, outward positive [m], shape [n]."""
     used: BoolArray
@@ -177,9 +177,9 @@ def fit_cylinder(
     shape [n, 3, 3]. ``radius``: a known radius [m]; None: the radius is estimated. ``radius_sigma``: its
     standard uncertainty [m]; 0 fixes the radius. ``overlap``: variance factors of points whose subsets
     overlap, `overlap_factor`, shape [n]. ``reject``: points farther from the surface than this many sigmas
-    are left out and marked in `Cylinder.used` [-]; if the scatter exceeds the sigmas, robust standard
-    deviations are used. Raises ValueError: fewer than 6 points, shapes that do not match, a number that is
-    not finite or positive, points on a plane rather than a cylinder.
+    are left out and marked in `Cylinder.used` [-]. If the scatter exceeds the sigmas, robust standard
+    deviations are used. Raises ValueError if there are fewer than 6 points, if shapes do not match, if a
+    number is not finite or positive, or if the points lie on a plane.
     """
     X, C = _checked(positions, covariance, radius, radius_sigma, reject)
     factor = np.ones(len(X)) if overlap is None else np.asarray(overlap, dtype=np.float64)
@@ -219,7 +219,7 @@ def _checked(
 
 
 def _start(X: FloatArray, radius: float | None) -> list[tuple[Shape, float]]:
-    """A rough fit from each candidate axis, with its mean squared distance; X is relative to its centroid."""
+    """A rough fit from each candidate axis, with its mean squared distance. X is relative to the centroid."""
     thin = X[:: max(1, len(X) // 500)]
     unit = np.full(len(thin), float(np.sqrt(np.mean(thin**2))))
     fits = []
@@ -297,8 +297,8 @@ class SpecimenFrame:
     origin: FloatArray
     """The point of the axis at y = 0, in the rig's frame [m], shape [3]."""
     covariance: FloatArray
-    """Of small rotations about x, y, Z [rad] and shifts of the origin along them [m], shape [6, 6].
-    The rotation about y is fixed by the cameras and has no variance."""
+    """Covariance of small rotations about x, y, Z [rad] and shifts of the origin along them [m], shape [6,
+    6]. The cameras fix the rotation about y; it has no variance."""
 
     def positions(self, X: FloatArray) -> FloatArray:
         """Points of the rig's frame, transformed to this frame [m], shape [..., 3]."""
@@ -317,14 +317,14 @@ class SpecimenFrame:
         return np.einsum("ij,...jk,ik->...i", self.rotation, C, self.rotation)
 
     def sigma(self, x: FloatArray) -> FloatArray:
-        """Standard deviation of positions due to the uncertainty of the frame; the error is common to all
+        """Standard deviation of positions from the uncertainty of the frame. The error is common to all
         points.
 
         ``x``: points in this frame [m], shape [..., 3]. Returns: standard uncertainties by component [m],
         shape [..., 3].
         """
         x = np.asarray(x, dtype=np.float64)
-        J = np.zeros((*x.shape, 6))  # a frame turned by r and shifted by d sees x at x - r × x - d
+        J = np.zeros((*x.shape, 6))  # in a frame turned by r and shifted by d, x is at x - r × x - d
         J[..., 0, 1], J[..., 0, 2] = -x[..., 2], x[..., 1]
         J[..., 1, 0], J[..., 1, 2] = x[..., 2], -x[..., 0]
         J[..., 2, 0], J[..., 2, 1] = -x[..., 1], x[..., 0]
@@ -348,10 +348,11 @@ def test_frame(
 
     ``cylinder``: of the undeformed specimen, from points in the rig's frame. ``rig``: the cameras that
     measured the points. ``toward_flyer``: direction from the transmission side toward the flyer in camera 0's
-    picture (right, down), of any length; (0, -1) is up. ``zero``: a point of the plane y = 0, the
-    transmission platen's face, in the rig's frame [m], shape [3]; `on_cylinder` finds it from a pixel.
-    ``zero_sigma``: standard uncertainty of its position along the axis [m]. Raises ValueError: the axis in
-    camera 0's picture deviates from the declared direction by more than 45°, or numbers are not finite.
+    picture (right, down), of any length; (0, -1) is up. ``zero``: a point of the plane y = 0 in the rig's
+    frame [m], shape [3]. The plane is the transmission platen's face; `on_cylinder` finds the point from a
+    pixel. ``zero_sigma``: standard uncertainty of its position along the axis [m]. Raises ValueError if the
+    axis in camera 0's picture deviates from the declared direction by more than 45°, or if numbers are not
+    finite.
     """
     zero = np.asarray(zero, dtype=np.float64)
     declared = np.asarray(toward_flyer, dtype=np.float64)
@@ -386,8 +387,8 @@ def on_cylinder(camera: Camera, pixel: ArrayLike, cylinder: Cylinder) -> FloatAr
     """The point of the cylinder that a camera sees at a pixel [m], in the rig's frame, shape [3].
 
     ``camera``: one camera of the rig that measured the cylinder. ``pixel``: position in its picture (x, y)
-    [px]. ``cylinder``: the cylinder; the first intersection of the pixel's ray is returned. Raises ValueError
-    if the ray misses the cylinder.
+    [px]. ``cylinder``: the cylinder. The first intersection of the pixel's ray with it is returned. Raises
+    ValueError if the ray misses the cylinder.
     """
     ideal = camera.undistort(np.asarray(pixel, dtype=np.float64))
     ray = camera.rotation.T @ np.array([ideal[0], ideal[1], 1.0])
@@ -413,8 +414,8 @@ def _in_picture(camera: Camera, cylinder: Cylinder) -> FloatArray:
 def _covariance(
     cylinder: Cylinder, rotation: FloatArray, origin: FloatArray, zero: FloatArray, zero_sigma: float
 ) -> FloatArray:
-    """From shifts a, b and tilts α, β of the cylinder's axis: the direction y changes by
-    t = ±(α e1 + β e2), the origin by a e1 + b e2 + s t; the plane y = 0 turns about the declared point."""
+    """Effect of shifts a, b and tilts α, β of the cylinder's axis. The direction y changes by t = ±(α e1 + β
+    e2), the origin by a e1 + b e2 + s t. The plane y = 0 turns about the declared point."""
     across = rotation @ cylinder.basis[:2].T  # e1, e2 in the test frame, shape [3, 2]
     sense = float(np.sign(rotation[1] @ cylinder.axis))
     s = float((origin - cylinder.point) @ rotation[1])

@@ -1,8 +1,8 @@
 """Outline of an axisymmetric specimen with its uncertainty, and its error due to a highlight.
 
 A body of revolution has one radius at each height. A highlight in the middle of the strip shifts the matches
-there by tenths of a pixel, but its residual is no larger than elsewhere. The surface on both sides of the
-highlight then shows a different radius, which reveals the error.
+by tenths of a pixel. Its residual is not larger than at other places. The surface on both sides of the
+highlight then has a different radius, which shows the error.
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ def rows_of(surface: SurfaceHistory, points: ArrayLike) -> IntArray:
     y = surface.X[:, 1]
     terms = np.column_stack([np.ones(len(y)), grid])
     slope = np.linalg.lstsq(terms, y, rcond=None)[0][1:]
-    along = int(np.argmax(np.abs(slope)))  # the picture's coordinate that runs along the axis
+    along = int(np.argmax(np.abs(slope)))  # the picture's coordinate along the axis
     _, row = np.unique(np.sign(slope[along]) * grid[:, along], return_inverse=True)
     return row.astype(np.int64)
 
@@ -40,18 +40,19 @@ def outline(
     """Outline from the points near the centre line, one mean per row of the grid.
 
     Every point is rotated about the axis to the centre line as in `dic.centre_line`. The points of a row are
-    then averaged, weighted with the inverse squares of their sigmas. The sigma of a mean takes into account
-    that overlapping subsets share pixels (`dic.correlation.subsets.overlap_correlation`), so that a finer
-    grid does not reduce it.
+    then averaged, weighted with the inverse squares of their sigmas. The sigma of a mean includes the
+    correlation of overlapping subsets (`dic.correlation.subsets.overlap_correlation`). A finer grid therefore
+    does not reduce it.
 
     ``surface``: the measured surface. ``points``: positions of its points in the material picture, on a grid
     along the axis [px], shape [n_points, 2]. ``half_width``: points within this distance of the centre plane
     in their frame are used [m]. ``subset``: side of the subsets in the material picture [px]. ``shape``:
-    shape function of the matches, the one of higher order of tracking and stereo. ``axis_x``, ``axis_Z``:
-    position of the specimen's axis in the surface's frame [m]. Returns: the outline frame by frame; within a
-    frame the rows are ordered by increasing y at rest. `left_out` counts the invalid points whose reference
-    position lies in the strip. Raises ValueError: `half_width` or `subset` not positive, `points` of another
-    shape, or a valid point of the strip that is not on the camera side of the axis.
+    shape function of the matches. If those of tracking and stereo differ, it is the one of higher order.
+    ``axis_x``, ``axis_Z``: position of the specimen's axis in the surface's frame [m]. Returns: the outline
+    frame by frame. Within a frame the rows are ordered by increasing y at rest. `left_out` counts the invalid
+    points whose reference position lies in the strip. Raises ValueError if `half_width` or `subset` is not
+    positive, if `points` has another shape, or if a valid point of the strip is not on the camera side of the
+    axis.
     """
     if not (np.isfinite(half_width) and half_width > 0.0 and np.isfinite(subset) and subset > 0.0):
         raise ValueError(
@@ -122,8 +123,8 @@ def _means(
 
 
 LATERAL = 1.5, 3.5
-"""Range of distances from the centre plane for lateral points, in half widths of the strip [-]: outside the
-strip, and where the radius still points nearly toward the cameras."""
+"""Range of distances from the centre plane for lateral points, in half widths of the strip [-]. These points
+are outside the strip, and their radius points nearly toward the cameras."""
 FEWEST_POINTS = 2
 """Smallest number of points of a row on one side for a lateral radius."""
 FEWEST_ROWS = 3
@@ -133,7 +134,7 @@ FEWEST_ROWS = 3
 def departures(
     surface: SurfaceHistory, points: ArrayLike, line: CentrePoints, *, half_width: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Outline minus the mean of the lateral radii, left and right of the strip, at the same height.
+    """Outline minus the mean of the radii left and right of the strip at the same height.
 
     A lateral error of the axis increases one of the two radii and decreases the other by the same amount. The
     lateral radii are interpolated linearly between rows.
@@ -141,8 +142,8 @@ def departures(
     ``surface``: the measured surface; its axis is that of its frame. ``points``: positions of its points in
     the material picture, on a grid along the axis [px], shape [n_points, 2]. ``half_width``: half width of
     the outline's strip [m]. Returns: the difference for each row of the outline [m], shape [n]; NaN where the
-    lateral surface is not known. Returns: its standard deviation [m], shape [n]: the lateral points of a row
-    share their pixels and count as one.
+    lateral surface is not known. Returns: its standard deviation [m], shape [n]. The lateral points of a row
+    share their pixels and count as one point.
     """
     row = rows_of(surface, points)
     position = surface.position
@@ -168,8 +169,8 @@ def departures(
 def _at_heights(
     used: BoolArray, row: IntArray, y: FloatArray, radius: FloatArray, noise: FloatArray, heights: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Radius and its standard deviation at given heights, interpolated between the row means; NaN outside
-    them."""
+    """Radius and its standard deviation at given heights. They are interpolated between the row means; NaN
+    outside."""
     count = np.bincount(row[used])
     full = np.flatnonzero(count >= FEWEST_POINTS)
     if full.size < FEWEST_ROWS:
@@ -182,11 +183,11 @@ def _at_heights(
 
 
 def beyond_noise(departure: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Pattern of the outline's error from its departures, one standard deviation [m], shape [n].
+    """Pattern of the outline's error from its departures [m], shape [n]: one standard deviation.
 
     The departures are scaled down to remove the contribution of noise: their mean square over their variances
-    is reduced by 1. The pattern is 0 where a departure is not known, and everywhere if the departures do not
-    exceed the noise.
+    is reduced by 1. The pattern is 0 where a departure is not known. It is 0 everywhere if the departures do
+    not exceed the noise.
 
     ``departure``, ``sigma``: as returned by `departures` [m], shape [n].
     """

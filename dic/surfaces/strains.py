@@ -1,8 +1,8 @@
 """Strains on a surface, with uncertainties, from local least-squares fits over a virtual strain gauge.
 
-The positions of a point's neighbours, in the reference and in the current state, are fitted by polynomials in
-their coordinates of the material picture, over the same window. With the slopes A0 (reference) and A
-(current) the surface's deformation gradient is ``F = A M⁻¹``, ``M = Bᵀ A0``, B the tangent vectors of the
+The positions of the points in a window are fitted by polynomials in their coordinates of the material
+picture. This is done for the reference and for the current state. With the slopes A0 (reference) and A
+(current) the surface's deformation gradient is ``F = A M⁻¹``, ``M = Bᵀ A0``. B are the tangent vectors of the
 reference. The effect of curvature on the fit is the same in both states and cancels. A homogeneous
 deformation is reproduced exactly, also by one-sided windows.
 """
@@ -85,10 +85,11 @@ class StrainHistory:
 
     @property
     def principal_angle(self) -> tuple[FloatArray, FloatArray]:
-        """Angle of the larger stretch from around toward along, in (-π/2, π/2] [rad], and its sigma.
+        """Angle of the larger stretch, from the direction around toward that along, in (-π/2, π/2] [rad], and
+        its sigma.
 
-        The sigma is a first-order estimate. Where the two stretches are equal within their noise it exceeds a
-        right angle: the direction is then undefined. Shapes [n_frames, n_points].
+        The sigma is a first-order estimate. Where the two stretches are equal within their noise, the sigma
+        exceeds a right angle. The direction is then undefined. Shapes [n_frames, n_points].
         """
         c, Q = self._principal()
         angle = np.arctan2(Q[..., 1, 0], Q[..., 0, 0])
@@ -117,14 +118,14 @@ class StrainHistory:
     def _isotropic(
         self, f: Callable[[FloatArray], FloatArray], slope: Callable[[FloatArray], FloatArray]
     ) -> Strain:
-        """f(C) and its sigma: in principal axes dC_ab is multiplied by the divided difference f[c_a, c_b]."""
+        """f(C) and its sigma. In principal axes dC_ab is multiplied by the divided difference f[c_a, c_b]."""
         c, Q = self._principal()
         a, b = c[..., :, None], c[..., None, :]
         near = np.abs(a - b) < 1e-6 * (a + b)
         with np.errstate(divide="ignore", invalid="ignore"):
             divided = np.where(near, slope(0.5 * (a + b)), (f(a) - f(b)) / (a - b))
         value = np.einsum("...ia,...a,...ja->...ij", Q, f(c), Q)
-        # The map from C's components to f(C)'s, back in the tangent vectors' axes.
+        # The map from the components of C to those of f(C), in the axes of the tangent vectors.
         L = np.einsum("...ia,...jb,...ab,...ka,...lb->...ijkl", Q, Q, divided, Q, Q, optimize=True)
         pair = np.array([[0, 2], [2, 1]])
         V = self.covariance[..., pair[:, :, None, None], pair[None, None]]
@@ -177,7 +178,7 @@ class StrainGauge:
 
 
 MOST_SENT = 400_000
-"""Largest number of points times frames whose strains are computed in forks: about 80 MB are sent back."""
+"""Largest number of points times frames for strains in forked processes, which send back about 80 MB."""
 THINNEST = 0.3
 """Smallest spread of a window's points in any direction [steps, root mean square]."""
 
@@ -199,7 +200,7 @@ def strains(
     points
         Positions of its points in the material picture [px], shape [n_points, 2].
     gauge
-        The virtual strain gauge. Near an edge or lost points the window becomes one-sided; it is not shifted.
+        The virtual strain gauge. Near an edge or lost points the window is not shifted and becomes one-sided.
     regions
         Label of the body of each point, shape [n_points]; a window contains points of one body only. None:
         one body.
@@ -215,7 +216,7 @@ def strains(
     Raises
     ------
     ValueError
-        Shapes that do not fit.
+        If shapes do not match.
     """
     grid = np.asarray(points, dtype=np.float64)
     label = np.zeros(surface.n_points) if regions is None else np.asarray(regions)
@@ -272,8 +273,8 @@ class _Positions:
 
 
 _Window = tuple[int, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""A point, the frames in which its window has enough points, and for these frames the gradient, its basis,
-the covariance, the share of the window's points and their centre."""
+"""First a point and the frames in which its window has enough points. Then, for these frames, the gradient,
+its basis, the covariance, the share of the window's points and their centre."""
 
 
 def _fit_window(

@@ -17,15 +17,15 @@ from dic.views import ResultViews
 class SurfaceHistory(ResultViews):
     """Points of a surface, tracked through the frames of a test.
 
-    Components are (x, y, Z): y the compression axis from the transmission platen toward the flyer, Z toward
-    the cameras, x to complete a right-handed frame. A point that was lost in a frame keeps its entry:
-    `outcome` gives the reason, and its `u` and `sigma` are to be ignored (normally NaN).
+    Components are (x, y, Z). y is the compression axis from the transmission platen toward the flyer. Z
+    points toward the cameras; x completes a right-handed frame. A point that was lost in a frame keeps its
+    entry. `outcome` gives the reason; ignore its `u` and `sigma` (normally NaN).
 
     Raises
     ------
     ValueError
-        Shapes that do not fit, times that do not increase, an unknown outcome, or a valid point
-        whose displacement is not finite or whose sigma is not positive.
+        If shapes do not match, times do not increase, or an outcome is unknown. If the displacement of a
+        valid point is not finite, or its sigma is not positive.
     """
 
     t: FloatArray
@@ -113,7 +113,8 @@ class CentrePoints:
     sigma: FloatArray
     """Standard deviation of Z [m], shape [n]."""
     left_out: Mapping[PointOutcome, int]
-    """Number of omitted points of the strip, over all frames, by outcome (no entry: none)."""
+    """Number of omitted points of the strip over all frames, by outcome. An outcome without points has no
+    entry."""
 
 
 def centre_line(
@@ -139,14 +140,13 @@ def centre_line(
     Returns
     -------
     CentrePoints
-        The points, frame by frame, in each frame by increasing y. An invalid point has no current position;
-        it is counted in `left_out` if its reference position lies in the strip.
+        The points, frame by frame, in each frame by increasing y. An invalid point has no current position.
+        `left_out` counts it if its reference position lies in the strip.
 
     Raises
     ------
     ValueError
-        `half_width` not positive, or a valid point of the strip that is not on the camera side of
-        the axis.
+        If `half_width` is not positive, or a valid point of the strip is not on the camera side of the axis.
     """
     if not (np.isfinite(half_width) and half_width > 0.0):
         raise ValueError(f"half_width must be a positive length in metres, got {half_width}")
@@ -191,11 +191,11 @@ def static_mean(
     """Mean positions over static frames, and their covariances.
 
     The noise of the material picture is the same in every frame and does not average out. For two pictures of
-    equal noise it makes up half of the variance of a match.
+    equal noise it causes half of the variance of a match.
 
     ``shared``: share of the variance that is common to all frames [-]. Returns: positions [m], shape
     [n_points, 3]; NaN for a point that is valid in none of the frames. Returns: covariances [m²], shape
-    [n_points, 3, 3]; likewise. Raises ValueError: no frames, or `shared` outside [0, 1].
+    [n_points, 3, 3]; likewise. Raises ValueError if there are no frames, or if `shared` is outside [0, 1].
     """
     if not len(frames) or not 0.0 <= shared <= 1.0:
         raise ValueError(f"frames must be given and shared be in [0, 1], got {list(frames)} and {shared}")
@@ -261,7 +261,7 @@ class NoiseFloor:
     """Apparent motion of points at rest; each by component (x, y, Z) [m], shape [3].
 
     The noise of the pictures contributes to both `time` and `space`. A bias that is constant over all frames,
-    e.g. from interpolation or the lens, contributes to neither: it is part of the static reference position.
+    e.g. from interpolation or the lens, is part of the static reference position. It contributes to neither.
     """
 
     n_frames: int
@@ -286,8 +286,8 @@ class NoiseFloor:
 def noise_floor(surface: SurfaceHistory, static: NDArray[np.bool_]) -> NoiseFloor:
     """Noise floor of displacements from static frames.
 
-    ``static``: which frames show it at rest, shape [n_frames]. Raises ValueError: fewer than three static
-    frames with points, or no point that is valid in all of them.
+    ``static``: True for frames at rest, shape [n_frames]. Raises ValueError if there are fewer than
+    three static frames with points, or if no point is valid in all of them.
     """
     frames = np.flatnonzero(static & surface.valid.any(axis=1))
     if frames.size < SMALLEST_SERIES:

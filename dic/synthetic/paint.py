@@ -28,7 +28,7 @@ class Texture:
             raise ValueError(f"pitch must be a positive length in metres, got {self.pitch}")
 
     def at(self, around: FloatArray, along: FloatArray) -> FloatArray:
-        """Reflectance at positions [m], bilinear; outside the grid the value of the nearest texel."""
+        """Reflectance at positions [m], bilinear. Outside the grid it is the value of the nearest texel."""
         rows, columns = self.grey.shape
         u = np.clip((np.asarray(around) - self.origin[0]) / self.pitch, 0.0, columns - 1.001)
         v = np.clip((np.asarray(along) - self.origin[1]) / self.pitch, 0.0, rows - 1.001)
@@ -97,7 +97,7 @@ def waves(
 class Paint:
     """Reflectances of drops and ground, and the width of a drop's rim.
 
-    Raises ValueError: a reflectance outside 0 to 1, a softness outside 0 to 1.
+    Raises ValueError if a reflectance or the softness is outside 0 to 1.
     """
 
     dark: float = 0.16
@@ -105,7 +105,8 @@ class Paint:
     bright: float = 0.97
     """Reflectance of the ground [-]."""
     softness: float = 0.3
-    """Width of the rim between ground and drop over the drop's diameter [-]; at least 1.5 texels are used."""
+    """Width of the rim between ground and drop over the drop's diameter [-]. The rim has at least 1.5
+    texels."""
 
     def __post_init__(self) -> None:
         for name in ("dark", "bright", "softness"):
@@ -121,7 +122,7 @@ def sprayed_drops(
     The drops are independent of each other: n drops of mean area A leave a share exp(-n A / area) uncovered.
     Hence ``n = -ln(1 - coverage) area / A``, with ``A = π/4 size² (1 + spread²)``. Diameters are log-normal.
 
-    ``area``: area of the pattern; the centres also lie on a margin around it. ``size``: mean diameter [m].
+    ``area``: area of the pattern. Centres also lie on a margin around it. ``size``: mean diameter [m].
     ``spread``: standard deviation of the diameters over their mean [-]. ``coverage``: expected covered share
     of the area [-].
     """
@@ -144,7 +145,7 @@ def printed_dots(
 ) -> tuple[FloatArray, FloatArray]:
     """Centres and diameters of equal dots near the points of a hexagonal lattice [m], shapes [n, 2] and [n].
 
-    The area of the lattice per dot is √3/2 step²: ``step = size √(π / (2 √3 coverage))``, as long as no dots
+    The area of the lattice per dot is √3/2 step². Hence ``step = size √(π / (2 √3 coverage))`` if dots do not
     overlap.
     """
     if not (0.0 < coverage < 0.95 and size > 0.0 and 0.0 <= jitter <= 0.5):

@@ -1,4 +1,4 @@
-"""Pictures of a scene: ray casting, the sensor's grey values, and files as cameras write them."""
+"""Pictures of a scene: ray casting, grey values of the sensor, and camera file formats."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -36,10 +36,9 @@ def picture_series(
 ) -> Iterator[Light]:
     """Light on the pixels of one camera, in blocks of a few frames.
 
-    The distortion of the lens is removed from every ray. The intersection with each body, a polyline rotated
-    about an axis, is computed in closed form; the nearest one gives the material coordinates at which the
-    body's texture is read. The light on a pixel is the integral of the rays over its square, blurred by the
-    lens.
+    The distortion of the lens is removed from every ray. A body is a polyline rotated about an axis. Its
+    intersection with a ray has a closed form. At the nearest intersection the body's texture is read. The
+    light on a pixel is the integral of the rays over its square, blurred by the lens.
 
     ``scene``: bodies at the instants of the frames. ``shape``: rows and columns [px]. ``lens``: point spread
     and rays per pixel; default `Lens()`. ``haze``: displacements of the picture by the air [px], from
@@ -68,7 +67,7 @@ def board_series(
 ) -> Iterator[Light]:
     """Light on the pixels of one camera that looks at a flat board, one pose per frame; see `picture_series`.
 
-    ``board``: only its texture is used, by x (around) and y (along) of the board's frame. ``poses``: R and t
+    ``board``: only its texture is used. x of the board's frame is around, y is along. ``poses``: R and t
     of each frame, from the board's frame to the rig's, `X = R x + t`.
     """
     lens = lens or Lens()
@@ -117,7 +116,7 @@ def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
 class Sensor:
     """A camera's sensor.
 
-    Raises ValueError: a value outside its range.
+    Raises ValueError if a value is outside its range.
     """
 
     bits: int = 12
@@ -175,7 +174,8 @@ class Sensor:
     ) -> NDArray[np.uint16]:
         """Grey values of one picture, shape [rows, columns].
 
-        Photons are Poisson's, read noise is Gaussian; the sum is rounded, and clipped at 0 and the largest.
+        Photons have a Poisson distribution, read noise is Gaussian. The sum is rounded and clipped at 0 and
+        the largest grey value.
 
         ``light``: light on the pixels, 1 for white paint, shape [rows, columns]. ``pattern``: result of
         `pattern` for this camera. ``brightness``: brightness of the lamp in this frame, 1 on average.
@@ -209,15 +209,15 @@ def _write_png(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.floa
 
 
 def write_numbered(path: Path, picture: NDArray[np.uint16], *, bits: int) -> None:
-    """Write one PNG file, of 8 bits if the grey values have no more, else of 16."""
+    """Write one PNG file of 8 bits, or of 16 bits if the grey values need more than 8."""
     if not cv2.imwrite(str(path), picture.astype(np.uint8) if bits <= 8 else picture):
         raise OSError(f"{path} cannot be written")
 
 
 def _write_cine(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
-    """Write a Phantom cine of 16-bit values, with time stamps from its trigger at t = 0 on."""
+    """Write a Phantom cine of 16-bit values. Its time stamps begin at the trigger, t = 0."""
     n, rows, columns = pictures.shape
-    trigger = 1 << 31  # half a second: the fraction does not become negative before the trigger
+    trigger = 1 << 31  # half a second: the fraction is not negative before the trigger
     setup = bytearray(_SETUP)
     struct.pack_into("<H", setup, 0, min(round(rate), 65535))  # FrameRate16
     struct.pack_into("<2sH", setup, 140, b"ST", _SETUP)
@@ -275,4 +275,4 @@ WRITERS: dict[str, tuple[str, Writer]] = {
     "cine": (".cine", _write_cine),
     "mraw": (".mraw", _write_mraw),
 }
-"""Name of a format -> suffix of its file, "" for a folder, and its writer."""
+"""By name of a format: the suffix of its file ("" for a folder) and its writer."""

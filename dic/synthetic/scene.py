@@ -13,7 +13,7 @@ from dic.synthetic.paint import Texture
 
 @dataclass(frozen=True)
 class Instants:
-    """Instants at which a series of frames is computed: each frame is a weighted mean over some of them."""
+    """Instants at which a series of frames is computed. Each frame is a weighted mean over some of them."""
 
     begin: np.ndarray
     """Index of the first instant of each frame, followed by the number of instants, shape [n_frames + 1]."""
@@ -31,11 +31,12 @@ class Instants:
 def exposures(times: FloatArray, exposure: float, points: np.ndarray | int = 1) -> Instants:
     """Instants of frames whose shutters are open for `exposure`, centred on `times`.
 
-    Gauss-Legendre points: n of them integrate motion blur of a polynomial of degree 2 n - 1 exactly.
+    The instants are Gauss-Legendre points. n points integrate motion blur of a polynomial of degree 2 n - 1
+    exactly.
 
     ``times``: middle of each exposure [s], shape [n_frames]. ``exposure``: time for which the shutter is open
-    [s]; 0: no motion blur. ``points``: number of instants per frame, one number or one for each frame. Raises
-    ValueError: a negative exposure or a number of points below 1.
+    [s]; 0: no motion blur. ``points``: number of instants per frame: one number for all frames, or one for
+    each frame. Raises ValueError if the exposure is negative or a number of points is below 1.
     """
     counts = np.broadcast_to(np.asarray(points, dtype=np.int64), (len(times),))
     if not (np.isfinite(exposure) and exposure >= 0.0):
@@ -73,8 +74,7 @@ class RevolvedBody:
     shine: float = 0.0
     """Height of a highlight over white paint [-]."""
     patch: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Centre (around, along) and radius [m] of a patch of paint that has detached and slides; radius 0:
-    none."""
+    """Centre (around, along) and radius [m] of a sliding patch of detached paint; radius 0: none."""
     slip: FloatArray = field(default_factory=lambda: np.zeros((1, 2)))
     """Displacement of the patch's centre around and along [m], shape [n_instants or 1, 2]."""
 
@@ -87,9 +87,10 @@ class RevolvedBody:
 
     @property
     def slope(self) -> FloatArray:
-        """dr/dy at the nodes, the weighted mean of the two segments there, shape [n_instants or 1, n_nodes].
+        """dr/dy at the nodes, shape [n_instants or 1, n_nodes]: the weighted mean of the two segments at a
+        node.
 
-        If one of the segments is a disc normal to the axis, only the other one counts.
+        If one segment is a disc normal to the axis, only the other segment counts.
         """
         rise, run = np.diff(self.r, axis=1), np.diff(self.y, axis=1)
         flat = np.abs(run) < 1e-12
@@ -160,8 +161,8 @@ LEVELS = 65
 class Lens:
     """Point spread of a camera.
 
-    Raises ValueError: a negative spread or aperture, a distance of focus that is not positive, fewer than 2
-    rays.
+    Raises ValueError if spread or aperture is negative, if the focus distance is not positive, or if there
+    are fewer than 2 rays.
     """
 
     spread: float = 0.45
@@ -209,7 +210,7 @@ def weights(spread: float, reach: int, rays: int) -> FloatArray:
 
 
 def reach_of(spread: float) -> int:
-    """Number of pixels on each side from which a lens of this standard deviation [px] gathers light."""
+    """Number of pixels on each side that a lens of this standard deviation [px] blurs into one pixel."""
     return int(np.ceil(SPREADS * spread))
 
 
@@ -234,8 +235,8 @@ def haze(
 ) -> NDArray[np.float32]:
     """Displacements of the picture by warm air [px], shape [n_frames, n_down, n_across, 2].
 
-    A Gaussian random field with correlation length `length` and correlation time `memory` (an
-    autoregression); the distance between its nodes is `length`.
+    They are a Gaussian random field with correlation length `length` and correlation time `memory` (an
+    autoregression). The distance between its nodes is `length`.
 
     ``n_frames``, ``shape``: frames, and rows and columns of the pictures [px]. ``size``: standard deviation
     of a displacement [px]. ``length``: correlation length [px]. ``memory``: number of frames after which the

@@ -1,7 +1,7 @@
 """Tracking of points through the frames of one camera, with updates of the reference pictures.
 
-A point gets a later reference when the correlation with its reference is too low, and returns to an earlier
-one when it correlates with that one again.
+A point gets a later reference when the correlation with its reference is too low. It returns to an earlier
+reference when it correlates with this one again.
 """
 
 from collections.abc import Callable
@@ -29,20 +29,21 @@ from dic.tracking.matcher import (
 )
 
 JOIN = 0.7
-"""Share of the limit of stretch (in ln stretch) from which a point changes its reference together with
-others. Fewer pictures are then stored, and neighbours keep a common reference."""
+"""Above this share of the limit of stretch (in ln stretch), a point changes its reference together with
+others. Fewer pictures are then stored, and neighbours have a common reference."""
 QUORUM = 0.02
-"""References are changed when at least this share of the points found needs a change ..."""
+"""References are changed if at least this share of the tracked points needs a change ..."""
 URGENT = 1.5
-"""... or when one point exceeds the limit by this factor (in ln stretch)."""
+"""... or if one point exceeds the limit by this factor (in ln stretch)."""
 DROP = 0.05
-"""A poor correlation calls for a new reference only if it has fallen by this much since the last change."""
+"""A poor correlation leads to a new reference only if it has decreased by at least this since the last
+change."""
 GROWTH_STEP = 1.2
 """Factor of one growth step of a growing subset."""
 LARGEST = 101
 """Largest subset of the match [px]."""
 PROBATION = 5
-"""Number of frames for which a point keeps an emergency reference before it may take the next one."""
+"""Smallest number of frames between two emergency references of a point."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +58,11 @@ class LatestFrame:
     valid: BoolArray
     """Points found in this frame, shape [n]."""
     excess: FloatArray
-    """Largest excess of the residuals in the chain that ends there [-], shape [n]."""
+    """Largest excess of the residuals in the chain that ends in this frame [-], shape [n]."""
 
 
 def enlarged_subset(subset: int, warp: FloatArray, limit: float) -> IntArray:
-    """Side of the subset with which a flattened subset keeps its shortest side in the picture [px], shape
-    [n].
+    """Side of the subset that keeps the shortest side of a flattened subset in the picture [px], shape [n].
 
     ``subset``: side of the subset at rest [px]. ``warp``: total warps, shape [n, 12]. ``limit``: largest
     growth [-].
@@ -71,14 +71,14 @@ def enlarged_subset(subset: int, warp: FloatArray, limit: float) -> IntArray:
         return np.full(len(warp), subset)
     smallest = principal(gradient(warp))[1]
     growth = np.clip(1.0 / np.maximum(smallest, 1e-6), 1.0, limit)
-    # few sizes, so that points can be matched together
+    # few sizes: points of one size are matched together
     growth = np.minimum(GROWTH_STEP ** np.ceil(np.log(growth) / np.log(GROWTH_STEP) - 1e-9), limit)
     side = 2 * np.round((subset * growth - 1.0) / 2.0) + 1
     return np.asarray(np.minimum(side, LARGEST), dtype=np.int64)
 
 
 class _ReferenceUpdates:
-    """Decides about the references of n points."""
+    """Decides when the references of n points change."""
 
     def __init__(self, references: References, settings: Tracking) -> None:
         n = len(references.level)
@@ -100,12 +100,13 @@ class _ReferenceUpdates:
         carried: FloatArray,
         excess: FloatArray,
     ) -> Template:
-        """A frame as the reference of points `rows`; warps, covariances and excess of all points."""
+        """Make a frame the reference of points `rows`. Warps, covariances and excess are those of all
+        points."""
         subset = enlarged_subset(self.settings.correlation.subset, warp[rows], self.settings.growth)
         return matcher.template(rows, frame, warp[rows], carried[rows], subset, excess[rows])
 
     def match_last_frame(self, current: FrameMatch, last: LatestFrame | None) -> None:
-        """Match lost points with the previous frame as reference; points found in this way keep that
+        """Match lost points with the previous frame as reference. Points that are found in this way keep this
         reference."""
         if last is None:
             return
@@ -152,7 +153,7 @@ class _ReferenceUpdates:
         self.low = low
 
     def back(self, current: FrameMatch) -> None:
-        """Return points to an earlier reference with which they correlate again, and match them with it."""
+        """Return points to an earlier reference if they correlate with it again, and match them with it."""
         self.steps += 1
         if self.settings.return_every == 0 or self.steps % self.settings.return_every != 0:
             return
@@ -180,8 +181,8 @@ class _ReferenceUpdates:
 
 
 def _compose_points(current: FrameMatch) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """`compose` for the points found, each of shape [n, 2, 2], and the largest excess of the residuals in
-    their chains, shape [n]; NaN for the others."""
+    """`compose` for the tracked points, shapes [n, 2, 2], and the largest excess of the residuals in their
+    chains, shape [n]. NaN for the others."""
     total, carried = np.full_like(current.covariance, np.nan), np.full_like(current.covariance, np.nan)
     rows = np.flatnonzero(current.valid)
     template, warp = current.template.take(rows), current.warp[rows]
@@ -249,7 +250,8 @@ def track(
     Raises
     ------
     ValueError
-        Points, mask, warps or frame numbers that do not match the pictures; no picture in frame `first`.
+        If points, mask, warps or frame numbers do not match the pictures, or there is no picture in frame
+        `first`.
     """
     chosen = settings or Tracking()
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -321,7 +323,7 @@ class _Run:
             pictures, noise=noise, prefilter=settings.correlation.prefilter, device=device
         )
         self.declared = frame_outcome
-        # a subset that grows has no template of one size
+        # a growing subset has no template of a fixed size
         templates = Templates.of(n, settings.correlation) if settings.growth == 1.0 else None
         self.references = References(n, templates)
         self.matcher = Matcher(
@@ -357,7 +359,7 @@ class _Run:
         start_covariance: FloatArray | None,
         material: Picture | None,
     ) -> None:
-        """Store the first reference, and match it with itself to find which of its subsets can be used."""
+        """Store the first reference. A match with itself shows which of its subsets can be used."""
         n = len(self.points)
         warp = identity(n) if start is None else np.array(start, dtype=np.float64)
         none = np.zeros((n, 2, 2))
@@ -379,7 +381,7 @@ class _Run:
         self.references.start(self._root(first, warp, none, own=uncorrelated))
         rows = np.arange(n)
         match = self.matcher.match(stack, rows, warp, self.references.template(rows))
-        template = 0.5 * match.covariance  # match with itself: the other half is from the searched picture
+        template = 0.5 * match.covariance  # match with itself: the searched picture causes the other half
         if start_covariance is not None:
             before = inherited_covariance(np.asarray(start_covariance), template, warp)
             self.references.start(self._root(first, warp, before, own=uncorrelated))
@@ -441,7 +443,7 @@ class _Run:
         self.references.tidy(keep=frame)
 
     def _root(self, frame: int, warp: FloatArray, before: FloatArray, *, own: bool) -> Template:
-        """The first reference of all points; ``own``: whether the noise of its template is part of their
+        """The first reference of all points. ``own``: whether the noise of its template is part of their
         sigma."""
         n = len(self.points)
         subset = np.full(n, self.settings.correlation.subset)

@@ -19,17 +19,16 @@ ORDERS = (0, 1, 2)
 JURY = 300
 """Approximate number of points from which the order is chosen."""
 PARTS = (slice(0, 2), slice(2, 6), slice(6, 12))
-"""Parameters with a common order: displacement, first derivatives, second derivatives. The noisier they are,
-the lower is the best order."""
+"""Parameters with a common order: displacement, first derivatives, second derivatives. Noisy parameters need
+a low order."""
 
 
 class Predictor:
     """Extrapolates the warps of the last three frames in which each point was found.
 
-    The order of extrapolation is the one that would have predicted the last frame best, by the median over
-    the points; it is chosen separately for displacements and their derivatives. So the order adapts to a
-    series at rest, in steady motion or with vibration. A point with too few earlier frames uses the highest
-    possible order.
+    The order with the best prediction of the last frame (median over the points) is used. It is chosen
+    separately for displacements and their derivatives. The order adapts to rest, steady motion or vibration.
+    A point with too few earlier frames uses the highest possible order.
     """
 
     def __init__(self, n: int) -> None:
@@ -44,7 +43,7 @@ class Predictor:
         self._foretold: dict[int, FloatArray] = {}
 
     def predict(self, frame: int) -> FloatArray:
-        """Warps expected in `frame`, shape [n, 12]; those of a point never found are zero."""
+        """Warps expected in `frame`, shape [n, 12]. They are zero for a point that was never found."""
         self._foretold = self._extrapolated(frame)
         guess = np.empty_like(self.warp[0])
         for part, order in zip(PARTS, self.order, strict=True):
@@ -63,7 +62,7 @@ class Predictor:
             for k, part in enumerate(PARTS):
                 self.order[k] = int(np.argmin(median(off[..., part].max(axis=-1), axis=-1)))
         self._foretold = {}
-        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess that was found
+        repeated = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a guess that led to a match
         advanced = rows[~repeated]
         for history in (self.frame, self.warp):
             for place in (2, 1):
@@ -72,8 +71,8 @@ class Predictor:
         self.known[advanced] = np.minimum(self.known[advanced] + 1, 3)
 
     def _extrapolated(self, frame: int) -> dict[int, FloatArray]:
-        """Value at `frame` of Lagrange's polynomial through the latest order + 1 frames of each point, or
-        through as many as it has; by order, each of shape [n, 12]."""
+        """Value at `frame` of Lagrange's polynomial through the latest order + 1 frames of each point, by
+        order, each of shape [n, 12]. If a point has fewer frames, all are used."""
         by_order = {0: self.warp[0].copy()}
         for order in ORDERS[1:]:
             by_order[order] = by_order[order - 1].copy()  # for points with fewer frames
@@ -92,7 +91,7 @@ class Predictor:
 
 
 RATIO = 0.8
-"""A feature's best match must be this much nearer than its second best (Lowe 2004)."""
+"""Largest distance of a feature's best match over that of its second best match (Lowe 2004)."""
 NEAREST_FEATURES = 16
 """Number of features around a point from which an affine motion is estimated."""
 CONSENSUS = 6
@@ -128,8 +127,8 @@ def correlate_windows(
 ) -> tuple[FloatArray, FloatArray]:
     """Positions of windows of one picture in another, to one pixel, by normalised cross-correlation (FFT).
 
-    The window of the reference picture is deformed according to the guess, and searched in the deformed
-    picture around its guessed position.
+    The window of the reference picture is deformed by the guess. It is searched in the deformed picture
+    around its guessed position.
     """
     f, g = (np.ascontiguousarray(picture, dtype=np.float32) for picture in (reference, deformed))
     places, score = np.full((len(origin), 2), np.nan), np.full(len(origin), -1.0)
@@ -158,7 +157,7 @@ def correlate_windows(
             continue
         scores = cv2.matchTemplate(g[low[1] : high[1], low[0] : high[0]], patch, cv2.TM_CCOEFF_NORMED)
         row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
-        # the patch is centred on the point itself, so its place may be read off without the guess
+        # the patch is centred on the point, so its position does not depend on the guess
         places[i] = low + np.array([column, row]) + half
         score[i] = float(scores[row, column])
     return places, score
@@ -209,7 +208,7 @@ def affine_consensus(
 
 
 NEIGHBOUR_COUNT = 8
-"""Number of neighbours: those around a point of a square grid."""
+"""Number of neighbours, as around a point of a square grid."""
 REACH = 3.0
 """Largest distance of a neighbour, over the median distance of nearest neighbours [-]."""
 
@@ -227,7 +226,7 @@ class Neighbours:
 
     @cached_property
     def _across(self) -> FloatArray:
-        """x and y components of the steps, each contiguous in memory, shape [2, n, k]."""
+        """x and y components of the steps, shape [2, n, k]. Each is contiguous in memory."""
         return np.ascontiguousarray(np.moveaxis(self.step, -1, 0))
 
     @classmethod
@@ -239,7 +238,7 @@ class Neighbours:
             empty = np.zeros((n, 1), dtype=np.int64)
             return cls(empty, np.zeros((n, 1, 2)), np.zeros((n, 1), dtype=bool))
         distance, index = cKDTree(points).query(points, k=k + 1)
-        # of coincident points, each may have the other as nearest point
+        # two coincident points may each be the nearest point of the other
         itself = index == np.arange(n)[:, None]
         itself[~itself.any(axis=1), -1] = True
         distance, index = distance[~itself].reshape(n, k), index[~itself].reshape(n, k)
@@ -277,7 +276,7 @@ class Neighbours:
         """
         index = self.index[rows]
         x, y = self._across[:, rows]
-        # column by column: twice as fast as rows of six numbers
+        # column by column: twice as fast as by rows
         shift, near = warp[rows, :2], [column[index] for column in np.ascontiguousarray(warp[:, :6].T)]
         u = near[0] + near[2] * x + near[3] * y - shift[:, :1]
         v = near[1] + near[4] * x + near[5] * y - shift[:, 1:]
@@ -288,19 +287,18 @@ class Neighbours:
     def agreeing(self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float) -> BoolArray:
         """Points whose positions agree with at least two of their neighbours, shape [len(rows)].
 
-        Two neighbours suffice, because at the border of two bodies most neighbours may belong to the other
-        body. A point with fewer than three neighbours found is not checked and agrees. Parameters as in
-        `votes`.
+        Two neighbours are sufficient, because at the border of two bodies most neighbours may belong to the
+        other body. A point with fewer than three tracked neighbours is not checked and agrees. Parameters as
+        in `votes`.
         """
         votes, voters = self.votes(warp, usable, rows, gate)
         return np.asarray((votes >= 2) | (voters < 3))
 
 
 TRIES = 4
-"""Number of successive frames in which a lost point is searched before it is skipped."""
+"""A lost point is searched in this number of successive frames; then it is skipped."""
 EVERY = 8
-"""After that it is searched only in every n-th frame of this number, or as soon as a neighbour is found
-again."""
+"""A skipped point is searched again in every n-th frame, or as soon as a neighbour is found again."""
 
 
 class RetrySchedule:
@@ -369,7 +367,8 @@ class FrameMatch:
     ) -> "FrameMatch":
         """Match the points with a guess (`predicted`, shape [n]), then their neighbours by propagation.
 
-        Points in `skipped`, shape [n], keep the outcome `before`, shape [n], unless the frame needs seeds.
+        Points in `skipped`, shape [n], keep the outcome `before`, shape [n]. If the frame needs seeds, they
+        are searched too.
         """
         n = len(guess)
         match = cls(
@@ -418,8 +417,8 @@ class FrameMatch:
     def propagate(self) -> None:
         """Propagate the warps of found points to their neighbours, round by round (reliability-guided).
 
-        The neighbour with the best correlation gives the guess. A round matches all points at the front at
-        once. A point is tried again only if a neighbour found since then gives a different guess.
+        The neighbour with the best correlation gives the guess. A round matches all points that have found
+        neighbours at once. A point is tried again only if a new neighbour gives a different guess.
         """
         fresh = self.valid
         while True:
@@ -435,7 +434,7 @@ class FrameMatch:
             fresh[matched] = True
 
     def confirm(self) -> None:
-        """Reject points that neither their neighbours nor their prediction confirm.
+        """Reject points that disagree with both their neighbours and their prediction.
 
         In a picture of another scene a few subsets may correlate by chance, but at unexpected positions.
         """

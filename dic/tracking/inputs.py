@@ -22,28 +22,28 @@ class Tracking:
     Raises
     ------
     ValueError
-        A value outside its range; the message names it.
+        If a value is outside its range; the message names it.
     """
 
     correlation: Correlation = field(default_factory=Correlation)
     """Settings of the match of one subset."""
     update_stretch: float = 1.5
-    """A point gets the current picture as its new reference when its subset has been stretched or flattened
-    by this factor since the last reference; above 1."""
+    """A point gets the current picture as its new reference if its subset has been stretched or flattened by
+    this factor since the last reference. Above 1."""
     update_zncc: float = 0.9
     """A point also gets a new reference when its correlation is below this value in two successive frames."""
     growth: float = 1.0
-    """Largest growth of a flattened subset in the material picture. It grows at changes of reference, so that
-    its shortest side in the current picture is kept. 1: no growth."""
+    """Largest growth of a flattened subset in the material picture. A subset grows at changes of reference,
+    to keep its shortest side in the current picture. 1: no growth."""
     return_every: int = 5
     """Number of frames between attempts to return to an earlier reference; 0: never."""
     search: int = 24
-    """Half width of the window around its guess in which a point is searched by cross-correlation, if all
-    other guesses fail [px]; 0: no search."""
+    """Half width of the search window [px]; 0: no search. If all other guesses fail, cross-correlation
+    searches a point in this window around its guess."""
     neighbour_gate: float = 1.0
     """Largest distance of a point from the position predicted by at least two of its neighbours [px]."""
     least_valid: float = 0.2
-    """A frame in which a smaller share of the points is found is searched again with seeds."""
+    """If a smaller share of the points is found in a frame, the frame is searched again with seeds."""
 
     def __post_init__(self) -> None:
         checks = (
@@ -69,8 +69,8 @@ class Track:
     warp: FloatArray
     """Total warps, shape [n_frames, n_points, 12]; meaningful where the outcome is VALID."""
     covariance: FloatArray
-    """Covariance of the position: noise of the match and of all earlier reference updates [px²], shape
-    [n_frames, n_points, 2, 2]."""
+    """Covariance of the position [px²], shape [n_frames, n_points, 2, 2]: noise of the match and of all
+    earlier changes of reference."""
     zncc: FloatArray
     """Correlation with the reference used, shape [n_frames, n_points]."""
     outcome: IntArray
@@ -80,12 +80,12 @@ class Track:
     frame_outcome: IntArray | None = None
     """`dic.FrameOutcome` of the pictures, shape [n_frames]; None if they were not checked."""
     excess: FloatArray | None = None
-    """Excess of the residual's variance over that of the noise, relative to the noise; the largest one of all
-    matches in the chain of references from the material picture [-], shape [n_frames, n_points]; NaN where
-    not found, None if not computed."""
+    """Excess of the residual's variance over that of the noise, relative to the noise [-], shape [n_frames,
+    n_points]. It is the largest of all matches in the chain of references from the material picture. NaN
+    where the point was not found, None if not computed."""
     root: FloatArray | None = None
     """Covariance of the positions due to the noise of the first reference only, in the material picture
-    [px²], shape [n_points, 2, 2]; NaN for points without a template, None if not known."""
+    [px²], shape [n_points, 2, 2]. NaN for points without a template, None if not known."""
 
 
 Picture = NDArray[Any]
@@ -95,7 +95,7 @@ Series = Pictures | Sequence[Picture] | Picture
 CONTRAST = 0.1
 """A picture with less than this share of the material picture's contrast is black."""
 ROUGHNESS = 0.8
-"""In pure noise neighbouring pixels differ as much as distant ones; a picture above this ratio is noise."""
+"""In pure noise neighbouring pixels differ as much as distant pixels. A picture above this ratio is noise."""
 THINNED = 4
 """Stride of rows and columns in the comparison of neighbouring pixels."""
 CLIPPED = 0.5
@@ -126,7 +126,7 @@ def _mean_and_spread(grey: NDArray[np.float32]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Scene:
-    """Mean and contrast by which a picture of the specimen is recognised, from the material picture."""
+    """Mean and contrast of the material picture. A picture of the specimen is recognised by them."""
 
     mean: float
     """Mean grey value [grey]."""
@@ -141,9 +141,10 @@ class Scene:
     def judge(self, picture: Picture | None) -> FrameOutcome:
         """Outcome of a picture: whether it shows the specimen.
 
-        A picture is saturated if at least half of its pixels lie within 2 % of its largest grey value and
-        that lies above the mean of the material picture. It is black if its contrast is below a tenth of the
-        material picture's, or if neighbouring pixels differ as much as distant ones do.
+        A picture is saturated if at least half of its pixels are within 2 % of its largest grey value. This
+        value must be above the mean of the material picture. It is black if its contrast is below a tenth of
+        that of the material picture. It is also black if neighbouring pixels differ as much as distant ones
+        do.
 
         ``picture``: the frame, shape [rows, columns]; None if it could not be read.
         """
@@ -183,8 +184,8 @@ class FramesAhead:
     """Frames of a series, read and prepared on request or one block in advance.
 
     On a GPU the pictures of a block are sent and filtered together. A thread reads, decodes and sends the
-    next block while the frames of the present block are searched. On a CPU the thread would only compete with
-    the search for cores.
+    next block while the frames of the present block are searched. On a CPU there is no such thread, because
+    it would compete with the search for cores.
 
     ``noise``: standard deviation of a grey value, or `dic.correlation.Noise` [grey]. ``prefilter``: standard
     deviation of the Gaussian before the match [px]. ``border``: width of the border that is cut off before
@@ -212,7 +213,7 @@ class FramesAhead:
         self._worker = ThreadPoolExecutor(1) if self.together else None
 
     def expect(self, frames: Sequence[int]) -> None:
-        """Announce the frames that will be requested, in this order, to read them ahead."""
+        """Announce the next frames in the order of their requests. They are read ahead."""
         if self._worker is not None:
             self._to_come = list(frames)
             self._begin()
@@ -256,7 +257,7 @@ class FramesAhead:
 
     def _read_block(self, frames: list[int], shape: tuple[int, ...]) -> Block:
         pictures = {frame: read(self.pictures, frame) for frame in frames}
-        # all others are prepared, or rejected, on request
+        # all other frames are prepared or rejected on request
         fit = [
             frame
             for frame, picture in pictures.items()

@@ -1,14 +1,14 @@
 """Matches of one frame, with a separate reference for each point, and their uncertainty.
 
-A point's references form a chain from the material picture. The noise of an intermediate reference enters the
-matches before and after it with opposite signs. To first order the chain therefore has the error of a single
-match::
+A point's references form a chain from the material picture. The noise of an intermediate reference affects
+the matches before and after it with opposite signs. To first order the chain therefore has the error of a
+single match::
 
     Σ ∇T_A (T_A − T_B) = 0  and  Σ ∇T_B (T_B − T_C) = 0   give   Σ ∇T (T_A − T_C) ≈ 0
 
-The covariance from the root's template is carried along the chain, mapped by the deformation; that of the
-searched picture is added. Where speckles are flattened to about a pixel, the excess residual e matters: the
-covariance grows by ``1 + κ e``, κ = `ALONG` in the flattened direction and `ACROSS` at right angles; both
+The deformation maps the covariance of the root's template along the chain. The covariance of the searched
+picture is added. Where speckles are flattened to about a pixel, the excess residual e has an effect: the
+covariance grows by ``1 + κ e``. κ is `ALONG` in the flattened direction and `ACROSS` at right angles. Both
 equal `EVEN` without flattening (docs/theory/pictures.md). The match itself scales both directions by 1 + e.
 """
 
@@ -49,7 +49,8 @@ def principal(F: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def stretch(F: FloatArray) -> FloatArray:
-    """The larger of the largest principal stretch and the inverse of the smallest [-], shape [...]."""
+    """The larger of two values [-], shape [...]: the largest principal stretch and the inverse of the
+    smallest one."""
     largest, smallest = principal(F)
     return np.asarray(np.maximum(largest, 1.0 / np.maximum(smallest, 1e-12)))
 
@@ -94,7 +95,7 @@ class References:
         self.templates = templates
         """Templates of the points in their current references, if they are stored."""
         self.level = np.zeros(n, dtype=np.int64)
-        """Index of the current reference in the chain (0: the root), shape [n]."""
+        """Index of the current reference in the chain, shape [n]; 0 is the root."""
         self._chain = Template(
             np.zeros((DEPTH, n), dtype=np.int64),
             np.zeros((DEPTH, n, 12)),
@@ -118,7 +119,7 @@ class References:
         """A stack with the pictures of these frames, and their indices in it, shape of `frames`."""
         frame_set = set(frames.tolist())
         if self._joined is None or not frame_set <= set(self._joined[1].tolist()):
-            available = sorted(self._stacks)  # all: it serves until a point takes a later one
+            available = sorted(self._stacks)  # all frames: the stack is valid until a point takes a later one
             self._joined = (
                 PictureStack.join([self._stacks[frame] for frame in available]),
                 np.array(available),
@@ -147,12 +148,12 @@ class References:
             self.templates.forget(rows)
 
     def template(self, rows: IntArray, back: int = 0) -> Template:
-        """References of points `rows`, or those `back` steps earlier in their chains."""
+        """References of points `rows`, or the references `back` steps earlier in their chains."""
         level = self.level[rows] - back
         return Template(*[getattr(self._chain, name)[level, rows] for name in NAMES])
 
     def renew(self, rows: IntArray, template: Template) -> None:
-        """Give points `rows` new references; in a full chain the oldest one after the root is dropped."""
+        """Give points `rows` new references. A full chain loses its oldest reference after the root."""
         full = rows[self.level[rows] == DEPTH - 1]
         self.level[full] -= 1
         self.level[rows] += 1
@@ -229,9 +230,9 @@ def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArra
 
 
 RESIDUE = 2.0
-"""Empirical factor of the variance that a change of reference leaves in the chain: share of the match's
-variance, over the variance of the match in the material times its samples (verification page of the
-tracking)."""
+"""Empirical factor of the variance that a change of reference adds to the chain (verification page of the
+tracking). The added share of the match's variance is this factor times the variance of the match in the
+material times its samples."""
 
 
 @dataclass(frozen=True)
@@ -283,8 +284,8 @@ class Matcher:
     ) -> Match:
         """Match points `rows` in a picture.
 
-        ``rows``: points, shape [m]. ``guess``: total warps to start from, shape [m, 12]. ``current``: whether
-        the references are the points' current ones, whose templates are stored.
+        ``rows``: points, shape [m]. ``guess``: initial total warps, shape [m, 12]. ``current``: True if the
+        references are the points' current references; their templates are stored.
         """
         stack, picture = self.references.prepared(template.frame)
 
@@ -320,7 +321,7 @@ class Matcher:
 def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Shares of a match's covariance due to the template and due to the searched picture, [n] each.
 
-    Samples closer than a pixel share its noise. Where the subset is flattened in a picture, the noise of that
+    Samples within one pixel share its noise. Where the subset is flattened in a picture, the noise of this
     picture is therefore weighted with the number of samples per pixel, 1 / det F.
     """
     template = 1.0 / np.minimum(np.abs(determinant(gradient(reference_warp))), 1.0)
@@ -338,10 +339,10 @@ def in_material(covariance: FloatArray, warp: FloatArray) -> FloatArray:
 def inherited_covariance(start: FloatArray, template: FloatArray, warp: FloatArray) -> FloatArray:
     """Initial covariance of a track that begins with the result of another match [px²], shape [n, 2, 2].
 
-    The match that led to the first picture has the noise of its template and of that picture. The picture's
-    part cancels, because the track begins with a template of the same samples. It cancels completely if both
-    shape functions are equal. If one is of higher order, the other one is the better estimate from the same
-    samples: its variance equals its covariance with any other estimate (Gauss and Markov). The difference of
+    The match that led to the first picture has the noise of its template and of this picture. The part of the
+    picture cancels, because the track begins with a template of the same samples. It cancels completely if
+    both shape functions are equal. Otherwise the one of lower order is the better estimate from the same
+    samples. Its variance equals its covariance with any other estimate (Gauss and Markov). The difference of
     the two variances then remains.
 
     ``start``: covariance of the match [px²], shape [n, 2, 2]. ``template``: covariance due to that picture's
@@ -368,7 +369,7 @@ def compose(
     added = enlarged(match_covariance * searched[:, None, None], gradient(warp), beyond)
     reference_share = np.where(template.root, reference, 0.0)
     before = F @ template.before @ np.swapaxes(F, -1, -2) + match_covariance * reference_share[:, None, None]
-    # variance of a position times samples, in the material: twice the noise over the mean square gradient
+    # variance of a position in the material times samples: twice the noise over the mean square gradient
     area = np.maximum(np.abs(determinant(gradient(warp))), 1e-12)
     rough = template.subset**2 * np.sqrt(np.maximum(determinant(match_covariance), 0.0)) / area
     carried = before + np.minimum(RESIDUE * rough, 1.0)[:, None, None] * added

@@ -18,16 +18,17 @@ APART = 0.5
 SIGMAS = 6.0
 """Allowed distance due to noise, in standard deviations of the point's match [-]."""
 FEWEST = 5
-"""Smallest number of points that must agree on a motion; fewer may agree by chance."""
+"""Smallest number of points that must agree on a motion. Fewer points may agree by chance."""
 BORDER = 1
-"""Width of the border that is not matched [px], because the camera's filters are one-sided there. A first row
-that is shifted by a tenth of a pixel shifts a subset with five visible rows by a fiftieth."""
+"""Width of the border that is not matched [px]: the camera's filters are one-sided there. A shift of the
+first row by a tenth of a pixel shifts a subset with five visible rows by a fiftieth of a pixel."""
 UNLIKE, TIMES = 0.1, 6.0
-"""Smallest 1 - ZNCC at which points that agree are taken for another body, absolute and relative to the
-median of the previous frames [-]. A rigid body keeps its paint, and noise reduces the correlation equally in
-all frames. Printed dots that are displaced by a few steps of their lattice correlate by three quarters."""
+"""Points that agree are taken for another body if 1 - ZNCC exceeds both limits [-]: an absolute value, and a
+multiple of the median of the previous frames. A rigid body keeps its paint, and noise reduces the correlation
+equally in all frames. Printed dots that are displaced by a few steps of their lattice have a correlation of
+three quarters."""
 SEARCHED = (1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
-"""Steps along each axis that are tried if too few points are found at the prediction [px]."""
+"""If too few points are found at the prediction, these steps along each axis are tried [px]."""
 MOST_TOGETHER = 4096
 """Largest number of points that are matched in one launch from several start positions."""
 
@@ -112,7 +113,7 @@ def most_unlike(before: Sequence[float]) -> float:
 
 
 def _predicted(history: list[tuple[int, FloatArray]], frame: int) -> FloatArray:
-    """The body's displacement from the reference, predicted at constant velocity [px], shape [2]."""
+    """Predicted displacement of the body from the reference at constant velocity [px], shape [2]."""
     last, move = history[-1]
     if len(history) < 2:
         return move
@@ -134,7 +135,7 @@ def _step(
     predicted: FloatArray,
     most: float,
 ) -> FloatArray | None:
-    """Match the points in one frame; returns the body's displacement from the reference [px], None if no
+    """Match the points in one frame. Returns the body's displacement from the reference [px], None if no
     motion is found."""
     displaced = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
     best, matches = None, _matches(stack, current, points, root, [predicted], settings, mask, templates)

@@ -1,6 +1,6 @@
 """Examples of the gallery as files: a notebook and a script of each page of `docs/gallery`.
 
-They are written into the folder `_downloads/gallery` of the site, and each page links its own.
+They are written into the folder `_downloads/gallery` of the site. Each page links its files.
 """
 
 import ast
@@ -62,7 +62,7 @@ def script(page: str) -> str:
 
 
 def _split(code: str) -> tuple[str, str | None]:
-    """The code before its last statement, and that statement if it is a value; else None."""
+    """The code before its last statement, and this statement if it is a value; otherwise None."""
     last = ast.parse(code).body[-1]
     if not isinstance(last, ast.Expr):
         return code, None
@@ -91,7 +91,7 @@ def write(app, error) -> None:
 
 
 def setup(app):
-    """Link when a page is read, write when the site is built."""
+    """Register with Sphinx: links are added when a page is read, files are written when the site is built."""
     app.connect("source-read", link)
     app.connect("build-finished", write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,7 +1,7 @@
-"""What a tutorial's kernel needs: the repository's scripts and shipped shot in its empty folder, and a shell.
+"""Setup of a tutorial's kernel: the repository's scripts and a shot in its empty folder, and a shell.
 
-A cell with `%%shell` in front is a script of bash that stops at the first failure, which then fails the page.
-The magic of IPython for this sends its output in pieces of 100 bytes, through the middle of lines.
+A cell that begins with `%%shell` is a bash script. It stops at the first failure, and the page then fails.
+IPython's own magic is not used, because it splits the output into pieces of 100 bytes.
 """
 
 import os
@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def shell(line: str, cell: str) -> None:
-    """Run a cell; show what it printed, then what it warned of."""
+    """Run a cell. Show its output, then its warnings."""
     ran = subprocess.run(
         ["bash", "-e", "-o", "pipefail", "-c", cell], capture_output=True, text=True, check=False
     )
@@ -26,7 +26,7 @@ def shell(line: str, cell: str) -> None:
 
 
 def load_ipython_extension(ipython) -> None:
-    """Set the place up: `%load_ext laboratory`."""
-    os.environ.pop("FORCE_COLOR", None)  # set by the kernel; a page has no colours of a terminal
+    """Set up the kernel: `%load_ext laboratory`."""
+    os.environ.pop("FORCE_COLOR", None)  # the kernel sets it; a page has no terminal colours
     shutil.copytree(ROOT / "runs", "runs", ignore=shutil.ignore_patterns("results"))
     ipython.register_magic_function(shell, magic_kind="cell")

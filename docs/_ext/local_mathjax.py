@@ -1,4 +1,4 @@
-"""Formulas without a network: MathJax lies beside the pages, from the package sphinx-mathjax-offline."""
+"""Formulas without a network: the site contains MathJax from the package sphinx-mathjax-offline."""
 
 import importlib.util
 import shutil
@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 FILES = ("tex-chtml.js", "input/tex/extensions", "output/chtml/fonts")
-"""What TeX drawn with HTML and fonts needs."""
+"""Files that MathJax needs to draw TeX with HTML and fonts."""
 
 
 def copy_files(app: Any, exception: Exception | None) -> None:
-    """Put MathJax among the static files of a finished build."""
+    """Copy MathJax to the static files of a finished build."""
     if exception is not None or app.builder.format != "html":
         return
     found = importlib.util.find_spec("sphinx-mathjax-offline")

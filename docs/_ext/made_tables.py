@@ -1,23 +1,22 @@
-"""Tables of pages that are made from the project itself, so that they cannot say anything else.
+"""Tables of pages, made from the project's sources and results. They always agree with the project.
 
-A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
-test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
-line, ``<!-- commands kolsky -->`` the commands of the command line,
-``<!-- parameters kolsky -->`` rows of the parameters of a simulation,
-``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a registry of the solver,
-``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
-``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
-budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` answers of
-known shots, ``<!-- pooled NAME -->`` shots and their mean,
-``<!-- coverage NAME -->`` a study of coverage, ``<!-- meshed NAME -->`` what the mesh does to answers,
-``<!-- ablated NAME -->`` and ``<!-- undiagnosed NAME -->`` answers without one mechanism,
-``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
-``<!-- equilibria NAME -->`` times of equilibria,
-``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
-done, ``<!-- solved NAME -->`` the solver's speed, ``<!-- priced NAME -->`` what an answer costs,
-``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
-NAME.json of benchmarks/results or populations/results, ``<!-- named inputs -->`` inputs with a test of
-their own (tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
+A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky`. The test of imports also reads
+its source, docs/rooms.toml. Other lines become these tables: ``<!-- public kolsky -->`` the public names of a
+package, each with its first line, ``<!-- commands kolsky -->`` the commands of the command line, ``<!--
+parameters kolsky -->`` rows of the parameters of a simulation, ``<!-- table laws -->`` (`contact_laws`,
+`elements`) the members of a registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as
+causes of a misfit, ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->``
+that of an error budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME
+-->`` answers of known shots, ``<!-- pooled NAME -->`` shots and their mean, ``<!-- coverage NAME -->`` a
+study of coverage, ``<!-- meshed NAME -->`` the mesh errors of answers, ``<!-- ablated NAME -->`` and
+``<!-- undiagnosed NAME -->`` answers without one mechanism, ``<!-- planted NAME -->`` and ``<!-- advised NAME
+-->`` synthetic shots with relaxation, ``<!-- equilibria NAME -->`` times of equilibria, ``<!-- killed NAME
+-->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` results of the tests with kills, long runs and
+damaged files, ``<!-- solved NAME -->`` the solver's speed, ``<!-- priced NAME -->`` the cost of an answer,
+``<!-- grown NAME -->`` the growth of the time with the size and ``<!-- campaigns NAME -->`` the time on
+several workers. NAME is a file NAME.json of benchmarks/results or populations/results. ``<!-- named inputs
+-->`` are inputs with separate tests (tests/fuzz/named.py). At any place of a line, ``<!-- names laws -->``
+becomes the names of the registry.
 """
 
 import importlib
@@ -44,13 +43,13 @@ def rooms(package: str) -> str:
 
 
 def public(package: str) -> str:
-    """Names of a package's ``__all__``: where each is documented, and its first line."""
+    """Names of a package's ``__all__``, with their documented place and first line."""
     module = importlib.import_module(package)
     homes = getattr(module, "_HOME", {})
     lines = ["| name | what it is |", "| --- | --- |"]
     for name in sorted(module.__all__, key=str.casefold):
         value = getattr(module, name)
-        # Documented where it is defined; a constant does not know where that is.
+        # A name is documented where it is defined; a constant does not store this place.
         home = getattr(value, "__module__", None) if callable(value) else None
         home = home or homes.get(name, package)
         kind = "class" if inspect.isclass(value) else "func" if callable(value) else "data"
@@ -70,7 +69,7 @@ def members(registry: str) -> dict:
 
 
 def table(registry: str) -> str:
-    """The members of a registry, a row each."""
+    """The members of a registry, one row each."""
     if registry != "laws":
         lines = ["| name | what it is |", "| --- | --- |"]
         return "\n".join(
@@ -106,14 +105,14 @@ def parameters(package: str) -> str:
 
 
 def causes(package: str) -> str:
-    """The inputs that are tried as causes of a misfit, a row each."""
+    """The inputs that are tried as causes of a misfit, one row each."""
     records = importlib.import_module(f"{package}.shot.inputs").causes()
     lines = ["| what is changed | what to do if it is named |", "| --- | --- |"]
     return "\n".join(lines + [f"| {c.words} (`{c.key}`) | {c.check} |" for c in records])
 
 
 def wrong(name: str) -> str:
-    """The table of a study of wrong inputs; one sentence where it was not run yet."""
+    """The table of a study of wrong inputs; one sentence if there is no result yet."""
     made = _results(name)
     if made is None:
         return _not_yet(name)
@@ -142,7 +141,7 @@ def wrong(name: str) -> str:
 
 
 def _results(name: str) -> dict | None:
-    """A study's results; None where it was not run yet."""
+    """A study's results; None if there are none yet."""
     for folder in ("benchmarks", "populations"):
         path = DOCS.parent / folder / "results" / f"{name}.json"
         if path.exists():
@@ -244,7 +243,7 @@ def _not_yet(name: str) -> str:
 
 
 def answers(name: str) -> str:
-    """Answers of known shots beside their truths, as `populations.answers` prints them."""
+    """Answers of known shots and their true values, as `populations.answers` prints them."""
     from populations.answers import table
 
     made = _results(name)
@@ -268,7 +267,7 @@ def coverage(name: str) -> str:
 
 
 def meshed(name: str) -> str:
-    """What the mesh does to answers, as `populations.mesh_errors` prints it."""
+    """Mesh errors of answers, as `populations.mesh_errors` prints them."""
     from populations.mesh_errors import table
 
     made = _results(name)
@@ -292,7 +291,7 @@ def undiagnosed(name: str) -> str:
 
 
 def planted(name: str) -> str:
-    """Planted shots that relax, or do not, as `populations.joint_coverage_counts` prints them."""
+    """Synthetic shots with and without relaxation, as `populations.joint_coverage_counts` prints them."""
     from populations.joint_coverage_counts import table
 
     made = _results(name)
@@ -300,7 +299,7 @@ def planted(name: str) -> str:
 
 
 def advised(name: str) -> str:
-    """Single shots that relax and elastic ones, as `populations.branch_advice_counts` prints them."""
+    """Single shots with relaxation and elastic ones, as `populations.branch_advice_counts` prints them."""
     from populations.branch_advice_counts import table
 
     made = _results(name)
@@ -324,7 +323,7 @@ def killed(name: str) -> str:
 
 
 def soaked(name: str) -> str:
-    """Long work in one process, as `benchmarks.soak` prints it."""
+    """Endurance test of one process, as `benchmarks.soak` prints it."""
     from benchmarks.soak import table
 
     made = _results(name)
@@ -340,7 +339,7 @@ def solved(name: str) -> str:
 
 
 def priced(name: str) -> str:
-    """What an answer costs over the solver's problem, as `benchmarks.identify` measured it."""
+    """Cost of an answer relative to the solver's problem, as `benchmarks.identify` measured it."""
     from benchmarks.identify import summary
 
     made = _results(name)
@@ -348,7 +347,7 @@ def priced(name: str) -> str:
 
 
 def grown(name: str) -> str:
-    """How work grows, as `benchmarks.growth` prints it."""
+    """Growth of the time with the size, as `benchmarks.growth` prints it."""
     from benchmarks.growth import table
 
     made = _results(name)
@@ -356,7 +355,7 @@ def grown(name: str) -> str:
 
 
 def campaigns(name: str) -> str:
-    """Identifications shared out, as `benchmarks.campaign` prints them."""
+    """Parallel identifications, as `benchmarks.campaign` prints them."""
     from benchmarks.campaign import table
 
     made = _results(name)
@@ -377,7 +376,7 @@ def fuzzed(name: str) -> str:
 
 
 def named(what: str) -> str:
-    """Inputs with a test of their own, each with its tests."""
+    """Inputs with separate tests, each with its tests."""
     from tests.fuzz.named import table
 
     if what != "inputs":
@@ -414,16 +413,16 @@ TABLES = {
     "table": table,
 }
 LINE = re.compile(rf"^<!-- ({'|'.join(TABLES)}) (\w+) -->$", re.MULTILINE)
-"""A line of a page that asks for one of these."""
+"""Pattern of a line that requests a table."""
 
 
 def fill(app, name, source) -> None:
-    """Put the tables where a page asks for them."""
+    """Insert the tables that a page requests."""
     source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
     source[0] = NAMES.sub(lambda found: ", ".join(f"`{member}`" for member in members(found[1])), source[0])
 
 
 def setup(app):
-    """Look at every page before it is read."""
+    """Register with Sphinx: every page is processed before it is read."""
     app.connect("source-read", fill)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,9 +1,9 @@
 """Tables of error messages and of outcomes, read from the sources, and the index of figures.
 
-A line ``<!-- messages kolsky/readers dic/images -->`` becomes every refusal in these folders or files:
-message, what is allowed, cure; what is filled in when it is raised stands as "…". ``<!-- outcomes NAME -->``
-becomes the members of an outcome's enumeration, cause and cure. ``<!-- figures -->`` becomes the figures of
-all pages with the beginning of their captions.
+A line ``<!-- messages kolsky/readers dic/images -->`` becomes the table of all error messages in these
+folders or files. Its columns are the message, the allowed values and the cure; "…" replaces values of a
+message. ``<!-- outcomes NAME -->`` becomes the members of an outcome's enumeration with cause and cure.
+``<!-- figures -->`` becomes the figures of all pages with the beginning of their captions.
 """
 
 import ast
@@ -16,13 +16,13 @@ ROOT = DOCS.parent
 LINE = re.compile(r"^<!-- (messages|outcomes|figures)((?: [\w./]+)*) -->$", re.MULTILINE)
 SPLIT = re.compile(r"^```\{figure\} (\S+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 ROLE = re.compile(r" ?\(?\{\w+\}`[^`]*`\)?")
-"""A reference, which would be relative to another page."""
+"""A reference. It would be relative to another page."""
 SHORTEST = 60
-"""Characters that say what a figure shows; "Left:" does not."""
+"""Smallest number of characters of a caption's beginning; "Left:" is too short."""
 
 
 def text_of(node: ast.expr | None) -> str:
-    """A text of the sources as it is printed; "…" where a value goes."""
+    """A text of the sources as it is printed, with "…" for each value."""
     match node:
         case ast.Constant(value=str(text)):
             return text
@@ -36,7 +36,7 @@ def text_of(node: ast.expr | None) -> str:
 
 
 def refusals(file: Path) -> list[tuple[str, str, str]]:
-    """Message, allowed and cure of every refusal in a file, in its order."""
+    """Message, allowed values and cure of every error in a file, in the order of the file."""
     found = []
     for node in ast.walk(ast.parse(file.read_text("utf-8"))):
         if not isinstance(node, ast.Call):
@@ -56,13 +56,13 @@ def refusals(file: Path) -> list[tuple[str, str, str]]:
 
 
 def cell(text: str) -> str:
-    """A text as it stands in a cell of a table."""
+    """A text in the form of a table's cell."""
     plain = " ".join(re.sub("…[… ]*…", "…", text).split()).replace("`", "'").replace("|", "\\|")
     return f"`{plain}`" if plain else ""
 
 
 def messages(places: str) -> str:
-    """The refusals of folders and files."""
+    """The error messages of folders and files."""
     files: list[Path] = []
     for place in places.split():
         path = ROOT / place
@@ -111,11 +111,11 @@ TABLES = {"messages": messages, "outcomes": outcomes, "figures": figures}
 
 
 def fill(app, name, source) -> None:
-    """Put the tables where a page asks for them."""
+    """Insert the tables that a page requests."""
     source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
 
 
 def setup(app):
-    """Look at every page before it is read."""
+    """Register with Sphinx: every page is processed before it is read."""
     app.connect("source-read", fill)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -25,9 +25,9 @@ def bare(annotation):
 
 
 def plain_types(app, what, name, obj, skip, options):
-    """Take the validators off the types of a model before autodoc writes its fields; leave out its settings.
+    """Remove the validators from the types of a model before autodoc writes its fields; skip its settings.
 
-    Autodoc asks of every member of a module whether to leave it out, and only then documents it.
+    Autodoc first asks for every member of a module whether to skip it, and then documents it.
     """
     if isinstance(obj, type) and issubclass(obj, BaseModel) and obj is not BaseModel:
         for field, info in obj.model_fields.items():
@@ -35,7 +35,7 @@ def plain_types(app, what, name, obj, skip, options):
                 obj.__annotations__[field] = bare(info.annotation)
             if info.is_required():
                 said = "Has to be given."
-            elif info.default is PydanticUndefined:  # made anew for each model
+            elif info.default is PydanticUndefined:  # created for each model
                 said = f"Default: ``{info.default_factory.__name__}()``."
             else:
                 said = f"Default: ``{info.default!r}``."
@@ -44,7 +44,7 @@ def plain_types(app, what, name, obj, skip, options):
 
 
 def add_default(app, what, name, obj, options, lines):
-    """End the docstring of a field with its default."""
+    """Append the default of a field to its docstring."""
     if name in _defaults and lines:
         lines += ["", _defaults[name], ""]
 

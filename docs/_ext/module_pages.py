@@ -1,11 +1,11 @@
-"""Pages of public modules in `api/generated`, from the tree of sources; nothing is imported to write them.
+"""Pages of public modules in `api/generated`, made from the source files without importing them.
 
-Public are the packages, the modules that define what a package offers by name, and those that a page of the
-documentation refers to. Any other module is a line on the page of its package: two modules in three, whose
-pages were most of the build's time and nobody's reading.
+Three kinds of modules are public: packages, modules that define the public names of a package, and modules
+that a page of the documentation refers to. Every other module is one line on the page of its package. Two
+modules in three are such lines, which shortens the build.
 
-The pages are linked from their package's and stand in no `toctree`: a sidebar with every module on every page
-would be most of the build's time and of the site's size.
+The page of a package links the pages of its modules. They are in no `toctree`, because a sidebar with every
+module on every page would need much time and space.
 """
 
 import ast
@@ -19,7 +19,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("kolsky", "explicit", "doe", "dic")
 REFERENCE = re.compile(r"\{(?:py:\w+|doc)\}`(?:[^`<]*<)?[~!]?(?:/?api/generated/)?([\w.]+)>?`")
-"""A reference of a page to a name or a page of ours."""
+"""A reference of a page to a name or a page of this project."""
 
 
 class Source(NamedTuple):
@@ -36,7 +36,8 @@ class Source(NamedTuple):
 
 
 def inside(package: Source) -> list[Source]:
-    """Modules and packages directly inside a package; a `__main__` is a command and would run."""
+    """Modules and packages directly inside a package, without `__main__`, which is a command and would
+    run."""
     if package.file.name != "__init__.py":
         return []
     files = [f for f in package.file.parent.glob("*.py") if f.stem not in ("__init__", "__main__")]
@@ -46,7 +47,7 @@ def inside(package: Source) -> list[Source]:
 
 
 def digest() -> str:
-    """Hash of all that the output of a notebook rests on: packages, shots, what runs the cells."""
+    """Hash of all inputs of a notebook's output: packages, shots, and the code that runs the cells."""
     found = hashlib.sha256()
     for folder in (*PACKAGES, "runs", "docs/_ext"):
         for file in sorted((ROOT / folder).rglob("*")):
@@ -76,13 +77,13 @@ def public(modules: dict[str, Source], docs: Path = ROOT / "docs") -> set[str]:
     modules
         Every module by its name.
     docs
-        Folder of the pages; what is built or generated in it is left out.
+        Folder of the pages. Built or generated files in it are ignored.
     """
     named = {name for name, module in modules.items() if module.file.name == "__init__.py"}
     for table, rooms in tomllib.loads((ROOT / "docs" / "rooms.toml").read_text("utf-8")).items():
         package = "kolsky" if table == "room" else table
         named |= {f"{package}.{room['name']}" for room in rooms}  # docs/architecture.md links them
-    for package in PACKAGES:  # what they offer by name, imported for type checkers
+    for package in PACKAGES:  # their public names, which are imported for type checkers
         for node in ast.walk(ast.parse(modules[package].file.read_text("utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module in modules:
                 named.add(node.module)
@@ -98,7 +99,7 @@ def public(modules: dict[str, Source], docs: Path = ROOT / "docs") -> set[str]:
 
 
 def without_page(modules: dict[str, Source], docs: Path = ROOT / "docs") -> str:
-    """A regular expression of the names in modules that have no page, and of their classes alone."""
+    """Regular expressions for the names in modules without a page, and for their classes only."""
     names = sorted(set(modules) - public(modules, docs))
     classes = {
         node.name
@@ -111,7 +112,7 @@ def without_page(modules: dict[str, Source], docs: Path = ROOT / "docs") -> str:
 
 
 def page(module: Source, linked: Container[str]) -> str:
-    """A page in reStructuredText: the way up, the docstrings, what is inside, linked where it has a page."""
+    """A page in reStructuredText: link to the package, docstrings, and members with links to their pages."""
     parent = module.name.rpartition(".")[0]
     up = f"in :doc:`{parent}`" if parent else ":doc:`/api`"
     title = module.name.replace("_", r"\_")
@@ -123,7 +124,7 @@ def page(module: Source, linked: Container[str]) -> str:
 
 
 def write_pages(app) -> None:
-    """Write every page whose text has changed, and remove those of modules that have none any more."""
+    """Write every page whose text has changed, and remove pages of modules that no longer need one."""
     folder = Path(app.srcdir) / "api" / "generated"
     folder.mkdir(parents=True, exist_ok=True)
     old = set(folder.iterdir())

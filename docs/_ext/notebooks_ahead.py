@@ -1,7 +1,7 @@
-"""Notebooks side by side before any page is read; the pages then find their output in the cache.
+"""Run notebooks in parallel before any page is read. The pages then find their output in the cache.
 
-Sphinx reads pages that follow each other in one process, and the tutorials do: most of a build was waiting
-for them, one after the other.
+Sphinx reads consecutive pages in one process. It would run the tutorials one after the other, which would
+take most of the build's time.
 """
 
 import os
@@ -20,15 +20,15 @@ from sphinx.errors import ExtensionError
 from sphinx.util import logging
 
 _SILENT = getLogger(f"{__name__}.runs")
-"""Of what a run says; a failure is told once, by `run_all`."""
+"""A run prints only messages of this level; `run_all` reports a failure once."""
 _SILENT.addHandler(NullHandler())
 _SILENT.propagate = False
 LONGEST = ("tutorials/rate_study", "tutorials/pictures", "tutorials/first_shot", "gallery/rate")
-"""Begun first, so that no process waits for one of them in the end."""
+"""The longest notebooks are started first: no process then waits for one of them at the end."""
 
 
 class _Quiet(LoggerAdapter):
-    """Takes the keyword of the notebook's own logger."""
+    """A logger that accepts the keyword of the notebook's logger."""
 
     def process(self, msg, kwargs):
         kwargs.pop("subtype", None)
@@ -36,10 +36,10 @@ class _Quiet(LoggerAdapter):
 
 
 def write_in_turn(lock: Lock) -> None:
-    """Let a process write to the cache only while it has `lock`; first act of each.
+    """Let a process write to the cache only while it holds `lock`. Every process calls this first.
 
-    The cache trims itself after each write, by two questions to its database: a record that another process
-    makes between the two is taken for one too many, and that record's page for lost.
+    After each write the cache removes old records with two queries to its database. If another process adds a
+    record between the two, the cache would remove it.
     """
     write = JupyterCacheBase.cache_notebook_bundle
 
@@ -51,7 +51,7 @@ def write_in_turn(lock: Lock) -> None:
 
 
 def run(path, md_config, nb_config) -> str:
-    """Run a notebook unless the cache has it; say how long it took, or why it failed."""
+    """Run a notebook unless the cache has its output. Report its time, or the reason of its failure."""
     began = time.monotonic()
     text = Path(path).read_text("utf-8")
     reader = create_nb_reader(path, md_config, nb_config, text)
@@ -74,7 +74,7 @@ def run_all(app, env, docnames) -> None:
         name for name, path in paths.items() if "\nkernelspec:" in Path(path).read_text("utf-8")[:500]
     ]
     notebooks.sort(key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
-    get_cache(env.mystnb_config.execution_cache_path).db.dispose()  # two processes would both make its tables
+    get_cache(env.mystnb_config.execution_cache_path).db.dispose()  # creates its tables once
     fork = get_context("fork")
     with ProcessPoolExecutor(min(2, os.cpu_count() or 1), fork, write_in_turn, (fork.Lock(),)) as pool:
         waiting = [pool.submit(run, paths[name], env.myst_config, env.mystnb_config) for name in notebooks]
@@ -85,6 +85,6 @@ def run_all(app, env, docnames) -> None:
 
 
 def setup(app):
-    """Before the first page is read."""
+    """Register with Sphinx: notebooks run before the first page is read."""
     app.connect("env-before-read-docs", run_all)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,4 @@
-"""Cells of a notebook that a shell runs are shown as what one types there, without the magic in front."""
+"""Shell cells of a notebook are shown as commands, without the magic at their beginning."""
 
 from docutils import nodes
 
@@ -6,7 +6,7 @@ MAGIC = "%%shell\n"
 
 
 def unmask(app, doctree) -> None:
-    """Take the magic off and colour the rest as shell."""
+    """Remove the magic and highlight the commands as shell."""
     for block in doctree.findall(nodes.literal_block):
         if block.astext().startswith(MAGIC):
             block.rawsource = block.astext().removeprefix(MAGIC)
@@ -16,6 +16,6 @@ def unmask(app, doctree) -> None:
 
 
 def setup(app):
-    """Look at every page that was read."""
+    """Register with Sphinx: every page is processed after it is read."""
     app.connect("doctree-read", unmask)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

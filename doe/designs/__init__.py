@@ -1,4 +1,5 @@
-"""Designs of experiments: where in a box to run. A new one is one file and one line of `DESIGNS`."""
+"""Designs of experiments: points of a box for the runs. A new design is one file and one line of
+`DESIGNS`."""
 
 from doe.designs.design import Design, DesignKind, Rng
 from doe.designs.optimal import d_optimal
@@ -49,7 +50,7 @@ __all__ = [
 
 
 def design_kind(option: str) -> DesignKind:
-    """Look a design up by its name at a command line."""
+    """Find a design by its name at a command line."""
     for kind in DESIGNS.values():
         if kind.option == option:
             return kind

@@ -1,4 +1,4 @@
-"""Designs: points of a box with the options that reproduce them, and the registry's entry for a kind of
+"""Designs: points of a box with the options that reproduce them. Also the registry's entry for a kind of
 design."""
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def count_of(n: int) -> int:
 def seed_of(rng: Rng) -> int:
     """The integer that reproduces the draw.
 
-    If `rng` is a generator, the integer is drawn from it. SciPy's samplers spawn a child of a generator, and
-    the generator's recorded state would not reproduce that child.
+    If `rng` is a generator, the integer is drawn from it. SciPy's samplers use a child of a generator, and
+    the recorded state of the generator would not reproduce this child.
 
     Raises TypeError if `rng` is neither an integer nor a generator.
     """
@@ -87,12 +87,12 @@ class DesignKind:
     """A kind of design; calling it with the box and the function's arguments returns the design."""
 
     function: Callable[..., Design]
-    """Takes the box first, then the options listed in `needs`, by their names in `DesignKind.make`; "runs" is
-    its n."""
+    """Function of the box and of the options listed in `needs`, with their names in `DesignKind.make`. "runs"
+    is its n."""
     option: str
     """Name at a command line."""
     needs: tuple[Need, ...]
-    """Options that the function takes, of those of `make`."""
+    """Options of `make` that the function takes."""
     summary: str
     """Its purpose, in a few words."""
 
@@ -111,12 +111,12 @@ class DesignKind:
         candidates: ArrayLike | None = None,
         points: ArrayLike | None = None,
     ) -> Design:
-        """The design made with options common to all kinds; options that a kind does not need are ignored.
+        """The design made with options common to all kinds. Options that a kind does not need are ignored.
 
-        ``levels``: one number for all parameters or one each. ``runs``: number of points. ``candidates``:
-        points to choose from, in parameter units, shape [c, d]; if None, the kind's default. ``points``:
-        given points, in parameter units, shape [n, d]. Raises ValueError if an option does not fit the box or
-        the kind.
+        ``levels``: one number for all parameters, or one for each. ``runs``: number of points.
+        ``candidates``: points to choose from, in parameter units, shape [c, d]; if None, the kind's default.
+        ``points``: given points, in parameter units, shape [n, d]. Raises ValueError if an option does not
+        fit the box or the kind.
         """
         arguments = {
             "levels": levels,

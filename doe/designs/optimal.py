@@ -1,7 +1,7 @@
 """D-optimal designs: the candidates that determine a polynomial best, by Fedorov's exchange.
 
-The design maximises det(X^T X) of the model matrix X, and so makes the volume of the confidence ellipsoid of
-the polynomial's coefficients smallest (V. V. Fedorov, Theory of Optimal Experiments, 1972, chapter 3).
+The design maximises det(X^T X) of the model matrix X. The confidence ellipsoid of the polynomial's
+coefficients then has the smallest volume (V. V. Fedorov, Theory of Optimal Experiments, 1972, chapter 3).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ IntArray = NDArray[np.intp]
 STARTS = 10
 """Number of random starts."""
 GAIN = 1e-9
-"""An exchange must raise the determinant by at least this relative gain; round-off is far smaller."""
+"""An exchange must increase the determinant by at least this relative gain. Round-off is far smaller."""
 
 
 def d_optimal(
@@ -34,11 +34,13 @@ def d_optimal(
 ) -> Design:
     """The n distinct candidates that determine a polynomial best; exchanges may end in a local optimum.
 
-    Each start is a random choice, from which one point at a time is exchanged for the candidate that raises
-    the determinant most, until none does. The best of the starts is taken. ``n``: at least the number of
+    Each start is a random choice. One point at a time is exchanged for the candidate that increases the
+    determinant most, until no exchange increases it. The best result of all starts is returned. ``n``: at
+    least the number of
     terms and at most that of the candidates. ``rng``: integer seed or NumPy generator of the starts.
-    ``candidates``: in parameter units, shape [c, d], constraints met; a grid of five levels a parameter if
-    left out. ``degree``: of the polynomial in the unit box's coordinates, all terms up to it.
+    ``candidates``: points that meet the constraints, in parameter units, shape [c, d]. Default: a grid of
+    five levels per parameter. ``degree``: of the polynomial in the unit box's coordinates, all terms up to
+    it.
     """
     n, seed = count_of(n), seed_of(rng)
     if degree < 1:
@@ -77,7 +79,7 @@ def monomials(coded: FloatArray, degree: int) -> FloatArray:
 
 
 def _start(model: FloatArray, n: int, generator: np.random.Generator) -> IntArray:
-    """Random rows that determine the polynomial: a basis taken in random order, then further random rows."""
+    """Random rows that determine the polynomial: first a basis in random order, then more random rows."""
     order = generator.permutation(len(model))
     rows: list[int] = []
     residual = model[order].copy()
@@ -92,7 +94,7 @@ def _start(model: FloatArray, n: int, generator: np.random.Generator) -> IntArra
 
 
 def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
-    """Exchange one row at a time for the candidate that raises the determinant most, until none does."""
+    """Exchange one row at a time for the candidate that increases the determinant most, until none does."""
     rows = rows.copy()
     while True:
         inverse = np.linalg.inv(model[rows].T @ model[rows])
@@ -100,7 +102,7 @@ def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
         variance = np.einsum("ij,jk,ik->i", model, inverse, model)
         # Fedorov's delta: det(new)/det(old) - 1 when row j of the design gives way to candidate i.
         gain = variance[:, None] - variance[rows] - variance[:, None] * variance[rows] + cross**2
-        gain[rows] = -np.inf  # repeating a simulation adds no information
+        gain[rows] = -np.inf  # a repeated simulation adds no information
         i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
         if gain[i, j] <= GAIN:
             return rows

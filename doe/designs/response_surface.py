@@ -43,10 +43,11 @@ def fractional_factorial(box: Box, generators: str) -> Design:
 
 
 def central_composite(box: Box, *, shape: Literal["faced", "inscribed"] = "faced") -> Design:
-    """Corners, two points on each axis and the centre, once (a simulation has no scatter to average).
+    """Corners, two points on each axis and one centre. A simulation has no scatter, so one centre is enough.
 
-    ``shape``: "faced", corners of the box, axis points in the middle of its faces; or "inscribed", axis
-    points in the middle of the faces, corners drawn in so that the design is rotatable, alpha = 2^(d/4).
+    ``shape``: "faced" or "inscribed". "faced": corners of the box, axis points in the middle of its faces.
+    "inscribed": axis points in the middle of the faces, corners inside the box. This makes the design
+    rotatable, alpha = 2^(d/4).
     """
     if box.dimension < 2:
         raise ValueError("a central composite design needs two parameters or more, got 1")
@@ -59,7 +60,7 @@ def central_composite(box: Box, *, shape: Literal["faced", "inscribed"] = "faced
 
 
 def box_behnken(box: Box) -> Design:
-    """Middles of the box's edges and its centre, once: a quadratic design without the corners."""
+    """Middles of the box's edges and one centre: a quadratic design without the corners."""
     if index(box.dimension) < 3:
         raise ValueError(f"a Box-Behnken design needs three parameters or more, got {box.dimension}")
     from pydoe import bbdesign

@@ -1,4 +1,4 @@
-"""Designs that fill a box: factorial, Latin hypercube, low-discrepancy sequences, points chosen elsewhere."""
+"""Designs that fill a box: factorial, Latin hypercube, low-discrepancy sequences, given points."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from operator import index
 
 import numpy as np
-import scipy  # submodules load on first use: statistics take half a second, and few designs are drawn
+import scipy  # submodules load on first use: the statistics take half a second
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
@@ -23,12 +23,12 @@ def full_factorial(box: Box, levels: int | Sequence[int]) -> Design:
     box
         Where; a logarithmic parameter's levels have equal ratios.
     levels
-        Number of levels, one for all parameters or one each.
+        Number of levels: one number for all parameters, or one for each.
 
     Raises
     ------
     ValueError
-        If a number of levels is below 2 or their count is not that of the parameters.
+        If a number of levels is below 2, or there is not one for each parameter.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def latin_hypercube(box: Box, n: int, *, rng: Rng, optimise: bool = False) -> De
 
 
 def sobol(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
-    """The first n points of a Sobol' sequence, n a power of two (its balance holds for no other n).
+    """The first n points of a Sobol' sequence. n is a power of two; only then the sequence is balanced.
 
     Parameters
     ----------
@@ -146,9 +146,9 @@ def from_points(box: Box, points: ArrayLike) -> Design:
 
 
 def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
-    """The first n >= 2 points of a Halton sequence; more points can follow without moving these.
+    """The first n >= 2 points of a Halton sequence. A larger n adds points to these.
 
-    Options as in `sobol`; unscrambled it is the radical inverse in the first d primes.
+    Options as in `sobol`. Unscrambled it is the radical inverse in the first d primes.
     """
     n, seed = count_of(n), seed_of(rng)
     sampler = scipy.stats.qmc.Halton(box.dimension, scramble=scramble, rng=seed)
@@ -157,8 +157,8 @@ def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
 
 
 def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
-    """The Latin hypercube of n >= 2 points with the largest minimum distance of two points in the unit box,
-    of ``tries`` random ones.
+    """A Latin hypercube of n >= 2 points, the best of ``tries`` random ones: its minimum distance of two
+    points in the unit box is the largest.
     """
     n, seed = count_of(n), seed_of(rng)
     if tries < 1:

@@ -1,4 +1,4 @@
-"""Surrogates of expensive functions of a box. A new one is one file and one line in `SURROGATES`."""
+"""Surrogates of expensive functions of a box. A new surrogate is one file and one line in `SURROGATES`."""
 
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.process import ProcessSurrogate

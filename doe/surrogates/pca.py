@@ -12,7 +12,7 @@ from doe.arrays import FloatArray
 
 @dataclass(frozen=True)
 class PrincipalComponents:
-    """A response as mean + scale * (scores @ basis), the scores uncorrelated over the runs."""
+    """A response as mean + scale * (scores @ basis). The scores are uncorrelated over the runs."""
 
     mean: FloatArray
     """Mean response over the runs, in response units, shape [k]."""
@@ -21,7 +21,8 @@ class PrincipalComponents:
     basis: FloatArray
     """Orthonormal components of the scaled response [-], shape [q, k]."""
     singular_values: FloatArray
-    """All singular values of the scaled, centred responses, kept or not [-], shape [min(n, k)]."""
+    """All singular values of the scaled, centred responses [-], shape [min(n, k)], including components that
+    are not kept."""
     truncation: FloatArray
     """Response minus its reduction, run by run, in response units, shape [n, k]."""
 
@@ -33,12 +34,12 @@ class PrincipalComponents:
         scale: ArrayLike = 1.0,
         variance: float = 1.0 - 1e-8,
     ) -> PrincipalComponents:
-        """The fewest components that keep a share of the scaled variance of responses, one row for each run,
-        [n, k].
+        """The smallest number of components that keep a share of the scaled variance of responses, [n, k],
+        one row per run.
 
         ``scale``: scale of each entry, > 0, in response units, a number or shape [k]. Forces and lengths need
-        different scales, e.g. their noise, or the larger numbers dominate. Raises ValueError if an argument
-        is outside its range.
+        different scales, e.g. their noise. Otherwise the larger numbers dominate. Raises ValueError if an
+        argument is outside its range.
         """
         k = responses.shape[1]
         weights = np.array(np.broadcast_to(np.asarray(scale, dtype=np.float64), (k,)))
@@ -84,8 +85,9 @@ class PrincipalComponents:
 
 
 def _count_by_variance(singular: FloatArray, variance: float) -> int:
-    # lost[q] = variance lost with q components; summed from the small end, where 1 - share would round.
+    # lost[q] = variance lost with q components. It is summed from the small end, because 1 - share has
+    # round-off.
     remainder = np.append(np.cumsum(singular[::-1] ** 2)[::-1], 0.0)
     enough = np.flatnonzero(remainder <= (1.0 - variance) * remainder[0])
-    # At least one component, so that a constant response needs no special case.
+    # At least one component: a constant response then needs no special case.
     return max(1, int(enough[0]))

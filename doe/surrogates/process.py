@@ -1,5 +1,5 @@
-"""A surrogate of the response with its standard deviation: principal components, each with a Gaussian
-process.
+"""A surrogate of the response with its standard deviation. It uses principal components with a Gaussian
+process each.
 
 A process has an anisotropic correlation function over the unit box. Its variance and its leave-one-out errors
 have closed forms.
@@ -21,7 +21,7 @@ from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.protocol import SurrogateError, checked_runs, unit_points
 
 Correlation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Correlation c and its slope -2 dc/d(r^2) of squared distances r^2, measured in lengths."""
+"""Correlation c and its slope -2 dc/d(r^2) for squared distances r^2 [squared correlation lengths]."""
 
 
 def _squared_exponential(r2: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -62,15 +62,15 @@ def with_slopes(kind: str, squares: FloatArray, lengths: FloatArray) -> tuple[Fl
 
 
 SHORTEST, LONGEST = 0.02, 30.0
-"""Range of the correlation lengths in the unit box. Runs do not determine a length below their spacing; with
-a length far beyond the box the response is already a polynomial."""
+"""Range of the correlation lengths in the unit box. Runs do not determine a length below their spacing. With
+a length far beyond the box the response is a polynomial."""
 LEAST_NUGGET, LARGEST_NUGGET = 1e-10, 1.0
-"""Range of the nugget over the process's variance. The least keeps the condition number below n 1e10, so that
-the interpolant keeps six digits."""
+"""Range of the nugget over the process's variance. The smallest value limits the condition number to n 1e10;
+the interpolant then has six correct digits."""
 STARTS = (0.4, 1.5)
-"""Correlation lengths from which the maximum of the likelihood is searched."""
+"""Correlation lengths at the start of the search for the maximum of the likelihood."""
 DETERMINED = 1e-10
-"""Smallest singular value of the trend's terms at the runs, over the largest."""
+"""Smallest ratio of the smallest to the largest singular value of the trend's terms at the runs."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,8 @@ class Hyperparameters:
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """Columns of values, each a linear trend and a Gaussian process around it, of one correlation."""
+    """Columns of values. Each is a linear trend with a Gaussian process around it; all have the same
+    correlation."""
 
     hyperparameters: Hyperparameters
     unit_points: FloatArray
@@ -136,8 +137,8 @@ class GaussianProcess:
         """Choose the hyperparameters by the restricted likelihood of values, [n, q], at runs in the unit box,
         [n, d].
 
-        ``start``: first hyperparameters, e.g. those of fewer runs; if left out, two starts for each kind of
-        correlation. Raises SurrogateError if there are too few runs, or they do not determine the linear
+        ``start``: first hyperparameters, e.g. those of fewer runs. Default: two starts for each kind of
+        correlation. Raises SurrogateError if there are too few runs, or if they do not determine the linear
         trend.
         """
         n, d = unit_points.shape
@@ -181,7 +182,8 @@ class GaussianProcess:
         *,
         variance: FloatArray | None = None,
     ) -> GaussianProcess:
-        """The process with these hyperparameters through the runs, its variance given or the most likely."""
+        """The process with these hyperparameters through the runs. Its variance is given or the most
+        likely."""
         tail = _tail(unit_points)
         squares = squared_differences(unit_points, unit_points)
         correlation = with_lengths(hyperparameters.kind, squares, hyperparameters.lengths)
@@ -255,7 +257,7 @@ def _minus_log(variance: FloatArray, freedom: int, factor: FloatArray, trend_fac
 def _loss(
     logarithms: FloatArray, kind: str, squares: FloatArray, tail: FloatArray, values: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Minus the restricted log-likelihood, its variance profiled out, and its gradient (docs: howto/doe)."""
+    """Minus the restricted log-likelihood with profiled variance, and its gradient (docs: howto/doe)."""
     h = Hyperparameters.of(kind, logarithms)
     correlation, slopes = with_slopes(kind, squares, h.lengths)
     correlation[np.diag_indices_from(correlation)] += h.nugget
@@ -270,15 +272,16 @@ def _loss(
 
 
 SEPARATE_COMPONENTS = 4
-"""Number of leading components with individual hyperparameters; the others, many and small, share one set."""
+"""Number of leading components with individual hyperparameters. The other components are many and small and
+share one set."""
 
 
 @dataclass(frozen=True)
 class ProcessSurrogate:
     """Predicts the response vector and its standard deviation, entry by entry.
 
-    The standard deviation is that of the interpolation between the runs under the hyperparameters that
-    the runs make most likely; the error of truncation is not included.
+    The standard deviation is that of the interpolation between the runs with the most likely hyperparameters.
+    It does not include the error of truncation.
     """
 
     box: Box
@@ -288,7 +291,7 @@ class ProcessSurrogate:
     components: PrincipalComponents
     """The reduction of the response."""
     processes: tuple[GaussianProcess, ...]
-    """Of the scores: one for each of the first components, one for all others together."""
+    """Processes of the scores: one for each of the first components, one for all others together."""
 
     @classmethod
     def fit(
@@ -301,12 +304,12 @@ class ProcessSurrogate:
         variance: float = 1.0 - 1e-8,
         like: ProcessSurrogate | None = None,
     ) -> ProcessSurrogate:
-        """Build it from runs, shapes [n, d] and [n, k], with the hyperparameters that make them most likely.
+        """Build it from runs, shapes [n, d] and [n, k], with the most likely hyperparameters.
 
-        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``like``: a surrogate of fewer runs, from
-        whose hyperparameters the search for these starts. Raises ValueError if a point is outside the box,
-        shapes do not match, or an option is outside its range. Raises SurrogateError if a response is not
-        finite, there are too few runs, or they do not determine a linear trend.
+        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``like``: a surrogate of fewer runs. The
+        search for the hyperparameters starts from its values. Raises ValueError if a point is outside the
+        box, shapes do not match, or an option is outside its range. Raises SurrogateError if a response is
+        not finite, if there are too few runs, or if they do not determine a linear trend.
         """
         x, y = checked_runs(box, points, responses)
         components = PrincipalComponents.fit(y, scale=scale, variance=variance)
@@ -326,7 +329,7 @@ class ProcessSurrogate:
     def sigma(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Standard deviation of the response at points, in its units, shape [m, d] -> [m, k].
 
-        The components' errors are taken to be independent. Raises ValueError as `predict`.
+        The errors of the components are assumed to be independent. Raises ValueError as `predict`.
         """
         spread = self.score_sigma(points, extrapolate=extrapolate)
         return np.asarray(np.sqrt(spread**2 @ self.components.basis**2) * self.components.scale)
@@ -342,15 +345,16 @@ class ProcessSurrogate:
         return np.concatenate([process.sigma(u) for process in self.processes], axis=1)
 
     def believing(self, points: ArrayLike) -> ProcessSurrogate:
-        """The surrogate as if runs at these points, shape [m, d], had given its predictions.
+        """The surrogate with additional runs at points, shape [m, d]. The results of these runs are its
+        predictions.
 
-        Its mean does not change (up to the nugget); its standard deviation falls near the points.
+        Its mean does not change (except for the nugget). Its standard deviation decreases near the points.
         """
         x = self.box.require(points, what="point")
         u, groups = self.box.unit(np.concatenate([self.points, x])), []
         for process in self.processes:
             predicted = process.predict(np.concatenate([process.unit_points, self.box.unit(x)]))
-            # The runs' own values, which a nugget lets the mean miss.
+            # The values of the runs; with a nugget the mean differs from them.
             predicted[: len(process.unit_points)] = process.values
             groups.append(
                 GaussianProcess.with_hyperparameters(
@@ -371,7 +375,7 @@ class ProcessSurrogate:
 
     @property
     def nugget_error(self) -> FloatArray:
-        """Largest |mean - run| of each score over the runs, expanded, in response units, shape [k]."""
+        """Largest |mean - run| of each score over the runs, converted to response units, shape [k]."""
         missed = np.concatenate([p.values - p.predict(p.unit_points) for p in self.processes], axis=1)
         return np.asarray(np.abs(self.components.deviation(missed)).max(axis=0))
 
@@ -379,8 +383,8 @@ class ProcessSurrogate:
     def loo_residuals(self) -> FloatArray:
         """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
 
-        The components and hyperparameters stay those of all runs; the truncation error of a run is part of
-        its residual.
+        The components and hyperparameters are those of all runs. The residual of a run includes its
+        truncation error.
         """
         scores = np.concatenate([process.loo_residuals for process in self.processes], axis=1)
         return self.components.deviation(scores) + self.components.truncation

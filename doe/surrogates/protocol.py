@@ -1,5 +1,4 @@
-"""The interface of surrogates, the checks on the runs that go into one, and radial kernels with their
-tails."""
+"""The interface of surrogates, the checks of their runs, and radial kernels with their tails."""
 
 from __future__ import annotations
 
@@ -16,11 +15,11 @@ from doe.arrays import FloatArray
 from doe.box import Box
 
 LEAST_DEGREE = {"thin_plate_spline": 1, "cubic": 1, "quintic": 2, "multiquadric": 0, "gaussian": 0}
-"""Kernel names (scipy's), each with the lowest degree of the polynomial tail that makes the system
-solvable. 0 for the Gaussian too, which needs none: without a tail a constant would not be reproduced."""
+"""Kernel names (scipy's), each with the lowest degree of the polynomial tail that makes the system solvable.
+The Gaussian needs no tail, but also has degree 0: without a tail it does not reproduce a constant."""
 
 SCALE_FREE = ("thin_plate_spline", "cubic", "quintic")
-"""Kernels that need no shape parameter: scaling r only scales them (up to the tail)."""
+"""Kernels that need no shape parameter: a scale of r only scales them (except for the tail)."""
 
 
 class SurrogateError(ValueError):
@@ -31,8 +30,8 @@ class SurrogateError(ValueError):
 class Kernel:
     """A radial function of the distance in the unit box, and the degree of its polynomial tail.
 
-    Raises ValueError if the name is unknown, the degree too low for it, or `shape` is missing, not positive,
-    or given for a kernel that has none.
+    Raises ValueError if the name is unknown or its degree is too low. Also if `shape` is missing, not
+    positive, or given for a kernel without a shape parameter.
     """
 
     name: str
@@ -64,17 +63,17 @@ class Kernel:
         return comb(dimension + self.degree, dimension)
 
     def n_needed(self, dimension: int) -> int:
-        """Smallest number of runs: one more than the tail's terms, so that a run can be left out."""
+        """Smallest number of runs: one more than the tail's terms, because one run is left out."""
         return self.n_terms(dimension) + 1
 
     def matrix(self, unit_points: FloatArray) -> FloatArray:
         """Kernel values between all points, Phi_ij = phi(|u_i - u_j|), shape [n, n].
 
-        The signs are those that make Phi positive definite on vectors orthogonal to the tail.
+        With these signs Phi is positive definite on vectors orthogonal to the tail.
         """
         r = cdist(unit_points, unit_points) * (1.0 if self.shape is None else self.shape)
         if self.name == "thin_plate_spline":
-            # r^2 log r, whose limit at 0 is 0; the logarithm of 0 must not be formed.
+            # r^2 log r has the limit 0 at 0; the logarithm of 0 must not be computed.
             return r**2 * np.log(r, out=np.zeros_like(r), where=r > 0.0)
         if self.name == "cubic":
             return r**3
@@ -87,7 +86,7 @@ class Kernel:
     def tail(self, unit_points: FloatArray) -> FloatArray:
         """Monomials of the tail at the points, centred and scaled to their range, shape [n, n_terms].
 
-        The space they span does not depend on that scaling; the numbers stay near 1.
+        The space that they span does not depend on this scale, and the numbers are near 1.
         """
         low, high = unit_points.min(axis=0), unit_points.max(axis=0)
         half = np.where(high > low, 0.5 * (high - low), 1.0)
@@ -111,7 +110,7 @@ DEFAULT_KERNELS = (
     Kernel("gaussian", 1, 2.0),
     Kernel("gaussian", 1, 4.0),
 )
-"""The candidates among which the leave-one-out error chooses: from rough to very smooth."""
+"""The candidates, from rough to very smooth. The leave-one-out error selects one."""
 
 
 class Surrogate(Protocol):
@@ -139,7 +138,7 @@ class Surrogate(Protocol):
 
 @runtime_checkable
 class ComponentSurrogate(Surrogate, Protocol):
-    """A surrogate of the scores of principal components, in which its response is affine."""
+    """A surrogate of the scores of principal components. Its response is affine in the scores."""
 
     @property
     def n_components(self) -> int:
@@ -168,7 +167,7 @@ class SurrogateKind:
     def fit(self, box: Box, points: ArrayLike, values: ArrayLike, *, scale: ArrayLike = 1.0) -> Any:
         """Build the surrogate from runs, shapes [n, d] and [n, k]; k = 1 for a scalar kind.
 
-        ``scale``: what counts as a difference in each entry of the response, shape [k] or a number. Raises
+        ``scale``: scale of differences in each entry of the response, shape [k] or a number. Raises
         ValueError if a point is outside the box or shapes do not match, SurrogateError if no surrogate can be
         built.
         """
@@ -181,7 +180,7 @@ class SurrogateKind:
 
 
 def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Runs and their values as arrays [n, d] and [n, k], after a check that a surrogate can use them.
+    """Runs and their values as arrays [n, d] and [n, k]. It checks that a surrogate can use them.
 
     Raises ValueError if a point is outside the box or the shapes do not match. Raises SurrogateError if a
     value is not finite; the message names the run.
@@ -201,7 +200,7 @@ def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatA
 
 
 def unit_points(box: Box, points: ArrayLike, *, extrapolate: bool) -> FloatArray:
-    """Points to predict at as unit coordinates, shape [m, d].
+    """Points of a prediction in unit coordinates, shape [m, d].
 
     Raises ValueError if the shape is not [m, d], or a point is outside the box and `extrapolate` is False.
     """

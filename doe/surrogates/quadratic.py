@@ -1,8 +1,8 @@
-"""A smoothing surrogate: a least-squares quadratic through many runs, and the roughness of its residuals.
+"""A smoothing surrogate: a least-squares quadratic through many runs, with the roughness of its residuals.
 
-Contact can make a response jump slightly from point to point. An interpolant reproduces every jump, and its
-slope is dominated by the jumps. A least-squares quadratic through more runs than terms has the slope of the
-response; its residuals measure the roughness (Box and Draper, Response Surfaces).
+Contact can make a response jump slightly from point to point. An interpolant reproduces every jump, and the
+jumps dominate its slope. A least-squares quadratic through more runs than terms has the slope of the
+response. Its residuals measure the roughness (Box and Draper, Response Surfaces).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from doe.box import Box
 from doe.surrogates.protocol import SurrogateError, checked_runs, unit_points
 
 RUNS_PER_TERM = 2.5
-"""Runs for each term of the quadratic that a design for it should have."""
+"""Number of runs that a design should have for each term of the quadratic."""
 LARGEST_CONDITION = 1e6
-"""Condition number of the terms at the runs beyond which they do not determine the quadratic."""
+"""Largest condition number of the terms at the runs. Above it the runs do not determine the quadratic."""
 
 
 def terms(dimension: int) -> int:
@@ -35,7 +35,7 @@ def runs_wanted(dimension: int) -> int:
 
 @dataclass(frozen=True)
 class QuadraticSurrogate:
-    """Predicts the response vector, each entry a quadratic of the unit coordinates."""
+    """Predicts the response vector. Each entry is a quadratic of the unit coordinates."""
 
     box: Box
     """Range of validity."""
@@ -52,11 +52,12 @@ class QuadraticSurrogate:
     def fit(
         cls, box: Box, points: ArrayLike, responses: ArrayLike, *, scale: ArrayLike = 1.0
     ) -> QuadraticSurrogate:
-        """Build it from runs, shapes [n, d] and [n, k], by least squares, each entry separately and
-        independent of its scale.
+        """Build it from runs, shapes [n, d] and [n, k], by least squares for each entry. Scales of the
+        entries have no effect.
 
         Raises ValueError if a point is outside the box, or shapes do not match. Raises SurrogateError if a
-        response is not finite, there are no more runs than terms, or the runs do not determine the quadratic.
+        response is not finite, if there are not more runs than terms, or if the runs do not determine the
+        quadratic.
         """
         del scale
         x, y = checked_runs(box, points, responses)
@@ -85,14 +86,14 @@ class QuadraticSurrogate:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Runs beyond the number of terms."""
+        """Number of runs minus number of terms."""
         return len(self.points) - len(self.coefficients)
 
     def roughness(self, gain: ArrayLike) -> FloatArray:
         """Covariance of a linear map of one run's deviation from the quadratic, shape [m, m].
 
         ``gain``: the map, e.g. from a change of the response to the move of an optimum, shape [m, k]. The
-        covariance has n - `terms` degrees of freedom, and holds the quadratic's lack of fit too.
+        covariance has n - `terms` degrees of freedom. It includes the quadratic's lack of fit.
         """
         moves = self.residuals @ np.asarray(gain, dtype=np.float64).T
         return np.asarray(moves.T @ moves / self.degrees_of_freedom)
@@ -106,17 +107,18 @@ class QuadraticSurrogate:
     def loo_residuals(self) -> FloatArray:
         """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
 
-        Infinite where the other runs do not determine the quadratic at all.
+        Infinite where the other runs do not determine the quadratic.
         """
         freedom = 1.0 - self.leverage
-        interpolated = freedom <= 1e-12  # the leverage's round-off
+        interpolated = freedom <= 1e-12  # round-off of the leverage
         return np.where(
             interpolated[:, None], np.inf, self.residuals / np.where(interpolated, 1.0, freedom)[:, None]
         )
 
 
 def _terms(unit: FloatArray) -> FloatArray:
-    """Values of the terms at unit coordinates, shape [n, d] -> [n, terms]; centred, which conditions them."""
+    """Values of the terms at unit coordinates, shape [n, d] -> [n, terms]. They are centred for a better
+    condition number."""
     z = 2.0 * unit - 1.0
     first, second = np.triu_indices(z.shape[1])
     return np.concatenate([np.ones((len(z), 1)), z, z[:, first] * z[:, second]], axis=1)

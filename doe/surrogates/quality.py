@@ -18,7 +18,7 @@ Fit = Callable[[FloatArray, FloatArray], Surrogate]
 """A surrogate of runs [n, d] and their responses [n, k]."""
 
 SHARES = (0.35, 0.6, 1.0)
-"""Sizes of the nested designs over that of the whole."""
+"""Sizes of the nested designs over the size of the whole design."""
 LEAST_ORDER = 0.2
 """Smallest exponent p of error ~ n^-p that counts as convergence."""
 MOST_RUNS = 100.0
@@ -30,7 +30,7 @@ class Fitness:
     """A surrogate's error compared with the allowed one, and the number of runs needed to reach it."""
 
     error: float
-    """The error to be compared, e.g. that of the optimum over its half width [-]."""
+    """The compared error, e.g. that of the optimum over its half width [-]."""
     allowed: float
     """The largest allowed error."""
     runs: tuple[int, ...]
@@ -47,8 +47,8 @@ class Fitness:
 
     @property
     def runs_needed(self) -> int | None:
-        """Number of runs at which the observed convergence reaches the allowed error; None if it does not
-        converge.
+        """Number of runs at which the observed convergence reaches the allowed error. None without
+        convergence.
         """
         if self.good:
             return self.runs[-1]
@@ -75,7 +75,7 @@ class Fitness:
     def require(self) -> None:
         """Raise an error if the surrogate is not good enough.
 
-        Raises SurrogateError: the message gives the number of runs needed.
+        Raises SurrogateError; the message gives the number of needed runs.
         """
         if not self.good:
             raise SurrogateError(f"the surrogate is not good enough: {self}")
@@ -91,14 +91,14 @@ def fitness(
     allowed: float,
     gain: ArrayLike | None = None,
 ) -> Fitness:
-    """Evaluate a surrogate by its leave-one-out error, and by the decrease of that error over nested subsets
+    """Evaluate a surrogate by its leave-one-out error and by the decrease of this error over nested subsets
     of the design.
 
     ``points``, ``responses``: the runs in the box, shapes [n, d] and [n, k]. ``sigma``: noise of each entry,
     in response units, a number or shape [k]. ``allowed``: largest allowed error, > 0. ``gain``: linear map
-    from a change of the response to the quantity of interest, in units of its allowed error, shape [m, k];
-    e.g. the optimum's move over its half width. The error is then the root mean square of its largest
-    component. Left out, it is that of residual / sigma over all entries.
+    from a change of the response to the quantity of interest, in units of its allowed error, shape [m, k]. An
+    example is the optimum's move over its half width. The error is then the root mean square of its largest
+    component. Without `gain` it is that of residual / sigma over all entries.
     """
     if not 0.0 < allowed < np.inf:
         raise ValueError(f"allowed must be finite and > 0, got {allowed}")
@@ -113,7 +113,7 @@ def fitness(
         except SurrogateError:
             if share == 1.0:
                 raise
-            continue  # too few for a surrogate at all: no point of the fit
+            continue  # too few runs for a surrogate: not a point of the fit
         runs.append(n)
         errors.append(_error(surrogate.loo_residuals, noise, gain))
     exponent = float("nan")
@@ -123,7 +123,7 @@ def fitness(
 
 
 def nested(unit_points: FloatArray) -> NDArray[np.intp]:
-    """An order of runs in which the first runs, of any number, are spread over the box, shape [n].
+    """An order of runs, shape [n]: for every n the first n runs are spread over the box.
 
     The first run is the one nearest to the middle; each next run is the one farthest from all before.
     """

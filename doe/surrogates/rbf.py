@@ -1,6 +1,6 @@
 """Surrogates by radial basis functions over the unit box: of the whole response, and of a scalar cost.
 
-Leave-one-out errors are in closed form. The whole response is reduced to principal components, each
+Leave-one-out errors have a closed form. The whole response is reduced to principal components; each is
 interpolated.
 """
 
@@ -21,14 +21,15 @@ from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.protocol import DEFAULT_KERNELS, Kernel, SurrogateError, checked_runs, unit_points
 
 LARGEST_CONDITION = 1e12
-"""Largest condition number of the reduced kernel matrix: above it the leave-one-out operator has fewer than
+"""Largest condition number of the reduced kernel matrix. Above it the leave-one-out operator has fewer than
 four correct digits in float64."""
 
 SMALLEST_DISTANCE = 1e-9
 """Smallest distance of two runs in the unit box; closer runs count as duplicates."""
 
 LARGEST_MISFIT = 1e-8
-"""Largest error at the runs over the largest |value|: the error of an interpolant there is round-off."""
+"""Largest error at the runs over the largest |value|. At the runs the error of an interpolant is
+round-off."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,8 @@ class RadialBasis:
     def fit(cls, unit_points: FloatArray, values: FloatArray, kernel: Kernel) -> RadialBasis:
         """Interpolate values, shape [n, q], at runs in the unit box, shape [n, d].
 
-        Raises SurrogateError if there are too few runs, two coincide, they do not determine the tail, or the
-        system is ill-conditioned.
+        Raises SurrogateError if there are too few runs, if two coincide, if they do not determine the tail,
+        or if the system is ill-conditioned.
         """
         operator, condition = loo_operator(unit_points, kernel)
         try:
@@ -100,7 +101,7 @@ def loo_operator(unit_points: FloatArray, kernel: Kernel) -> tuple[FloatArray, f
     tail = kernel.tail(unit_points)
     terms = tail.shape[1]
     left, singular, _ = np.linalg.svd(tail, full_matrices=True)
-    # The tail's columns are of size 1, so that a singular value this small is a lost direction.
+    # The tail's columns have size 1: such a small singular value is an undetermined direction.
     if singular[-1] < 1e-10 * singular[0]:
         raise SurrogateError(
             f"the {n} runs do not determine the {terms} terms of the tail of {kernel}: they lie on a "
@@ -159,10 +160,10 @@ def _refuse_twins(unit_points: FloatArray) -> None:
 
 @dataclass(frozen=True)
 class ResponseSurrogate:
-    """Predicts the response vector; a cost is then formed from the prediction, not interpolated.
+    """Predicts the response vector. A cost is computed from the prediction.
 
-    The response is smooth in the parameters where a cost made of absolute values has a kink, and one
-    surrogate serves every cost.
+    A cost with absolute values has a kink where the response is smooth in the parameters. One surrogate is
+    sufficient for every cost.
     """
 
     box: Box
@@ -187,11 +188,11 @@ class ResponseSurrogate:
     ) -> ResponseSurrogate:
         """Build it from runs, shapes [n, d] and [n, k], with the kernel of the smallest leave-one-out error.
 
-        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``kernels``: candidates; a single one is
-        used without comparison. Raises ValueError if a point is outside the box, shapes do not match, or an
-        option is outside its range. Raises SurrogateError if a response is not finite, or no kernel can be
-        used: too few runs (the message gives the required number), coinciding runs, an ill-conditioned
-        system.
+        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``kernels``: candidates. A single candidate
+        is used without comparison. Raises ValueError if a point is outside the box, shapes do not match, or
+        an option is outside its range. Raises SurrogateError if a response is not finite, or no kernel can be
+        used. Causes are too few runs (the message gives the required number), coinciding runs, or an
+        ill-conditioned system.
         """
         x, y = checked_runs(box, points, responses)
         components = PrincipalComponents.fit(y, scale=scale, variance=variance)
@@ -205,7 +206,8 @@ class ResponseSurrogate:
         return self.components.expand(self.scores(points, extrapolate=extrapolate))
 
     def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """Coordinates of the response in the components, as `predict`, shape [m, d] -> [m, q]."""
+        """Coordinates of the predicted response in the components, shape [m, d] -> [m, q]; errors as in
+        `predict`."""
         return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
 
     @property
@@ -222,7 +224,7 @@ class ResponseSurrogate:
     def loo_residuals(self) -> FloatArray:
         """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
 
-        The components are those of all runs; the truncation error of a run is part of its residual.
+        The components are those of all runs. The residual of a run includes its truncation error.
         """
         return self.components.deviation(self.basis.loo_residuals) + self.components.truncation
 
@@ -236,8 +238,8 @@ class ResponseSurrogate:
 class CostSurrogate:
     """Interpolates the cost itself, k = 1: the classic response surface, for comparison.
 
-    A cost made of absolute values has a kink at its optimum, which no smooth interpolant follows; its
-    leave-one-out error shows it.
+    A cost with absolute values has a kink at its optimum. A smooth interpolant does not follow the kink; its
+    leave-one-out error shows this.
     """
 
     box: Box

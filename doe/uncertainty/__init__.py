@@ -1,4 +1,4 @@
-"""Uncertainty of a model's parameters: intervals, ridges, posterior, verdicts; no physics."""
+"""Uncertainty of a model's parameters: intervals, ridges, posterior and verdicts; no physics."""
 
 from doe.uncertainty.likelihood import Channel, Likelihood
 from doe.uncertainty.posterior import Posterior, sample_posterior

@@ -18,15 +18,15 @@ Model = Callable[[FloatArray], FloatArray]
 """Predicted data vectors, shape [n, k], at points in parameter units, shape [n, d]."""
 
 STEP = 1e-4
-"""Half the distance of central differences in the unit box: their error is 1e-8 of a smooth model's
-third derivative, far above the round-off of a surrogate."""
+"""Half the distance of central differences in the unit box. Their error is 1e-8 of a smooth model's third
+derivative, far above the round-off of a surrogate."""
 ROUNDS = 100
-"""Largest number of alternations between fitting parameters and fitting discrepancies."""
+"""Largest number of rounds. In a round, parameters are fitted first, then discrepancies."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A stretch of the data vector with one kind of noise.
+    """A part of the data vector with one kind of noise.
 
     Raises
     ------
@@ -39,8 +39,8 @@ class Channel:
     sigma: FloatArray
     """Standard deviation of each entry, in the entries' units, shape [k_c]."""
     discrepancy: float | Literal["profiled"] = 0.0
-    """Model discrepancy tau, sigma_eff^2 = sigma^2 + tau^2, in the entries' units. A number is fixed;
-    "profiled" takes the most likely value at every point."""
+    """Model discrepancy tau, sigma_eff^2 = sigma^2 + tau^2, in the entries' units. A number is a fixed tau.
+    "profiled" uses the most likely tau at every point."""
 
     def __post_init__(self) -> None:
         sigma = np.atleast_1d(np.asarray(self.sigma, dtype=np.float64))
@@ -69,7 +69,7 @@ class Channel:
         if np.ptp(self.sigma) <= 1e-12 * typical:
             excess = float((self.whitened(residual, 0.0) ** 2).mean()) - 1.0
             return typical * float(np.sqrt(max(excess, 0.0)))
-        # In the logarithm, so that a tau of any size is found to the same relative error.
+        # In the logarithm: a tau of any size is found with the same relative error.
         largest = 10.0 * float(np.max(np.abs(residual))) + typical
         optimum = minimize_scalar(
             lambda s: self.deviance(residual, typical * float(np.expm1(s))),
@@ -93,7 +93,7 @@ class Fit:
     deviance: float
     """-2 ln L there, up to a constant of the problem."""
     converged: bool
-    """False if the search was cut short; the deviance is then an upper bound."""
+    """False if the search reached its limit of steps; the deviance is then an upper bound."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Likelihood:
     """
 
     box: Box
-    """Box in which the model is valid; it is never evaluated outside."""
+    """Box in which the model is valid. The model is never evaluated outside."""
     model: Model
     """Predicts data vectors, e.g. a verified surrogate."""
     data: FloatArray
@@ -175,8 +175,8 @@ class Likelihood:
         """Most likely point, searched from a start in the unit box, shape [d]; coordinates in ``held`` keep
         their start values.
 
-        Parameters (by bounded least squares) and profiled discrepancies are improved alternately. The
-        deviance never rises.
+        Parameters (by bounded least squares) and profiled discrepancies are improved in turn. The deviance
+        never increases.
         """
         u = np.clip(np.asarray(start, dtype=np.float64), 0.0, 1.0)
         free = np.array([j for j in range(self.box.dimension) if j not in held], dtype=int)

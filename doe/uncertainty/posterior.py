@@ -17,10 +17,10 @@ Indices = NDArray[np.intp]
 WALKERS = 32
 """Walkers of the ensemble: at least twice as many as coordinates."""
 LENGTHS = 50.0
-"""Smallest number of steps, in multiples of the longest autocorrelation time, for which that time is trusted
-(Sokal; emcee)."""
+"""Smallest number of steps for a reliable autocorrelation time, in multiples of the longest one (Sokal;
+emcee)."""
 STEADY = 0.05
-"""Largest relative change of the autocorrelation times between two checks that counts as converged."""
+"""The chains have converged if the autocorrelation times change by at most this share between two checks."""
 CHECK = 250
 """Steps between two checks of convergence."""
 
@@ -38,7 +38,7 @@ class Posterior:
     discrepancy_names: tuple[str, ...]
     """Names of the channels with a sampled discrepancy."""
     converged: bool
-    """True if the chains are long compared with the autocorrelation time, and that time is steady."""
+    """True if the chains are long compared with the autocorrelation time, and this time is steady."""
     autocorrelation: FloatArray
     """Integrated autocorrelation time of each coordinate [steps], parameters first."""
     steps: int
@@ -73,7 +73,7 @@ def sample_posterior(
 ) -> Posterior:
     """Sample the posterior with Goodman and Weare's ensemble of walkers.
 
-    The prior is uniform in the unit box: in the parameter between its bounds, in its logarithm if it is
+    The prior is uniform in the unit box: between the bounds of a parameter, or of its logarithm if it is
     logarithmic. A channel's discrepancy may be sampled too, with a half-normal prior.
 
     Parameters
@@ -85,19 +85,19 @@ def sample_posterior(
     rng
         Seed.
     power
-        Power of the likelihood, > 0: below 1 if residuals have correlations that the likelihood does not
-        model (Pauli, Racugno and Ventura 2011).
+        Power of the likelihood, > 0. It is below 1 if residuals have correlations that the likelihood does
+        not model (Pauli, Racugno and Ventura 2011).
     discrepancy_priors
         Scale of the half-normal prior of each channel's tau, in the channel's units; 0 keeps the channel's
         fixed discrepancy. If left out, every channel keeps its fixed discrepancy.
     max_steps
-        Most steps of each walker; `converged` of the result is False if they were too few.
+        Largest number of steps of each walker. `converged` of the result is False if they were too few.
 
     Raises
     ------
     ValueError
-        If the start is outside the box, a prior is negative or missing, the power is not > 0, or there
-        are too many coordinates.
+        If the start is outside the box, a prior is negative or missing, the power is not > 0, or there are
+        too many coordinates.
     ImportError
         If emcee is not installed: `pip install 'kolsky[bayes]'`.
     """
@@ -176,7 +176,7 @@ def _first(
     sampled: Indices,
     rng: int,
 ) -> FloatArray:
-    """Starting points around the optimum; the spread of each coordinate is its conditional standard
+    """Starting points around the optimum. The spread of each coordinate is its conditional standard
     deviation.
     """
     generator = np.random.default_rng(rng)

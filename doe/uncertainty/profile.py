@@ -1,6 +1,6 @@
 """Profile likelihoods, and verdicts on the parameters.
 
-A profile shows how much worse the best fit gets while one parameter is fixed at another value. A verdict
+A profile shows how much the best fit deteriorates if one parameter is fixed at another value. A verdict
 classifies a parameter by one word and gives the reasons.
 """
 
@@ -21,12 +21,11 @@ from doe.uncertainty.likelihood import Fit, Likelihood
 LEVEL = float(chdtri(1, 0.05))
 """Rise of -2 ln L at the ends of a 95 % interval, 3.84 (Wilks)."""
 BEYOND = 2.0
-"""Rise over the level up to which small steps are taken."""
+"""Small steps are used up to this rise over the level."""
 WIDEST_STEP = 1.0 / 12.0
-"""Largest step in the unit box. It also applies beyond the interval, so that a second interval is not
-missed."""
+"""Largest step in the unit box. It also applies beyond the interval, to find a second interval."""
 LOWER = 0.01
-"""If a profile falls below the optimum by more than this, it found a better optimum and the search restarts
+"""If a profile is below the optimum by more than this, it has found a better optimum. The search restarts
 there."""
 RESTARTS = 5
 """Largest number of restarts from better optima."""
@@ -51,12 +50,11 @@ class Profile:
     interval: Interval
     """Interval around the optimum in which the rise stays below the level."""
     conditional: Interval
-    """The same with all other parameters fixed at the optimum: the interval if the others were known
-    exactly."""
+    """The same interval with all other parameters fixed at the optimum: they count as known exactly."""
     other_optima: tuple[float, ...]
-    """Values outside the interval at which the rise is below the level again: another optimum."""
+    """Values outside the interval with a rise below the level: another optimum."""
     not_converged: int
-    """Number of fits that did not converge; their rise is an upper bound."""
+    """Number of fits that did not converge. Their rise is an upper bound."""
     level: float = LEVEL
     """Rise at the ends of the interval."""
 
@@ -77,7 +75,7 @@ class Profiles:
     level: float
     """Rise at the ends of the intervals if residuals are uncorrelated."""
     restarts: int
-    """How often a profile found a better optimum than the search before."""
+    """Number of times that a profile found a better optimum than the search."""
 
     def __getitem__(self, name: str) -> Profile:
         """The profile of a parameter.
@@ -95,10 +93,10 @@ def profile_likelihoods(
 ) -> Profiles:
     """Profile likelihood of every parameter, by re-optimising all others.
 
-    The parameter is stepped from the optimum to both faces of the box; each fit starts from the previous one.
-    It is then stepped back, and the lower of the two deviances counts. Ends of the intervals are roots of the
-    re-optimised function, not interpolated. If a better optimum is found, all profiles are recomputed from
-    there.
+    The parameter is stepped from the optimum to both faces of the box. Each fit starts from the previous one.
+    The parameter is then stepped back, and the lower of the two deviances is used. Ends of the intervals are
+    roots of the re-optimised function. If a better optimum is found, all profiles are recomputed from this
+    optimum.
 
     Parameters
     ----------
@@ -106,20 +104,20 @@ def profile_likelihoods(
         Likelihood of the data. Its model is evaluated some hundred times for each parameter, so use a
         surrogate.
     start
-        Where to begin, in parameter units, shape [d].
+        First point, in parameter units, shape [d].
     level
         Rise of -2 ln L at the ends of the intervals, > 0; 3.84 for 95 %.
     correlation
-        Factors > 0 on the level, one for all parameters or one each. Such a factor is the increase of the
-        parameter's variance by correlations that the likelihood does not model. With one parameter of
-        interest the rise is then this factor times a chi-square variable (Rotnitzky and Jewell 1990).
+        Factors > 0 on the level: one for all parameters, or one for each. Correlations that the likelihood
+        does not model increase the parameter's variance by this factor. With one parameter of interest the
+        rise is then this factor times a chi-square variable (Rotnitzky and Jewell 1990).
 
     Raises
     ------
     ValueError
-        If the start is outside the box or a level not > 0.
+        If the start is outside the box, or a level is not > 0.
     RuntimeError
-        If better optima keep appearing: the model is too rough for its derivatives.
+        If too many restarts find better optima: the model is too rough for its derivatives.
     """
     if not 0.0 < level < np.inf:
         raise ValueError(f"level must be > 0, got {level}")
@@ -184,7 +182,7 @@ class _Walk:
                 step = min(1.6 * step, WIDEST_STEP)
             elif change > 0.5 * level:
                 step = max(0.5 * step, 1e-7)
-        # Then back: a valley that begins only farther out is found from there.
+        # Then back: this finds a valley that begins farther out.
         for i in range(len(fits) - 2, 0, -1):
             refit = self.at(float(fits[i].unit_point[self.j]), fits[i + 1])
             if refit.deviance < fits[i].deviance:
@@ -195,7 +193,7 @@ class _Walk:
         return [*reversed(self.out(-1.0, level)[1:]), *self.out(1.0, level)]
 
     def end(self, fits: list[Fit], level: float) -> tuple[float | None, int]:
-        """Unit coordinate at which the rise first passes the level, and the index of the fit beyond."""
+        """Unit coordinate at which the rise first passes the level, and the index of the next fit."""
         for i in range(1, len(fits)):
             if self.rise(fits[i]) <= level:
                 continue
@@ -205,13 +203,13 @@ class _Walk:
             def excess(u: float, warm: tuple[Fit, Fit] = (inside, outside)) -> float:
                 return min(self.rise(self.at(u, fit)) for fit in warm) - level
 
-            if excess(b) <= 0.0:  # the other warm start found a better fit there
+            if excess(b) <= 0.0:  # the other start found a better fit there
                 continue
             return float(brentq(excess, a, b, xtol=1e-9, rtol=1e-9)), i
         return None, len(fits)
 
     def interval(self, fits: list[Fit], level: float) -> tuple[Interval, tuple[float, ...]]:
-        """Ends in parameter units, and values outside them at which the rise is below the level again."""
+        """Ends in parameter units, and values outside them with a rise below the level."""
         centre = next(i for i, fit in enumerate(fits) if fit is self.best)
         ends, beyond_ends = [], []
         for side in (list(reversed(fits[: centre + 1])), fits[centre:]):
@@ -250,7 +248,7 @@ class Partner:
     name: str
     """Name of the parameter."""
     change: float
-    """Its change along the profile, in its units."""
+    """Change of this parameter along the profile, in its units."""
     per: float
     """Change of the profiled parameter over the same path, in that parameter's units."""
     cost: float
@@ -260,9 +258,9 @@ class Partner:
 def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tuple[Partner, ...]:
     """Parameters that compensate for a change of another one along its profile, the most important first.
 
-    The test is made at both ends of the interval, or of the box where the interval is open. There each other
-    parameter is changed on its own by the amount it moved along the profile. It compensates if this raises
-    the deviance by more than the level.
+    The test is made at both ends of the interval, or of the box where the interval is open. Each other
+    parameter is changed separately by its change along the profile. It compensates if this increases the
+    deviance by more than the level.
     """
     box, best = likelihood.box, profiles.optimum
     j = box.names.index(profile.name)
@@ -283,7 +281,7 @@ def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tu
 
 
 def _ends(profile: Profile, centre: float) -> list[int]:
-    """Indices of the fits at the ends of the interval, the faces of the box where it is open."""
+    """Indices of the fits at the ends of the interval, or at the faces of the box where it is open."""
     lower, upper = profile.interval
     inside = np.flatnonzero(
         (profile.values >= (profile.values[0] if lower is None else lower))
@@ -294,7 +292,7 @@ def _ends(profile: Profile, centre: float) -> list[int]:
 
 INFLATION = 3.0
 """Length of an interval over its length with the other parameters known. Above this ratio the dependence on
-them is reported: a correlation above 0.94 for a quadratic."""
+them is reported. For a quadratic this is a correlation above 0.94."""
 
 
 class VerdictKind(Enum):
@@ -326,10 +324,10 @@ class Verdict:
 def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:
     """A verdict for each parameter, from its profile and from its effect with the others fixed.
 
-    A profile that passes the level on both sides identifies its parameter inside the box. On a side where it
-    does not, the parameter is set to that face with the others at the optimum. If the rise then passes the
-    level, the data depend on the parameter but others compensate for it: a ridge. If not, the data bound it
-    on one side only, or on neither: not seen.
+    A profile that passes the level on both sides identifies its parameter inside the box. On the other sides
+    the parameter is set to the face, with the other parameters at the optimum. If the rise then passes the
+    level, the data depend on the parameter, but others compensate for it: a ridge. Otherwise the data bound
+    it on one side only, or on no side: not seen.
     """
     return tuple(_verdict(likelihood, profiles, profile) for profile in profiles.profiles)
 
@@ -394,7 +392,7 @@ def _sentence(
 
 def _bounds(lower: float | None, upper: float | None) -> str:
     if lower is not None and upper is not None:
-        # Enough digits to resolve a hundredth of the distance between the ends.
+        # The digits resolve a hundredth of the distance between the ends.
         size = max(abs(lower), abs(upper)) / (upper - lower)
         digits = max(5, 3 + math.ceil(math.log10(size)))
         return f"between {lower:.{digits}g} and {upper:.{digits}g}"

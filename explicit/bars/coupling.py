@@ -1,9 +1,8 @@
 """The whole test with one-dimensional bars and a specimen between them, iterated to convergence.
 
-The free flyer is stopped by the specimen, so a plain waveform iteration (Lelarasmee and others 1982) would
-oscillate. Each pass therefore integrates the bars together with a static curve of the specimen. The
-difference of the force from this curve is added from the previous pass, so only the error of the curve is
-iterated.
+The specimen stops the free flyer, so a plain waveform iteration (Lelarasmee and others 1982) would oscillate.
+Each pass therefore integrates the bars together with a static curve of the specimen. It adds the difference
+of the force from this curve in the previous pass. Only the error of the curve is iterated.
 """
 
 from dataclasses import dataclass, replace
@@ -20,12 +19,12 @@ from explicit.run_batch import run
 KNOT = 5e-7
 """Distance of the knots of the platens' motions [s]."""
 _OUTLINE_EVERY = 50
-"""Knots from one outline to the next."""
+"""Number of knots from one outline to the next."""
 
 
 @dataclass(frozen=True)
 class FlyerTest:
-    """A test from the striker's impact on."""
+    """Result of a test, from the striker's impact on."""
 
     bars: FlightHistory
     """Motion and forces of the bars."""
@@ -55,16 +54,16 @@ def simulate_test(
     apparatus
         The bars.
     model, samples
-        The specimen and its parameters, one sample; motion and support of the model are replaced.
+        The specimen and its parameters, one sample. Motion and support of the model are replaced.
     static : tuple
-        Compression [m] and force [N] of a rough static curve of the specimen, steep at its end. The result
-        does not depend on it; only the number of passes does.
+        Compression [m] and force [N] of a rough static curve of the specimen, steep at its end. It affects
+        the number of passes, but not the result.
     end : float
-        Last time since the striker touched [s].
+        Last time, measured from the striker's impact [s].
     step : float
         Time step of the bars [s].
     tolerance : float
-        Largest change of a force from one pass to the next that ends the iteration [N].
+        The iteration ends if the largest change of a force from one pass to the next is below this [N].
     max_passes : int
         Largest number of passes.
 
@@ -120,8 +119,8 @@ def _platen_motion(
 
 
 def mean_force(times: FloatArray, impulse: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Force from the impulse: means over the intervals, at their middles. Unlike samples of the force, they
-    have no aliasing.
+    """Force from the impulse: means over the intervals, at their middles. Unlike samples of the force, these
+    means have no aliasing.
     """
     middle = 0.5 * (times[1:] + times[:-1])
     force = np.diff(impulse) / np.diff(times)

@@ -1,12 +1,12 @@
 """Elastic platens, transducers and bars as an axisymmetric mesh, and as a linear system by their pulse
 response.
 
-The parts are linear elastic: steel under a soft specimen strains by 1e-6. They are loaded on one face and
-free elsewhere. One product of a sparse matrix is one step (central differences).
+The parts are linear elastic: the strain of steel under a soft specimen is 1e-6. They are loaded on one face;
+all other faces are free. One step (central differences) is one product with a sparse matrix.
 
-Their response is linear in the force on their face and does not change with time. One run under a triangular
-pulse of one newton over two steps therefore gives all others: the force of a simulation, linear between the
-steps, is a sum of such pulses. A batch costs a convolution instead of a time integration.
+Their response is linear in the force on their face and does not change with time. The force of a simulation
+is linear between the steps and thus a sum of triangular pulses over two steps. One run under such a pulse of
+one newton therefore gives all responses. A batch needs a convolution instead of a time integration.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
     Every radius of a section is a line of the mesh, so a step of the radius is sharp. Neighbours are bonded
     over the smaller of their faces.
 
-    ``sections``: the parts, the loaded one first. ``size``: largest side of an element [m]. A section has at
-    least two elements along its axis, so that its mid-section is a plane of nodes, and an even number of
-    them. Raises ValueError if there is no section or `size` is not positive.
+    ``sections``: the parts, the loaded one first. ``size``: largest side of an element [m]. A section has an
+    even number of elements along its axis, at least two. Its mid-section is then a plane of nodes. Raises
+    ValueError if there is no section or `size` is not positive.
     """
     if not sections:
         raise ValueError("a mesh needs at least one section, got none")
@@ -92,7 +92,7 @@ def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
 
 
 def _lines(fixed: FloatArray, size: float) -> FloatArray:
-    """Grid lines through fixed positions, equally spaced between these, at most `size` apart."""
+    """Grid lines through fixed positions. Between these they are equally spaced, at most `size` apart."""
     spans = [
         np.linspace(a, b, max(1, int(np.ceil((b - a) / size * (1.0 - 1e-9)))) + 1)[1:]
         for a, b in pairwise(fixed)
@@ -101,7 +101,7 @@ def _lines(fixed: FloatArray, size: float) -> FloatArray:
 
 
 def pressed_share(mesh: ElasticMesh, radius: FloatArray) -> FloatArray:
-    """Share of a force that each node of the face takes when it presses evenly within a radius.
+    """Share of each node of the face in a force that presses evenly within a radius.
 
     The consistent loads (2 / a^2) * integral of N_i r dr from 0 to a, integrated exactly.
     """
@@ -180,7 +180,7 @@ def nodal_mass(mesh: ElasticMesh, corner_mass: FloatArray) -> FloatArray:
 
 
 def largest_frequency(matrices: ElementMatrices) -> float:
-    """Bound of the mesh's largest angular frequency [rad/s]: the largest of a single element's."""
+    """Bound of the mesh's largest angular frequency [rad/s]: the largest one of any single element."""
     inverse_root = np.repeat(matrices.mass, 2, axis=1) ** -0.5
     scaled = inverse_root[:, :, None] * matrices.stiffness * inverse_root[:, None, :]
     return float(np.sqrt(np.linalg.eigvalsh(scaled)[:, -1].max()))
@@ -197,8 +197,8 @@ class ElasticHistory:
     section_force: FloatArray
     """Compressive force through each cross-section [N], shape [n_times, n_depths]."""
     path: FloatArray
-    """Mean displacement of the loaded patch, into the parts [m], shape [n_times]. Force times this mean is
-    the work."""
+    """Mean displacement of the loaded patch, into the parts [m], shape [n_times]. Its product with the force
+    gives the work."""
     seen: FloatArray
     """Axial displacement of the outer surface at each mark, into the parts [m], shape [n_times, n_marks]."""
     external: FloatArray
@@ -221,7 +221,7 @@ class ElasticHistory:
 
 @dataclass(frozen=True)
 class ElasticBar:
-    """A mesh of elastic parts that can be integrated in time; made by `elastic_bar`."""
+    """A mesh of elastic parts that can be integrated in time. `elastic_bar` makes it."""
 
     mesh: ElasticMesh
     stiffness: csr_array = field(repr=False)
@@ -242,10 +242,10 @@ class ElasticBar:
     ) -> ElasticHistory:
         """Integrate from rest under a force that presses evenly on a patch of the face.
 
-        ``times``: times of the force [s], ascending; it is linear between them, and the first is the start.
-        ``force``: compressive force [N]. ``radius``: radius of the patch [m], linear between the times.
-        ``safety``: share of the stable step that is used, in (0, 1]. Raises ValueError if a time, force or
-        radius is outside its range.
+        ``times``: times of the force [s], ascending. The force is linear between them; the first one is the
+        start. ``force``: compressive force [N]. ``radius``: radius of the patch [m], linear between the
+        times. ``safety``: share of the stable step that is used, in (0, 1]. Raises ValueError if a time,
+        force or radius is outside its range.
         """
         if not 0.0 < safety <= 1.0:
             raise ValueError(f"safety must be in (0, 1], got {safety}")
@@ -264,7 +264,7 @@ class ElasticBar:
         face = 2 * self.mesh.face + 1
         mass = np.repeat(self.mass, 2)
         inverse = 1.0 / mass
-        inverse[2 * np.flatnonzero(self.mesh.nodes[:, 0] == 0.0)] = 0.0  # the axis stays on the axis
+        inverse[2 * np.flatnonzero(self.mesh.nodes[:, 0] == 0.0)] = 0.0  # nodes on the axis stay on the axis
         u, v = np.zeros(len(mass)), np.zeros(len(mass))
         section_force = np.zeros((n, len(self.depths)))
         path, external, kinetic, elastic = np.zeros((4, n))
@@ -272,19 +272,18 @@ class ElasticBar:
         displacement = np.zeros((n, len(marks)))
         for i in range(n):
             resisting = self.stiffness @ u
-            elastic[i] = 0.5 * (u * resisting).sum()  # `@` would wake a pool of threads
+            elastic[i] = 0.5 * (u * resisting).sum()  # `@` would start a pool of threads
             section_force[i] = self.sections @ u
             displacement[i] = u[marks]
             load = -resisting
             load[face] += pressing[i] * share[i]
-            # The velocity is defined between the positions: the first interval is half a step.
+            # The velocity is defined between the positions, so the first interval is half a step.
             change = load * inverse * (step if i else 0.5 * step)
             kinetic[i] = 0.5 * (mass * v * (v + change)).sum()
             before = share[i] @ v[face]
             v += change
             after = share[i] @ v[face]
-            # Force times the mean of the velocities before and after it: half of a step's work belongs to
-            # either end.
+            # Force times the mean of the velocities before and after it: each end has half of a step's work.
             external[i] += pressing[i] * 0.5 * step * before
             if i + 1 < n:
                 u += step * v
@@ -300,20 +299,20 @@ def elastic_bar(
     depths: Sequence[float] = (),
     marks: Sequence[float] = (),
 ) -> ElasticBar:
-    """Make elastic parts ready to be integrated.
+    """Prepare elastic parts for the time integration.
 
     Parameters
     ----------
     sections : sequence
-        The parts, bonded one behind the other, the loaded one first.
+        The parts, bonded in series, the loaded one first.
     size : float
         Largest side of an element [m].
     depths : sequence of float
         Distance from the loaded face of the cross-sections whose force is recorded [m]. The nearest plane of
-        nodes is taken; mid-sections of parts are such planes.
+        nodes is used; mid-sections of parts are such planes.
     marks : sequence of float
-        Distance from the loaded face of points on the outer surface whose displacement is recorded [m]; the
-        nearest node is taken.
+        Distance from the loaded face of points on the outer surface whose displacement is recorded [m]. The
+        nearest node is used.
 
     Raises
     ------
@@ -330,7 +329,7 @@ def elastic_bar(
         near, far = middle < height, middle > height
         if not (near.any() and far.any()):
             raise ValueError(f"a cross-section must lie inside the parts, got depth {depth} m")
-        # Mean of the forces on the near and the far side: the inertia of the plane cancels.
+        # Mean of the forces on both sides of the plane: its inertia cancels.
         weight = np.zeros(2 * mesh.n_nodes)
         weight[2 * plane + 1] = 0.5
         signed = np.where(far, 1.0, -1.0)[:, None, None] * matrices.stiffness
@@ -347,19 +346,19 @@ def elastic_bar(
 
 
 FINEST = 1e-7
-"""Longest time step of the one-dimensional waves under a pulse [s]; the step used is between this and a
-quarter of it, with the smallest rounding of the travel times."""
+"""Longest time step of the one-dimensional waves under a pulse [s]. The step is chosen between this and a
+quarter of it, for the smallest rounding of the travel times."""
 
 
 @dataclass(frozen=True)
 class PulseResponse:
     """Response of elastic parts at rest to a pulse of 1 N on their face.
 
-    The pulse rises from 0 at time 0 to 1 N after a step and falls to 0 after two.
+    The pulse increases from 0 at time 0 to 1 N after one step and decreases to 0 after two steps.
     """
 
     step: float
-    """Distance of the times, the first at 0 [s]."""
+    """Distance of the times; the first is 0 [s]."""
     path: FloatArray
     """Displacement of the face, into the parts [m/N], shape [n]."""
     seen: FloatArray
@@ -370,21 +369,22 @@ class PulseResponse:
     def histories(self, impulse: FloatArray, kind: str) -> FloatArray:
         """Histories under forces that act from rest, shape of `impulse`.
 
-        ``impulse``: impulse of the force on the face at the steps, 0 at the first [N s], shape [n_samples,
-        n]; after a NaN the force is zero. ``kind``: "path", "seen" or "section". Raises ValueError if there
-        are more steps than the response has.
+        ``impulse``: impulse of the force on the face at the steps [N s], shape [n_samples, n]. It is 0 at the
+        first step. After a NaN the force is zero. ``kind``: "path", "seen" or "section". Raises ValueError if
+        there are more steps than the response has.
         """
         n = impulse.shape[1]
         table = getattr(self, kind)
         if n > len(table):
             raise ValueError(f"{n} steps are requested, the pulse's response has {len(table)}")
-        from scipy.signal import fftconvolve  # of use with bars only
+        from scipy.signal import fftconvolve  # needed with bars only
 
         return np.asarray(fftconvolve(mean_about(impulse, self.step), table[None, :], axes=1)[:, 1 : n + 1])
 
 
 def mean_about(impulse: FloatArray, step: float) -> FloatArray:
-    """Mean force over a step about every step but the first, where it is 0 [N], shape of `impulse`.
+    """Mean force over an interval of one step about every step [N], shape of `impulse`. It is 0 at the first
+    step.
 
     The sum of the pulses has the impulse of the force.
     """
@@ -447,7 +447,7 @@ def pulse_on_mesh(
     depths = [] if sensor == 0.0 else [sensor]
     parts = elastic_bar(sections, size=size, depths=depths, marks=[observed])
     end = step * max(n, 3)
-    # Whole steps of the march in one of the pulse: its impulse is then exact.
+    # A step of the pulse is a whole number of time steps: its impulse is then exact.
     safety = step / np.ceil(step / (0.9 * parts.stable_step)) / parts.stable_step * (1.0 + 1e-9)
     pulse = np.array([0.0, 1.0, 0.0, 0.0])
     history = parts.integrate(np.array([0.0, step, 2.0 * step, end]), pulse, radius, safety=safety)

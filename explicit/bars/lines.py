@@ -1,8 +1,8 @@
 """One-dimensional bars by the method of characteristics, and the whole impact test made of them.
 
-With the compressive force F and the particle velocity v to the right, F = R + L and v = (R - L) / Z: R runs
-to the right and L to the left, unchanged. A section has no nodes between its ends; at the interfaces of
-sections forces and velocities are continuous. Only the travel times are rounded, to whole time steps.
+With the compressive force F and the particle velocity v to the right, F = R + L and v = (R - L) / Z. R
+travels to the right and L to the left, unchanged. A section has no nodes between its ends. At the interfaces
+of sections forces and velocities are continuous. Only the travel times are rounded, to whole time steps.
 
 The test has a striker, a pulse shaper, an incident bar, a joint that may break, a flyer and a transmission
 side. Its events are features of the signals (Mates et al. 2012, Fig. 5).
@@ -69,7 +69,7 @@ class Section:
 
 @dataclass(frozen=True)
 class LineHistory:
-    """The waves in a row of bonded sections, from which force and velocity follow anywhere."""
+    """The waves in a row of bonded sections. They give force and velocity at any position."""
 
     sections: tuple[Section, ...]
     """The sections, left to right."""
@@ -80,9 +80,9 @@ class LineHistory:
     delays: tuple[int, ...]
     """Travel time of each section [steps]."""
     right: tuple[FloatArray, ...]
-    """R as it leaves the left end of each section [N], shape [delay + n_times]: entry delay + n at time n."""
+    """R at the left end of each section [N], shape [delay + n_times]: entry delay + n at time n."""
     left: tuple[FloatArray, ...]
-    """L as it leaves the right end of each section [N], same shape."""
+    """L at the right end of each section [N], same shape."""
 
     @property
     def length(self) -> float:
@@ -132,14 +132,15 @@ class LineHistory:
 
 
 class WaveLine:
-    """A row of bonded sections while it is integrated; `history` freezes it."""
+    """A row of bonded sections during the integration; `history` returns a copy."""
 
     def __init__(
         self, sections: Sequence[Section], *, step: float, n_times: int, velocity: float = 0.0
     ) -> None:
         """Sections with a common velocity [m/s] and without force.
 
-        Raises ValueError if there is no section, or one is shorter than half the way of a wave in a step.
+        Raises ValueError if there is no section, or if one is shorter than half the travel of a wave in a
+        step.
         """
         if not sections:
             raise ValueError("a row of bars needs at least one section, got none")
@@ -165,7 +166,7 @@ class WaveLine:
             self.right[k + 1][self.delays[k + 1] + n] = force - leftward
 
     def free_velocity(self, n: int, end: int) -> float:
-        """Velocity of the left (0) or right (-1) end at time n if nothing acted on it [m/s]."""
+        """Velocity of the left (0) or right (-1) end at time n without a force on it [m/s]."""
         arriving = self.left[0][n] if end == 0 else self.right[-1][n]
         return (-2.0 if end == 0 else 2.0) * arriving / self.impedances[end]
 
@@ -184,7 +185,7 @@ class WaveLine:
 
 
 def loaded_line(sections: Sequence[Section], force: FloatArray, *, step: float) -> LineHistory:
-    """Sections at rest under a compressive force on the left end, the right one free.
+    """Sections at rest under a compressive force on the left end. The right end is free.
 
     ``force``: force at 0, `step`, 2 `step` ... [N]. ``step``: time step [s].
     """
@@ -197,18 +198,18 @@ def loaded_line(sections: Sequence[Section], force: FloatArray, *, step: float) 
 
 
 def section_force(times: FloatArray, force: FloatArray, *, delay: float, round_trip: float) -> FloatArray:
-    """Force inside a uniform bar with a free far end, from the one at its front.
+    """Force inside a uniform bar with a free far end, from the force at its front.
 
     F(x, t) = F(t - d) + sum over k >= 1 of F(t - d - k T) - F(t + d - k T), with the travel time d = x / c0
-    and the round trip T. The signal of a transducer at depth x contains the inertia of the material before
-    it: -2 d F'(t - T) of the first echo.
+    and the round trip T. The signal of a transducer at depth x contains the inertia of the material in front
+    of it. For the first echo this is -2 d F'(t - T).
 
     Parameters
     ----------
     times, force : shape [n]
-        Compressive force at the front [N] over time [s], zero before the first.
+        Compressive force at the front [N] over time [s]. It is zero before the first time.
     delay : float
-        Travel time from the front to the place [s], at least 0 and below half the round trip.
+        Travel time from the front to the position [s], at least 0 and below half the round trip.
     round_trip : float
         Round trip of a wave through the whole bar [s].
 
@@ -230,10 +231,12 @@ def section_force(times: FloatArray, force: FloatArray, *, delay: float, round_t
 
 @dataclass(frozen=True)
 class PulseShaper:
-    """A soft disc between striker and incident bar: loads along a table, unloads along a straight line."""
+    """A soft disc between striker and incident bar. It loads along a table and unloads along a straight
+    line."""
 
     compression: FloatArray
-    """Approach of its faces [m], ascending from 0, shape [n]; past the last datum the last slope holds."""
+    """Approach of its faces [m], ascending from 0, shape [n]. Beyond the last datum the last slope is
+    used."""
     force: FloatArray
     """Compressive force while loading [N], ascending from 0, shape [n]."""
     unloading: float
@@ -252,7 +255,7 @@ class PulseShaper:
 
 @dataclass(frozen=True)
 class Joint:
-    """A low-tack adhesive between two faces, which fails permanently when its strength is reached."""
+    """A low-tack adhesive between two faces. It fails permanently when its strength is reached."""
 
     strength: float
     """Tensile force at which it begins to fail [N]; 0: no adhesive."""
@@ -267,7 +270,7 @@ class Joint:
 
 
 class _ShaperContact:
-    """State of a pulse shaper during a run; the faces touch at first and may separate and touch again."""
+    """State of a pulse shaper during a run. The faces touch at first and may separate and touch again."""
 
     def __init__(self, shaper: PulseShaper, step: float) -> None:
         """A shaper that has not been loaded."""
@@ -291,7 +294,8 @@ class _ShaperContact:
 
     def force(self, closing: float, compliance: float) -> float:
         """Force at the end of a step [N]."""
-        # Trapezoidal rule: x = x0 + h/2 (c0 + closing - F(x) compliance), piecewise linear and rising in x.
+        # Trapezoidal rule: x = x0 + h/2 (c0 + closing - F(x) compliance), piecewise linear and increasing in
+        # x.
         half = 0.5 * self._step
         excess = self._knots_x - self.approach - half * (self._closing + closing - compliance * self._knots_f)
         self.approach = float(np.interp(0.0, excess, self._knots_x))
@@ -304,7 +308,7 @@ class _ShaperContact:
 
 
 class _JointContact:
-    """State of two faces that touch at first, bonded by a joint or only pressed together."""
+    """State of two faces that touch at first. A joint bonds them, or they are only pressed together."""
 
     def __init__(self, joint: Joint, step: float) -> None:
         """A joint that holds, if it has any strength."""
@@ -314,12 +318,12 @@ class _JointContact:
 
     def force(self, closing: float, compliance: float) -> float:
         """Compressive force at the end of a step [N]; arguments as for `ShaperContact.force`."""
-        holding = closing / compliance  # keeps the faces at one velocity
+        holding = closing / compliance  # force for equal velocities of the faces
         if not self.broken:
             if holding >= -self._joint.strength:
                 return holding
             self.broken = True
-        # Backward Euler: a face that would pass through the other is brought onto it within the step.
+        # Backward Euler: a face that would pass through the other one is moved onto it within the step.
         force = (closing - self.gap / self._step) / compliance
         if force < 0.0:
             force = self._adhesion(closing, compliance)
@@ -329,7 +333,7 @@ class _JointContact:
         return force
 
     def _adhesion(self, closing: float, compliance: float) -> float:
-        """Stress left in the joint at the gap it opens to: -S (1 - gap / opening), solved with the gap."""
+        """Stress left in the joint at its gap: -S (1 - gap / opening), solved together with the gap."""
         strength, opening = self._joint.strength, self._joint.opening
         if not self._sticky or self.gap >= opening:
             return 0.0
@@ -363,7 +367,7 @@ class Apparatus:
 
 @dataclass(frozen=True)
 class SpecimenForce:
-    """Force of the specimen on both platens: a static curve plus a difference over time."""
+    """Force of the specimen on both platens: a static curve plus a time-dependent difference."""
 
     compression: FloatArray
     """Approach of the platens [m], ascending, shape [n]."""
@@ -462,8 +466,8 @@ def integrate_test(
         hold = joint.force(incident.free_velocity(n, -1) - flyer.free_velocity(n, 0), second)
         on_flyer = on_support = 0.0
         if specimen is not None:
-            # The static curve is evaluated at the positions of this step to first order: the specimen is far
-            # softer than steel.
+            # The static curve is evaluated at the positions of this step to first order, because the specimen
+            # is much softer than steel.
             static = float(np.interp(x_f - x_t + step * (v_f - v_t), specimen.compression, specimen.force))
             on_flyer = static + specimen.excess_flyer[n]
             on_support = static + specimen.excess_transmission[n]
@@ -496,7 +500,7 @@ class Events:
     tensile_dip: float
     """The joint's force becomes tensile."""
     separation: float
-    """The joint has broken and its last force is gone."""
+    """The joint has broken and its force is zero."""
     arrest: float
     """The flyer is at rest relative to the transmission platen: largest compression."""
     push_back: float
@@ -536,9 +540,7 @@ def _summit(signal: FloatArray, after: int | None, before: int | None) -> int | 
 
 
 def _first(happens: NDArray[np.bool_], after: int | None = 0) -> int | None:
-    """First index not before `after` at which the condition holds; None if there is none or `after` is
-    missing.
-    """
+    """First index from `after` on that meets the condition; None without one, or if `after` is missing."""
     if after is None:
         return None
     places = np.flatnonzero(happens[after:])

@@ -11,7 +11,7 @@ __all__ = ["CONTACT_LAWS", "ContactLaw", "contact_law"]
 
 
 def contact_law(name: str) -> ContactLaw:
-    """Look a contact law up by name; raises ValueError with the valid names if there is none."""
+    """Find a contact law by name; raises ValueError with the valid names if there is none."""
     if name not in CONTACT_LAWS:
         raise ValueError(f"contact law must be one of {sorted(CONTACT_LAWS)}, got {name!r}")
     return CONTACT_LAWS[name]

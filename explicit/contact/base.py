@@ -1,9 +1,9 @@
 """The interface of a contact law between a node and a rigid platen.
 
 Contact is kinematic ("hard") unless a law states otherwise. After the unconstrained update of a step, each
-node on a platen is moved onto it exactly; the impulse needed is the contact force. A law only determines
-which part of the predicted velocity remains. There is no regularisation: a node sticks with velocity 0 or
-slides with full friction, without a penalty or a velocity threshold between the two.
+node that touches a platen is moved exactly onto it. The necessary impulse is the contact force. A law only
+determines which part of the predicted velocity remains. There is no regularisation by a penalty or a velocity
+threshold. A node sticks with velocity 0 or slides with full friction.
 """
 
 from functools import cache
@@ -29,11 +29,11 @@ class ContactLaw(Protocol):
     needs_stiffness: bool = False
     """Whether the law reads the stiffness of its springs, `explicit.Samples.contact_stiffness`."""
     carries_tension: bool = False
-    """Whether a node can be pulled by the platen."""
+    """Whether the platen can pull a node."""
     slides: bool = False
     """Whether a node can slip along the platen while it is pressed on it."""
     remembers_slip: bool = False
-    """Whether the law keeps a slip of each node from step to step."""
+    """Whether the law stores a slip of each node from step to step."""
 
     def kernel_function(self, precision: Precision) -> Any:
         """The Warp function of the law.

@@ -1,4 +1,4 @@
-"""The contact laws. A new one is a class here or in a separate file, and an entry of `CONTACT_LAWS`."""
+"""The contact laws. A new law is a class here or in a separate file, and an entry of `CONTACT_LAWS`."""
 
 from typing import Any
 
@@ -33,10 +33,10 @@ class BondedRelease(ContactLaw):
 
     The contact stress is the normal impulse of the step over its interval and over the node's undeformed
     contact area. A bonded face does not slip, so its area remains undeformed and the stress is the true
-    stress. After the release the node is `rough` and does not bond again: soft, tacky specimens still stick
-    to polished steel in compression (friction has little effect above f = 0.5, Mates et al. 2012), but do not
-    transmit tension. At the edge of a face the stress of the continuum is singular, so the beginning of the
-    release at the edge depends on the mesh.
+    stress. After the release the node is `rough` and does not bond again. Soft, tacky specimens still stick
+    to polished steel in compression, but do not transmit tension. Friction has little effect above f = 0.5
+    (Mates et al. 2012). At the edge of a face the stress of the continuum is singular. The beginning of the
+    release at the edge therefore depends on the mesh.
     """
 
     name = "bonded_release"
@@ -83,7 +83,7 @@ class Rough(ContactLaw):
 
 
 class Coulomb(ContactLaw):
-    """A pressed node sticks until its tangential impulse exceeds f times the normal one."""
+    """A pressed node sticks until its tangential impulse exceeds f times its normal impulse."""
 
     name = "coulomb"
     needs_friction = True
@@ -97,7 +97,7 @@ class Coulomb(ContactLaw):
         def coulomb(touch: Touch):
             velocity = vec2(touch.v_r, touch.v_y)
             if touch.normal * (touch.v_y - touch.target) < zero:
-                # Impulses per unit mass: |target - v_y| normal, at most f times that tangential.
+                # Impulses per unit mass: normal |target - v_y|, tangential at most f times the normal one.
                 slip = wp.max(wp.abs(touch.v_r) - touch.friction * wp.abs(touch.target - touch.v_y), zero)
                 velocity = vec2(wp.sign(touch.v_r) * slip, touch.target)
             return velocity, touch.status, touch.slip
@@ -126,18 +126,19 @@ class Frictionless(ContactLaw):
 
 
 class Penalty(ContactLaw):
-    """A second formulation of Coulomb's law, to verify the kinematic one and to compare with other programs.
+    """A second formulation of Coulomb's law, for verification of the kinematic one and comparison with other
+    programs.
 
-    The pressure is the stiffness k times the penetration, the shear stress k times an elastic slip s and at
-    most f times the pressure, all per area of the undeformed surface. They are taken at the end of the step,
-    so that no stiffness shortens the stable step: over the interval tau and the step h, with
-    c = k h tau / density, the impulses per mass are
+    The pressure is the stiffness k times the penetration. The shear stress is k times an elastic slip s and
+    at most f times the pressure. Both are per area of the undeformed surface. They are evaluated at the end
+    of the step; a high stiffness therefore does not shorten the stable step. Over the interval tau and the
+    step h, with c = k h tau / density, the impulses per mass are
 
         normal  (target - v_y) c / (1 + c),   tangential  (v_r + s / h) c / (1 + c),
 
-    for c towards infinity those of `coulomb`. The energy of the springs is part of the entries `impact` and
-    `friction` of the energy balance and is returned there. The platen must be rigid or a bar whose impedance
-    is far above k times the area times the step: it responds one step late.
+    For large c they are those of `coulomb`. The energy of the springs is part of the entries `impact` and
+    `friction` of the energy balance and is returned there. The platen must be rigid, or a bar with an
+    impedance far above k times the area times the step, because it responds one step late.
     """
 
     name = "penalty"

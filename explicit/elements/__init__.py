@@ -1,4 +1,4 @@
-"""Elements, one file each; a further element takes one file and one entry of `ELEMENTS`."""
+"""Elements, one file each. A new element is one file and one entry of `ELEMENTS`."""
 
 from explicit.elements.base import Element, ElementFunctions
 from explicit.elements.fbar import FBar

@@ -1,12 +1,12 @@
 """The interface of an element, and the Warp functions that elements share.
 
-An element gives Warp functions for the forces and the energy of one quadrilateral, and the array of
+An element gives Warp functions for the forces and the energy of one quadrilateral. It also gives the array of
 reference-configuration constants that they read. The sweeps do not depend on its stress points or strains.
 
-Stable step: the volumetric part has a sharp bound (rank one). Stiffness and damping of the rest are bounded
-by moduli times |grad v|^2; over the corners' masses this form is a sum of squares (b . v)^2 of a few vectors
-b. Its largest eigenvalue is that of their Gram matrix: below the trace, and below the largest sum of a row's
-absolute values (Gershgorin).
+Stable step: the volumetric part has a sharp bound (rank one). Stiffness and damping of the other parts are
+bounded by moduli times |grad v|^2. Over the corners' masses this form is a sum of squares (b . v)^2 of a few
+vectors b. Its largest eigenvalue is that of the Gram matrix of these vectors. It is below the trace, and
+below the largest sum of a row's absolute values (Gershgorin).
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from explicit.mesh import Mesh
 from explicit.precision import Precision
 
 INVERTED = 1.0e30
-"""Step bound of an element with J <= 0 [1/s^2]; a real omega^2 is far smaller (1e14 at most)."""
+"""Step bound of an element with J <= 0 [1/s^2]. A real omega^2 is much smaller (1e14 at most)."""
 
 
 @dataclass(frozen=True)
@@ -30,19 +30,19 @@ class ElementFunctions:
     """Structs and functions of an element for one material law and precision."""
 
     Shape: Any
-    """Warp struct of real numbers and 4-vectors: reference-configuration constants of one element, `volume`
-    [m^3] among them. `Element.shapes` fills an array of it."""
+    """Warp struct of real numbers and 4-vectors: reference-configuration constants of one element, including
+    `volume` [m^3]. `Element.shapes` fills an array of it."""
     read_shape: Any
     """``read_shape(constants, e, measure) -> Shape``: one element's constants from a grouped table
-    (`explicit.layout.structs.grouped`), which only `entry_function` and `entries_function` of that module
-    read. Constants that only the step bound needs are read only if `measure` is 1."""
+    (`explicit.layout.structs.grouped`). Only `entry_function` and `entries_function` of that module read this
+    table. Constants of the step bound are read only if `measure` is 1."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
     forces: Any
     """``forces(shape, solid, row, ur, uy, vr, vy, measure) -> (f_r, f_y, omega_squared, power, artificial)``:
-    corner forces [N], the bound for the stable step [1/s^2] (0 unless `measure` is 1, `INVERTED` if the
-    element is inverted), the powers dissipated by the solid's damping and by hourglass control [W], from the
-    corners' displacements and velocities."""
+    corner forces [N], the bound for the stable step [1/s^2], and the powers dissipated by the solid's damping
+    and by hourglass control [W]. They follow from the corners' displacements and velocities. The bound is 0
+    unless `measure` is 1, and `INVERTED` if the element is inverted."""
     energies: Any
     """``energies(shape, solid, row, ur, uy) -> (elastic, hourglass, s)``: stored energies [J], and the
     largest s = sqrt(I1_bar - 3) of the element's stress points [-]."""
@@ -79,7 +79,7 @@ class Element(Protocol):
         mesh : Mesh
             The undeformed mesh.
         density : float
-            Mass density [kg/m^3]; the step bound needs each element's own share of its corners' mass.
+            Mass density [kg/m^3]. The step bound needs the share of each element in the mass of its corners.
         dtype : numpy.dtype
             ``functions(...).Shape.numpy_dtype()``.
 
@@ -96,7 +96,7 @@ def corner_inverse_mass(
 ) -> tuple[FloatArray, FloatArray]:
     """Inverse of each corner's own share of the mass, radial and axial [1/kg], shape [n_elements, 4].
 
-    Radial entries are 0 on the axis, where a node cannot move outwards.
+    Radial entries are 0 on the axis: a node cannot move outwards there.
     """
     inverse = 1.0 / (density * corner_volume)
     return np.where(mesh.on_axis[mesh.quads], 0.0, inverse), inverse
@@ -124,16 +124,16 @@ def solid_struct(precision: Precision) -> Any:
 
 @cache
 def isochoric_factor_function(precision: Precision) -> Any:
-    """Generate ``f(J, J - 1) -> (J^(-2/3), 1 / J)`` [-]: the factor that makes b isochoric, and 1 / J, which
-    costs less here than a division.
+    """Generate ``f(J, J - 1) -> (J^(-2/3), 1 / J)`` [-]: the factor that makes b isochoric, and 1 / J without
+    a division.
 
-    Near J = 1, the range of a nearly incompressible solid, J^(-1/3) comes from a series in J - 1, corrected
-    by the series of (1 - e)^(-1/3) in its own error e.
+    Near J = 1, the range of a nearly incompressible solid, J^(-1/3) is a series in J - 1. The series of (1 -
+    e)^(-1/3) in its error e corrects it.
     """
     real = precision.real
     one, third = real(1.0), real(1.0 / 3.0)
     two_ninths, next_term = real(2.0 / 9.0), real(14.0 / 81.0)
-    near_one = real(0.05)  # e is below 7e-5 there, so the terms that are neglected are below 1e-17
+    near_one = real(0.05)  # e is below 7e-5 there, so the neglected terms are below 1e-17
 
     @wp.func
     def isochoric_factor(jacobian: real, dilatation: real):
@@ -150,8 +150,8 @@ def isochoric_factor_function(precision: Precision) -> Any:
 @cache
 def gradient_bounds_function(precision: Precision, bound: str) -> Any:
     """Generate ``f(w_r, w_y, b_r, b_y, c) -> (radial, axial)``: upper bounds of |grad v|^2 over sum v^2 / w
-    of the corners, in radial and in axial motion, which do not couple [1/(kg m^2)]; by the "trace" or by the
-    "eigenvalue"."""
+    of the corners [1/(kg m^2)], for radial and for axial motion, by the "trace" or by the "eigenvalue". The
+    two motions do not couple."""
     real, vec4 = precision.real, precision.vec4
 
     @wp.func
@@ -191,7 +191,7 @@ def shear_bound_function(law_tangent: Any, precision: Precision) -> Any:
     v|^2 [Pa].
 
     The variation is 2U' [L b L + I1/3 tr L^2 - 4/3 tr L (dev b L) - 2/9 I1 tr^2 L] and a part with U''. The
-    law bounds the term with b and the part with U''; the other terms, at the worst tr L, are added here.
+    law bounds the term with b and the part with U''. The other terms are added here, for the worst tr L.
     """
     real = precision.real
     one, two, third, two_thirds = real(1.0), real(2.0), real(1.0 / 3.0), real(2.0 / 3.0)

@@ -4,8 +4,8 @@ The forces are the exact gradient of
 
     W = sum_g w_g U(I1_bar(F_g)) + V K / 2 (J_m - 1)^2,    J_m = (1 / V) sum_g w_g det F_g = v / V
 
-over the 2 x 2 Gauss points. The F of each point gives the isochoric part, which F_bar = (J_m / J)^(1/3) F
-does not change; the volume v of the deformed ring gives the pressure (Nagtegaal, Parks and Rice 1974; Simo,
+over the 2 x 2 Gauss points. The F of each point gives the isochoric part. F_bar = (J_m / J)^(1/3) F does not
+change this part. The volume v of the deformed ring gives the pressure (Nagtegaal, Parks and Rice 1974; Simo,
 Taylor and Pister 1985). docs/theory/solver.md explains why J at the centre is not used. Over a full turn (2
 pi R dA) the integrands of the weak form are of degree 2 in each local coordinate. Two points in each
 direction are therefore exact, also on distorted elements and on the axis.
@@ -77,8 +77,8 @@ def fbar_point_functions(law: type, precision: Precision, bound: str) -> PointFu
         vy: vec4,
         measure: int,
     ):
-        """Isochoric and deviatoric viscous forces, gradient of the deformed volume, w (J - 1), the smaller
-        of J and its planar part, power, and the bounds of `forces`."""
+        """Returns the isochoric and deviatoric viscous forces, the gradient of the deformed volume, and w (J
+        - 1). Also the smaller of J and its planar part, the power, and the bounds of `forces`."""
         h11, h12 = wp.dot(ur, gradient_r), wp.dot(ur, gradient_y)
         h21, h22 = wp.dot(uy, gradient_r), wp.dot(uy, gradient_y)
         h33 = wp.dot(ur, hoop)
@@ -197,7 +197,7 @@ def gauss_points(mesh: Mesh) -> GaussPoints:
 
 @dataclass(frozen=True)
 class FBar:
-    """Four stress points, one volume, no hourglass control: the "fbar" element."""
+    """The "fbar" element: four stress points, one volume, no hourglass control."""
 
     name: str = "fbar"
 
@@ -307,7 +307,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         )  # fmt: skip
         f_r, f_y = vec4(), vec4()
         omega_squared, power = real(inverted), real(0.0)
-        # det F is linear over the element, so it is positive at the centre if it is at the four points.
+        # det F is linear over the element: it is positive at the centre if it is positive at the four points.
         if wp.min(wp.min(u0, u1), wp.min(u2, u3)) > zero:
             g_r, g_y = p0 + p1 + p2 + p3, q0 + q1 + q2 + q3
             dilatation = (j0 + j1 + j2 + j3) / shape.volume
@@ -320,9 +320,8 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
             power = w0 + w1 + w2 + w3 + viscosity * growth * growth
             omega_squared = real(0.0)
             if measure == 1:
-                # The volumetric part is of rank one, so its bound is sharp. The rest is bounded by
-                # that of |grad v|^2; so is the pressure's work on the second variation of J,
-                # -|L|^2 J to 2 |L|^2 J.
+                # The volumetric part has rank one, so its bound is sharp. The bound of |grad v|^2 limits the
+                # other parts, also the pressure's work on the second variation of J, -|L|^2 J to 2 |L|^2 J.
                 rank_one = real(0.0)
                 for a in range(4):
                     rank_one += m_r[a] * g_r[a] * g_r[a] + m_y[a] * g_y[a] * g_y[a]

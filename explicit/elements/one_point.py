@@ -1,6 +1,6 @@
 """The one-point axisymmetric quadrilateral as small Warp functions: corner forces, step bound, energy.
 
-One scalar source for every driver, independent of batches, lanes and devices.
+All drivers use this scalar source. It does not depend on batches, lanes and devices.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from explicit.precision import Precision
 
 @dataclass(frozen=True)
 class OnePoint:
-    """One stress point and hourglass control: the "one_point" element."""
+    """The "one_point" element: one stress point and hourglass control."""
 
     name: str = "one_point"
 
@@ -133,7 +133,7 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         jacobian: real,
         dilatation: real,
     ):
-        """Includes the pressure's work on rotations, which the trace bound covers without a separate term."""
+        """It includes the pressure's work on rotations. The trace bound needs no separate term for it."""
         return (
             solid.scale * shear_bound(rr, yy, ry, tt, row)
             + wp.abs(volume_pressure(solid.bulk, jacobian, dilatation)) * jacobian
@@ -163,8 +163,8 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         dilatation: real,
         shear: real,
     ):
-        # The volumetric part is of rank one, so its bound is sharp; the other parts are bounded by that of
-        # |grad v|^2.
+        # The volumetric part has rank one, so its bound is sharp. The bound of |grad v|^2 limits the other
+        # parts.
         rank_one, hourglass, dissipated = real(0.0), real(0.0), real(0.0)
         viscous_r, viscous_y = pattern_viscosity(shape, solid)
         for a in range(4):

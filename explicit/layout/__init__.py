@@ -1,1 +1,1 @@
-"""Memory layout: the arguments of the time loop, the state of a simulation, and the lanes that share it."""
+"""Memory layout: arguments of the time loop, state of a simulation, and lanes that share it."""

@@ -1,7 +1,7 @@
 """Lanes of one simulation: their common operations in native code.
 
-On a GPU the lanes are the threads of one block or of a cluster of a few blocks, whose shared memories may
-store the simulation. On the CPU `explicit.simd` translates the lanes to those of SIMD registers.
+On a GPU the lanes are the threads of one block or of a cluster of a few blocks. The shared memories of these
+blocks may store the simulation. On the CPU `explicit.simd` translates the lanes to those of SIMD registers.
 """
 
 from collections.abc import Callable
@@ -26,8 +26,8 @@ MEET_IN_CLUSTER = (
 )
 
 
-# The last warp of a GPU's block, the control warp, does the bookkeeping of each step while the others sweep
-# the elements. Each warp passes its totals to it; they are added in a fixed order.
+# The last warp of a GPU's block is the control warp. It does the bookkeeping of each step while the others
+# sweep the elements. Each warp passes its totals to the control warp, which adds them in a fixed order.
 HAND_OVER = """
 #if defined(__CUDA_ARCH__)
     ACROSS
@@ -51,8 +51,8 @@ ADDED = """
     #pragma unroll
     for (int step = ALONE ? 8 : 16; step > 0; step >>= 1) x += __shfl_xor_sync(0xffffffffu, x, step);
 """
-# Numbers are mapped to integers of the same order and compared upper half first: two instructions instead of
-# five rounds.
+# Numbers are mapped to integers of the same order. The upper halves are compared first: two instructions
+# instead of five rounds.
 LARGEST = """
     #if __CUDA_ARCH__ >= 800
     const long long bits = __double_as_longlong(x), order = bits ^ ((bits >> 63) & 0x7fffffffffffffffll);
@@ -97,10 +97,10 @@ BOUNDARY_TOTALS = """
 
 
 BLOCK = 384
-"""Number of threads that share one simulation on a GPU; they divide its registers."""
+"""Number of threads that share one simulation on a GPU. They share its registers."""
 SMALL_BLOCK = 96
-"""The same if there are more simulations than multiprocessors. Four simulations then share one
-multiprocessor: while the threads of one wait, those of the others continue."""
+"""The same number if there are more simulations than multiprocessors. Four simulations then share one
+multiprocessor. While the threads of one simulation wait, those of the others continue."""
 SHARING = 4
 """Number of simulations that share one multiprocessor."""
 WARPS = BLOCK // 32
@@ -118,7 +118,7 @@ def _either(cuda: str, cpu: str) -> str:
 class LaneFunctions:
     """Common work of the lanes: workers, which sweep elements and nodes, and the control warp.
 
-    On a GPU the lanes are the threads of a block; elsewhere every lane is worker and control at once.
+    On a GPU the lanes are the threads of a block. On a CPU every lane is worker and control at once.
     """
 
     sync: Any
@@ -128,8 +128,8 @@ class LaneFunctions:
     leave: Any
     """``leave()``: no lane reads data of another one after this; the last function that a lane calls."""
     announce: Any
-    """``announce(control, step)``: called by the control warp before it synchronises with the workers. They
-    need the plan of the step, whether there is one, and the position of the support."""
+    """``announce(control, step)``: the control warp calls it before it synchronises with the workers. It
+    announces whether there is a next step, the plan of this step, and the position of the support."""
     listen: Any
     """``listen(control, step)``: called after synchronisation, once in every step, to read the announced
     data."""
@@ -169,7 +169,7 @@ class LaneFunctions:
     """``boundary_totals(first, second, n)``: sums of two arrays of n numbers over the boundary nodes, on
     every lane of the control warp."""
     control_sync: Any
-    """``control_sync()``: the control warp's lanes have read what they are about to write."""
+    """``control_sync()``: all lanes of the control warp have read the data that they will now overwrite."""
     settle: Any
     """``settle(latched)``: choose the CPU threads of the next step and store the largest value that each has
     latched. Call it before the synchronisation at the end of a step."""
@@ -184,8 +184,8 @@ class LaneFunctions:
     end_element: Any
     """``end_element(n)``: the element before which it ends."""
     sum_first: Any
-    """``sum_first(lane)``: where a worker begins an infrequent sweep that computes sums; on a CPU one thread
-    does all of it."""
+    """``sum_first(lane)``: first index of a worker in an infrequent sweep that computes sums. On a CPU one
+    thread does the whole sweep."""
     boundary_first: Any
     """``boundary_first(lane)``: the boundary node at which a worker begins."""
     first_inner: Any
@@ -206,8 +206,8 @@ class LaneFunctions:
 def lane_functions(cluster: int = 1) -> LaneFunctions:
     """Generate the lane functions; on a GPU for a `cluster` of this many blocks.
 
-    On the CPU `explicit.simd` defines them for packs. Short sums are made sequentially there, in an order
-    that does not depend on the lanes, so that forces are bitwise repeatable.
+    On the CPU `explicit.simd` defines them for packs. Packs compute short sums sequentially, in an order that
+    does not depend on the lanes. Forces are therefore bitwise repeatable.
     """
     single_block = cluster == 1
     thread = "threadIdx.x" if single_block else f"(threadIdx.x + blockIdx.x % {cluster} * blockDim.x)"
@@ -397,9 +397,10 @@ _MEET = f"""
     {_WAIT}
 #endif
 """
-"""Blocks exchange data only through their shared memories, so global memory needs no write-back and its cache
-no invalidation. When a block's threads have synchronised, their writes are complete, and one thread for each
-other block signals this. `whole` is the hardware's barrier, which orders more accesses and takes longer."""
+"""Blocks exchange data only through their shared memories. Global memory therefore needs no write-back, and
+its cache no invalidation. When a block's threads have synchronised, their writes are complete. One thread for
+each other block signals this. `whole` is the barrier of the hardware. It orders more accesses and takes
+longer."""
 _RECORD = f"""
 #if defined(__CUDA_ARCH__)
     __shared__ unsigned long long barrier;
@@ -428,8 +429,8 @@ _RECORD = f"""
     }}
 #endif
 """
-"""Before synchronisation the last block sends the other blocks the data that they need from its record; after
-it they read these data."""
+"""Before synchronisation the last block sends the necessary data of its record to the other blocks. After
+synchronisation they read these data."""
 _BEGIN, _ANNOUNCE, _LISTEN = range(3)
 
 
@@ -476,7 +477,7 @@ _TAKE = f"""
 
 @cache
 def lanes_of_chips(blocks: int) -> LaneFunctions:
-    """The lane functions of this many blocks that store a simulation in their shared memories."""
+    """The lane functions for this number of blocks, which store a simulation in their shared memories."""
     parts_of: Any = wp.array(dtype=wp.float64)
 
     def native(snippet: str, **names: str) -> str:
@@ -540,16 +541,16 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
 
 
 CLUSTERS = (16, 4)
-"""Numbers of blocks that may share a simulation too large for the shared memory of one block, largest
-first."""
+"""Numbers of blocks, largest first, that may share a simulation. It is too large for the shared memory of one
+block."""
 CLUSTER_ARCH = 90
 """Lowest GPU architecture on which blocks can share one."""
 CHIP_ARCHES = (90,)
-"""Architectures on which the shared memories of a cluster's blocks have the addresses that
-`explicit.layout.state` assumes; on others blocks share a simulation in global memory."""
+"""On these architectures the shared memories of a cluster's blocks have the addresses that
+`explicit.layout.state` assumes. On others blocks share a simulation in global memory."""
 SPREAD = 0.8
-"""Share of the multiprocessors that clusters may use: a cluster lies within one group of multiprocessors, so
-a part of each group stays free."""
+"""Share of the multiprocessors that clusters may use. A cluster lies within one group of multiprocessors, so
+a part of each group remains free."""
 
 
 def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
@@ -569,10 +570,10 @@ def cluster_for(
     on_chip: bool,
     fits: Callable[[int], bool] = lambda blocks: False,
 ) -> int:
-    """Number of blocks that share a simulation of a batch on a Warp device: limited by the free blocks and by
-    the work.
+    """Number of blocks that share a simulation of a batch on a Warp device.
 
-    If the shared memories of some of these numbers of blocks can store it (`fits`), the smallest of them.
+    The free blocks and the work limit it. If shared memories can store the simulation (`fits`), it is the
+    smallest number of blocks that can.
     """
     if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH or n_elements <= BLOCK - 32:
         return 1

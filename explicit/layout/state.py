@@ -1,9 +1,9 @@
 """Layout of a simulation's state in memory, and the accessors of the time loop.
 
 On a GPU the state is stored in the shared memory of one block, or of the blocks of a cluster, if it fits. The
-blocks of a cluster read each other's shared memory. Equal places in neighbouring blocks have a constant
-distance in bytes, so one index addresses every node and corner force. The last block of a cluster stores the
-boundary and the control record; the others have one thread for every element and interior node.
+blocks of a cluster read each other's shared memory. Equal positions in neighbouring blocks have a constant
+distance in bytes. One index therefore addresses every node and corner force. The last block of a cluster
+stores the boundary and the control record. The others have one thread for every element and interior node.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from explicit.layout.structs import CONTROL_SIZE, Structs, Total, simulation_str
 from explicit.precision import Precision
 
 ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY, ON_CHIP_CONTROL = 448, 384, 96, 272
-"""Slots in shared memory for the state of a simulation in fp64; in fp32 there are twice as many for nodes and
-elements. Together with the memory of the reductions they fill the 48 KiB that a block has by default."""
+"""Slots in shared memory for the state of a simulation in fp64. In fp32 there are twice as many for nodes and
+elements. With the memory of the reductions they fill the default 48 KiB of a block."""
 
 
 _FIELD = """
@@ -58,11 +58,11 @@ class StateLayout:
     """Accessors of the state of a simulation."""
 
     field: Any
-    """``field(rows, sample, offset)``: a simulation's row of an array of fields or corner forces; if the
-    state is on the chip, in shared memory at `offset` numbers."""
+    """``field(rows, sample, offset)``: a simulation's row of an array of fields or corner forces. If the
+    state is on the chip, the row is in shared memory at `offset` numbers."""
     sums: Any
     """``sums(rows, sample, offset)``: a simulation's row of boundary sums, of the control record or of
-    partial sums; if the state is on the chip, in shared memory at `offset` numbers."""
+    partial sums. If the state is on the chip, the row is in shared memory at `offset` numbers."""
     remembered: Any
     """The same for the state variables of elements, which are too large for shared memory."""
     fields: Any
@@ -136,7 +136,7 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
         while k < n_partials:  # the control warp passes no bound
             partials[k] = ZERO
             k += wp.block_dim()
-        if lane == 0:  # nodes where fewer than four elements meet gather nothing from here
+        if lane == 0:  # zeros for nodes where fewer than four elements meet
             beyond = 4 * corner_stride(body.n_elements)
             fields.corner_r[beyond] = zero
             fields.corner_y[beyond] = zero
@@ -161,7 +161,8 @@ def on_chip_elements(precision: Precision) -> int:
 
 
 def row_function(dtype: Any, room: int, on_chip: bool) -> Any:
-    """Generate ``row(rows, sample, offset)``: a simulation's row; on the chip in a pool of `room` numbers."""
+    """Generate ``row(rows, sample, offset)``: a simulation's row. On the chip it is in a pool of `room`
+    numbers."""
     snippet = (_FIELD_ON_CHIP if on_chip else _FIELD).replace("TYPE", f"wp::{dtype.__name__}")
 
     @wp.func_native(snippet=snippet.replace("ROOM", str(room)))
@@ -187,10 +188,10 @@ def fits(n_nodes: int, n_elements: int, n_boundary: int, precision: Precision) -
 
 
 BLOCK_DISTANCE = 1 << 24
-"""Distance in bytes between equal places in the shared memories of neighbouring blocks of a cluster."""
+"""Distance in bytes between equal positions in the shared memories of neighbouring blocks of a cluster."""
 BOUNDARY = 256
-"""Largest number of boundary nodes: the last block has memory and, besides its control warp, threads for
-them."""
+"""Largest number of boundary nodes: the last block has memory and, in addition to its control warp, threads
+for them."""
 
 
 def numbers_between_blocks(precision: Precision) -> int:
@@ -311,7 +312,7 @@ def layout_on_chips(precision: Precision, structs: Structs, cluster: int) -> Sta
         while k < n_partials:
             partials[k] = ZERO
             k += block
-        if node == 0:  # nodes where fewer than four elements meet gather nothing from here
+        if node == 0:  # zeros for nodes where fewer than four elements meet
             fields.corner_r[mine + 4 * block] = zero
             fields.corner_y[mine + 4 * block] = zero
 

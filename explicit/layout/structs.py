@@ -2,10 +2,10 @@
 constants.
 
 While the workers sweep the elements, the control warp finishes the previous step
-(`explicit.time_loop.steps`); while they move the nodes, it plans the next one. The workers read the plan from
-the control record, which is in shared memory on a GPU. On a CPU every lane is worker and control at once.
-Tables of the mesh's constants are grouped so that neighbouring elements or nodes are adjacent in memory;
-their native accessors compute one address. `explicit.simd` defines them for packs.
+(`explicit.time_loop.steps`). While they move the nodes, it plans the next step. The workers read the plan
+from the control record, which is in shared memory on a GPU. On a CPU every lane is worker and control at
+once. Tables of the mesh's constants are grouped: neighbouring elements or nodes are adjacent in memory. The
+native accessors of the tables compute one address. `explicit.simd` defines them for packs.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Structs:
     Batch: Any
     """Per-sample parameters and tables."""
     State: Any
-    """Fields that vary, each `[sample, node]`."""
+    """Varying fields, each `[sample, node]`."""
     Output: Any
     """Recorded histories, each `[sample, time, ...]`, and final data of each simulation, `[sample,
     Ending]`."""
@@ -37,7 +37,7 @@ class Structs:
 
 @cache
 def batch_structs(precision: Precision, Shape: Any, Solid: Any) -> Structs:
-    """Generate the structs around an element's `Shape` and a sample's `Solid`."""
+    """Generate the structs with an element's `Shape` and a sample's `Solid`."""
     real = precision.real
 
     @wp.struct
@@ -128,9 +128,9 @@ class SimulationStructs:
     Surface: Any
     """Contact data of its boundary nodes: contact status, impulses [N s], mass carried [kg]."""
     Step: Any
-    """The current step: its size `dt` [s], the `interval` over which forces change the velocities [s], the
-    `rate` 1 / dt [1/s], the positions of the platens at its end [m] and their speeds, upwards [m/s], and
-    whether the energies are recorded in it (`ledger`)."""
+    """The current step. Times are its size `dt` [s], the `interval` over which forces change the velocities
+    [s], and the `rate` 1 / dt [1/s]. Platens have positions at its end [m] and speeds upwards [m/s]. `ledger`
+    is 1 if the energies are recorded in it."""
 
 
 @cache
@@ -169,8 +169,8 @@ def simulation_structs(precision: Precision) -> SimulationStructs:
 class Control(IntEnum):
     """Slots of the control record.
 
-    Times and steps [s], displacements [m], speeds [m/s], forces [N], impulses [N s]; counters are exact in
-    fp64.
+    Units: times and steps [s], displacements [m], speeds [m/s], forces [N], impulses [N s]. Counters are
+    exact in fp64.
     """
 
     TIME = 0
@@ -184,7 +184,7 @@ class Control(IntEnum):
     SMALLEST_STEP = 4
     FIRST_STEP = 5
     PAST_DATA = 6
-    """Largest volume past the material's data [m^3]."""
+    """Largest volume beyond the material's data [m^3]."""
     MOST_STRAINED = 7
     """Largest s = sqrt(I1_bar - 3) [-]."""
     FORCE_FLYER = 8
@@ -196,7 +196,7 @@ class Control(IntEnum):
     LOWER_SPEED = 13
     """Speed of the support in the step."""
     RECORDED = 14
-    """Values of the outgoing wave stored so far."""
+    """Number of stored values of the outgoing wave."""
     NEXT_FORCE = 15
     """Row of the next force record."""
     FORCE_DUE = 16
@@ -216,7 +216,7 @@ class Control(IntEnum):
     MOST_WORK = 23
     """Largest work of the platens so far [J]."""
     PLANS = 24
-    """First slots of the plans of steps: even steps, then odd ones, since one plan is made while the other is
+    """First slots of the plans of steps, for even and for odd steps. One plan is made while the other is
     executed."""
 
 
@@ -240,8 +240,8 @@ class Plan(IntEnum):
 
 
 class Total(IntEnum):
-    """Slots of the numbers that the workers pass: totals of the energies [J] first, then values that the
-    control warp monitors."""
+    """Slots of the numbers from the workers: first totals of the energies [J], then values that the control
+    warp monitors."""
 
     ELASTIC = 0
     HOURGLASS = 1
@@ -298,11 +298,11 @@ class Ending(IntEnum):
 CONTROL_SIZE = int(Control.PLANS) + 2 * int(Plan.SIZE)
 """Numbers of the control record."""
 NO_TIME = 1.0e300
-"""Time [s] of a record that never comes."""
+"""Time [s] that is later than all records."""
 
 
 GROUP = 32
-"""Number of elements or nodes whose constants are adjacent: those of a warp, or of a few packs."""
+"""Number of elements or nodes with adjacent constants: those of a warp, or of a few packs."""
 LOADED_BYTES = 16
 """Bytes that a thread of a GPU loads at once."""
 
@@ -356,7 +356,7 @@ def entries_function(dtype: Any) -> Any:
 
 @cache
 def entries_if_function(dtype: Any) -> Any:
-    """Generate ``entries_if(condition, table, k, e) -> vec4``: the same where `condition` is 1; elsewhere the
+    """Generate ``entries_if(condition, table, k, e) -> vec4``: the same if `condition` is 1. Otherwise the
     values are arbitrary, and a GPU does not load them."""
     Four = wp.types.vector(4, dtype)
     unwanted = f"if (condition != 1) return wp::vec_t<4, wp::{dtype.__name__}>();"
@@ -411,8 +411,8 @@ def four_function(precision: Precision) -> Any:
 def grouped(table: NDArray[Any], *, loaded: int = 0) -> NDArray[Any]:
     """A table of shape [constants, n] in the layout of `entry` and `entries`: [groups, constants * GROUP].
 
-    In a group the values of one constant for all elements are adjacent, so that a pack is one load. A GPU's
-    thread loads `LOADED_BYTES` at once: with `loaded` bytes an element's successive constants are adjacent.
+    In a group the values of one constant for all elements are adjacent, so a pack is one load. A thread of a
+    GPU loads `LOADED_BYTES` at once. With `loaded` bytes an element's successive constants are adjacent.
     """
     constants, n = table.shape
     groups, many = -(-n // GROUP), max(loaded // table.dtype.itemsize, 1)

@@ -12,15 +12,15 @@ axes of b, a block for the stretches and one for the shear in the plane:
     N_ij = dtau_i / dln lam_j - tau_i delta_ij,     [G b_2, G b_2 - tau_2; G b_2 - tau_2, G b_1],     (L.8)
 
 with G = (tau_1 - tau_2) / (b_1 - b_2) = 2 (W_1 + b_3 W_2). The bound is the larger of their largest
-eigenvalues (Ogden 1984, section 6.1). That of the plane's block is exact; that of N is bounded by the rows of
-N + c 1 1^T, c >= 0.
+eigenvalues (Ogden 1984, section 6.1). The eigenvalue of the plane's block is exact. The rows of N + c 1 1^T,
+c >= 0, bound that of N.
 
-A law of the stretches (Valanis and Landel 1967) has, with t(b) = lam w'(lam) at b = lam^2 and the eigenvalues
-b_1, b_2 in the plane, the stress
+For a law of the stretches (Valanis and Landel 1967) let t(b) = lam w'(lam) at b = lam^2, and b_1, b_2 the
+eigenvalues in the plane. Its stress is
 
     (t(b_1) + t(b_2)) / 2 1 + (t(b_1) - t(b_2)) / (b_1 - b_2) (b - (b_1 + b_2) / 2 1),             (L.7)
 
-minus the mean, and needs no eigenvectors. The quotient is smooth where both eigenvalues meet.
+minus the mean. It needs no eigenvectors. The quotient is smooth where both eigenvalues are equal.
 """
 
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class CurvatureFunctions:
     largest: Any
     """``largest((n11, n22, n33, G), n12, n13, n23, b_1, b_2, tau_2)``: the bound of Eq. (L.8) [Pa]."""
     as_tangent: Any
-    """``as_tangent(largest, rr, yy, ry, tt)``: the shear modulus whose law elements would bound so [Pa]."""
+    """``as_tangent(largest, rr, yy, ry, tt)``: the shear modulus that gives this bound in an element [Pa]."""
 
 
 @cache
@@ -54,7 +54,7 @@ def curvature_functions(precision: Precision) -> CurvatureFunctions:
     real, vec4 = precision.real, precision.vec4
     zero, half, one, two, third = real(0.0), real(0.5), real(1.0), real(2.0), real(1.0 / 3.0)
     two_thirds = real(2.0 / 3.0)
-    # Keeps the root's derivative a number where both eigenvalues are equal.
+    # The derivative of the root stays finite where both eigenvalues are equal.
     tiny = real(1e-300 if precision.name == "fp64" else 1e-36)
 
     @wp.func
@@ -181,7 +181,7 @@ class InvariantLaw(ClosedFormLaw):
         """True if W depends on I2_bar; if not, the kernels omit it.
 
         W is compared at two values of I2_bar, and dW/dI2 with 0. Constants that are 0 in the law's example
-        are 1 here, since they may be factors of I2_bar.
+        are 1 here, because they may be factors of I2_bar.
         """
         law = cls.of([spec.example or min(1.0, spec.upper) for spec in cls.PARAMETERS])
         constant = law.W(3.1, 3.05) == law.W(3.1, 3.15)
@@ -189,7 +189,7 @@ class InvariantLaw(ClosedFormLaw):
 
     @classmethod
     def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        law: Any = cls  # a class is hashable, whatever its metaclass is taken for
+        law: Any = cls  # a class is hashable, although the type checker may not accept its metaclass
         return invariant_kernel_functions(law, precision)
 
     @property

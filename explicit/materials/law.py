@@ -8,10 +8,10 @@ To add a law write one file in `explicit.materials.laws` with
 1. a frozen dataclass derived from `explicit.materials.families.InvariantLaw` (the energy is a function of
    I1_bar and I2_bar) or from `explicit.materials.families.StretchLaw` (of the principal stretches), with
    one field for each entry of its ``PARAMETERS``, in that order;
-2. its energy and derivatives in NumPy (``W``, ``dW_dI``, ``d2W_dI2``, or the three of a `StretchLaw`), which
-   are the twin that tests and fits use; the kernels include I2_bar if this energy depends on it;
-3. the same as Warp functions of ``(..., row)``, where ``row`` holds what its ``parameters`` returns;
-4. one line in `explicit.materials.laws.LAWS`.
+2. its energy and derivatives in NumPy (``W``, ``dW_dI``, ``d2W_dI2``, or the three of a `StretchLaw`). Tests
+and fits use this twin. The kernels include I2_bar if this energy depends on it; 3. the same as Warp functions
+of ``(..., row)``; ``row`` contains the result of its ``parameters``; 4. one line in
+`explicit.materials.laws.LAWS`.
 
 `tests/unit/explicit/test_material_laws.py` compares the stress and tangent of every law in `LAWS` with its
 energy.
@@ -39,7 +39,7 @@ from explicit.precision import Precision
 class MaterialLaw(Protocol):
     """Interface of a material law.
 
-    An instance holds the constants of one material; a batch may mix instances of one class.
+    An instance contains the constants of one material. A batch may contain different instances of one class.
     """
 
     @property
@@ -79,9 +79,9 @@ class MaterialLaw(Protocol):
 class ParameterSpec:
     """One constant of a law.
 
-    Inside ``[lower, upper]`` for all constants of a law its energy is positive at any deformation. The
-    interval is sufficient and, unless `strict`, not necessary: a fit without bounds may leave it (a Yeoh C20
-    is often negative), and `ClosedFormLaw.outside` then reports it.
+    If all constants of a law are inside ``[lower, upper]``, its energy is positive at any deformation. The
+    interval is sufficient and, unless `strict`, not necessary. A fit without bounds may leave it (a Yeoh C20
+    is often negative). `ClosedFormLaw.outside` then reports it.
     """
 
     name: str
@@ -89,22 +89,23 @@ class ParameterSpec:
     unit: str
     """ "Pa" or "1"."""
     lower: float
-    """Smallest value, in `unit`; it may be taken."""
+    """Smallest allowed value, in `unit`."""
     upper: float
-    """Largest value, in `unit`; it may be taken if it is finite."""
+    """Largest value, in `unit`. It is allowed if it is finite."""
     example: float
-    """A value of a soft rubber, in `unit`: a start for a fit, a number for a test."""
+    """A value of a soft rubber, in `unit`: start value of fits and value for tests."""
     meaning: str
     """Its meaning, as text."""
     strict: bool = False
-    """Whether the law is not defined, or never positive, outside: such a value is refused."""
+    """Whether the law is not defined or never positive outside the interval. Then such a value is
+    rejected."""
 
 
 class Stretches(Protocol):
     """Energy of principal stretches W(lam1, lam2, lam3), for homogeneous tests and fits.
 
-    The arguments are used unchanged. An incompressible solution passes stretches of product 1; a compressible
-    one divides them by J^(1/3) first, see `explicit.materials.law`.
+    The arguments are used unchanged. An incompressible solution has stretches of product 1. A compressible
+    solution divides them by J^(1/3) first, see `explicit.materials.law`.
     """
 
     def strain_energy(self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
@@ -127,16 +128,16 @@ class ClosedFormLaw:
     """Constants, bounds and scaling, the same for every law given by a formula."""
 
     fitted_s: float = field(default=inf, kw_only=True)
-    """Largest s = sqrt(I1_bar - 3) of the data that the constants were fitted to [-]; infinity if it is not
-    known. The law continues beyond it, and the solver reports the share of the specimen strained beyond
-    it."""
+    """Largest s = sqrt(I1_bar - 3) of the fitted data [-]; infinity if it is not known. The law continues
+    beyond it. The solver reports the share of the specimen with larger strains."""
 
     NAME: ClassVar[str]
     """The name in `explicit.materials.laws.LAWS` and in a shot file."""
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]]
     """The constants, in the order of the fields."""
     FORMULA: ClassVar[str] = ""
-    """W as LaTeX, for the table of the laws; without it the table has the first line of the docstring."""
+    """W as LaTeX, for the table of the laws. Without it the table contains the first line of the
+    docstring."""
     MODULUS: ClassVar[str] = ""
     """The shear modulus at rest as LaTeX, for the same table."""
 
@@ -169,7 +170,7 @@ class ClosedFormLaw:
 
     @property
     def data_limit(self) -> float:
-        """Largest s the law has data for or is defined for [-]."""
+        """Largest s for which the law has data or is defined [-]."""
         return self.fitted_s
 
     def constants(self) -> FloatArray:
@@ -177,15 +178,15 @@ class ClosedFormLaw:
         return np.array([getattr(self, spec.name) for spec in self.PARAMETERS], dtype=np.float64)
 
     def parameters(self) -> FloatArray:
-        """The kernels' row: the constants, unless a law prepares others from them."""
+        """The kernels' row: the constants, or numbers that a law computes from them."""
         return self.constants()
 
     @classmethod
     def of(cls, values: ArrayLike) -> Self:
         """The law with constants in the order of `PARAMETERS`.
 
-        Raises ValueError if their number is another, one is not finite or outside a strict interval, or mu_0
-        is not > 0.
+        Raises ValueError if the number of constants is wrong, if one is not finite or outside a strict
+        interval, or if mu_0 is not > 0.
         """
         row = np.asarray(values, dtype=np.float64).ravel()
         if len(row) != len(cls.PARAMETERS):
@@ -199,12 +200,12 @@ class ClosedFormLaw:
         return cls.of([spec.example for spec in cls.PARAMETERS])
 
     def scaled(self, factor: float) -> Self:
-        """The law with every stress multiplied by a factor: moduli scale, pure numbers stay."""
+        """The law with every stress multiplied by a factor. Moduli are scaled, pure numbers are unchanged."""
         scales = [factor if spec.unit == "Pa" else 1.0 for spec in self.PARAMETERS]
         return replace(self.of(self.constants() * scales), fitted_s=self.fitted_s)
 
     def outside(self) -> tuple[str, ...]:
-        """Constants outside the intervals that keep the energy positive, in words."""
+        """Text: the constants outside the intervals of positive energy."""
         return tuple(
             f"{spec.name} = {value:g}{_unit(spec)} is outside [{spec.lower:g}, {spec.upper:g}]"
             for spec, value in zip(self.PARAMETERS, self.constants(), strict=True)
@@ -256,21 +257,21 @@ MODES = {
     "equibiaxial deformation": (1.0, 1.0, -2.0),
     "planar deformation": (1.0, 0.0, -1.0),
 }
-"""Exponents of the load's stretch in each of the three, whose product is 1."""
+"""Exponents of the load's stretch in each of the three stretches, whose product is 1."""
 
 
 def not_positive(law: Stretches, *, stretches: tuple[float, float] = STRETCHES) -> tuple[str, float] | None:
-    """Mode of deformation and stretch next to 1 at which the energy of a closed-form law is not above 0.
+    """Mode of deformation and stretch nearest to 1 at which the energy of a closed-form law is not above 0.
 
-    None if it is positive. Beyond locking a law has no energy and is not checked. ``stretches``: range of the
-    stretch along the load [-].
+    None if the energy is positive. Beyond locking a law has no energy and is not checked. ``stretches``:
+    range of the stretch along the load [-].
     """
     x = np.geomspace(stretches[0], stretches[1], 1201)
     x = x[np.abs(x - 1.0) > 1e-3]
     x = x[np.argsort(np.abs(np.log(x)))]
     for mode, exponents in MODES.items():
         energy = law.strain_energy(*(x**k for k in exponents))
-        bad = np.flatnonzero(energy <= 0.0)  # past locking it is no number, and is not compared
+        bad = np.flatnonzero(energy <= 0.0)  # beyond locking it is NaN and is not compared
         if bad.size:
             return mode, float(x[bad[0]])
     return None

@@ -4,8 +4,8 @@
     "logarithmic"    U = K/2 (ln J)^2                (Simo, Taylor and Pister 1985)
     "simo_taylor"    U = K/4 (J^2 - 1 - 2 ln J)      (Simo and Taylor 1991)                   (L.9)
 
-They agree to second order in J - 1. The logarithmic one softens in dilatation and is not convex beyond
-J = e.
+They agree to second order in J - 1. The logarithmic form softens in dilatation and is not convex beyond J =
+e.
 
     K = 2 mu_0 (1 + nu) / (3 (1 - 2 nu)) at rest                                                       (L.10)
 """
@@ -24,9 +24,9 @@ from explicit.precision import Precision
 Form = Literal["quadratic", "logarithmic", "simo_taylor"]
 """Names of the forms."""
 POISSON_LIMIT = 0.49999
-"""Largest Poisson's ratio: beyond it only the time step changes, see `explicit.incompressible`."""
+"""Largest Poisson's ratio. A larger one only changes the time step, see `explicit.incompressible`."""
 SMALL = 0.02
-"""Below this |J - 1| the kernels take the energy of Simo and Taylor's form from a series."""
+"""Below this |J - 1| the kernels compute the energy of Simo and Taylor's form by a series."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The interface of branches that relax, and the tensors that their Warp functions share.
 
-Tensors are symmetric and axisymmetric (rr, yy, ry, tt), carried between the reference and the present.
+Tensors are symmetric and axisymmetric (rr, yy, ry, tt). They are mapped between the reference and the current
+configuration.
 """
 
 from dataclasses import dataclass
@@ -22,11 +23,11 @@ class PointFunctions:
     memory, first, stride, e, ur, uy, vr, vy, moved, interval, measure) -> (f_r, f_y, done, omega_squared)``:
     corner forces to be added to those of the law at its instantaneous stiffness `scale` [N], work done on the
     branches since the last call in addition to `branch_energy` [J], and their share of the step bound
-    [1/s^2]. The k-th number remembered is ``memory[(first + k) * stride + e]``, 0 at rest; `moved` is the
-    step that led here, `interval` the time from the middle of that step to the middle of the next [s]."""
+    [1/s^2]. The k-th state variable is ``memory[(first + k) * stride + e]``, 0 at rest. `moved` is the last
+    step. `interval` is the time from the middle of this step to the middle of the next one [s]."""
     branch_energy: Any
     """``branch_energy(weight, gradient_r, gradient_y, hoop, scale, row, branches, memory, first, stride, e,
-    ur, uy)``: the part of the work done on the branches that follows from the present state [J]."""
+    ur, uy)``: the part of the work done on the branches that depends only on the present state [J]."""
     memory: int
     """Number of state variables of a stress point."""
 
@@ -61,12 +62,12 @@ class RateDependence(Protocol):
         ...
 
     def row(self, n_branches: int) -> FloatArray:
-        """The numbers for the kernels, of as many branches."""
+        """The numbers for the kernels, for a given number of branches."""
         ...
 
     @staticmethod
     def kind(n_branches: int) -> Relaxation:
-        """Generator of the kernels of as many branches."""
+        """Generator of the kernels for a given number of branches."""
         ...
 
 

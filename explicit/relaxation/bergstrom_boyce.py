@@ -1,22 +1,22 @@
 """Bergstrom and Boyce's network: a second chain network that creeps, in parallel with the elastic one.
 
 Network A is the material law. Network B is the same law times a ratio s, applied to the elastic part of F_bar
-= F_e F_v; its Kirchhoff stress is tau_B = s tau_W(b_e) with b_e = F_e F_e^T. It flows by (Bergstrom and Boyce
-1998, Eqs. 26-32; the rate of 1 / s is taken out of their product of constants)
+= F_e F_v. Its Kirchhoff stress is tau_B = s tau_W(b_e) with b_e = F_e F_e^T. Its flow is (Bergstrom and Boyce
+1998, Eqs. 26-32, with the rate 1 / s separated from their product of constants)
 
     D_v = gamma N,   N = tau_B / |tau_B|,
     gamma = (1 / s) (lam_v - 1 + xi)^C (|tau_B| / tau_hat)^m,   lam_v = sqrt(tr b_v / 3),              (V.3)
 
-with |.| the Frobenius norm. C lies in [-1, 0]: the further the chains have crept, the slower they creep; xi
-keeps the first creep finite. All of network B's power that is not stored is dissipated, |tau_B| gamma >= 0.
+with |.| the Frobenius norm. C is in [-1, 0]: the creep rate decreases with the creep of the chains. xi keeps
+the first creep finite. The power of network B that is not stored is dissipated, |tau_B| gamma >= 0.
 
 A stress point stores C_v^-1 - 1. Over a step network B first follows F_bar elastically, to b_tr, and then
 flows by D = gamma dt along its own stress: b_e = exp(-D N) b_tr exp(-D N), the exponential to second order.
-With the network's tangent mu_B the flow lowers |tau| by 2 mu_B gamma dt, so that y = |tau| / |tau_tr| solves
+With the network's tangent mu_B the flow decreases |tau| by 2 mu_B gamma dt. Hence y = |tau| / |tau_tr| solves
 
     y + k y^m = 1,    k = 2 mu_B dt gamma(|tau_tr|) / |tau_tr|,
 
-by Newton's iteration from (1 + k)^(-1/m), which lies above the root.
+Newton's iteration solves it. It starts from (1 + k)^(-1/m), which is above the root.
 """
 
 from collections.abc import Callable
@@ -37,10 +37,10 @@ from explicit.relaxation.base import PointFunctions, tensor_functions
 from explicit.relaxation.prony import checked_history, uniaxial_stress
 
 NEWTON = 3
-"""Newton's iterations: a step of an explicit run has k << 1, for which one would do."""
+"""Number of Newton's iterations. A step of an explicit run has k << 1, for which one would be sufficient."""
 LARGEST_LOG = 60.0
-"""Upper limit of ln k, which fp32 can still represent: at far smaller k all stress relaxes within one
-step."""
+"""Upper limit of ln k, which fp32 can represent. All stress relaxes within one step already at a much smaller
+k."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         amount = real(0.0)
         size = norm(stress)
         if size > tiny and dt > zero:
-            # The tangent of a law W(I1) that does not stiffen, which is all the same in any direction.
+            # The tangent of a law W(I1) without stiffening is the same in all directions.
             mean = (trial[0] + trial[1] + trial[3]) * third
             spread = vec4(trial[0] - mean, trial[1] - mean, trial[2], trial[3] - mean)
             m, twice = branches[2], two * mean * size / wp.max(norm(spread), tiny)
@@ -127,7 +127,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
         jacobian = one + dilatation
         f_r, f_y = vec4(), vec4()
         work, omega_squared = real(0.0), real(0.0)
-        if wp.min(jacobian, one + plane) > zero:  # an element that turned inside out has ended the run
+        if wp.min(jacobian, one + plane) > zero:  # an inverted element has ended the run
             f11, f22, f33 = one + h11, one + h22, one + h33
             iso, inverse = isochoric_factor(jacobian, dilatation)
             rr = iso * (f11 * f11 + h12 * h12)
@@ -162,8 +162,8 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             b_r = (f22 * area) * gradient_r - (h21 * area) * gradient_y
             b_y = (f11 * area) * gradient_y - (h12 * area) * gradient_r
             c = hoop * ((one + plane) * inverse)
-            # What the flow takes from the energy of the trial, less what the trial stored beyond the work of
-            # the mean of the stresses before and after the step.
+            # The energy that the flow takes from the trial, minus the excess energy of the trial. The excess
+            # is relative to the work of the mean of the stresses before and after the step.
             d11, d22, d33 = wp.dot(vr, b_r), wp.dot(vy, b_y), wp.dot(vr, c)
             d12 = half * (wp.dot(vr, b_y) + wp.dot(vy, b_r))
             drop, total = stress - after, stress + after
@@ -173,7 +173,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
             f_r = t[0] * b_r + t[2] * b_y + t[3] * c
             f_y = t[1] * b_y + t[2] * b_r
             if measure == 1:
-                # As for a Prony series, plus the excess of network B's stiffness over the law's bound.
+                # As in a Prony series, plus the excess of network B's stiffness over the law's bound.
                 more = law_tangent(elastic[0], elastic[1], elastic[2], elastic[3], row)
                 more = wp.max(more - law_tangent(rr, yy, ry, tt, row), zero) * (weight * stiff)
                 radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c)
@@ -229,7 +229,7 @@ class BergstromBoyce:
     exponent: float = 4.0
     """Exponent of the stress m [-]."""
     chain_exponent: float = -1.0
-    """Exponent of the chains' own creep C [-]."""
+    """Exponent of the creep of the chains, C [-]."""
     first_creep: float = 0.01
     """Stretch that keeps the first creep finite, xi [-]."""
 
@@ -280,8 +280,8 @@ def bergstrom_boyce_stress(
 ) -> tuple[FloatArray, FloatArray]:
     """Nominal stress and viscous stretch along a uniaxial history of an incompressible specimen.
 
-    Between the samples log(lam) is linear in time; the specimen was at rest before the first one. The elastic
-    stretch e = log(lam / lam_v) of network B is integrated implicitly, because the flow is stiff.
+    Between the samples log(lam) is linear in time. The specimen was at rest before the first sample. The
+    elastic stretch e = log(lam / lam_v) of network B is integrated implicitly, because the flow is stiff.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def _table(law: Any, span: float) -> Callable[[Any], Any]:
 
 
 def _pieces(time: FloatArray) -> list[tuple[int, int]]:
-    """First and last sample of the stretches of time between steps of strain."""
+    """First and last sample of each time interval between steps of strain."""
     cuts = np.flatnonzero(np.diff(time) == 0.0)
     first = [0, *(cuts + 1).tolist()]
     last = [*cuts.tolist(), len(time) - 1]
@@ -351,11 +351,11 @@ def _creep(
     lowest, highest = min(float(total.min()), viscous), max(float(total.max()), viscous)
 
     def rate(t: float, state: FloatArray) -> list[float]:
-        v = min(max(float(state[0]), lowest), highest)  # it lags behind, so only a trial can lie outside
+        v = min(max(float(state[0]), lowest), highest)  # only a trial value can be outside
         stress = ratio * float(cauchy(np.interp(t, time, total) - v))
         stretch = np.exp(v)
         chain = np.sqrt((stretch**2 + 2.0 / stretch) / 3.0)
-        # |dev| = sqrt(2/3) |sigma| in uniaxial stress, and so is the share of D_v along the load
+        # in uniaxial stress |dev| = sqrt(2/3) |sigma|; the share of D_v along the load is the same
         return [root * float(network.flow_rate(root * abs(stress), chain)) * np.sign(stress)]
 
     solution = solve_ivp(

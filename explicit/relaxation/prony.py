@@ -5,22 +5,22 @@ stress is (Simo 1987; Simo and Hughes 1998, Section 10.3)
 
     tau = J U'(J) 1 + tau_W + sum_i dev(F_bar H_i F_bar^T),    dH_i/dt + H_i / tau_i = c_i dS/dt,      (V.1)
 
-so that H_i(t) = c_i int_0^t exp(-(t - s) / tau_i) dS(s). The volumetric response does not relax. Strengths
-c_i are relative to the *long-term* law, which is the one a slow test measures:
+Hence H_i(t) = c_i int_0^t exp(-(t - s) / tau_i) dS(s). The volumetric response does not relax. Strengths c_i
+are relative to the *long-term* law. A slow test measures this law:
 
     G(t) = G_inf [1 + sum_i c_i exp(-t / tau_i)].                                                      (V.2)
 
 The Warp functions of a stress point use the law at its instantaneous stiffness and subtract dev(F_bar q
-F_bar^T), with g_i the share of that stiffness and H_i = g_i S - q_i, dq_i/dt + q_i / tau_i = g_i S / tau_i.
+F_bar^T). g_i is the share of this stiffness, and H_i = g_i S - q_i, dq_i/dt + q_i / tau_i = g_i S / tau_i.
 The q_i are defined half a step before and after the positions, at the times of the velocities:
 
     q_i(n+1/2) = a q_i(n-1/2) + (1 - a) g_i S(n),
     a = (2 - x) / (2 + x),   x = (t(n+1/2) - t(n-1/2)) / tau_i,
 
-This rule is stable for any x and of second order; q_i(n) is the mean of both values.
+This rule is stable for any x and has second order. q_i(n) is the mean of both values.
 
-`uniaxial_stress` is the NumPy twin: incompressible with stress-free sides, F = diag(lam, lam^-1/2,
-lam^-1/2).
+`uniaxial_stress` is the NumPy twin for an incompressible specimen with stress-free sides, F = diag(lam,
+lam^-1/2, lam^-1/2).
 """
 
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ from explicit.relaxation.base import PointFunctions, tensor_functions
 
 @dataclass(frozen=True)
 class PronyKind:
-    """Prony series of as many branches."""
+    """Prony series with a given number of branches."""
 
     n_branches: int
 
@@ -96,7 +96,7 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
         jacobian = one + dilatation
         f_r, f_y = vec4(), vec4()
         balance, omega_squared = real(0.0), real(0.0)
-        if wp.min(jacobian, one + plane) > zero:  # an element that turned inside out has ended the run
+        if wp.min(jacobian, one + plane) > zero:  # an inverted element has ended the run
             f11, f22, f33 = one + h11, one + h22, one + h33
             iso, inverse = isochoric_factor(jacobian, dilatation)
             rr = iso * (f11 * f11 + h12 * h12)
@@ -121,8 +121,9 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             b_r = (f22 * area) * gradient_r - (h21 * area) * gradient_y
             b_y = (f11 * area) * gradient_y - (h12 * area) * gradient_r
             c = hoop * ((one + plane) * inverse)
-            # The work of q before over the step that led here, q : (C_bar(n) - C_bar(n-1)) / 2, in space: D
-            # of its middle is D - (step / 2) L^T L, and z a third of the step's change of log J.
+            # The work of the previous q over the last step, q : (C_bar(n) - C_bar(n-1)) / 2, in the current
+            # configuration. D at the middle of the step is D - (step / 2) L^T L; z is a third of the step's
+            # change of log J.
             l11, l12 = wp.dot(vr, b_r), wp.dot(vr, b_y)
             l21, l22 = wp.dot(vy, b_r), wp.dot(vy, b_y)
             l33 = wp.dot(vr, c)
@@ -136,15 +137,15 @@ def _point(law: type, precision: Precision, bound: str, n_branches: int) -> Poin
             t = push(before, f11, h12, h21, f22, f33) * (weight * scale * iso)
             work = t[0] * d11 + t[1] * d22 + two * t[2] * d12 + t[3] * d33
             balance = (z + z * z) * (t[0] + t[1] + t[3]) - (one + two * z) * previous_step * work
-            # The stress subtracted at the positions.
+            # The stress that is subtracted at the positions.
             t = push(half * (before + after), f11, h12, h21, f22, f33) * (weight * scale * iso)
             mean = (t[0] + t[1] + t[3]) * third
             t11, t22, t33 = mean - t[0], mean - t[1], mean - t[3]
             f_r = t11 * b_r - t[2] * b_y + t33 * c
             f_y = t22 * b_y - t[2] * b_r
             if measure == 1:
-                # The second variation of q : C_bar / 2 is at most 2 |t| |grad v|^2; the factor 2 beside it is
-                # the most by which damping raises omega^2.
+                # The second variation of q : C_bar / 2 is at most 2 |t| |grad v|^2. The other factor 2 is the
+                # largest increase of omega^2 by damping.
                 radial, axial = gradient_bounds(inverse_mass_r, inverse_mass_y, b_r, b_y, c)
                 omega_squared = four * norm(t) * wp.max(radial, axial)
         return f_r, f_y, balance, omega_squared
@@ -216,7 +217,7 @@ class PronySeries:
         return np.asarray(self.strengths) / self.instantaneous
 
     def row(self, n_branches: int) -> FloatArray:
-        """Kernel row: g_i, tau_i, 1 - sum g_i; branches that are missing have g = 0."""
+        """Kernel row: g_i, tau_i, 1 - sum g_i. Missing branches have g = 0."""
         g, times = np.zeros(n_branches), np.ones(n_branches)
         g[: len(self)], times[: len(self)] = self.instantaneous_shares, self.times
         return np.concatenate([g, times, [1.0 / self.instantaneous]])
@@ -253,9 +254,9 @@ def uniaxial_stress(law: Any, stretch: ArrayLike) -> FloatArray:
 def prony_stress(law: Any, series: PronySeries, time: ArrayLike, stretch: ArrayLike) -> FloatArray:
     """Nominal stress along a history of stretch, Eq. (V.1).
 
-    Between the samples the isochoric stress S of the law is taken as linear in time, for which the
-    recursion of the branches is exact; the specimen was at rest, lam = 1, before the first sample. A step of
-    strain is two samples at one time.
+    Between the samples the isochoric stress S of the law is assumed linear in time. The recursion of the
+    branches is exact for this. The specimen was at rest, lam = 1, before the first sample. A step of strain
+    is two samples at one time.
 
     Parameters
     ----------
@@ -310,11 +311,11 @@ def _branch(time: FloatArray, S: FloatArray, relaxation_time: float) -> FloatArr
     step = np.diff(time)
     x = step / relaxation_time
     decay = np.exp(-x)
-    # (1 - exp(-x)) / x without cancellation, 1 where a step of strain takes no time
+    # (1 - exp(-x)) / x without cancellation; 1 for a step of strain
     gain = np.where(x > 0.0, -np.expm1(-x) / np.where(x > 0.0, x, 1.0), 1.0)
     rise = np.diff(S, axis=1)
     out = np.empty_like(S)
-    out[:, 0] = S[:, 0]  # from rest to the first sample in no time
+    out[:, 0] = S[:, 0]  # a step from rest to the first sample
     for k in range(len(step)):
         out[:, k + 1] = decay[k] * out[:, k] + gain[k] * rise[:, k]
     return out

@@ -1,7 +1,8 @@
 """Translation of expressions of the scalar source to C++ over lanes: values, arithmetic, Warp's functions.
 
-A value is *uniform*, the same in every lane and a plain C++ scalar, or *varying*, one entry a lane and a C++
-vector ("pack"). A Warp vector is represented by its components, a struct or an array by a reference.
+A *uniform* value is the same in every lane and is a plain C++ scalar. A *varying* value has one entry per
+lane and is a C++ vector ("pack"). A Warp vector is represented by its components, a struct or an array by a
+reference.
 """
 
 import ast
@@ -31,12 +32,12 @@ class Scalar:
     varying: bool = False
     """Whether its value may differ between lanes."""
     const: int | bool | None = None
-    """Its value if the translator knows it, else None."""
+    """Its value if the translator knows it, otherwise None."""
     lane: bool = False
     """Whether it increases by one from lane to lane."""
     root: str = ""
-    """For a varying integer that is another one plus a known number: name of the other one, which gathers
-    share."""
+    """For a varying integer that is another one plus a known number: name of the other one. Gathers share
+    this name."""
     shift: int = 0
     """The known number."""
 
@@ -58,7 +59,7 @@ class Vector:
     items: tuple[Scalar, ...]
     """Components, all of one kind."""
     bank: str = ""
-    """Name of the C++ array of the components if they are partial sums over elements or nodes."""
+    """Name of the C++ array of the components, if they are partial sums over elements or nodes."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Struct:
 
 @dataclass(frozen=True)
 class Array:
-    """A Warp array of which some leading subscripts may be known already. Rows are contiguous."""
+    """A Warp array. Some leading subscripts may already be known. Rows are contiguous."""
 
     name: str
     """C++ name of the pointer to its first element; ``{name}_s{k}`` is the stride of subscript k."""
@@ -87,24 +88,24 @@ class Array:
     offset: Scalar | None = None
     """Number of elements from the first one to the part with the known subscripts."""
     scratch: bool = False
-    """Whether it holds the rows of one pack only; the first subscript, the simulation, is then implied."""
+    """Whether it contains the rows of one pack only. The first subscript, the simulation, is then implied."""
     lanes_inside: bool = False
     """Whether the lanes of an entry of such an array are adjacent in memory."""
     spare: bool = False
-    """Whether a pack may be read beginning at any of its entries."""
+    """Whether a read of a pack may begin at any of its entries."""
     header: Any = None
-    """Entries of a row, by subscript, that were loaded where the row was assigned to a name."""
+    """Loaded entries of a row, by subscript. They were loaded when the row was assigned to a name."""
 
 
 @dataclass(frozen=True)
 class PythonObject:
-    """A Python object the source refers to: a module, a type, a Warp function or builtin."""
+    """A Python object that the source refers to: a module, a type, a Warp function or a builtin."""
 
     thing: Any
 
 
 Value: TypeAlias = Scalar | Vector | Struct | Array | PythonObject | tuple
-"""Result of an expression; a tuple is the result of a function that returns several values."""
+"""Result of an expression. A tuple is the result of a function with several return values."""
 Emit: TypeAlias = Callable[[str], None]
 
 
@@ -159,17 +160,17 @@ CURES = {
 
 
 class Arithmetic:
-    """Emits one temporary for each operation; a product that is added becomes a fused multiply-add.
+    """Emits one temporary for each operation. A product that is added becomes a fused multiply-add.
 
-    The compiler must not fuse operations: all rounding is determined here, so that a sample has the same bits
-    whichever samples share its pack.
+    The compiler must not fuse operations: all rounding is determined here. A sample then has the same bits in
+    every pack.
     """
 
     lanes: int
     mask: str | None
     lines: list[str]
     sources: list[tuple[str, int]]
-    """File and first line of the functions that are being translated, the innermost last."""
+    """File and first line of the functions in translation, the innermost last."""
 
     def __init__(self) -> None:
         self.serial = 0
@@ -293,11 +294,11 @@ class Arithmetic:
     # ---- functions of Warp ---------------------------------------------------------------------------
 
     def wp_max(self, a: Scalar, b: Scalar) -> Scalar:
-        """The larger of two numbers; if one is NaN the other one, as in Warp and CUDA."""
+        """The larger of two numbers. If one is NaN, the other one, as in Warp and CUDA."""
         return self._extreme(">", a, b)
 
     def wp_min(self, a: Scalar, b: Scalar) -> Scalar:
-        """The smaller of two numbers; if one is NaN the other one, as in Warp and CUDA."""
+        """The smaller of two numbers. If one is NaN, the other one, as in Warp and CUDA."""
         return self._extreme("<", a, b)
 
     def _extreme(self, sign: str, a: Scalar, b: Scalar) -> Scalar:
@@ -346,8 +347,7 @@ class Arithmetic:
         return self.temporary(x.kind, code if x.varying else f"{code}[0]", x.varying)
 
     def lane_by_lane(self, name: str, *numbers: Scalar) -> Scalar:
-        """A Warp function of real numbers, called for each lane, with the same bits as in the scalar
-        source."""
+        """A Warp function of real numbers, called for each lane. The bits are those of the scalar source."""
         if not all(x.is_float for x in numbers):
             raise self.refuse(ast.Name(f"wp.{name}"), "real numbers are wanted")
         kind = numbers[0].kind
@@ -568,7 +568,8 @@ class Expressions(Arithmetic):
         return value
 
     def _and_then(self, first: Scalar, node: ast.expr, conjunction: bool) -> Scalar:
-        """`and` or `or`: the second operand is evaluated only where the first does not decide the result."""
+        """`and` or `or`. The second operand is evaluated only where the first one does not determine the
+        result."""
         if first.const is not None:
             return self.truth(node) if first.const == conjunction else first
         if first.varying and _is_harmless(node):
@@ -661,7 +662,8 @@ class Expressions(Arithmetic):
 
 
 def _is_harmless(node: ast.expr) -> bool:
-    """True if an expression may be evaluated in lanes that do not need it: sums, products and comparisons."""
+    """True if an expression may be evaluated in all lanes, also where it is not needed: sums, products,
+    comparisons."""
     plain = (
         ast.Compare, ast.BinOp, ast.UnaryOp, ast.Name, ast.Constant,
         ast.cmpop, ast.Add, ast.Sub, ast.Mult, ast.unaryop, ast.expr_context,

@@ -1,8 +1,8 @@
 """Generates a CPU kernel that runs a kernel of the scalar source in SIMD lanes.
 
-The translated source is cached together with Warp's compiled kernels. The file's name carries the hash of
-everything the translation depends on: Warp's hash of the scalar kernel (all functions, constants and structs
-it refers to), this package's source, and the choice of lanes.
+The translated source is cached together with Warp's compiled kernels. The file's name contains the hash of
+all inputs of the translation. These are Warp's hash of the scalar kernel (with all its functions, constants
+and structs), this package's source, and the choice of lanes.
 """
 
 import os
@@ -119,7 +119,7 @@ _PRELUDE = """
     const i32v lane_numbers = {{{numbers}}};
     const mask everywhere = (mask)(-1);
 """
-# Neighbours in a mesh have consecutive numbers: lanes with consecutive places need one load.
+# Neighbours in a mesh have consecutive numbers. Lanes with consecutive indices need only one load.
 _GATHER = """
         static inline {pack} gather(const {real}* p, i32v at, mask wanted) {{
             const i32v numbers = {{{numbers}}}, from = at - numbers;
@@ -157,7 +157,7 @@ TRANSLATION_FOLDER = "lanes"
 
 
 def cached_translation(time_loop: Any, choice: str, translate: Callable[[], str]) -> str:
-    """The source of a time loop over lanes: read from its file, or translated and written there.
+    """The source of a time loop over lanes. It is read from its file, or translated and written to it.
 
     ``time_loop``: the scalar Warp kernel, the only one of its module. ``choice``: mapping, lanes and
     precision in words.
@@ -172,13 +172,13 @@ def cached_translation(time_loop: Any, choice: str, translate: Callable[[], str]
 
 
 def _translation_file(time_loop: Any, choice: str) -> Path:
-    """File of the translated source of a time loop, which need not exist yet."""
+    """File of the translated source of a time loop. It may not exist yet."""
     name = sha256(time_loop.module.hash_module() + _package() + choice.encode()).hexdigest()
     return kernel_cache() / TRANSLATION_FOLDER / f"{name}.inc"
 
 
 def _write_translation(file: Path, code: str) -> None:
-    """Write a file completely or not at all; if the cache cannot be written, nothing is stored."""
+    """Write a file completely or not at all. If the cache is not writable, nothing is stored."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         number, name = tempfile.mkstemp(dir=file.parent)
@@ -206,7 +206,7 @@ Mapping = Literal["simulation", "worker"]
 PACK_BYTES = 64
 """Bytes of a pack: one register of AVX-512, two of AVX2."""
 FLAGS = "-march=native -ffp-contract=off -mprefer-vector-width=512 -mstackrealign"
-"""Only the translator fuses operations, so a simulation has the same bits in any pack."""
+"""Only the translator fuses operations, so a simulation has the same bits in every pack."""
 
 
 @dataclass(frozen=True)
@@ -214,8 +214,8 @@ class LaneKernel:
     """A kernel over lanes."""
 
     kernel: Any
-    """Launch with dim 1 and inputs (body, batch, state, output, first, count, team); by each thread of those
-    that share a simulation (`explicit.simd.team`)."""
+    """Launch with dim 1 and inputs (body, batch, state, output, first, count, team). Each thread of a shared
+    simulation launches it (`explicit.simd.team`)."""
     lanes: int
     """Lanes of a pack."""
 
@@ -226,8 +226,8 @@ def lane_kernel(
 ) -> LaneKernel:
     """Generate the lanes of a time loop.
 
-    ``mapping``: "simulation": each lane runs one simulation; "worker": the lanes share one simulation, and
-    several threads may share it. ``lanes``: lanes of a pack, a power of two.
+    ``mapping``: "simulation" or "worker". With "simulation" each lane runs one simulation. With "worker" the
+    lanes share one simulation, and several threads may share it. ``lanes``: lanes of a pack, a power of two.
     """
     arguments: dict[str, Any] = {
         name: Struct(kind, name)
@@ -277,7 +277,7 @@ def lane_kernel(
 
 
 def is_translated(time_loop: Any, precision: Precision, mapping: Mapping, lanes: int) -> bool:
-    """Whether the translation of a time loop is cached; it is then compiled, too, unless that was
+    """Whether the translation of a time loop is cached. It is then also compiled, unless the compilation was
     interrupted."""
     return _translation_file(time_loop, _choice(precision, mapping, lanes)).exists()
 

@@ -1,4 +1,5 @@
-"""Meanings of a lane: a lane is a simulation, or lanes (and threads) share the elements of one simulation."""
+"""Two mappings of lanes: each lane runs one simulation, or lanes (and threads) share the elements of one
+simulation."""
 
 import ast
 from collections.abc import Sequence
@@ -11,14 +12,14 @@ BOUNDS = (
     "first_element", "end_element", "sum_first", "boundary_first",
     "first_inner", "end_inner", "control_first",
 )  # fmt: skip
-"""Functions that return the beginning or end of a sweep; called with the lane or the overall end."""
+"""Functions that return the beginning or end of a sweep. Their argument is the lane or the overall end."""
 
 
 class Lanes(Control):
     """Common part of both mappings: a lane is worker and control at once."""
 
     side_by_side = 1
-    """Elements of one simulation that a thread processes at the same time."""
+    """Number of elements of one simulation that a thread processes at the same time."""
 
     def shared(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """The lane functions that are the same in both mappings."""
@@ -49,8 +50,8 @@ class Lanes(Control):
         raise self.refuse(node, "no meaning over lanes")
 
     def _boundary_total(self, numbers: Value, n: Value, node: ast.Call) -> Scalar:
-        """Totals over boundary nodes, summed sequentially and independently of the lanes for bitwise
-        repeatable forces."""
+        """Totals over boundary nodes. The sequential sum does not depend on the lanes, so forces are bitwise
+        repeatable."""
         if not isinstance(numbers, Array) or not isinstance(n, Scalar) or n.varying:
             raise self.refuse(node, "numbers of boundary nodes and a count that all lanes share are wanted")
         name, counter, varying = self.name("sum"), self.name("c"), numbers.lanes_inside
@@ -61,14 +62,14 @@ class Lanes(Control):
         return Scalar("f64", name, varying)
 
     def hand_over(self, arguments: Sequence[Value], total: Value, node: ast.Call) -> Value:
-        """Store a total at the requested place."""
+        """Store a total at the requested position."""
         parts, k, _ = arguments
         self.store(self.part(parts, (k,), node), total, node)  # type: ignore[arg-type]
         return PythonObject(None)
 
 
 class LaneIsSimulation(Lanes):
-    """Every lane is a simulation; its elements and nodes are processed sequentially.
+    """Every lane runs one simulation and processes its elements and nodes sequentially.
 
     In the fields of the state the lanes of an entry are adjacent.
     """
@@ -79,7 +80,7 @@ class LaneIsSimulation(Lanes):
     )
 
     def wp_tid(self) -> Value:
-        """Simulation and lane within it: the last lanes of an incomplete pack repeat its last simulation."""
+        """Simulation and lane within it. The last lanes of an incomplete pack repeat its last simulation."""
         self.emit("const i32v index = lane_numbers < (i32v)(count) ? lane_numbers : (i32v)(count - 1);")
         return (Scalar("i32", "index", True), literal(0, "i32"))
 
@@ -88,7 +89,7 @@ class LaneIsSimulation(Lanes):
         return literal(1, "i32")
 
     def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """No synchronisation; sums are made in the same way as by the lanes of one simulation."""
+        """No synchronisation. Sums are computed in the same way as by the lanes of one simulation."""
         if name == "empty_sum":
             return Vector((literal(0, "f64"),) * self.lanes, bank="new")
         if name in ("add_to", "add_share"):
@@ -137,7 +138,7 @@ class LaneIsSimulation(Lanes):
 class LaneIsWorker(Lanes):
     """The lanes share the elements and nodes of one simulation, as the threads of a block do on a GPU.
 
-    Several threads may share it, each with separate lanes. The variables declared in
+    Several threads may share the simulation, each with separate lanes. The variables of
     `explicit.simd.team.TEAM_CODE` give the seat of this thread and the number of threads.
     """
 
@@ -148,7 +149,7 @@ class LaneIsWorker(Lanes):
         self.side_by_side = lanes
 
     def wp_tid(self) -> Value:
-        """Simulation and lane within it; sweeps that are not shared are non-empty in only one thread."""
+        """Simulation and lane within it. Sweeps that are not shared run in one thread only."""
         return (literal(0, "i32"), Scalar("i32", "lane_of_all", True, lane=True))
 
     def wp_block_dim(self) -> Scalar:
@@ -238,12 +239,12 @@ class LaneIsWorker(Lanes):
         return f"*(f64vu*)(shares + {which.code} * shares_s0 + {element})"
 
     def _add_share(self, sofar: Scalar, which: Scalar, share: Scalar, place: Scalar, node: ast.Call) -> Value:
-        """The sum of this thread; threads after the first store their elements' shares, which are added in
-        order later."""
+        """The sum of this thread. Threads after the first one store their elements' shares, which are added
+        later in order."""
         if not place.lane:
             raise self.refuse(node, "the share of an element is wanted")
         addend = share
-        if self.mask is not None:  # no addition where a sum began with 0
+        if self.mask is not None:  # no addition if the sum starts from 0
             addend = self.select(Scalar("bool", self.mask, True), share, literal(0, "f64"))
         self.emit("if (member > 0) {")
         self.emit(f"{self._share(which, f'{place.code}[0]')} = {self.pack(addend)};")
@@ -251,7 +252,7 @@ class LaneIsWorker(Lanes):
         return self.arithmetic(ast.Add(), sofar, share, node)
 
     def _joined_sum(self, sofar: Scalar, which: Scalar, n: Scalar) -> Scalar:
-        """In the thread that does the control work the complete sum, in the order of a single thread."""
+        """The complete sum, in the order of a single thread. Only the thread of the control work has it."""
         total, at = self.name("sum"), self.name("c")
         self.emit(f"f64v {total} = {self.pack(sofar)};")
         self.emit("if (keeps_books && members > 1) {")
@@ -264,7 +265,7 @@ class LaneIsWorker(Lanes):
     # ---- what is handed over -------------------------------------------------------------------------
 
     def _hand_over(self, name: str, arguments: Sequence[Value], node: ast.Call) -> None:
-        """Pass a total, which one thread computes, or the largest value of every thread."""
+        """Pass a total, which one thread computes, or each thread's largest value."""
         parts, k, value = arguments
         if self.mask is not None or not isinstance(value, Scalar):
             raise self.refuse(node, "every lane must take part")

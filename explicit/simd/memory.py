@@ -1,8 +1,8 @@
 """Reading and writing Warp arrays from lanes, and loops over tables in two passes.
 
 The operations of one element form a chain that is longer than the instruction window of a core. A loop with a
-table lookup is therefore divided in two passes. For a few elements the first pass does the operations up to
-the place in the table, the second pass those after it. Each pass is short enough that two elements overlap.
+table lookup is therefore divided into two passes. For a few elements the first pass does the operations up to
+the table's index. The second pass does the other operations. The passes are short, so two elements overlap.
 The operations are the same as in one pass, so the results are bitwise equal.
 """
 
@@ -30,8 +30,8 @@ from explicit.simd.expressions import (
 )
 
 BLOCK = 8
-"""Iterations of the loop in one block. Measured: 4 and 8 are equally fast, 2 is slower than one pass. With 16
-or more, the stored values (35 packs each) push the state out of a core's first-level cache."""
+"""Number of iterations of the loop in one block. 4 and 8 are equally fast; 2 is slower than one pass. With 16
+or more, the stored values (35 packs each) do not fit into a core's first-level cache with the state."""
 LOOKED_UP = "// from here on the place in a table is known"
 """Line of the generated source that marks where a loop may be divided."""
 
@@ -55,9 +55,9 @@ class Loop:
     head: Sequence[str]
     """Lines with the condition and the exit."""
     first: Sequence[str]
-    """Lines up to the place in the table."""
+    """Lines up to the index in the table."""
     second: Sequence[str]
-    """Lines after it."""
+    """Lines after the index in the table."""
     step: Sequence[str]
     """Lines that increase the counter."""
     counter: str
@@ -73,7 +73,7 @@ class _FirstPass:
     kinds: dict[str, str] = field(default_factory=dict)
     """C++ type of each name that is assigned."""
     once: dict[str, tuple[str, str]] = field(default_factory=dict)
-    """Line and value of each name that is assigned once, with all lanes active."""
+    """Line and value of each name that is assigned once with all lanes active."""
     given: dict[str, int] = field(default_factory=dict)
     """Number of assignments of each name."""
 
@@ -81,8 +81,8 @@ class _FirstPass:
 def divided(loop: Loop) -> tuple[list[str], list[str]] | None:
     """Declarations and lines of a loop in two passes, or None if its iterations depend on each other.
 
-    They are independent if the first half writes only its own variables and reads no variable or array that
-    the second half writes.
+    They are independent if the first half writes only its variables and reads nothing that the second half
+    writes.
     """
     first_pass = _first_pass(loop)
     if first_pass is None or _depend(loop, first_pass):
@@ -106,7 +106,7 @@ def divided(loop: Loop) -> tuple[list[str], list[str]] | None:
 
 
 def _first_pass(loop: Loop) -> _FirstPass | None:
-    """Names that the head and the first half define; None if these do anything but define names."""
+    """Names that the head and the first half define. None if they do more than define names."""
     result, depth = _FirstPass(), 0
     for line in (*loop.head, *loop.first):
         if line.endswith(" break;"):
@@ -127,7 +127,7 @@ def _first_pass(loop: Loop) -> _FirstPass | None:
         if name == loop.counter:
             return None
         result.given[name] = result.given.get(name, 0) + 1
-        if depth == 0 or name in loop.kinds:  # others are not defined outside their braces
+        if depth == 0 or name in loop.kinds:  # other names are not defined outside their braces
             result.kinds[name] = kind
         if depth == 0 and value:
             result.once[name] = (line, value)
@@ -138,7 +138,7 @@ def _first_pass(loop: Loop) -> _FirstPass | None:
 
 
 def _depend(loop: Loop, first_pass: _FirstPass) -> bool:
-    """Whether the first half reads something that the second half of the previous iteration has written."""
+    """Whether the first half reads a variable that the second half of the previous iteration has written."""
     written = {name for name in map(_written, loop.second) if name} - {loop.counter}
     return bool(written & _read_before_assignment((*loop.head, *loop.first)))
 
@@ -152,7 +152,7 @@ def _written(line: str) -> str:
 
 
 def _read_before_assignment(lines: Sequence[str]) -> set[str]:
-    """Names that lines read before they are assigned in every lane."""
+    """Names that lines read before every lane has assigned them."""
     read: set[str] = set()
     assigned: set[str] = set()
     depth = 0
@@ -167,8 +167,7 @@ def _read_before_assignment(lines: Sequence[str]) -> set[str]:
 
 
 def _handed_over(loop: Loop, first_pass: _FirstPass) -> tuple[list[str], list[str]]:
-    """Names to be stored for the second half, in the order in which it reads them, and lines to be
-    repeated."""
+    """Names to be stored for the second half, in the order of its reads, and lines to be repeated."""
     stored: list[str] = []
     repeated: list[str] = []
     visited: set[str] = {loop.counter}
@@ -193,7 +192,7 @@ def _handed_over(loop: Loop, first_pass: _FirstPass) -> tuple[list[str], list[st
 
 
 def _from_memory(name: str, loop: Loop, first_pass: _FirstPass) -> bool:
-    """Whether a value is a number in memory at a place that does not depend on the first half."""
+    """Whether a value is a number in memory whose position does not depend on the first half."""
     if name == loop.counter or name not in first_pass.kinds:
         return True
     if name not in first_pass.once:
@@ -220,7 +219,7 @@ class Memory(Expressions):
     written: set[str]
 
     def struct_array(self, dtype: Any, code: str, owner: Struct) -> Array:
-        """An array that is a field of a struct; its pointer and strides are declared once, at the top."""
+        """An array that is a field of a struct. Its pointer and strides are declared once, at the top."""
         name = code.replace(".", "_")
         scratch = owner.type.cls.__name__ == "State"
         if not is_struct(dtype.dtype) and self._kind(dtype.dtype) == "bool":
@@ -274,7 +273,7 @@ class Memory(Expressions):
         return self.load(array)
 
     def part(self, owner: Array, places: tuple[Any, ...], node: ast.AST) -> Array:
-        """An array with further known subscripts."""
+        """An array with more known subscripts."""
         if not all(isinstance(place, Scalar) and place.kind == "i32" for place in places):
             raise self.refuse(node, "a subscript is an integer")
         if owner.given + len(places) > owner.ndim:
@@ -300,7 +299,7 @@ class Memory(Expressions):
         """The k-th constant of element or node e of a grouped table
         (`explicit.layout.structs.entry_function`).
 
-        Consecutive lanes begin at a multiple of their number, so they lie in one group.
+        Consecutive lanes begin at a multiple of their number, so they are in one group.
         """
         table, row, column = arguments
         if not isinstance(table, Array) or not isinstance(row, Scalar) or not isinstance(column, Scalar):
@@ -324,7 +323,7 @@ class Memory(Expressions):
     def four(self, arguments: Sequence[Value], node: ast.AST) -> Vector:
         """Four consecutive numbers of a row.
 
-        If the place varies: one load for each lane and a transposition, which costs less than four gathers.
+        If the position varies: one load for each lane and a transposition, which is faster than four gathers.
         """
         row, place = arguments
         if not isinstance(row, Array) or not isinstance(place, Scalar) or row.lanes_inside:
@@ -415,7 +414,7 @@ class Memory(Expressions):
         return self.select(Scalar("bool", self.mask, True), offset, ZERO).code
 
     def _element(self, array: Array, size: int, component: int, *, write: bool = False) -> str:
-        """The element of lane l; idle lanes read a valid one."""
+        """The element of lane l. Idle lanes read a valid element."""
         offset = array.offset or ZERO
         root, shift = offset.root or offset.code, offset.shift if offset.root else 0
         if self.mask is not None and not write:

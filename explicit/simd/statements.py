@@ -1,7 +1,7 @@
 """Translation of statements of the scalar source over lanes: inlined functions, assignments, branches, loops.
 
-Input: the syntax tree of a Warp function. Output: lines of C++ over packs. Where lanes disagree on a branch
-or a loop, a mask marks the active ones.
+The input is the syntax tree of a Warp function. The output is lines of C++ over packs. Where lanes disagree
+on a branch or a loop, a mask marks the active lanes.
 """
 
 import ast
@@ -54,9 +54,9 @@ def source_of(function: Any) -> ast.FunctionDef:
 
 
 class Statements(Memory):
-    """Translates statements: functions are inlined; a branch on which the lanes disagree runs under a mask.
+    """Translates statements. Functions are inlined. A branch on which the lanes disagree runs under a mask.
 
-    A variable that is assigned while only some lanes are active must be varying, which can make others
+    A variable that is assigned with only some active lanes must be varying. This can make other variables
     varying. `translate` repeats the translation until no variable changes.
     """
 
@@ -74,7 +74,8 @@ class Statements(Memory):
         self.lane_loops: dict[str, Variable] = {}
 
     def translate(self, function: Any, arguments: dict[str, Value]) -> str:
-        """Translate a function without result; repeated until the kinds of its variables are stable."""
+        """Translate a function without result. The translation is repeated until the kinds of its variables
+        are stable."""
         sizes: tuple[int, ...] = ()
         while sizes != self._known_so_far():
             sizes = self._known_so_far()
@@ -156,7 +157,7 @@ class Statements(Memory):
         variable = self.scopes[-1].get(name)
         if isinstance(variable, Variable):
             if variable.birth != self.path[: len(variable.birth)]:
-                self.outliving.add(variable.key)  # lanes that are inactive since then must keep theirs
+                self.outliving.add(variable.key)  # lanes that became inactive must keep their value
             items = tuple(
                 Scalar(variable.kind, c, variable.varying, lane=variable.lane) for c in variable.names
             )
@@ -189,12 +190,12 @@ class Statements(Memory):
             scope[name] = variable
         if items[0].kind != variable.kind or len(items) != len(variable.names):
             raise self.refuse(node, f"{name} changes from {variable.kind} to {items[0].kind}")
-        # If fewer lanes are active than at the first assignment, the others keep their values.
+        # If fewer lanes are active than at the first assignment, the other lanes keep their values.
         outside = variable.birth[: len(self.path)] != self.path
         if any(item.varying for item in items) or (self.mask is not None and outside):
             self.varying_names.add(key)
             variable.varying = True
-        # Inactive lanes break the count from lane to lane, except lanes that leave a loop over lanes.
+        # Inactive lanes interrupt the count from lane to lane, except lanes that leave a loop over lanes.
         behind = self.mask is not None and outside and self.lane_loops.get(self.mask) is not variable
         if variable.lane and (behind or not all(item.lane for item in items)):
             self.out_of_step.add(key)
@@ -210,7 +211,7 @@ class Statements(Memory):
                 self.emit(f"{target} = {new};")
 
     def _with_header(self, name: str, array: Array) -> Array:
-        """Load once, here, the entries of a varying row that are read with known subscripts."""
+        """Load here, once, the entries of a varying row with known subscripts."""
         varying = array.offset is not None and array.offset.varying
         constant = not array.lanes_inside and array.name not in self.written
         if array.ndim - array.given != 1 or not varying or not constant or array.header is not None:
@@ -231,7 +232,7 @@ class Statements(Memory):
         if isinstance(target, ast.Tuple):
             if not isinstance(value, tuple) or len(value) != len(target.elts):
                 raise self.refuse(node, "as many values as names are wanted")
-            # Every right-hand side is a temporary or a name already, so the order does not matter.
+            # Every right-hand side is already a temporary or a name, so the order has no effect.
             for part, item in zip(target.elts, [self._in_temporary(v) for v in value], strict=True):
                 self._assign(part, item, node)
         elif isinstance(target, ast.Name):
@@ -263,7 +264,7 @@ class Statements(Memory):
 
 
 class _Header(dict[int, Value]):
-    """Loaded entries of a row; a missing one is noted and loaded in the next translation."""
+    """Loaded entries of a row. A missing entry is recorded and loaded in the next translation."""
 
     def __init__(self, rows: set[int]) -> None:
         super().__init__()
@@ -276,7 +277,7 @@ class _Header(dict[int, Value]):
 
 
 class Control(Statements):
-    """Translates branches that some lanes take and loops that some lanes leave early: both run under a
+    """Translates branches that some lanes take, and loops that some lanes leave early. Both run under a
     mask."""
 
     # ---- branches ------------------------------------------------------------------------------------
@@ -384,8 +385,7 @@ class Control(Statements):
             self.arrays.update((line, line) for line in declared)
 
     def _lane_counter(self, test: ast.expr) -> Variable | None:
-        """The counter of a loop ``while k < n`` over lanes; the first lane is the last one to leave the
-        loop."""
+        """The counter of a loop ``while k < n`` over lanes. The first lane leaves the loop last."""
         if not (isinstance(test, ast.Compare) and isinstance(test.ops[0], ast.Lt)):
             return None
         if not isinstance(test.left, ast.Name) or self.scalar(test.comparators[0]).varying:

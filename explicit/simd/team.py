@@ -1,10 +1,10 @@
 """Threads of a CPU that share one simulation: their parts, their synchronisation, and changes of the team.
 
 Every thread runs the whole time loop on separate packs, which are contiguous in the mesh. The thread in the
-first seat also does the control work: totals, records, the next step, the boundary. It begins without the
-others, and its elements are the last. The others join when they have a core, and leave temporarily when they
-delay the rest. No thread waits for one that has not joined. Sums over elements are made in the order of one
-thread, so the result is bitwise independent of the number of threads.
+first seat also does the control work: totals, records, the next step and the boundary. It begins without the
+other threads and has the last elements. The others join when they have a core. They leave temporarily if they
+delay the team. No thread waits for a thread that has not joined. Sums over elements are computed in the order
+of one thread. The result is therefore bitwise independent of the number of threads.
 """
 
 import ctypes
@@ -26,25 +26,25 @@ LINE = 32
 """Distance between words: two cache lines, which a processor fetches in pairs."""
 MET, LATE, STATE, RANK, ALL, FINISHED, WORDS = (row * MOST_SEATS * LINE for row in range(7))
 """Positions of words. By a thread's rank in the team: number of its synchronisations, and whether it was
-late. By its seat: state, which is away (0), ready (1), chosen (2) or in the team (3), and rank. For all
-threads: size of the team; for a joining thread the step, the steps until the bound is measured and the number
-of synchronisations; whether a thread must leave. The last word marks the end of the simulation."""
+late. By its seat: rank and state, which is away (0), ready (1), chosen (2) or in the team (3). For all
+threads: size of the team, and whether a thread must leave. For a joining thread: the step, the steps until
+the bound is measured, and the number of synchronisations. The last word marks the end of the simulation."""
 SIZE, STEP, UNTIL, COUNT, LEAVING = (ALL + k for k in range(5))
 PATIENCE, READY = 1000, 5000
-"""Polls of another thread's word after which that thread is late, and polls of a waiting thread after which
-it releases its core: 10 to 40 ns each."""
+"""Number of polls of another thread's word until that thread is late, and number of polls until a waiting
+thread releases its core. A poll takes 10 to 40 ns."""
 PATIENCE_EACH, READY_EACH = 1, 4
-"""Additional polls for each element of the mesh; an element takes about as long as a poll. A thread is
-therefore late if it needs longer than a single thread would, and it waits some steps for a call."""
+"""Additional polls for each element of the mesh. An element takes about as long as a poll. A thread is
+therefore late if it needs longer than a single thread would. A waiting thread waits some steps for a call."""
 MOST_LOOKS = 1 << 22
 """Largest number of polls, about 50 ms."""
 NAP, LONGEST_NAP, PIECE, WAIT = 5000, 160000, 500, 20
-"""First and largest time for which a thread leaves, while it occasionally checks for the end of the
-simulation, and the time between two checks of a late thread [us]."""
+"""First and largest time of a thread's absence, and time between two checks of a late thread [us]. An absent
+thread occasionally checks for the end of the simulation."""
 UNIT = 1000 if sys.platform == "win32" else 1
 """Unit of the system's sleep times [us]."""
 PAYS = 1000
-"""Number of synchronisations in the team after which a thread's next absence is short again."""
+"""After this number of synchronisations in the team, a thread's next absence is short again."""
 
 
 @wp.struct
@@ -66,8 +66,8 @@ class Team:
     words: wp.array(dtype=wp.int32)  # type: ignore[valid-type]
     """Signals between the threads."""
     shares: wp.array(dtype=wp.float64)  # type: ignore[valid-type]
-    """For each sum of `Share`, its elements' shares and a pack of the first thread's sum; then by rank the
-    largest value that a thread has latched."""
+    """For each sum of `Share`: the shares of the elements and a pack of the first thread's sum. Then, by
+    rank, the largest value that a thread has latched."""
 
 
 TEAM_CODE = f"""
@@ -255,7 +255,7 @@ def single_thread_team() -> Any:
 @cache
 def nap_function() -> int:
     """Address of the system's function that yields the core to other threads."""
-    if sys.platform == "win32":  # milliseconds there: longer naps
+    if sys.platform == "win32":  # milliseconds there: longer sleeps
         function = ctypes.WinDLL("kernel32").Sleep
     else:
         function = ctypes.CDLL(None).usleep
@@ -265,15 +265,15 @@ def nap_function() -> int:
 
 
 ELEMENTS_EACH = 768
-"""Smallest number of elements of a thread: with fewer, synchronisation is too frequent."""
+"""Smallest number of elements of a thread. With fewer elements, synchronisation is too frequent."""
 
 
 class SharedRun:
     """One launch: a simulation or a pack of simulations.
 
-    ``begin``: called when the launch begins; returns the function to call with the argument of each thread.
-    ``count``: simulations of the launch. ``n_elements``: elements of a simulation that several threads can
-    share, 0 for others. ``where``: the Warp device.
+    ``begin``: called when the launch begins. It returns a function that is called with the argument of each
+    thread. ``count``: simulations of the launch. ``n_elements``: elements of a simulation that several
+    threads can share, 0 for others. ``where``: the Warp device.
     """
 
     def __init__(
@@ -285,13 +285,13 @@ class SharedRun:
         self._begun: Future[tuple[Callable[[Any], None], Seats] | None] = Future()
 
     def offer(self, threads: int) -> Sequence[Callable[[], None]]:
-        """Allow a number of threads to share the launch; returns the functions of the joining threads, which
-        may be called before or after it begins."""
+        """Allow a number of threads to share the launch. Returns the functions of the joining threads. They
+        may be called before or after the launch begins."""
         self._seats = max(1, min(threads, self._n_elements // ELEMENTS_EACH, MOST_SEATS))
         return [lambda seat=seat: self._join(seat) for seat in range(1, self._seats)]  # type: ignore[misc]
 
     def run(self) -> int:
-        """Run the launch completely; returns its number of simulations."""
+        """Run the whole launch. Returns its number of simulations."""
         try:
             launch = self._begin()
             if self._seats == 1:

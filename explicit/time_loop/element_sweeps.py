@@ -1,13 +1,13 @@
 """Sweeps over a simulation's elements: corner forces, relaxation, energies, and the detection of failure.
 
-The corner forces of a relaxing law use its instantaneous stiffness; the relaxation functions subtract the
-stress that the branches have relaxed. Every `CHECK_EVERY` steps the specimen's motion is checked: a run has
-*diverged* when the kinetic energy exceeds the largest work that the platens have done so far. The specimen
+The corner forces of a law with relaxation use its instantaneous stiffness. The relaxation functions subtract
+the relaxed stress of the branches. Every `CHECK_EVERY` steps the specimen's motion is checked. A run has
+*diverged* if the kinetic energy exceeds the largest work that the platens have done so far. The specimen
 starts at rest and its stored energy is never negative, so
 
     E_kin(t) <= max over t' <= t of W(t')
 
-for every material, mesh and contact; `MOTION_LIMIT` leaves a margin for the error of the time step. After a
+for every material, mesh and contact. `MOTION_LIMIT` is a margin for the error of the time step. After a
 failure one search finds the element that caused it.
 """
 
@@ -102,8 +102,8 @@ def sweep_functions(
         lane: int,
         measure: int,
     ):
-        """Corner forces of this lane's elements, their largest omega^2, and the sums of
-        `ElementFunctions.forces`' powers."""
+        """Corner forces of this lane's elements, their largest omega^2, and the sums of the powers of
+        `ElementFunctions.forces`."""
         worst, power, artificial = real(0.0), empty_sum(), empty_sum()
         stride = corner_stride(body.n_elements)
         e = first_element(lane, body.n_elements)
@@ -139,7 +139,7 @@ def sweep_functions(
         fields: Fields,
         lane: int,
     ):
-        """Strain and hourglass energy, volume past the data and the largest s of this lane's elements."""
+        """Strain and hourglass energy, volume beyond the data and largest s of this lane's elements."""
         elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
         most = real(0.0)
         e = sum_first(lane)
@@ -191,7 +191,7 @@ def relaxation_functions(
     sweeps: SweepFunctions,
     lanes: LaneFunctions,
 ) -> RelaxationFunctions:
-    """Generate the functions of a kind of branches; without branches they do nothing."""
+    """Generate the functions of a kind of branches. Without branches they do nothing."""
     if kind is None:
         return _nothing(precision, element, structs, sweeps, lanes)
     real = precision.real
@@ -337,14 +337,14 @@ def _nothing(
 
 
 CHECK_EVERY = 8
-"""Steps between two checks of a simulation: the largest delay until a divergence or an inverted element is
-detected."""
+"""Number of steps between two checks of a simulation. It is the largest delay until a divergence or an
+inverted element is detected."""
 MOTION_LIMIT = 2.0
-"""Ratio of the kinetic energy to the largest work of the platens so far above which a simulation has diverged
-[-]. Energy is conserved to 0.1 % (verification manual), so a valid run stays far below."""
+"""A simulation has diverged if the kinetic energy exceeds this multiple of the largest work of the platens so
+far [-]. Energy is conserved to 0.1 % (verification manual), so a valid run is far below."""
 STRAY_ENERGY = 1e-6
-"""Kinetic energy over mu_0 V that the check for divergence ignores [-]: that of a strain of 1e-3. Before the
-flyer arrives no platen has done work, but round-off may move the specimen slightly."""
+"""The check for divergence ignores a kinetic energy over mu_0 V below this [-]: that of a strain of 1e-3.
+Before the flyer arrives no platen has done work, but round-off may move the specimen slightly."""
 
 
 @dataclass(frozen=True)
@@ -356,11 +356,11 @@ class FailureFunctions:
     ``empty_sum``."""
     strain: Any
     """``strain(body, limit, fields, lane)``: the largest s of this worker's elements [-] if it exceeds the
-    data limit of their law, else 0."""
+    data limit of their law, otherwise 0."""
     failed_element: Any
     """``failed_element(body, solid, row, fields, partials, lane, status)``: the element that most likely
-    caused a failure, the first of equal ones; an element whose number is not finite comes before all others.
-    Every lane calls it."""
+    caused a failure, the first of equal ones. An element whose value is not finite has priority. Every lane
+    calls it."""
 
 
 @cache

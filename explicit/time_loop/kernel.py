@@ -1,8 +1,8 @@
 """The complete time loop of one simulation inside one kernel: central differences with kinematic contact.
 
-One launch index is one simulation; its `lane`s share the elements and nodes (one lane on the CPU, one
-block of threads on a GPU). Corner forces are stored per element and gathered per node in a fixed order,
-so a result is bitwise repeatable, and every simulation has its own time, step and end.
+One launch index is one simulation. Its `lane`s share the elements and nodes (one lane on the CPU, one block
+of threads on a GPU). Corner forces are stored per element and gathered per node in a fixed order. A result is
+therefore bitwise repeatable. Every simulation has a separate time, step and end.
 """
 
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ def time_loop_kernel(
 ) -> TimeLoopKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
-    With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
+    With `on_chip` a GPU stores the state of a simulation in shared memory. The state must fit
     (`explicit.layout.state.fits`). On a GPU the kernel is compiled for blocks of `block` threads; `cluster`
     blocks share one simulation. `bound` is that of `explicit.model.Stepping`, `volumetric` that of
     `explicit.Model`, `relaxation` its `relaxation_kind`.
@@ -106,7 +106,9 @@ def time_loop_kernel(
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     HALF, ZERO = wp.float64(0.5), wp.float64(0.0)
     control_size = int(CONTROL_SIZE)
-    residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
+    residents = (
+        SHARING if block <= SMALL_BLOCK else 1
+    )  # a multiprocessor must have registers for these blocks
 
     @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents), cluster_dim=cluster)
     def time_loop(body: Body, batch: Batch, state: State, output: Output, first: int):
@@ -130,7 +132,7 @@ def time_loop_kernel(
         landed, worked = empty_sum(), empty_sum()
         going, step, until_measured, latched = int(1), int(-1), int(0), wp.float64(0.0)
 
-        while going == 1:  # before the first step the elements only give its bound
+        while going == 1:  # before the first step the elements only compute its bound
             step, until_measured, latched = regroup(step, until_measured, latched)
             # While the workers sweep the elements, the control warp finishes the previous step.
             measure = int(0)
@@ -142,7 +144,7 @@ def time_loop_kernel(
             put_share(power, viscous_power)
             put_share(artificial, restraint_power)
             stiffer = relaxed_forces(body, solid, row, branches, memory, control, step, fields, lane, measure)
-            latched = wp.max(latched, worst)  # keeps an element that inverts between two measurements
+            latched = wp.max(latched, worst)  # this detects an element that inverts between two measurements
             if is_worker(lane) == 1:
                 if step % check_every == 0:
                     put_total(partials, Total.MOTION, motion(body, fields, lane))
@@ -182,7 +184,7 @@ def time_loop_kernel(
                         )
                     put_stored(partials, elastic, hourglass, viscous, past, most)
                     sync()  # the node sweep below changes data that other lanes may still read
-                # Half of this step's work is done before the time of the positions, half after it.
+                # Half of this step's work is before the time of the positions, half is after it.
                 damp_step, hold_step = power * now.interval, artificial * now.interval
                 kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
                 kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
@@ -210,7 +212,7 @@ def time_loop_kernel(
 
         inform(control, 0)
         latched = disband(latched)
-        if int(control[Control.STATUS]) == 0:  # a last check of the steps since the previous check
+        if int(control[Control.STATUS]) == 0:  # a last check covers the steps since the previous check
             if is_worker(lane) == 1:
                 put_total(partials, Total.MOTION, motion(body, fields, lane))
                 put_total(partials, Total.WORK_DONE, worked)

@@ -1,8 +1,7 @@
 """The motion of the nodes: gathering of corner forces, boundary conditions, and update of the positions.
 
 Interior nodes move freely. A boundary node may touch a platen: the flyer with its motion, or the support with
-its wave. Interior and boundary nodes have separate sweeps, so that contact costs time for boundary nodes
-only.
+its wave. Interior and boundary nodes have separate sweeps; contact takes time for boundary nodes only.
 """
 
 from dataclasses import dataclass
@@ -19,11 +18,11 @@ from explicit.layout.structs import Control, Structs, entries_function, simulati
 from explicit.precision import Precision
 
 INTERIOR, LOWER, UPPER, SIDE = 0, 1, 2, 3
-"""Node kinds: which platen a node can touch. LOWER and UPPER also mark the platen that a node has touched;
-UPPER is added to the mark when the node has been released."""
+"""Node kinds: the platen that a node can touch. LOWER and UPPER also mark the platen that a node has touched.
+After a release UPPER is added to the mark."""
 
 BAR_HISTORY = 1024
-"""Samples per round trip of the wave stored for a characteristic bar."""
+"""Number of stored samples of the wave per round trip in a characteristic bar."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
 
     @wp.func
     def returned_wave(state: State, sample: int, elapsed: wp.float64, round_trip: wp.float64):
-        """The wave h(t) = g(t - 2 L / c) that comes back from the bar's free end."""
+        """The wave h(t) = g(t - 2 L / c) that returns from the bar's free end."""
         wave = wp.float64(0.0)
         late = elapsed - round_trip
         if late > ZERO:
@@ -182,8 +181,8 @@ def node_sweeps(
 
     @wp.func
     def free_velocity(body: Body, fields: Fields, n: int, at: int, interval: real, alpha: real):
-        """Velocity before, velocity after an interval without contact, and mass of node `n`, whose fields are
-        stored at index `at`."""
+        """Velocity before and after an interval without contact, and mass of node `n`. The fields of the node
+        are at index `at`."""
         f_r, f_y = real(0.0), real(0.0)
         corners, masses = corners_at(body.corners, 0, n), numbers(body.masses, 0, n)
         for c in range(valence):

@@ -1,7 +1,7 @@
 """The control warp's part of a step: its end, the records, and the next step.
 
-At the end of a step the forces are summed and the support's motion is computed. Then the histories are
-written. The next step gets its size and the platens' positions, and is accepted or rejected.
+At the end of a step it sums the forces and computes the support's motion. Then it writes the histories. It
+computes the size of the next step and the platens' positions, and accepts or rejects the step.
 """
 
 from dataclasses import dataclass
@@ -171,8 +171,8 @@ def record_functions(
 
 @dataclass(frozen=True)
 class NextStepFunctions:
-    """Planning of the steps, from the initial state to the last check; all but `read` are for the control
-    warp."""
+    """Planning of the steps, from the initial state to the last check. All functions except `read` are for
+    the control warp."""
 
     start: Any
     """``start(batch, output, sample, control)``: set the control record to the initial state."""
@@ -187,8 +187,8 @@ class NextStepFunctions:
     read: Any
     """``read(control, step) -> Step``: the plan of the current step, for every lane."""
     reload_step: Any
-    """``reload_step(planned, control, step) -> Step``: read the plan after synchronisation, when the record
-    has arrived from another block."""
+    """``reload_step(planned, control, step) -> Step``: read the plan after synchronisation. The record has
+    then arrived from the other block."""
     keep_step: Any
     """``keep_step(planned, control, step) -> Step``: the plan that was read before."""
 
@@ -478,7 +478,7 @@ def end_of_step_function(
     ):
         """Speed of the support under the force of this step: v = F / Z + 2 h, away from the specimen.
 
-        It includes the inertia of the mass that the support carries: without it the speed of a light bar
+        It includes the inertia of the mass that the support carries. Without it the speed of a light bar
         would overshoot one step later.
         """
         recorded = int(control[Control.RECORDED])
@@ -523,7 +523,7 @@ def end_of_step_function(
         pushes = pushes * wp.float64(control[this + Plan.PER_INTERVAL])
         force = wp.vec2d(-pushes[0], pushes[1])
         following = time + dt
-        if control[Control.VOID] > ZERO:  # it began where something had gone wrong already
+        if control[Control.VOID] > ZERO:  # it began after a failure
             control_sync()
         elif wp.isfinite(force[0]) and wp.isfinite(force[1]):
             record_forces(output, sample, lane, control, time, dt_before, force)
@@ -559,7 +559,7 @@ def end_of_step_function(
         if fault != 0:
             control[Control.STATUS] = wp.float64(fault)
             control[Control.GOING] = ZERO
-        # Nothing is left to record.
+        # There are no more records.
         if control[Control.FORCE_DUE] >= NEVER and control[Control.SURFACE_DUE] >= NEVER:
             control[Control.STATUS] = ZERO
             control[Control.GOING] = ZERO

@@ -1,4 +1,4 @@
-"""A camera that looks at the plane of bending: Zhang's calibration, blue markers in a picture, made
+"""A camera that looks at the plane of bending: Zhang's calibration, blue markers in a picture, synthetic
 pictures."""
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from dic.basics import cv2
 from kolsky.base.arrays import FloatArray
 
 BLUE, GREY = (200, 60, 20), (170, 170, 170)
-"""Colours of markers and background in made pictures, blue green red."""
+"""Colours of markers and background in synthetic pictures (blue, green, red)."""
 BOARD = (9, 6)
 """Inner corners of the chessboard."""
 DOWN = np.array([1.0, -1.0])
@@ -20,12 +20,12 @@ DOWN = np.array([1.0, -1.0])
 FINE = 4
 """Bits of a pixel's fraction with which OpenCV draws polygons."""
 SHARP = 4
-"""Fine pixels along a pixel of a made chessboard."""
+"""Number of fine pixels along a pixel of a synthetic chessboard."""
 
 
 @dataclass(frozen=True)
 class PlaneCamera:
-    """A camera and where the plane of bending is before it."""
+    """A camera, and the plane of bending in front of it."""
 
     matrix: FloatArray
     """Focal lengths and principal point [px], shape [3, 3]."""
@@ -39,13 +39,13 @@ class PlaneCamera:
     """Root mean square distance of the calibration's corners [px]."""
 
     def project(self, places: FloatArray) -> FloatArray:
-        """Pixels of places x, z in the plane [m] of shape [n, 2], shape [n, 2]."""
+        """Pixels of positions x, z in the plane [m], both of shape [n, 2]."""
         solid = np.column_stack([places, np.zeros(len(places))])
         pixels, _ = cv2.projectPoints(solid, self.rotation, self.translation, self.matrix, self.distortion)
         return np.asarray(pixels[:, 0], dtype=np.float64)
 
     def in_plane(self, pixels: FloatArray) -> FloatArray:
-        """Places x, z in the plane [m] of pixels of shape [n, 2], shape [n, 2]."""
+        """Positions x, z in the plane [m] of pixels, both of shape [n, 2]."""
         rays = cv2.undistortPoints(
             np.asarray(pixels, dtype=np.float64)[:, None], self.matrix, self.distortion,
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12),
@@ -80,7 +80,7 @@ def calibrate(
     size
         Width and height of the pictures [px].
     first
-        Place x, z of the first of these corners in the plane [m].
+        Position x, z of the first of these corners in the plane [m].
     """
     board = board_corners(square)
     flat = np.column_stack([board, np.zeros(len(board))]).astype(np.float32)
@@ -109,7 +109,7 @@ def find_corners(picture: np.ndarray) -> FloatArray:
     if not ok:
         raise ValueError(f"no chessboard with {BOARD[0]} x {BOARD[1]} inner corners is seen")
     found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
-    # either end of a board may come first: take the upper left one
+    # either end of a board may be the first: use the upper left one
     return found if found[0].sum() <= found[-1].sum() else found[::-1]
 
 
@@ -122,7 +122,8 @@ def draw_markers(
     noise: float = 0.0,
     rng: np.random.Generator | None = None,
 ) -> np.ndarray:
-    """Make a picture of blue discs at places in the plane [m] of shape [n, 2], with noise in grey values."""
+    """Make a picture of blue discs at positions in the plane [m], shape [n, 2], with noise of the grey
+    values."""
     picture = np.full((size[1], size[0], 3), GREY, dtype=np.uint8)
     turn = np.linspace(0.0, 2.0 * np.pi, 49)[:-1]
     ring = 0.5 * diameter * np.column_stack([np.cos(turn), np.sin(turn)])
@@ -142,8 +143,8 @@ def draw_board(
     rng: np.random.Generator | None = None,
 ) -> np.ndarray:
     """Make a picture of the chessboard in the plane of a camera."""
-    # OpenCV fills a polygon with its boundary's pixels: on fine pixels, whose mean is the picture's, that
-    # is little
+    # OpenCV also fills the boundary's pixels of a polygon. On fine pixels, whose mean is the picture, this
+    # error is small
     picture = np.full((SHARP * size[1], SHARP * size[0]), 255, dtype=np.uint8)
     edge = np.linspace(0.0, 1.0, 9)[:-1]
     corners = [(edge, 0 * edge), (1 + 0 * edge, edge), (1 - edge, 1 + 0 * edge), (0 * edge, 1 - edge)]
@@ -168,13 +169,13 @@ def _grainy(picture: np.ndarray, noise: float, rng: np.random.Generator | None) 
 _HUE = (100, 130)
 """Range of hue of the markers, in OpenCV's half degrees."""
 LEAST = 90, 60
-"""Least saturation and value of a blue pixel."""
+"""Smallest saturation and value of a blue pixel."""
 SMALLEST = 12
-"""Fewest pixels of a marker [px]."""
+"""Smallest number of pixels of a marker [px]."""
 RIM = 3
-"""Pixels around a part whose blueness counts [px]."""
+"""Width around a part in which the blueness is used [px]."""
 ROUNDS = 10
-"""Starts of k-means."""
+"""Number of starts of k-means."""
 
 
 class NoMarkersError(ValueError):
@@ -188,14 +189,14 @@ class Markers:
     pixels: FloatArray
     """Centroids [px], shape [n, 2], in the order of the chain from the start."""
     split: bool
-    """Whether markers touched and were told apart by clustering."""
+    """Whether markers touched and were separated by clustering."""
 
 
 def find_markers(picture: np.ndarray, count: int, start: FloatArray) -> Markers:
     """Find blue markers in a picture in blue, green, red.
 
-    ``picture``: grey values, shape [height, width, 3]. ``count``: number of markers. ``start``: pixel at
-    which the row of markers begins, shape [2].
+    ``picture``: grey values, shape [height, width, 3]. ``count``: number of markers. ``start``: pixel of the
+    first marker of the row, shape [2].
     """
     labels = label(_blue_mask(picture), connectivity=2)
     kept = [part.label for part in regionprops(labels) if part.area >= SMALLEST]
@@ -221,20 +222,20 @@ def find_markers(picture: np.ndarray, count: int, start: FloatArray) -> Markers:
 
 
 def _blue_mask(picture: np.ndarray) -> np.ndarray:
-    """255 where a pixel is blue, single ones removed, shape [height, width]."""
+    """255 where a pixel is blue, without single pixels, shape [height, width]."""
     hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
     mask = cv2.inRange(hsv, (_HUE[0], *LEAST), (_HUE[1], 255, 255))
     return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)))
 
 
 def blueness(picture: np.ndarray) -> FloatArray:
-    """Blue less red, not below the picture's median, shape [height, width]."""
+    """Blue minus red, at least the picture's median, shape [height, width]."""
     difference = picture[..., 0].astype(np.float64) - picture[..., 2]
     return np.maximum(difference - np.median(difference), 0.0)
 
 
 def chain(places: FloatArray, start: FloatArray) -> FloatArray:
-    """Places of shape [n, 2] in the order of their neighbours, from the one nearest to `start` on."""
+    """Positions, shape [n, 2], in the order of neighbours. The first is the one nearest to `start`."""
     left, here, found = list(range(len(places))), np.asarray(start, dtype=float), []
     while left:
         nearest = min(left, key=lambda k: float(np.linalg.norm(places[k] - here)))

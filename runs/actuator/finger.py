@@ -2,7 +2,8 @@
 
 Usage: python runs/actuator/finger.py OUT
 
-A bar of 60 x 12 x 12 mm with a closed cavity above its middle line; meshio writes OUT/finger.vtu.
+The finger is a bar of 60 x 12 x 12 mm with a closed cavity above its middle line. meshio writes
+OUT/finger.vtu.
 """
 
 import sys

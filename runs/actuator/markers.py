@@ -1,12 +1,12 @@
-"""Pictures of nine markers on an actuator that another program bent, and what a camera makes of them.
+"""Pictures of nine markers on an actuator that another program bent, and their measured positions.
 
 Usage: python runs/actuator/markers.py LINE.csv OUT [--noise 3] [--seed 1]
 
-LINE.csv has the positions of the base's middle line by gravity and pressure, as
-`tests/reference/K_pneunet.csv` of DOLFINx. A camera whose lens is distorted looks at nine discs there; its
-pictures have noise of grey values. Its calibration is found from made pictures of a chessboard (Zhang), the
-markers by segmentation. OUT gets markers.csv, which a SPEC can name, one picture of each state, and a line on
-the errors, which are known here.
+LINE.csv contains the positions of the base's middle line by gravity and pressure, as in
+`tests/reference/K_pneunet.csv` of DOLFINx. A camera with a distorted lens looks at nine discs on this line.
+Its pictures have noise of the grey values. Synthetic pictures of a chessboard give the calibration (Zhang);
+segmentation finds the markers. The script writes markers.csv for a SPEC and one picture of each state into
+OUT. It prints the errors, because the true positions are known.
 """
 
 import argparse
@@ -32,7 +32,7 @@ TRUE = cam.PlaneCamera(
 
 
 def calibrated(noise: float, rng: np.random.Generator) -> cam.PlaneCamera:
-    """The camera as its pictures of a chessboard show it."""
+    """The camera from a calibration with its pictures of a chessboard."""
     views = []
     for k in range(VIEWS):
         held = TRUE.rotation + np.array([0.35 * np.sin(k), 0.35 * np.cos(1.7 * k), 0.1 * k])

@@ -1,4 +1,5 @@
-"""The mesh of an actuator's SPEC for another program: corners of its tetrahedra, cavity's faces, sets.
+"""The mesh of an actuator's SPEC for another program: corners of its tetrahedra, faces of the cavity, and
+sets.
 
 Usage: python runs/actuator/mesh_of.py SPEC MESH.npz
 """

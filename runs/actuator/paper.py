@@ -2,8 +2,9 @@
 
 Usage: python runs/actuator/paper.py OUT [--bend SPEC]
 
-OUT/tables.csv has what the tables print beside what follows from their other entries. With --bend,
-OUT/readings.csv has the bend of SPEC's actuator at its pressures with D1 read as 1/MPa and as MPa.
+OUT/tables.csv compares printed entries of the tables with values that follow from their other entries. With
+--bend, OUT/readings.csv contains the bend of SPEC's actuator at its pressures with D1 read as 1/MPa and as
+MPa.
 """
 
 import argparse
@@ -18,7 +19,7 @@ from kolsky.bodies.actuator_reading import read_actuator, volume_reading
 from kolsky.equilibrium.solid import bulk
 
 C10, D1, POISSON = 0.109, 1.150, 0.44
-"""MPa, as printed, -."""
+"""Printed values [MPa, as printed, -]."""
 
 
 def poisson(shear: float, modulus: float) -> float:
@@ -40,7 +41,7 @@ def cauchy(stretch: float, across: float) -> tuple[float, float]:
 
 
 def checks() -> list[tuple[str, float, float]]:
-    """What is checked, what is printed, and what follows."""
+    """The checked entry, its printed value, and the value that follows."""
     shear, inverse, direct = 2.0 * C10, 2.0 / D1, 2.0 * D1
     stretch = 2.3
     linear = 1.0 - POISSON * (stretch - 1.0)

@@ -1,8 +1,8 @@
-"""Write tek0017.csv: a made-up test between bars as an oscilloscope stores it, of which the answer is known.
+"""Write tek0017.csv: a synthetic test between bars with a known answer, in the format of an oscilloscope.
 
-Steel bars carry their first mode, the specimen is in equilibrium throughout and its nominal stress rises to
-120 MPa, as 120 MPa (1 - exp(-strain / 0.02)). Noise of 2 um/m at each gauge, rounded to a thousandth of a
-millivolt. `python runs/bar-01/make_raw.py` writes the file again, to the last digit.
+Steel bars carry their first mode. The specimen is always in equilibrium. Its nominal stress is 120 MPa (1 -
+exp(-strain / 0.02)). Each gauge has noise of 2 um/m. Signals are rounded to a thousandth of a millivolt.
+`python runs/bar-01/make_raw.py` writes an identical file.
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ STIFFNESS = BAR.impedance * BAR.wave_speed
 """E A of a bar [N]."""
 GAUGES = {"incident": 1.0, "transmission": 0.5}
 MICROSTRAIN_PER_MILLIVOLT = 2.0
-"""Both bridges; compression gives negative volts."""
+"""Both bridges. Compression gives negative volts."""
 SEED = 17
 
 
@@ -42,7 +42,7 @@ def waves() -> tuple[np.ndarray, ...]:
 
 
 def at_gauge(wave: np.ndarray, distance: float) -> np.ndarray:
-    """A wave at the face as a gauge sees it that much later, or before where negative, shape [SAMPLES]."""
+    """The signal of a wave at a gauge, later than at the face (or earlier if negative), shape [SAMPLES]."""
     quiet = np.zeros(500)
     signal = Signal(ARRIVAL - 500 * INTERVAL, INTERVAL, np.concatenate([quiet, wave, quiet]), 0.0, "1")
     guide = ElasticWaveguide(BAR)
@@ -54,7 +54,7 @@ FILE = Path(__file__).with_name("tek0017.csv")
 
 
 def main(path: Path = FILE) -> None:
-    """Write the file, beside this script unless said otherwise."""
+    """Write the file; by default next to this script."""
     _, incident, reflected, transmitted = waves()
     near = GAUGES["incident"]
     strains = [

@@ -1,9 +1,9 @@
-"""Write pulses.csv: a foam between polymer bars, its pulses cut apart, of which the answer is known.
+"""Write pulses.csv: a foam between polymer bars with a known answer, in separate pulses.
 
-Bars of a polymer with a complex modulus of one Maxwell element carry the first mode. The foam crushes at a
-plateau of 2 MPa, as 2 MPa (1 - exp(-strain / 0.01)), in equilibrium throughout. Each column begins with its
-own pulse: the incident one, the reflected one and the transmitted one. Noise of 2 um/m at each gauge.
-`python runs/bar-02/make_raw.py` writes the file again, to the last digit.
+Bars of a polymer with a complex modulus of one Maxwell element carry the first mode. The foam is always in
+equilibrium. It crushes at a plateau of 2 MPa; its stress is 2 MPa (1 - exp(-strain / 0.01)). Each column
+contains one pulse: the incident, the reflected or the transmitted one. Each gauge has noise of 2 um/m.
+`python runs/bar-02/make_raw.py` writes an identical file.
 """
 
 from pathlib import Path
@@ -21,9 +21,9 @@ GUIDE = ViscoelasticWaveguide(BAR, MODULUS)
 SPECIMEN = Specimen(diameter=15e-3, length=8e-3, density=200.0)
 INTERVAL, SAMPLES, FLOW, GROWTH = 5e-7, 1400, 2e6, 0.01
 WAVE, PADDED, UNLOADED = 900, 7200, 280e-6
-"""Samples of a wave and of its padding; time at which the foam lets go [s]."""
+"""Number of samples of a wave and of its padding, and time at which the foam separates from the bars [s]."""
 BEFORE = 200e-6
-"""Time of each column before its pulse arrives [s]."""
+"""Time in each column before its pulse arrives [s]."""
 DISTANCE = {"incident": 1.0, "transmission": 0.5}
 SEED = 19
 
@@ -34,14 +34,15 @@ def in_bar(values: np.ndarray, factor: np.ndarray) -> np.ndarray:
 
 
 def carried(wave: np.ndarray, distance: float, begin: float, samples: int) -> np.ndarray:
-    """A wave that starts at time 0 as it passes a section farther on, from `begin` on, shape [samples]."""
+    """A wave at a section farther along the bar, from the time `begin` on, shape [samples]. It starts at time
+    0."""
     quiet = np.zeros(500)
     signal = Signal(-500 * INTERVAL, INTERVAL, np.concatenate([quiet, wave, quiet]), 0.0, "1")
     return propagation(signal, GUIDE, distance, band=60e3, start=begin, samples=samples).signal.value
 
 
 def waves() -> tuple[np.ndarray, ...]:
-    """Incident strain at its gauge and at the face, the other two at the face, shape [WAVE] each."""
+    """Incident strain at its gauge and at the face, the other two strains at the face, shape [WAVE] each."""
     t = INTERVAL * np.arange(WAVE)
     omega = 2.0 * np.pi * np.fft.rfftfreq(PADDED, INTERVAL)
     rise, fall = np.clip(t / 60e-6, 0.0, 1.0), np.clip((300e-6 - t) / 60e-6, 0.0, 1.0)
@@ -50,14 +51,14 @@ def waves() -> tuple[np.ndarray, ...]:
     incident = carried(at_gauge, near, near / GUIDE.wave_speed, WAVE)
     stiffness, impedance = GUIDE.stiffness(omega), GUIDE.impedance(omega)
     force = in_bar(incident, stiffness)
-    # the faces approach by 2 (incident - transmitted force) / impedance; the bar remembers its past forces
+    # velocity of approach: 2 (incident - transmitted force) / impedance; the bar depends on its past forces
     memory = in_bar(np.eye(1, WAVE)[0], 1.0 / impedance)
     transmitted, strain = np.zeros(WAVE), 0.0
     for k in range(1, WAVE):
         transmitted[k] = FLOW * (1.0 - np.exp(-strain / GROWTH)) * SPECIMEN.area
         apart = 2.0 * (force[k::-1] - transmitted[k::-1]) @ memory[: k + 1]
         strain += INTERVAL * max(apart, 0.0) / SPECIMEN.length if t[k] < UNLOADED else 0.0
-        if t[k] >= UNLOADED:  # the foam lets go with the pulse
+        if t[k] >= UNLOADED:  # the foam separates at the end of the pulse
             transmitted[k] = min(transmitted[k], max(force[k], 0.0))
     back = [in_bar(one, 1.0 / stiffness) for one in (transmitted - force, transmitted)]
     return at_gauge, incident, *back
@@ -67,7 +68,7 @@ FILE = Path(__file__).with_name("pulses.csv")
 
 
 def main(path: Path = FILE) -> None:
-    """Write the file, beside this script unless said otherwise."""
+    """Write the file; by default next to this script."""
     at_gauge, _, reflected, transmitted = waves()
     near, far = DISTANCE["incident"], DISTANCE["transmission"]
     c = GUIDE.wave_speed

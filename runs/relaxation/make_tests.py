@@ -1,8 +1,8 @@
 """Make the slow tests of this folder: `python runs/relaxation/make_tests.py`.
 
-A solid of E = 80 kPa in the long term with two branches: 12 % at 10 ms and 6 % at 30 s. Three holds of 1000 s
-at 15, 30 and 50 % compression after ramps of 0.1 s with 1 % of noise, and oscillation from 5 to 45 °C brought
-to 25 °C, C1 = 8.86 and C2 = 101.6 K, with 0.2 %.
+The solid has a long-term E = 80 kPa and two branches: 12 % at 10 ms and 6 % at 30 s. The first tests are
+three holds of 1000 s at 15, 30 and 50 % compression after ramps of 0.1 s, with 1 % of noise. The other test
+is oscillation from 5 to 45 °C with the reference 25 °C, C1 = 8.86 and C2 = 101.6 K, with 0.2 % of noise.
 """
 
 from pathlib import Path

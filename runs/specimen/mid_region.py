@@ -1,8 +1,9 @@
-"""The classical way beside the fit of the whole specimen: the uniform middle alone.
+"""The classical evaluation of only the uniform middle of a specimen, compared with a fit of the whole
+specimen.
 
-Markers in the middle give a stretch, the force over the area there a nominal stress, and a law of homogeneous
-deformation is fitted to that (Schumacher and others 2020, Sec. VI-B). Of a cross the area is that of an arm,
-though its middle is held by both: this is the way it is done, and the error it makes is the point.
+Markers in the middle give a stretch. The force over the area of the middle gives a nominal stress. A law is
+fitted to these for homogeneous deformation (Schumacher and others 2020, Sec. VI-B). For a cross the area of
+one arm is used, as is usual, although both arms load the middle. The study shows the error of this method.
 """
 
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ class MidRegion:
     fit: Fit
     """The fit of homogeneous deformation."""
     constants: Constants
-    """The same constants, for simulations of whole specimens."""
+    """The same constants for simulations of whole specimens."""
 
 
 def marker_stretch(test: SlowTest, solution: Solution) -> FloatArray:
@@ -54,8 +55,8 @@ def mid_region_fit(tests: list[tuple[SlowTest, FloatArray]], constants: Constant
     """Fit a law to the middles of specimens, incompressible.
 
     ``tests``: tests, each with the stretch of its middle along each pull, shape [n, ends]. ``constants``: the
-    law, its free constants, and the values of those that are held. Raises ValueError if law and tests cannot
-    be fitted to each other, or the law is not one of `explicit.materials`.
+    law, its free constants, and the values of the fixed constants. Raises ValueError if the law cannot be
+    fitted to the tests, or if it is not one of `explicit.materials`.
     """
     if constants.law not in LAWS:
         raise ValueError(f"{constants.law} has no closed form for homogeneous tests")

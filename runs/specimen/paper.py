@@ -1,11 +1,11 @@
-"""Studies of Schumacher and others (2020) on made data, a table each.
+"""Studies of Schumacher and others (2020) on synthetic data; each study is one table.
 
 Usage: python runs/specimen/paper.py OUT [--full] [--device cpu] [--workers N] [STUDY ...]
 
-Their measurements are not public, so every study plants constants, simulates the tests with noise of 10 mN
-and 10 um, and asks what comes back. STUDY is any of fits, middle, strains, resolution, noise, starts, pulls,
-bonds; all if none is named. A table that is there is not made again; seconds.csv has the time of each that
-was made. Without --full the meshes are a quarter as fine and of linear hexahedra; with it they are those of
+Their measurements are not public. Every study therefore chooses constants, simulates the tests with noise of
+10 mN and 10 um, and fits the constants. STUDY is any of fits, middle, strains, resolution, noise, starts,
+pulls, bonds; default all. An existing table is not made again. seconds.csv contains the time of each new
+table. Without --full the meshes are a quarter as fine, with linear hexahedra. With --full they are those of
 the paper: 40 x 10 x 2 and a cross of 1400 quadratic hexahedra.
 """
 
@@ -33,18 +33,18 @@ TRUE = {"C10": 9e3, "C01": 4e3, "C11": 400.0, "poisson": 0.45}
 START = {"C10": 6e3, "C01": 6e3, "C11": 1000.0, "poisson": 0.45}
 FREE = ("C10", "C01", "C11")
 NOISE = 10e-6, 10e-3
-"""Of displacement [m] and force [N]."""
+"""Noise of displacement [m] and force [N]."""
 
 
 def constants(
     values: dict[str, float], law: str = "mooney_rivlin", free: tuple[str, ...] = FREE
 ) -> Constants:
-    """A law with its start."""
+    """A law with the start of its fit."""
     return Constants(law, values, free)
 
 
 class Laboratory:
-    """Specimens and their made data."""
+    """Specimens and their synthetic data."""
 
     def __init__(self, full: bool, device: str) -> None:
         element = "hex27" if full else "hex8"
@@ -61,7 +61,7 @@ class Laboratory:
     def test(
         self, name: str, shape: Shape, stroke: float, truth: Constants, seed: int, *, softer: float = 1.0
     ) -> SlowTest:
-        """A test with data made of the truth."""
+        """A test with data from the true constants."""
         model = SpecimenModel(name, shape, self.device)
         d = np.repeat((stroke * np.arange(1, 21) / 20)[:, None], shape.ends, axis=1)
         answer = model.linearised(truth, truth.start, d)
@@ -153,8 +153,8 @@ def study_strains(lab: Laboratory, path: Path) -> None:
 
 
 def study_resolution(lab: Laboratory, path: Path) -> None:
-    """Constants over mesh and order from 20 x 5 x 1 on, the data of the finest quadratic mesh: their Fig.
-    6."""
+    """Constants over mesh and order, from 20 x 5 x 1 on. The data are those of the finest quadratic mesh:
+    their Fig. 6."""
     factors = (1, 2, 3, 4) if lab.full else (1, 2)
     fine = replace(lab.strip, elements=(40, 10, 2), element="hex27")
     test = lab.test("uniaxial", fine, 0.1, constants(TRUE), 1)
@@ -171,7 +171,7 @@ def study_noise(lab: Laboratory, path: Path) -> None:
 
 
 def study_starts(lab: Laboratory, path: Path) -> None:
-    """Recovery of planted constants from starts up to a decade away: their Section VI-F."""
+    """Fits of known constants from starts up to a decade away: their Section VI-F."""
     tests = list(lab.pair())
     found = fit("starts", tests, constants(START), starts=6, bonds=False)
     columns: dict[str, object] = {"start": list(range(1, len(found.starts) + 1))}
@@ -206,9 +206,10 @@ def study_pulls(lab: Laboratory, path: Path) -> None:
 
 
 def study_bonds(lab: Laboratory, path: Path) -> None:
-    """How often a bond is called peeling: bonds that hold, and bonds that open at half the stroke.
+    """How often a bond is reported as peeling: intact bonds, and bonds that open at half the stroke.
 
-    A peeled length is added to the force from the simulations of two bonds; 200 draws of noise for each.
+    A peeled length changes the force by interpolation between the simulations of two bonds. Each case has 200
+    draws of noise.
     """
     from kolsky.bodies.specimen_fit import debonding
 
@@ -248,7 +249,7 @@ STUDIES = {
 
 
 def make(name: str, out: Path, *, full: bool, device: str) -> tuple[str, float]:
-    """Make one table that is not there; its name, and the seconds it took."""
+    """Make one missing table. Returns its name and the time [s]."""
     started = time.perf_counter()
     path = out / f"{name}.csv"
     if not path.exists():
@@ -257,7 +258,7 @@ def make(name: str, out: Path, *, full: bool, device: str) -> tuple[str, float]:
 
 
 def main() -> None:
-    """Make the tables that are wanted and not there."""
+    """Make the requested tables that are missing."""
     plain = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=plain)
     parser.add_argument("out", type=Path)

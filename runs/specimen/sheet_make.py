@@ -20,7 +20,7 @@ PAD = -np.array([1e-3, 2e-3, 3e-3])
 
 
 def meshed(cells: tuple[int, int]) -> Mesh:
-    """The sheet with its pads: the middle 14 mm of its ends."""
+    """The sheet with its pads at the middle 14 mm of its ends."""
     mesh = rectangle((0.06, 0.03), cells, kind="tri3")
     near = np.abs(mesh.points[:, 1] - 0.015) < 7.1e-3
     mesh = mesh.with_set("moving_pad", np.flatnonzero(near & (mesh.points[:, 0] < 1e-9)))

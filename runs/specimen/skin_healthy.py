@@ -2,11 +2,11 @@
 
 Usage: python runs/specimen/skin_healthy.py FOLDER OUT [MESH]
 
-FOLDER holds their repository's `datafiles_unprocessed` and meshes (github.com/danassutula/
-model_parameter_inference, MIT), MESH is the number in a mesh's name (4528). OUT gets points.csv, pad.csv, the
-mesh, and two SPEC files, plane strain and plane stress. What follows are the steps of their preparation:
-named spurious points, running means, the scale from the width of the extensometer, all relative to the fixed
-pad, force and displacement on one origin.
+FOLDER contains `datafiles_unprocessed` and the meshes of their repository (github.com/danassutula/
+model_parameter_inference, MIT). MESH is the number in a mesh's name (4528). The script writes points.csv,
+pad.csv, the mesh, and two SPEC files, plane strain and plane stress, into OUT. It follows the steps of their
+preparation. It removes the named spurious points, takes running means, and takes the scale from the width of
+the extensometer. All displacements are relative to the fixed pad; force and displacement have one origin.
 """
 
 import csv
@@ -17,19 +17,19 @@ from pathlib import Path
 import numpy as np
 
 WIDTH = 24.0
-"""Distance of the two marks on each pad [mm]: it gives the scale."""
+"""Distance of the two marks on each pad [mm]. It gives the scale."""
 PAD = (32.0, 20.0)
 """Point of the mesh to which the moving pad's mark belongs [mm]."""
 SPURIOUS_POINTS = (2, 8, 19, 26, 54, 109, 142)
-"""Points that they took out by hand."""
+"""Points that the authors removed by hand."""
 SPURIOUS_FORCES = (0, 9, 98, 181, 182, 188, 247, 302, 338, 362, 371, 501, 510, 522, 553, 737, 865)
-"""Force samples that they took out by hand."""
+"""Force samples that the authors removed by hand."""
 ORIGIN = 0.275
 """Pad displacement where their curve begins [mm]."""
 LARGEST = 2.0
 """Largest pad displacement that is fitted [mm]."""
 STEPS = 10
-"""Fitted frames, every second from the last."""
+"""Fitted frames: every second frame, counted from the last."""
 
 SPEC = """# {title}
 [material]
@@ -63,7 +63,7 @@ force = {{ column = "force (N)", unit = "N" }}
 
 
 def running_mean(values: np.ndarray, width: int, times: int) -> np.ndarray:
-    """Means over `width` samples, `times` over; the ends stay."""
+    """Means over `width` samples, repeated `times` times. The ends are unchanged."""
     half = (width - 1) // 2
     for _ in range(times):
         inner = [values[i - half : i + half + 1].mean(axis=0) for i in range(half, len(values) - half)]
@@ -72,7 +72,7 @@ def running_mean(values: np.ndarray, width: int, times: int) -> np.ndarray:
 
 
 def positions(folder: Path, name: str) -> np.ndarray:
-    """Places in every picture [px], shape [frames, points, 2]."""
+    """Positions in every picture [px], shape [frames, points, 2]."""
     axes = []
     for axis in "xy":
         first, later = (np.loadtxt(folder / f"{axis}{when}{name}.dat", ndmin=2) for when in "0t")
@@ -94,7 +94,7 @@ def field(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def force(folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Pad displacement [mm] and force [N], both from their origin, negative along the pull."""
+    """Pad displacement [mm] and force [N] from their origin, negative along the pull."""
     both = np.stack([np.loadtxt(folder / f"{name}_moving_pad.dat") for name in "uf"], axis=-1)
     both = np.delete(both, SPURIOUS_FORCES, axis=0)
     for width in (33, 17, 9, 5, 3):

@@ -2,18 +2,18 @@
 
 Usage: python runs/specimen/skin_keloid.py FOLDER OUT [MESH]
 
-FOLDER holds their bi-material test (`dic_2`, `reactionforce`, `mesh`; github.com/danassutula/
-model_parameter_inference, MIT), MESH is the number of nodes in a mesh's name (4543). OUT gets points.csv,
-pad.csv, the mesh, and three SPEC files: the keloid in plane strain and plane stress with the skin held, and
-both regions free.
+FOLDER contains their bi-material test (`dic_2`, `reactionforce`, `mesh`; github.com/danassutula/
+model_parameter_inference, MIT). MESH is the number of nodes in a mesh's name (4543). The script writes
+points.csv, pad.csv, the mesh, and three SPEC files into OUT. In two files the skin is fixed, and the keloid
+is in plane strain or plane stress. In the third both regions are free.
 
-The files of the pads' marks in `dic_2` are those of the healthy test: 50 pictures, byte for byte, at another
-scale; the keloid's field has 105. So the marks are not used:
+The files of the pads' marks in `dic_2` are identical to those of the healthy test. They have 50 pictures and
+another scale, but the keloid's field has 105 pictures. The marks are therefore not used:
 
-- scale: 24 mm is 660 px, with which the pads are 1120 px = 40.727 mm apart, the distance in `main_v2.py`;
-- place: the middle of the points lies between the pads;
+- scale: 24 mm is 660 px. The distance of the pads is then 1120 px = 40.727 mm, as in `main_v2.py`;
+- position: the middle of the points is between the pads;
 - pad: every fourth of the 422 samples of displacement and force belongs to one of the 105 pictures;
-- the motion of the camera against the fixed pad is free (`relative_to = "camera"`).
+- the motion of the camera relative to the fixed pad is free (`relative_to = "camera"`).
 """
 
 import shutil
@@ -79,7 +79,7 @@ def field(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pad(folder: Path, pictures: int) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement of the moving pad [mm] and force on it [N] at every picture, negative along the pull."""
+    """Displacement of the moving pad [mm] and force on it [N] for every picture, negative along the pull."""
     both = np.stack([np.loadtxt(folder / f"{name}_moving_pad.dat") for name in "uf"], axis=-1)
     both[:, 0] -= both[:, 0].min()
     for width in (33, 17, 9, 5, 3):

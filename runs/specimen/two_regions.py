@@ -1,4 +1,5 @@
-"""Made data of a sheet of two materials, both fitted: the mesh of others, the field and the force by FElupe.
+"""Synthetic data of a sheet of two materials. The mesh is from the literature; FElupe computes field and
+force.
 
 Usage: python runs/specimen/two_regions.py MESH OUT [SEED], then kolsky specimen fit OUT/linear.toml (or
 quadratic.toml)

@@ -1,5 +1,5 @@
-"""Damaged, hostile and odd inputs: what damages a file, what reads it, and how the answer is judged.
+"""Damaged, hostile and unusual inputs: the damage of a file, its reader, and the evaluation of the answer.
 
-`python -m tests.fuzz` runs the fixed corpus, `python -m tests.fuzz --seconds 600` cases at
-random for so long.
+`python -m tests.fuzz` runs the fixed corpus. `python -m tests.fuzz --seconds 600` runs random cases for this
+time.
 """

@@ -1,5 +1,6 @@
 """`python -m tests.fuzz`: the fixed corpus; with `--seconds N` cases at random for so long; exit 1 if one is
-answered wrongly. `--only WORD` takes the cases whose name holds the word, `--workers N` processes."""
+answered wrongly. `--only WORD` runs the cases with this word in their name. `--workers N` sets the number of
+processes."""
 
 import argparse
 import json

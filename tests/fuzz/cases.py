@@ -1,4 +1,4 @@
-"""Cases: which file is damaged how. The fixed corpus, and strategies for cases at random."""
+"""Cases: files and their damage. The fixed corpus, and strategies for random cases."""
 
 import random
 import shutil

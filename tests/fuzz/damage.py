@@ -1,4 +1,4 @@
-"""Damage of a file: from its bytes, a kind and a seed to other bytes, the same on every machine."""
+"""Damage of a file: its bytes, a kind and a seed give other bytes, the same on every machine."""
 
 import random
 import re

@@ -1,7 +1,7 @@
-"""Text files of recorders in any dialect, each with the samples and the clock that it stands for.
+"""Text files of recorders in any dialect, each with its correct samples and clock.
 
-`python -m tests.fuzz.dialects 10000 [SEED]` reads drawn files and counts those read right, refused, and
-read wrongly without a word.
+`python -m tests.fuzz.dialects 10000 [SEED]` reads random files. It counts files that are read correctly,
+rejected, or read wrongly without a message.
 """
 
 import random

@@ -1,8 +1,8 @@
 """`python -m tests.fuzz.guided NAME [options of libFuzzer]`: damage of one target's file guided by coverage.
 
-Needs Atheris (`pip install atheris`, Linux, CPython up to 3.11 or as its own page says). NAME is a target as
-`python -m tests.fuzz --all` prints it, e.g. "recorder mat"; `-max_total_time=600` ends it after ten minutes.
-What is answered by another error than a refusal is kept by libFuzzer as `crash-*`.
+It needs Atheris (`pip install atheris`, Linux, CPython up to 3.11 or as stated on its page). NAME is a target
+as `python -m tests.fuzz --all` prints it, e.g. "recorder mat"; `-max_total_time=600` ends it after ten
+minutes. Inputs that cause another error than a rejection are stored by libFuzzer as `crash-*`.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Damage of an HDF5 file that stays an HDF5 file: types, sizes, values, links."""
+"""Damage inside a valid HDF5 file: types, sizes, values, links."""
 
 import random
 from collections.abc import Callable

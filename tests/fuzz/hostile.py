@@ -1,7 +1,7 @@
-"""Files made to do harm: floods that unpack, expressions that never end, things that are no files.
+"""Hostile files: huge unpacked data, endless expressions, and paths that are no regular files.
 
-Each is written, read in a process of its own with limits on time and memory, and must be refused or, where
-nothing is wrong with it, be read. None of them is large on the disk: what is, is sparse.
+Each is written and read in a separate process with limits on time and memory. It must be rejected, or read if
+it is valid. None is large on the disk: large files are sparse.
 """
 
 import io

@@ -1,4 +1,4 @@
-"""How an answer to a damaged file is judged."""
+"""Evaluation of an answer to a damaged file."""
 
 import hashlib
 import math

@@ -1,6 +1,7 @@
-"""Inputs that must not be believed in silence, hang, flood or end in a traceback, each with its tests.
+"""Inputs that must not be accepted silently, hang, fill the memory or end in a traceback, each with its
+tests.
 
-`tests/fuzz/test_named_inputs.py` holds that every place is there; `docs/validation/robustness.md` shows
+`tests/fuzz/test_named_inputs.py` tests that every named test exists. `docs/validation/robustness.md` shows
 the table.
 """
 

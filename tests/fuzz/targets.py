@@ -1,4 +1,4 @@
-"""What is damaged and what reads it: readers of recordings, tables, pictures, cameras, settings, results."""
+"""Damaged files and their readers: recordings, tables, pictures, cameras, settings, results."""
 
 import shutil
 import sys

@@ -1,4 +1,4 @@
-"""Drawn dialects: what is read is right, and almost nothing is refused."""
+"""Random dialects: every read file is correct, and almost no file is rejected."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The judge of the corpus can say no, and damage is the same every time."""
+"""The evaluation of the corpus can fail, and damage is reproducible."""
 
 import time
 from collections import Counter

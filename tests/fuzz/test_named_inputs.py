@@ -1,4 +1,4 @@
-"""Inputs that were once believed, or ended in a traceback, given as somebody would give them."""
+"""Inputs that must not be accepted or end in a traceback, used as by a user."""
 
 import ast
 import shutil

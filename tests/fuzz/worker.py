@@ -1,4 +1,4 @@
-"""Reading of damaged files in a process of its own, which may end, hang or grow."""
+"""Damaged files are read in a separate process, which may end, hang or grow."""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""What is compared of a file: its values by name, without times, versions and places."""
+"""The compared content of a file: its values by name, without times, versions and paths."""
 
 import base64
 import csv

@@ -1,4 +1,4 @@
-"""The cases: which files are copied, and which commands run on them."""
+"""The cases: copied files, and the commands that run on them."""
 
 from dataclasses import dataclass
 

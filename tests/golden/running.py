@@ -1,4 +1,4 @@
-"""Run a case in a copy of its files, and keep what it wrote."""
+"""Run a case in a copy of its files and store its output."""
 
 import glob
 import json

@@ -1,8 +1,8 @@
 """Pulses in bars by direct integration of their Fourier integrals: no FFT, no table, no code of the package.
 
-A pulse is a box of the length T, its edges smoothed by a Gaussian of standard deviation s, with a ripple on
-top: its transform is known in closed form. The wavenumber comes from the frequency equation as it is printed
-(Graff 1975, Eq. 8.2.34), by bracketing with Bessel functions of complex arguments.
+A pulse is a box of length T with a ripple on top. A Gaussian of standard deviation s smooths its edges. Its
+transform has a closed form. The wavenumber is a root of the printed frequency equation (Graff 1975, Eq.
+8.2.34), found by bracketing with Bessel functions of complex arguments.
 """
 
 from dataclasses import dataclass
@@ -29,13 +29,13 @@ class Pulse:
     arrival: float
     """Middle of the rise [s]."""
     duration: float = 100e-6
-    """From the middle of the rise to the middle of the fall [s]."""
+    """Time from the middle of the rise to the middle of the fall [s]."""
     rise: float = FASTEST_RISE
-    """From 10 to 90 % [s]."""
+    """Rise time from 10 to 90 % [s]."""
     ripple: float = 0.08
-    """Its amplitude over the pulse's."""
+    """Amplitude of the ripple over that of the pulse."""
     ripple_frequency: float = 60e3
-    """[Hz]."""
+    """Frequency of the ripple [Hz]."""
 
     @property
     def smoothing(self) -> float:
@@ -58,9 +58,9 @@ class Pulse:
         return smooth_box(omega) + 0.5 * self.ripple * sides
 
     def frequencies(self, longest: float) -> FloatArray:
-        """Angular frequencies from zero to where less than 1e-8 of the spectrum is left [rad/s].
+        """Angular frequencies from zero up to a limit with less than 1e-8 of the spectrum above it [rad/s].
 
-        As fine as an integral over times up to `longest` [s] needs: some 16 points a period.
+        Their step is fine enough for an integral over times up to `longest` [s]: about 16 points per period.
         """
         highest = 6.2 / self.smoothing + 2.0 * np.pi * self.ripple_frequency
         return np.linspace(0.0, highest, 2 * int(4.0 * highest * longest / np.pi) + 1)
@@ -102,7 +102,8 @@ def exact_wavenumber(omega: FloatArray, *, radius: float, speed: float, poisson:
 def carried(
     pulse: Pulse, time: FloatArray, omega: FloatArray, turn: ComplexArray | float = 1.0
 ) -> FloatArray:
-    """The pulse with its spectrum multiplied by `turn`, exp(-i k x), by Simpson's rule from zero frequency.
+    """The pulse with its spectrum multiplied by `turn`, exp(-i k x). Simpson's rule starts from zero
+    frequency.
 
     x(t) = 1 / pi * integral from 0 of Re[X(omega) exp(i omega t)] d(omega), summed at equally spaced times
     and frequencies by the chirp transform, which is exact for any spacing of either.

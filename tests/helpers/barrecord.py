@@ -1,4 +1,4 @@
-"""A made-up classical record of a rubber between aluminium bars, computed with the package's own solver."""
+"""A synthetic classical record of a rubber between aluminium bars, computed with the package's solver."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -25,15 +25,16 @@ FACTOR = 1.2
 SPEED, RISE, PULSE = 9.0, 40e-6, 200e-6
 END, INTERVAL = 260e-6, 0.5e-6
 GAUGES, ARRIVAL = {"incident": 0.75, "transmission": 0.5}, 400e-6
-"""Distances of the gauges from the specimen [m]; when the wave arrives there on the shot's clock [s]."""
+"""Distances of the gauges from the specimen [m], and time of the wave at the specimen on the shot's clock
+[s]."""
 NOISE = 2e-7
-"""Noise of a strain; the transmitted pulse is of 2e-5."""
+"""Noise of a strain. The transmitted pulse has a strain of 2e-5."""
 SCALE = 0.01
 """Standard uncertainty of a strain's scale."""
 
 
 def front(time: FloatArray) -> FloatArray:
-    """Velocity of the front face: up, a plateau, down; smooth."""
+    """Velocity of the front face: a smooth rise, a plateau and a smooth fall."""
     up, down = np.clip(time / RISE, 0.0, 1.0), np.clip((time - PULSE) / RISE, 0.0, 1.0)
     return SPEED * (up**3 * (10 - 15 * up + 6 * up**2)) * (1 - down**3 * (10 - 15 * down + 6 * down**2))
 
@@ -47,7 +48,7 @@ def curve() -> MaterialCurve:
 
 @dataclass(frozen=True)
 class Truth:
-    """What the bars did, without noise."""
+    """Waves in the bars, without noise."""
 
     time: FloatArray
     front_velocity: FloatArray
@@ -105,7 +106,7 @@ def strains() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def gauges(seed: int) -> WavesInput:
-    """What gauges on bars without dispersion record of the test; its last strains die out after the truth."""
+    """Records of gauges on bars without dispersion. After the end of the truth the strains decay."""
     bar = replace(BAR, poisson=0.0)
     t, rng = INTERVAL * np.arange(3000), np.random.default_rng(seed)
 
@@ -135,7 +136,7 @@ def gauges(seed: int) -> WavesInput:
 
 
 def record(seed: int, *, scale: float = SCALE) -> tuple[Reduction, FaceWaves]:
-    """The waves at the specimen with noise and a wrong scale, and what a reduction makes of them."""
+    """The waves at the specimen with noise and a wrong scale, and their reduction."""
     rng, true = np.random.default_rng(seed), truth()
     c0, stiffness = BAR.wave_speed, BAR.impedance * BAR.wave_speed  # E A = Z c0
     gain = 1.0 + scale * rng.standard_normal(2)
@@ -179,7 +180,7 @@ def record(seed: int, *, scale: float = SCALE) -> tuple[Reduction, FaceWaves]:
 
 
 def base() -> ShotBase:
-    """The test apart from its motion."""
+    """The test without its motion."""
     return ShotBase(
         name="made-up bars",
         folder=Path("made-up"),

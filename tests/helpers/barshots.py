@@ -1,7 +1,8 @@
-"""Shots between bars as a laboratory's folder has them: raw files of recorders, and a shot.toml.
+"""Shots between bars in the form of a laboratory's folder: raw files of recorders and a shot.toml.
 
-The specimen is soft steel of closed form: a trapezoid of incident strain, a transmitted one in proportion.
-Bars of 20 mm without Poisson's ratio, 5000 m/s; gauges 1000 mm and 500 mm from the specimen, 10 MHz.
+The specimen has a closed form: the incident strain is a trapezoid, and the transmitted strain is proportional
+to it. The bars have a diameter of 20 mm, a wave speed of 5000 m/s and no Poisson effect. The gauges are 1000
+mm and 500 mm from the specimen; the sampling rate is 10 MHz.
 """
 
 from pathlib import Path
@@ -11,10 +12,10 @@ import numpy as np
 INTERVAL = 1e-7
 STRESS, DIAMETER, LENGTH = 250e6, 10e-3, 5e-3
 INCIDENT, SHARE = 1.5e-3, STRESS * 0.25 / 1.5e-3 / 200e9
-"""Height of the incident strain; the transmitted one over it."""
+"""Height of the incident strain, and ratio of the transmitted to the incident strain."""
 RATE = 2.0 * 5000.0 * INCIDENT * (1.0 - SHARE) / LENGTH
 ARRIVAL = 200e-6
-"""On the file's clock, at the incident gauge."""
+"""Time of the wave at the incident gauge on the file's clock."""
 TOML = """format = 1
 [specimen]
 diameter = "10 mm"
@@ -55,7 +56,7 @@ clock_offset = "0 us"
 
 
 def ramp(t: np.ndarray, end: float = 150e-6) -> np.ndarray:
-    """A trapezoid from time 0, flanks of 20 us."""
+    """A trapezoid from time 0 with flanks of 20 us."""
     return np.clip(t / 20e-6, 0.0, 1.0) * np.clip((end - t) / 20e-6, 0.0, 1.0)
 
 
@@ -69,7 +70,7 @@ def strains(*, noise: float = 1e-6, samples: int = 8000, seed: int = 7) -> tuple
 
 
 def write_scope(path: Path, names: list[str], columns: list[np.ndarray], *, preamble: str = "") -> Path:
-    """A CSV of commas and points."""
+    """A CSV file with commas and decimal points."""
     head = preamble + ",".join(names)
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt="%.9e")
     return path
@@ -113,7 +114,7 @@ def gauge(channel: str, *, recorder: str = "scope") -> str:
 
 
 def write_toml(folder: Path, **parts: object) -> Path:
-    """The shot.toml of a folder; what is left out is nothing."""
+    """The shot.toml of a folder. Arguments that are left out add nothing."""
     said = dict.fromkeys(("recorders", "incident", "transmission", "corrections", "waves", "more"), "")
     path = folder / "shot.toml"
     path.write_text(TOML.format(**{**said, "density": 1200.0, **parts}), encoding="utf-8")

@@ -11,7 +11,7 @@ MATRIX = np.array([[1500.0, 0.0, 160.7], [0.0, 1490.0, 118.2], [0.0, 0.0, 1.0]])
 LENS = np.array([-0.15, 0.3, 1e-3, -5e-4, 0.0])
 SHAPE = (240, 320)
 FINE = 4
-"""Rays a pixel and direction."""
+"""Number of rays of a pixel in each direction."""
 
 Paint = Callable[[np.ndarray], np.ndarray]
 
@@ -20,7 +20,8 @@ Paint = Callable[[np.ndarray], np.ndarray]
 def rays() -> np.ndarray:
     """Directions (x, y, 1) of all rays, shape [rows * FINE * columns * FINE, 3].
 
-    Between pixel centres the directions are linear: the lens bends them there by 1e-8 at most.
+    Between pixel centres the directions are interpolated linearly. The lens causes a deviation of at most
+    1e-8.
     """
     focal = MATRIX[[0, 1], [0, 1]]
     rows, columns = SHAPE
@@ -47,7 +48,7 @@ def averaged(bright: np.ndarray, *, noise: float = 0.0, seed: int = 1, blur: flo
 
 
 def flat(paint: Paint, R: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Brightness of a painted plane z = 0 in front of a dark background, one value a ray."""
+    """Brightness of a painted plane z = 0 in front of a dark background, one value per ray."""
     d = rays()
     here, into = -R.T @ t, d @ R  # the camera, and the directions, in the target's frame
     X = here + into * (-here[2] / into[:, 2])[:, None]
@@ -55,7 +56,8 @@ def flat(paint: Paint, R: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def cylinder(paint: Paint, radius: float, R: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Brightness of a painted cylinder about z: `paint` gets (angle, z); rays that miss it are dark."""
+    """Brightness of a painted cylinder about z. `paint` is a function of (angle, z). Rays that miss it are
+    dark."""
     d = rays()
     here, into = -R.T @ t, d @ R
     a = into[:, 0] ** 2 + into[:, 1] ** 2
@@ -76,7 +78,7 @@ def dots(
     hole: float = 0.0,
     margin: float = 0.8,
 ) -> Paint:
-    """Dark dots on a bright board that ends `margin` pitches beyond them."""
+    """Dark dots on a bright board. Its edge is `margin` pitches beyond the dots."""
 
     def paint(X: np.ndarray) -> np.ndarray:
         place = X / pitch
@@ -93,7 +95,7 @@ def dots(
 
 
 def pose(turn: tuple[float, float, float], middle: tuple[float, float], depth: float) -> tuple:
-    """R and t of a target whose point `middle` of its plane lies straight ahead at `depth` [m]."""
+    """R and t of a target whose point `middle` is on the optical axis at `depth` [m]."""
     R = cv2.Rodrigues(np.array(turn))[0]
     return R, np.array([0.0, 0.0, depth]) - R @ [*middle, 0.0]
 
@@ -126,7 +128,8 @@ hollow = [[2, 2], [7, 2], [2, 5]]
 
 
 def board_series(folder: Path) -> Path:
-    """Seven pairs of a board with calibration.toml; the fourth and the sixth of camera 1 are swapped."""
+    """Seven pairs of a board with calibration.toml. The fourth and the sixth picture of camera 1 are
+    swapped."""
     paint = dots(10, 8, 1.2e-3, 0.6e-3, HOLLOW, 0.28e-3)
     rng = np.random.default_rng(5)
     second = []

@@ -1,4 +1,4 @@
-"""Small camera files as the programs write them, for the tests of `dic.camera_files`."""
+"""Small camera files in the formats of the programs, for the tests of `dic.camera_files`."""
 
 VIC3D = """<?xml version="1.0" encoding="ISO-8859-1"?>
 <!DOCTYPE vpml>

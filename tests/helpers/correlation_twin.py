@@ -1,7 +1,7 @@
-"""The match once more, in NumPy and float64, one subset at a time: what the fp32 kernels are held against.
+"""The match in NumPy and float64, one subset at a time: the reference for the fp32 kernels.
 
-Pictures are read by `scipy.ndimage.map_coordinates` (order 5), gradients are differences of what it reads,
-and offset and contrast are columns of a least-squares problem instead of being projected out.
+Pictures are read by `scipy.ndimage.map_coordinates` (order 5). Gradients are differences of these values.
+Offset and contrast are columns of a least-squares problem; the kernels project them out.
 """
 
 import numpy as np
@@ -32,12 +32,12 @@ def monomials(xi, parameters):
 
 
 def composed(warp, step):
-    """The warp after the inverse of a small one, by its derivatives at the centre (numerical ones)."""
+    """Composition of the warp with the inverse of a small warp, by numerical derivatives at the centre."""
     origin = np.zeros(2)
 
     def whole(eta):
         xi = eta.copy()
-        for _ in range(20):  # the offset that `step` carries to eta
+        for _ in range(20):  # the offset that `step` maps to eta
             xi = xi - (warps.apply(origin, step, xi) - eta)
         return warps.apply(origin, warp, xi)
 
@@ -55,7 +55,7 @@ def composed(warp, step):
 
 
 def match(f, g, point, guess, *, subset, parameters, reference=None, iterations=60):
-    """The warp at which no steepest descent is left in the picture g; f and g are `Picture`."""
+    """The warp without a remaining steepest descent in the picture g; f and g are `Picture`."""
     half = subset // 2
     offsets = np.arange(-half, half + 1, dtype=np.float64)
     xi = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)

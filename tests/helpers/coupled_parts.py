@@ -1,8 +1,8 @@
-"""Specimens on elastic parts that are marched in time: waveform iteration (Lelarasmee and others 1982).
+"""Specimens on elastic parts with time integration: waveform iteration (Lelarasmee and others 1982).
 
-The specimen on a support of known motion gives a force, the elastic parts under this force give a motion. The
-parts are stiffer than the specimen by four orders of magnitude, so a pass leaves about that share of the
-error. It is the reference for the pulses of `explicit.bars.elastic`.
+The specimen on a support of known motion gives a force. The elastic parts under this force give a motion. The
+parts are stiffer than the specimen by four orders of magnitude, so a pass reduces the error by about this
+factor. It is the reference for the pulses of `explicit.bars.elastic`.
 """
 
 from dataclasses import dataclass, replace
@@ -16,21 +16,22 @@ from explicit.bars.elastic import ElasticBar, ElasticHistory
 from explicit.model import Model
 
 _CONTACT_RADIUS_EVERY = 8
-"""Knots of the flyer's motion from one contact radius to the next."""
+"""Number of knots of the flyer's motion from one contact radius to the next."""
 ON_PLATEN = 1e-6
-"""A side node this share of the specimen's length above the platen lies on it."""
+"""A side node lies on the platen if its height is at most this share of the specimen's length."""
 
 
 @dataclass(frozen=True)
 class Coupled:
-    """A batch whose specimens and elastic parts agree on force and motion."""
+    """A batch with consistent forces and motions of specimens and elastic parts."""
 
     response: Response
-    """The specimens at the knots of the flyer's motion, and at every eighth of them their surface."""
+    """The specimens at the knots of the flyer's motion. Their surface is recorded at every eighth knot."""
     support: MovingSupport
-    """The motion of the transmission platen's face; `run` with it repeats the simulation at other times."""
+    """The motion of the transmission platen's face. `run` with this motion repeats the simulation at other
+    times."""
     parts: tuple[ElasticHistory, ...]
-    """What the elastic parts did, one for each sample."""
+    """Response of the elastic parts, one for each sample."""
     change: FloatArray
     """Largest change of a transmitted force [N] from each pass of the specimens to the next,
     shape [n_passes - 1]."""
@@ -58,10 +59,10 @@ def couple(
 ) -> Coupled:
     """Simulate specimens on elastic parts.
 
-    The model's own support carries the first pass; a better guess saves at most one. The force presses on the
-    bar's face evenly within the specimen's contact radius; a wider specimen presses on all of it.
+    The first pass uses the support of the model; a better guess saves at most one pass. The force presses
+    evenly on the bar's face within the specimen's contact radius. A wider specimen presses on the whole face.
     ``tolerance``: largest change of the transmitted force from one pass to the next that ends the iteration
-    [N]. ``max_passes``: passes after which it is given up, at least 2. Raises ValueError if `tolerance` or
+    [N]. ``max_passes``: largest number of passes, at least 2. Raises ValueError if `tolerance` or
     `max_passes` is outside its range. Raises RuntimeError if a simulation does not complete or the force
     still changes after `max_passes`.
     """
@@ -105,7 +106,7 @@ def _elastic_response(
 
 
 def _support_motion(history: ElasticHistory, flyer: PlatenMotion) -> PlatenMotion:
-    """The face's motion on the knots of the flyer's; into the parts is away from the specimen."""
+    """The face's motion at the knots of the flyer's motion. Into the parts is away from the specimen."""
     knots = np.linspace(history.times[0], history.times[-1], len(flyer.position))
     position = -history.face_motion(knots)
     return PlatenMotion(

@@ -1,4 +1,4 @@
-"""Copies of open-01 damaged in one way each, with what the answer to each must say."""
+"""Copies of open-01 with one damage each, and the text that the message must contain."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -106,7 +106,7 @@ BAD: dict[str, tuple[Mutation, list[str]]] = {
     "header only": (lines("scope.csv", lambda a: a[:1]), ["scope.csv: has a header but no data"]),
     "two gigabytes": (sparse("scope.csv"), ["scope.csv: has 2000 MB, more than the 200 MB"]),
     "two gigabytes of toml": (sparse("shot.toml"), ["shot.toml: has 2000 MB"]),
-    # Another code page is found and read; the unit behind the number is still none of a number.
+    # Another code page is detected and read, but the text after the number is no valid unit.
     "not UTF-8": (
         latin1,
         ["flyer.csv line 188", "is not a number: '3.59 µm'", "export numbers without a unit behind them"],
@@ -313,7 +313,7 @@ BAD: dict[str, tuple[Mutation, list[str]]] = {
         ["quasi_static.csv line 2: the stress is -100 Pa at zero strain"],
     ),
     "short curve": (lines("quasi_static.csv", lambda a: a[:4]), ["has 2 points away from rest"]),
-    # declarations, the rest of which tests/unit/shot/test_shotfile.py goes through
+    # declarations; tests/unit/shot/test_shotfile.py tests the others
     "Poisson's ratio": (
         toml("poisson = 0.499 ", "poisson = 0.5 "),
         ["model.poisson = 0.5", "in [0, 0.49999]", "0.499", '"incompressible"'],

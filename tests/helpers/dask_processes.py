@@ -1,4 +1,4 @@
-"""A Dask scheduler with workers, as a user starts them on a machine."""
+"""A Dask scheduler with workers, started as by a user."""
 
 import os
 import subprocess
@@ -13,9 +13,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @contextmanager
 def dask_processes(folder: Path, *sources: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler and two workers as processes of their own; the scheduler's file and the workers.
+    """A scheduler and two workers as separate processes. Yields the scheduler's file and the workers.
 
-    What is sent to the workers is found in the repository, in this folder and in `sources`.
+    The workers import modules from the repository, from this folder and from `sources`.
     """
     file = folder / "scheduler.json"
     folders = (ROOT, Path(__file__).parent, *sources)

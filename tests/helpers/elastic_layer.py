@@ -1,8 +1,8 @@
-"""An elastic specimen between two elastic bars, exactly: every reflection of one-dimensional waves.
+"""Exact solution of an elastic specimen between two elastic bars: every reflection of one-dimensional waves.
 
-A wave of force that meets an impedance Zb from Za passes on with 2 Zb / (Za + Zb) and returns with
-(Zb - Za) / (Zb + Za). Of a trapezoidal incident pulse all waves, and their integrals over time, are sums of
-shifted trapezoids.
+A wave of force passes from impedance Za to Zb with the factor 2 Zb / (Za + Zb). It is reflected with the
+factor (Zb - Za) / (Zb + Za). For a trapezoidal incident pulse all waves, and their integrals over time, are
+sums of shifted trapezoids.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ POLYMER = Specimen(diameter=0.010, length=0.005, density=1200.0)
 
 @dataclass(frozen=True)
 class Layer:
-    """The scene; forces of compression positive, time 0 when the incident wave meets the specimen."""
+    """The test. Compressive forces are positive. At time 0 the incident wave reaches the specimen."""
 
     first: Bar = STEEL
     second: Bar = STEEL
@@ -63,7 +63,7 @@ class Layer:
         return passed * sum((r1 * r2) ** n * of(time - (2 * n + 1) * self.transit) for n in self.echoes(time))
 
     def reflected(self, time: np.ndarray, of=None) -> np.ndarray:
-        """Force of the wave that returns in the first bar at its face."""
+        """Force of the returning wave in the first bar at its face."""
         of = of or self.pulse
         z, z1, z2 = self.impedance, self.first.impedance, self.second.impedance
         r1, r2 = (z1 - z) / (z1 + z), (z2 - z) / (z2 + z)
@@ -72,7 +72,7 @@ class Layer:
         return -r1 * of(time) + passed * echoes
 
     def echoes(self, time: np.ndarray) -> range:
-        """Numbers of the echoes that are there by the last time."""
+        """Numbers of the echoes up to the last time."""
         return range(int(max(0.0, np.max(time)) / (2 * self.transit)) + 1)
 
     def strain(self, time: np.ndarray) -> np.ndarray:
@@ -83,7 +83,8 @@ class Layer:
     def signals(
         self, *, interval: float = 0.1e-6, noise: float = 0.0, seed: int = 0, before: float = 100e-6
     ) -> tuple[BarSignal, BarSignal]:
-        """The two gauges' strains, time 0 the same; the record ends before anything returns from far ends."""
+        """The strains of both gauges with the same time 0. The record ends before a wave returns from the far
+        ends."""
         rng = np.random.default_rng(seed)
         far = min(2 * b.length / b.wave_speed - x / b.wave_speed for b, x in self.stations)
         start = -self.gauges[0] / self.first.wave_speed - before

@@ -1,4 +1,4 @@
-"""The search along epipolar curves written out in NumPy and OpenCV, which its kernel is held to."""
+"""The search along epipolar curves in NumPy and OpenCV, the reference for its kernel."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,9 @@ from dic.stereo.epipolar_search import (
 from dic.stereo.geometry import directions, midpoint
 
 KNOTS = 65
-"""Places a curve is followed through before it is divided into equal steps."""
+"""Number of positions on a curve before its division into equal steps."""
 NARROWINGS = 3
-"""Times that the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
+"""Number of refinements of the part of a curve inside the picture. Each is a few dozen times finer."""
 
 
 def curve_distances(
@@ -33,19 +33,19 @@ def curve_distances(
     limits: tuple[float, float] | None,
     step: float,
 ) -> FloatArray:
-    """Distances along camera 0's rays that walk the epipolar curves in equal steps of camera 1.
+    """Distances along camera 0's rays for equal steps along the epipolar curves of camera 1.
 
-    ``rig``: the cameras. ``pixels0``: places in camera 0's picture [px], shape [n, 2]. ``shape1``: rows and
-    columns of camera 1's picture. ``limits``: nearest and farthest distance [m]; None: as far as the curves
-    stay in camera 1's picture. ``step``: along the curve [px]. Returns: distances [m], shape [n, k],
-    increasing; rows end in NaN.
+    ``rig``: the cameras. ``pixels0``: positions in camera 0's picture [px], shape [n, 2]. ``shape1``: rows
+    and columns of camera 1's picture. ``limits``: nearest and farthest distance [m]; None: the part of the
+    curves in camera 1's picture. ``step``: step along the curve [px]. Returns: increasing distances [m],
+    shape [n, k]. Rows end in NaN.
     """
     n = len(pixels0)
     near, far = limits if limits is not None else (_axes_meet(rig) / 20.0, _axes_meet(rig) * 20.0)
     # equal steps of 1/s are about equal steps along the curve: the disparity goes with 1/s
     piece = visible_piece(rig, directions(rig.cameras[0], pixels0), shape1, (near, far))
     inverse = piece[:, :1] + (piece[:, 1:] - piece[:, :1]) * np.linspace(0.0, 1.0, KNOTS)
-    for _ in range(NARROWINGS):  # down to the piece of the curve that camera 1's picture shows
+    for _ in range(NARROWINGS):  # limit to the part of the curve in camera 1's picture
         seen = shows(rig.cameras[1], points_along(rig, pixels0, 1.0 / inverse), shape1)
         first = np.maximum(np.argmax(seen, axis=1) - 1, 0)
         last = np.minimum(KNOTS - np.argmax(seen[:, ::-1], axis=1), KNOTS - 1)
@@ -64,13 +64,13 @@ def curve_distances(
 
 
 def points_along(rig: StereoRig, pixels0: FloatArray, distances: FloatArray) -> FloatArray:
-    """Points on camera 0's rays at distances of their own [m], shape [n, k, 3]."""
+    """Points on camera 0's rays at given distances [m], shape [n, k, 3]."""
     first = rig.cameras[0]
     return np.asarray(first.centre + directions(first, pixels0)[:, None] * distances[..., None])
 
 
 def shows(camera: Camera, X: FloatArray, shape: tuple[int, int]) -> BoolArray:
-    """True where a picture shows these places, shape [...]; what a lens model folds back there is not."""
+    """True where a picture shows these positions, shape [...]. False where the lens model is not unique."""
     rows, columns = shape
     k1, k2, _, _, k3 = camera.distortion
     turning = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])  # squared radii where r (1 + k1 r² + ...) turns
@@ -84,7 +84,7 @@ def shows(camera: Camera, X: FloatArray, shape: tuple[int, int]) -> BoolArray:
 
 
 def _axes_meet(rig: StereoRig) -> float:
-    """Distance before camera 0 at which the optical axes come nearest to each other [m]."""
+    """Distance in front of camera 0 at which the optical axes are closest to each other [m]."""
     first, second = rig.cameras
     centres = np.array([[camera.cx, camera.cy] for camera in rig.cameras])
     meet = midpoint(rig, centres[0], centres[1])
@@ -104,13 +104,13 @@ def search(
     turns: FloatArray | None = None,
     gradients: FloatArray | None = None,
 ) -> Candidates:
-    """The best place of each subset on its epipolar curve, and the second peak.
+    """The best position of each subset on its epipolar curve, and the second peak.
 
-    ``rig``: the cameras. ``wanted``: what to look for. ``picture1``: camera 1's picture, shape [rows,
+    ``rig``: the cameras. ``wanted``: the templates. ``picture1``: camera 1's picture, shape [rows,
     columns]. ``limits``: nearest and farthest distance along camera 0's rays [m]; None: the whole curve.
-    ``turns``: turns of the facet that are tried at every place (`facet.normals`) [rad], shape [h, 2].
-    ``gradients``: instead of `turns`: the gradient of camera 1's pixel by camera 0's, one for each point,
-    shape [n, 2, 2], the same all along its curve. Returns: one row a point.
+    ``turns``: tried rotations of the facet at every position (`facet.normals`) [rad], shape [h, 2].
+    ``gradients``: used instead of `turns`. One gradient of camera 1's pixel by camera 0's for each point,
+    shape [n, 2, 2], constant along its curve. Returns: one row per point.
     """
     n, shape1 = len(wanted.points), (picture1.shape[0], picture1.shape[1])
     found = Candidates(np.full((n, 12), np.nan), np.full(n, -1.0), np.full(n, -1.0), np.full(n, np.nan))
@@ -136,7 +136,7 @@ def search(
 def _gradients(
     rig: StereoRig, pixels0: FloatArray, s: FloatArray, turns: FloatArray | None, given: FloatArray | None
 ) -> FloatArray:
-    """Gradient of camera 1's pixel by camera 0's at every place for every turn, shape [n, k, h, 2, 2]."""
+    """Gradient of camera 1's pixel by camera 0's for every position and rotation, shape [n, k, h, 2, 2]."""
     if given is not None:
         return np.broadcast_to(given[:, None, None], (*s.shape, 1, 2, 2))
     seen = facet_geometry(rig, np.repeat(pixels0[:, None], s.shape[1], axis=1), s)
@@ -148,12 +148,13 @@ def _gradients(
 def _correlate(
     wanted: Subsets, picture: NDArray[np.float32], centre: FloatArray, A: FloatArray
 ) -> FloatArray:
-    """ZNCC of every subset at all its places with all gradients, shape [n, k, h]; -1 where there is none."""
+    """ZNCC of every subset at all its positions with all gradients, shape [n, k, h]; -1 where there is
+    none."""
     n, k, h = A.shape[:3]
     nowhere = ~np.all(np.isfinite(centre), axis=-1)
     middle = np.where(nowhere[..., None], 0.0, centre).astype(np.float32)[:, :, None]
-    # A product a point: those of its places are no small ones, and one for all would be shared out among
-    # threads that then wait for more by spinning.
+    # One product per point. A product for all points would be divided between threads, which then wait
+    # actively.
     slope = np.nan_to_num(A).astype(np.float32).reshape(n, k * h, 2, 2)
     x, y = ((slope[:, :, c] @ wanted.xi.T.astype(np.float32)).reshape(n * k * h, -1) for c in (0, 1))
     origin = np.repeat(middle, h, axis=2).reshape(-1, 2)
@@ -162,7 +163,7 @@ def _correlate(
     grey = sample(picture, x, y).reshape(n, k * h, -1)
     template, weight = wanted.template[:, None], wanted.weight[:, None]
     zncc = correlation(grey, template, weight)
-    # what lies beyond the picture's rim does not count, and less than half a subset is none
+    # pixels outside the picture do not count; less than half a subset has no correlation
     right, bottom = picture.shape[1] - 1.0, picture.shape[0] - 1.0
     crossing = (x.min(axis=1) < 0.0) | (y.min(axis=1) < 0.0)
     crossing |= (x.max(axis=1) > right) | (y.max(axis=1) > bottom)
@@ -186,7 +187,7 @@ def _keep_best(
     A: FloatArray,
     zncc: FloatArray,
 ) -> None:
-    """Write the best place of each point and the second peak into `found`."""
+    """Write the best position of each point and the second peak into `found`."""
     along = zncc.max(axis=2)
     for i, row in enumerate(rows):
         k = int(np.argmax(along[i]))
@@ -204,7 +205,8 @@ def _keep_best(
 
 
 def _refined_maxima(profile: FloatArray) -> FloatArray:
-    """The profile, its local maxima raised to the crest of the parabola through them and their neighbours."""
+    """The profile. Its local maxima are replaced by the maximum of the parabola through them and their
+    neighbours."""
     crests = profile.copy()
     before, here, after = profile[:-2], profile[1:-1], profile[2:]
     bend = 2.0 * here - before - after
@@ -215,7 +217,7 @@ def _refined_maxima(profile: FloatArray) -> FloatArray:
 
 
 def _peak(profile: FloatArray, k: int) -> tuple[int, int]:
-    """The slice of the profile that goes down from its peak at k on both sides."""
+    """The slice of the profile that decreases from its peak at k on both sides."""
     left, right = k, k + 1
     while left > 0 and profile[left - 1] < profile[left]:
         left -= 1

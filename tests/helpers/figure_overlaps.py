@@ -1,4 +1,4 @@
-"""Legends, labels and numbers of axes that lie on data or on each other, for tests of figures."""
+"""Legends, labels and numbers of axes that cover data or each other, for tests of figures."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -10,8 +10,8 @@ from kolsky.report.canvas import _covers, _on_data, _shared, _shown
 
 
 def overlaps(figure: Figure) -> list[str]:
-    """Say of every legend, label and number of an axis what it lies on, in words."""
-    figure.draw_without_rendering()  # the texts of ticks are known then
+    """Texts: for every legend, label and number of an axis, the objects that it covers."""
+    figure.draw_without_rendering()  # this sets the texts of the ticks
     found = []
     for ax in figure.axes:
         name = ax.get_label() or "a panel"
@@ -37,7 +37,7 @@ def overlaps(figure: Figure) -> list[str]:
 
 
 def _crowded(axis: Axis) -> Iterator[tuple[str, str]]:
-    """Pairs of neighbouring numbers of an axis that lie on each other."""
+    """Pairs of neighbouring numbers of an axis that overlap."""
     low, high = sorted(axis.get_view_interval())
     ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
     for side in ("label1", "label2"):

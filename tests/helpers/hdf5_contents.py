@@ -1,4 +1,4 @@
-"""Everything that an HDF5 file holds, read with h5py alone."""
+"""All contents of an HDF5 file, read with h5py only."""
 
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,8 @@ import numpy as np
 
 
 def contents(path: Path) -> dict[str, tuple[Any, ...]]:
-    """Path -> attributes of a group; attributes, type, shape and bytes of a dataset, at each of its names."""
+    """Contents by path: attributes of a group; attributes, type, shape and bytes of a dataset, for each of
+    its names."""
     found: dict[str, tuple[Any, ...]] = {}
 
     def look(group: h5py.Group, place: str) -> None:

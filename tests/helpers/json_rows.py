@@ -1,4 +1,4 @@
-"""The table of docs/howto/json.md, held against what commands print with `--json`."""
+"""Comparison of the table of docs/howto/json.md with the output of commands with `--json`."""
 
 import json
 import re
@@ -16,15 +16,15 @@ class Row(NamedTuple):
     always: frozenset[str]
     at_times: frozenset[str]
     more: bool
-    """True if there is a key for each of something, too."""
+    """True if the row also allows one key for each member of a set."""
 
     def fits(self, keys: set[str]) -> bool:
-        """True if an object with these keys is what the row says."""
+        """True if an object with these keys agrees with the row."""
         return self.always <= keys and (self.more or keys <= self.always | self.at_times)
 
 
 def row_of(text: str) -> Row:
-    """The keys that the second column of a row names; what stands in brackets explains them."""
+    """The keys in the second column of a row. Text in brackets explains them."""
     bare = re.sub(r"\([^()]*\)", "", text)
     bare = bare.replace("`dic.toml`", "")
     always, _, seldom = bare.partition("at times")
@@ -42,7 +42,7 @@ def rows() -> dict[str, list[Row]]:
 
 
 def compare(words: Sequence[str], stdout: str) -> None:
-    """Hold what a command printed with `--json` against its rows.
+    """Compare the output of a command with `--json` with its rows.
 
     Raises AssertionError if no row of the command has these keys.
     """

@@ -10,12 +10,12 @@ from kolsky.cli import app
 
 
 def run_kolsky(*words: object, code: int = 0) -> Result:
-    """What a command prints; it must end with this exit code."""
+    """Output of a command. It must end with this exit code."""
     done = CliRunner().invoke(app, [str(word) for word in words])
     assert done.exit_code == code, done.output
     return done
 
 
 def json_of(*words: object) -> Any:
-    """What a command that succeeds prints with ``--json``."""
+    """Output of a successful command with ``--json``."""
     return json.loads(run_kolsky(*words, "--json").stdout)

@@ -1,4 +1,4 @@
-"""The files of open-05 as a laboratory has them: a German scope file, series of VIC-3D, a workbook."""
+"""The files of open-05 in the formats of a laboratory: a German scope file, series of VIC-3D, a workbook."""
 
 import csv
 from pathlib import Path
@@ -12,9 +12,10 @@ LENGTH = 6.5
 HEIGHTS = np.linspace(0.12, 0.88, 9) * LENGTH
 """Of the points at rest [mm]."""
 ANGLES = np.radians(np.linspace(-24.0, 24.0, 5))
-"""Of the points about the specimen's axis: one column near the centre plane, so that its noise is its own."""
+"""Angles of the points about the specimen's axis. One column is near the centre plane, so its noise is
+independent."""
 PLATEN = 2.0
-"""Y of the transmission platen's face in the program's frame [mm]; its Y points down."""
+"""Y of the transmission platen's face in the program's frame [mm]. Y points down in this frame."""
 HEAD = '"X [mm]", "Y [mm]", "Z [mm]", "U [mm]", "V [mm]", "W [mm]", "sigma", "x", "y"'
 TYPED = {
     "specimen.diameter": '"9.5 mm"',
@@ -29,7 +30,7 @@ TYPED = {
     "model.poisson": "0.499",
     "model.damping": '"25 us"',
 }
-"""What a person types: no file holds it."""
+"""Values that a person types, because no file contains them."""
 
 
 def table(name: str) -> np.ndarray:
@@ -39,7 +40,7 @@ def table(name: str) -> np.ndarray:
 
 
 def write_export(path: Path, places: np.ndarray, motion: np.ndarray, sigma: np.ndarray) -> None:
-    """One frame as VIC-3D exports it."""
+    """One frame in the format of a VIC-3D export."""
     pixels = np.column_stack([np.arange(len(places)) % 9, np.arange(len(places)) // 9]) * 12.0
     rows = np.column_stack([places, motion, sigma, pixels])
     lines = [HEAD, *(", ".join(f"{v:.5f}" for v in row) for row in rows)]
@@ -76,7 +77,8 @@ def write_exports(folder: Path) -> None:
 
 
 def write_scope(path: Path) -> None:
-    """Semicolons, decimal commas, the rate and the first time in the header, and no column of times."""
+    """A file with semicolons and decimal commas. The header gives the rate and the first time; there is no
+    time column."""
     rows = table("scope.csv")
     step = float(np.median(np.diff(rows[:, 0])))
     head = [f"Abtastrate;{1e-6 / step:g} MHz", f"Start;{1e6 * rows[0, 0]:g} us"]
@@ -86,7 +88,7 @@ def write_scope(path: Path) -> None:
 
 
 def write_workbook(path: Path) -> None:
-    """Per cent and MPa in a row of units."""
+    """A file with per cent and MPa in a row of units."""
     from openpyxl import Workbook
 
     book = Workbook()

@@ -1,4 +1,5 @@
-"""Small kernels through the translator: structs of a few arrays; launches over lanes and by Warp itself."""
+"""Small kernels for the translator, with structs of a few arrays. They are launched over lanes and by
+Warp."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -17,13 +18,13 @@ from explicit.simd.team import single_thread_team
 N = 13
 """Simulations of a batch: one full pack and an incomplete one in fp64, an incomplete one in fp32."""
 ELEMENTS = 37
-"""Elements of the body: no multiple of any number of lanes, and more than a group."""
+"""Number of elements of the body: not a multiple of any number of lanes, and more than a group."""
 CONSTANTS = 5
 """Constants of an element in the grouped tables."""
 SLOTS = 128
 """Numbers that a kernel writes for each simulation."""
 UNTOUCHED = -77
-"""What the output holds before a launch."""
+"""Content of the output before a launch."""
 
 
 def lanes_of(numbers: Precision) -> int:
@@ -79,7 +80,7 @@ def small_structs(numbers: Precision) -> Structs:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a launch reads, shape [N] unless said otherwise."""
+    """Inputs of a launch, shape [N] unless stated otherwise."""
 
     x: np.ndarray
     y: np.ndarray
@@ -104,7 +105,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Results:
-    """What a launch wrote, shape [N, SLOTS], and the state."""
+    """Output of a launch, shape [N, SLOTS], and the state."""
 
     values: np.ndarray
     whole: np.ndarray
@@ -165,7 +166,7 @@ def _arguments(numbers: Precision, given: Inputs, rows: int, lanes: int) -> list
 
 
 def scalar_launch(kernel: Any, numbers: Precision, given: Inputs) -> Results:
-    """The kernel as Warp itself runs it, a simulation after the other."""
+    """The kernel run by Warp, one simulation after the other."""
     select_device("cpu")
     arguments = _arguments(numbers, given, N, 1)
     wp.launch(kernel, dim=(N, 1), inputs=[*arguments, 0], device="cpu", block_dim=1)
@@ -175,7 +176,7 @@ def scalar_launch(kernel: Any, numbers: Precision, given: Inputs) -> Results:
 def lane_launch(
     kernel: Any, numbers: Precision, given: Inputs, mapping: Mapping, *, skip: tuple[int, ...] = ()
 ) -> Results:
-    """The kernel over lanes, in packs as `explicit.drivers` makes them; `skip` leaves simulations out."""
+    """The kernel over lanes, in packs as in `explicit.drivers`. `skip` leaves simulations out."""
     select_device("cpu")
     lanes = lanes_of(numbers)
     made = lane_kernel(kernel, small_structs(numbers), numbers, mapping, lanes).kernel

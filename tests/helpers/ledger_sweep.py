@@ -1,8 +1,8 @@
-"""A sweep of 10 000 quick runs into a ledger, as a process of its own that can be killed.
+"""A sweep of 10 000 quick runs into a ledger, in a separate process that can be killed.
 
     python ledger_sweep.py LEDGER LOG
 
-Every run that is made is written to LOG, 4 bytes a run, before its chunk comes back.
+Every run is written to LOG, 4 bytes per run, before its chunk is returned.
 """
 
 import os
@@ -33,7 +33,7 @@ def oscillator(points: NDArray[np.float64]) -> list[Run]:
     return runs
 
 
-# Here and not beside their tests: a new process imports the file that it finds them in.
+# They are here and not in the test file, because a new process imports the file that contains them.
 def mortal(marker: Path, points: NDArray[np.float64]) -> list[Run]:
     """The oscillator, in a worker that dies once."""
     if np.any(np.all(points == POINTS[150], axis=1)) and not marker.exists():
@@ -54,7 +54,7 @@ def main(ledger: Path, log: Path) -> None:
         def logged(points: NDArray[np.float64]) -> list[Run]:
             rows = np.array([ROW[point.tobytes()] for point in points], dtype="<i4")
             os.write(file.fileno(), rows.tobytes())
-            time.sleep(0.002)  # a sweep of about two seconds, so that it can be hit in the middle
+            time.sleep(0.002)  # a sweep of about two seconds: it can be killed in the middle
             return oscillator(points)
 
         run_chunks(logged, POINTS, chunk=CHUNK, ledger=book)

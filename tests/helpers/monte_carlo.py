@@ -1,4 +1,4 @@
-"""Propagation of distributions by Monte Carlo (JCGM 101:2008), the check of a budget and its stand-in."""
+"""Propagation of distributions by Monte Carlo (JCGM 101:2008), to check or replace an error budget."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from kolsky.bars.records import Quantity
 from kolsky.base.arrays import FloatArray
 
 NoisyModel = Callable[[Mapping[str, float], np.random.Generator], Mapping[str, ArrayLike]]
-"""As `kolsky.bars.budget.Model`; may draw the noise of its signals
+"""A model as `kolsky.bars.budget.Model`. It may draw the noise of its signals
 (`kolsky.bars.signals.baseline.Noise.draw`)."""
 
 DISTRIBUTIONS: Mapping[str, Callable[[np.random.Generator, int], FloatArray]] = {
@@ -38,7 +38,7 @@ class Spread:
     trials: int
     """Draws."""
     probability: float
-    """Coverage probability of the interval, as much beyond one end as beyond the other [-]."""
+    """Coverage probability of the interval [-]. Both tails have the same probability."""
 
 
 def monte_carlo(
@@ -51,15 +51,15 @@ def monte_carlo(
     correlations: Mapping[tuple[str, str], float] | None = None,
     probability: float = 0.95,
 ) -> dict[str, Spread]:
-    """Draw the quantities, run the model, and describe what comes out.
+    """Draw the quantities, run the model, and describe the outputs.
 
     ``model``: from values by name, and the generator for its noise, to outputs of fixed shapes. ``trials``:
-    draws, at least 100. A standard deviation is then known to 1 / sqrt(2 trials) of itself.
-    ``distributions``: by name of the quantity, a key of `DISTRIBUTIONS` or "t". Without an entry "normal", or
-    with finite degrees of freedom "t", scaled by sigma (JCGM 101, 6.4.9). ``correlations``: coefficients of
-    pairs of quantities, which must be normal then. ``probability``: of the coverage intervals [-]. Raises
-    ValueError if an option or quantity is impossible, a t distribution has fewer than 3 degrees of freedom
-    (its standard deviation would not exist), or an output is not finite or changes its shape.
+    number of draws, at least 100. The relative uncertainty of a standard deviation is then 1 / sqrt(2
+    trials). ``distributions``: by name of the quantity, a key of `DISTRIBUTIONS` or "t". Without an entry
+    "normal", or with finite degrees of freedom "t", scaled by sigma (JCGM 101, 6.4.9). ``correlations``:
+    coefficients of pairs of quantities, which must be normal then. ``probability``: of the coverage intervals
+    [-]. Raises ValueError if an option or quantity is impossible, or an output is not finite or changes its
+    shape. Also if a t distribution has fewer than 3 degrees of freedom: it has no standard deviation then.
     """
     check_quantities(quantities)
     if trials < 100:
@@ -91,8 +91,8 @@ def difference(budget: Budget, output: str, spread: Spread) -> float:
     """Distance between the intervals of a budget and of a Monte Carlo run (JCGM 101, 8.1).
 
     Returns: largest distance of corresponding ends over the combined standard uncertainty at the same sample
-    [-]. JCGM 101 calls the budget validated if it is below half a unit of the last digit that is to be
-    reported: 0.05 with one digit before and one behind the point, as u = 1.0.
+    [-]. By JCGM 101 the budget is validated if it is below half a unit of the last reported digit: 0.05 with
+    one digit before and one after the point, as u = 1.0.
     """
     u = budget.sigma(output)
     U = budget.coverage_factor(output, spread.probability) * u
@@ -119,7 +119,7 @@ def _draws(
                 f"{name}: distribution must be 't' or one of {', '.join(DISTRIBUTIONS)}, got {kind!r}"
             )
     R = correlation_matrix(quantities, correlations)
-    # A square root by eigenvectors, since correlations of 1 make the matrix singular.
+    # A square root by eigenvectors, because correlations of 1 make the matrix singular.
     eigenvalue, vector = np.linalg.eigh(R)
     together = rng.standard_normal((trials, len(names))) @ (vector * np.sqrt(np.maximum(eigenvalue, 0.0))).T
     found = {}

@@ -1,4 +1,4 @@
-"""Order of convergence, fitted over a refinement series and never asserted from one pair of meshes."""
+"""Order of convergence, fitted over a refinement series and not only over one pair of meshes."""
 
 from typing import NamedTuple
 
@@ -21,9 +21,9 @@ def fitted_order(h: ArrayLike, error: ArrayLike) -> FittedOrder:
     """Fit error = C h^p by least squares in log-log.
 
     ``h``: step or element sizes, any unit, all different, shape [n], n >= 3. ``error``: error at each size,
-    any unit, positive, shape [n]. Raises ValueError: fewer than three sizes, repeated sizes, or a size or
-    error that is not positive and finite. An error of exactly 0 has no order: the property under test holds
-    to round-off.
+    any unit, positive, shape [n]. Raises ValueError if there are fewer than three sizes, if sizes are
+    repeated, or if a size or error is not positive and finite. An error of exactly 0 has no order: the tested
+    property is exact to round-off.
     """
     sizes, errors = np.asarray(h, dtype=float), np.asarray(error, dtype=float)
     if sizes.ndim != 1 or sizes.shape != errors.shape or sizes.size < 3:
@@ -47,16 +47,16 @@ def fitted_order(h: ArrayLike, error: ArrayLike) -> FittedOrder:
 def assert_order(
     h: ArrayLike, error: ArrayLike, expected: float, tolerance: float, *, at_least: bool = False
 ) -> FittedOrder:
-    """Assert that the errors fall as h^expected, within `tolerance` on the exponent.
+    """Assert that the errors decrease as h^expected, within `tolerance` on the exponent.
 
-    Two things can fail: the slope, and the line itself. When the standard error of the slope is
-    larger than `tolerance` the series is not one power law (a noise floor, a coarse mesh outside
-    the asymptotic range, a superposed error of another kind), whatever its mean slope is.
+    Both the slope and the straight line are tested. If the standard error of the slope is larger than
+    `tolerance`, the series is not one power law, independent of its mean slope. Causes are a noise floor, a
+    coarse mesh outside the asymptotic range, or another kind of error.
 
     ``h``, ``error``: as for `fitted_order`. ``expected``: the order that theory gives [-]. ``tolerance``:
     allowed distance of the fitted order, and largest allowed standard error [-]. ``at_least``: accept any
     order above ``expected - tolerance`` ("first order or better"). Returns: the fit, for a page or a message.
-    Raises AssertionError: with the table of sizes, errors and local orders.
+    Raises AssertionError with the table of sizes, errors and local orders.
     """
     fit = fitted_order(h, error)
     too_low = fit.order < expected - tolerance

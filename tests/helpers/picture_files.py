@@ -6,14 +6,15 @@ import numpy as np
 
 
 def packed(values, bits):
-    """Grey values one after the other without gaps, most significant bit first."""
+    """Packed grey values without gaps, most significant bit first."""
     text = "".join(f"{int(value):0{bits}b}" for value in np.ravel(values))
     text += "0" * (-len(text) % 8)
     return bytes(int(text[i : i + 8], 2) for i in range(0, len(text), 8))
 
 
 def twelve_bit_tiff(pages, *, order="<", white=False, extra=()):
-    """An uncompressed TIFF of 12 bits a value, each row from a whole byte on, pages before their headers."""
+    """An uncompressed TIFF of 12 bits per value. Each row begins at a whole byte; pages are before their
+    headers."""
     out = (b"II*\0" if order == "<" else b"MM\0*") + b"\0\0\0\0"
     link = 4
     for page in pages:
@@ -34,7 +35,7 @@ def twelve_bit_tiff(pages, *, order="<", white=False, extra=()):
 def cine(pictures, *, bits=12, packing=0, trigger=(7, 1 << 30), stamps=None, first=-2, rate=1000, **lies):
     """A Phantom cine: uncompressed bottom row first, or packed with the top row first.
 
-    `lies` overwrite what the headers say: count, columns, height, table, setup, mark, notes, size, colours.
+    `lies` overwrite entries of the headers: count, columns, height, table, setup, mark, notes, size, colours.
     """
     rows, columns = pictures[0].shape
     container = 8 if bits == 8 else 16

@@ -1,4 +1,4 @@
-"""Made-up identified shots with a rate each, for tests of what is made of several of them."""
+"""Synthetic identified shots with one rate each, for tests of evaluations over several shots."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from kolsky.studies.rates.records import QuasiStatic, RatedShot, StrainHistory
 
 LENGTH, DIAMETER = 6.5e-3, 9.5e-3
 SHEAR = 25e3
-"""Shear modulus of the made-up baseline, a neo-Hookean solid [Pa]."""
+"""Shear modulus of the synthetic baseline, a neo-Hookean solid [Pa]."""
 
 
 def baseline(rate: float | None = 0.01, *, source: str = "ab" * 32) -> QuasiStatic:
@@ -38,7 +38,7 @@ def found(name: str, m: float, *, parts: dict[str, float], numerical: float = 0.
 
 
 def history(rate: float, *, spread: float = 0.05) -> StrainHistory:
-    """The synthetic result's motion, said to have another rate."""
+    """The motion of the synthetic result with another declared rate."""
     time = np.linspace(0.0, 1.5e-3, 301)
     return StrainHistory(
         time=time,

@@ -298,7 +298,7 @@ def yokogawa_wfm(path: Path) -> Path:
 
 
 def rohde_schwarz(path: Path) -> Path:
-    """Two channels: an XML header, the samples beside it in .Wfm.bin."""
+    """Two channels: an XML header, and the samples in .Wfm.bin next to it."""
     stop = START + SAMPLES * INTERVAL
     values = {
         "SignalFormat": "eRS_SIGNAL_FORMAT_FLOAT", "TraceType": "eRS_TRACE_TYPE_NORMAL",
@@ -321,7 +321,7 @@ def rohde_schwarz(path: Path) -> Path:
 
 @dataclass(frozen=True)
 class Made:
-    """A format: what writes it, under which file name, and what its channels are called."""
+    """A format: its writer, its file name, and the names of its channels."""
 
     write: Callable[[Path], Path]
     name: str
@@ -352,17 +352,17 @@ FILES = {
     "yokogawa_wfm": Made(yokogawa_wfm, "a.wfm", ("CH1",)),
     "rohde_schwarz": Made(rohde_schwarz, "a.bin", ("CH1", "CH2")),
 }
-"""Formats that say units and clock themselves."""
+"""Formats that contain units and clock."""
 UNITLESS = {
     "lecroy_csv": Made(lecroy_csv, "a.csv", ("CH1", "CH2")),
     "mat": Made(mat, "a.mat", ("CH1", "CH2")),
     "mat73": Made(mat73, "a.mat", ("CH1", "CH2")),
 }
-"""Formats of which a user has to say the unit."""
+"""Formats for which a user must declare the unit."""
 
 
 def is_binary(made: Made) -> bool:
-    """Whether the format that a file is recognised as says that it is binary."""
+    """Whether the detected format of a file is a binary format."""
     with tempfile.TemporaryDirectory() as folder:
         path = made.write(Path(folder) / made.name)
         return next(form for form in FORMATS.values() if form.sniff(path)).BINARY

@@ -1,4 +1,4 @@
-"""Launches that threads share, begun when all of them are there."""
+"""Shared launches of threads. They begin when all threads are ready."""
 
 import ctypes
 import time
@@ -9,19 +9,19 @@ from typing import Any
 from explicit.simd.team import LINE, MET, MOST_LOOKS, STATE, Seats
 
 LONG = MOST_LOOKS
-"""Looks of a thread that is patient: a core that has other work is back before."""
+"""Number of polls of a patient thread: a core with other work returns earlier."""
 NAP = 5e-5
-"""How long a thread is away [s], so that it comes back often."""
+"""Time of a thread's absence [s]. It is short, so the thread returns often."""
 
 
 @ctypes.CFUNCTYPE(None, ctypes.c_uint)
 def short_nap(_microseconds: int) -> None:
-    """A nap of the same length whatever is asked for."""
+    """A sleep of constant length, independent of the request."""
     time.sleep(NAP)
 
 
 class FullSeats(Seats):
-    """Seats whose run begins when everybody is ready."""
+    """Seats whose run begins when all threads are ready."""
 
     def __init__(self, n_elements: int, seats: int, where: Any, patience: int) -> None:
         super().__init__(n_elements, seats, where)
@@ -30,7 +30,7 @@ class FullSeats(Seats):
         self.nap, self.ready, self.patience = address, MOST_LOOKS, patience
 
     def team(self, seat: int) -> Any:
-        """The argument of a thread; the first is asked for last."""
+        """The argument of a thread. That of the first thread is requested last."""
         others = self.words.numpy()[STATE + LINE : STATE + self.seats * LINE : LINE]
         until = time.monotonic() + 20.0
         while seat == 0 and not (others == 1).all():
@@ -39,12 +39,12 @@ class FullSeats(Seats):
         return super().team(seat)
 
     def met(self) -> int:
-        """How often the threads have met."""
+        """Number of times that the threads have met."""
         return int(self.words.numpy()[MET])
 
 
 def launch_shared(launch: Callable[[Any], None], seats: FullSeats) -> int:
-    """Launch in every seat; how often the threads met."""
+    """Launch in every seat. Returns how often the threads met."""
     with ThreadPoolExecutor(seats.seats - 1) as pool:
         others = [pool.submit(lambda k=k: launch(seats.team(k))) for k in range(1, seats.seats)]
         try:

@@ -1,4 +1,5 @@
-"""A shot as evidence of rate dependence: its transmitted force, simulated for many rate models at once."""
+"""A shot as evidence of rate dependence: its transmitted force is simulated for many rate models in one
+batch."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +21,7 @@ class ShotEvidence:
     """Means of the transmitted force over successive bins."""
 
     model: explicit.Model
-    """The test; its material and what relaxes are those of the fit."""
+    """The test. Its material and relaxation are those of the fit."""
     edges: FloatArray
     """Edges of the bins [s], ascending, shape [n + 1]."""
     force: FloatArray
@@ -28,7 +29,7 @@ class ShotEvidence:
     sigma: FloatArray
     """Its standard uncertainty [N], shape [n]."""
     held: Mapping[str, float] = field(default_factory=dict)
-    """What else a sample has, such as "poisson", "damping" and "friction": arguments of
+    """Other parameters of a sample, such as "poisson", "damping" and "friction": arguments of
     `explicit.Samples.of`."""
     stepping: explicit.Stepping = field(default_factory=explicit.Stepping)
     """Numerical choices of the time loop."""
@@ -37,13 +38,13 @@ class ShotEvidence:
     threads: int | None = None
     """CPU threads; all cores if left out."""
     label: str = "shot"
-    """What it is, for tables."""
+    """Name of the evidence, for tables."""
 
     @classmethod
     def of(cls, prepared: PreparedShot, numerics: Numerics) -> "ShotEvidence":
-        """The evidence of a prepared shot, with its own values of everything but rate and stiffness.
+        """The evidence of a prepared shot. All values except rate and stiffness are those of the shot.
 
-        Raises ValueError if the transducer sits behind the platen's face.
+        Raises ValueError if the transducer is behind the platen's face.
         """
         shot, bins = prepared.forward.shot, prepared.observations.bins
         if shot.transducer_depth or shot.behind or shot.flyer_body:

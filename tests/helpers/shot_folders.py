@@ -1,4 +1,4 @@
-"""Folders of shots to test on: where they are, copies of them, what is in a folder."""
+"""Folders of shots for tests: their paths, copies, and contents."""
 
 import os
 import shutil
@@ -25,7 +25,7 @@ OVERRIDE = (1, 2)
 
 
 def ordinary_rights() -> None:
-    """Give up what lets the administrator write into closed folders, with the next program."""
+    """Drop the administrator's capability to write into closed folders, for the next program."""
     import ctypes
 
     for capability in OVERRIDE if os.geteuid() == 0 else ():
@@ -33,7 +33,7 @@ def ordinary_rights() -> None:
 
 
 def state(folder: Path) -> dict[str, tuple[int, int]]:
-    """Size and time of change of everything in a folder."""
+    """Size and time of change of all files in a folder."""
     found = {}
     for path in sorted(folder.rglob("*")):
         status = path.stat()

@@ -1,4 +1,5 @@
-"""A made-up flyer in closed form: pushed, pulled by its joint, stopped by a specimen, thrown back, hit."""
+"""A synthetic flyer in closed form. It is pushed, pulled by its joint, stopped by a specimen, pushed back and
+hit."""
 
 from dataclasses import dataclass
 
@@ -22,7 +23,8 @@ def ramp(u: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Flight:
-    """Times of a made-up flight; a joint that pulls for `pull` takes `loss` of the speed linearly in time."""
+    """Times of a synthetic flight. A joint that pulls for `pull` reduces the speed by `loss`, linearly in
+    time."""
 
     pull: float = 0.0
     loss: float = 0.0
@@ -42,7 +44,7 @@ class Flight:
         if self.pull:
             v = v - self.loss * np.clip((t - self.full) / self.pull, 0.0, 1.0)
         if self.arrest is not None:
-            # A specimen that stops it over 600 us and gives 80 % back, antisymmetric about the arrest.
+            # A specimen that stops it over 600 us and returns 80 %, antisymmetric about the arrest.
             u = (t - self.arrest) / 300e-6
             v = v - (SPEED - self.loss) * (1.0 + np.tanh(u))
         if self.impact is not None:
@@ -55,7 +57,7 @@ class Flight:
         return float(Flight(self.pull, self.loss, self.arrest).velocity(np.array([t]))[0])
 
     def motion(self, seed: int, end: float, *, lag: float = 0.0) -> FlyerMotion:
-        """What the cameras saw, with their clock late by `lag`."""
+        """Measurement of the cameras, with their clock late by `lag`."""
         fine = np.arange(-100e-6, end + FRAME, 1e-8)
         x = np.concatenate(
             [[0.0], np.cumsum(0.5 * (self.velocity(fine)[1:] + self.velocity(fine)[:-1])) * 1e-8]
@@ -65,7 +67,7 @@ class Flight:
         return FlyerMotion(t - lag, np.interp(t, fine, x) + noise, np.full(t.size, SIGMA))
 
     def force(self, seed: int, end: float, *, specimen: tuple[float, float] = (0.0, 0.0)) -> Signal:
-        """What a transducer behind `MASS` felt: m a + Z v + k x."""
+        """Force on a transducer behind `MASS`: m a + Z v + k x."""
         t = -200e-6 + INTERVAL * np.arange(round((end + 200e-6) / INTERVAL))
         h = 1e-8
         v = self.velocity(t)

@@ -1,11 +1,11 @@
 """Speckle pictures in closed form, of a plane and of a cylinder, with known motion.
 
-A pattern is a sum of Gaussians in the material. A picture asks for its grey value at the material place
-that each pixel sees, so that no interpolation is in it and the motion is exact.
+A pattern is a sum of Gaussians in the material. The grey value of a pixel is that of the pattern at the
+visible material point. There is no interpolation, and the motion is exact.
 
-Every sub-pixel ray is undone through the lens, cut with the cylinder and given the grey value of the speckle
-pattern at that place of the surface, a function of the arc length and the height. No picture is warped or
-interpolated, so that the true match of a pixel is known in closed form.
+The lens distortion is removed from every sub-pixel ray, and the ray is intersected with the cylinder. Its
+grey value is that of the speckle pattern at this point, a function of the arc length and the height. No
+picture is warped or interpolated, so the true match of a pixel has a closed form.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,11 @@ from dic.basics import FloatArray
 from dic.camera import Camera
 
 Inverse = Callable[[FloatArray], FloatArray]
-"""From places in a picture (x, y) [px] to those in the material picture, both of shape [..., 2]."""
+"""From positions in a picture (x, y) [px] to positions in the material picture, both of shape [..., 2]."""
 
 REACH = 5.0
-"""Spreads from its centre within which a speckle is certainly counted; 4e-6 of its height is left there."""
+"""A speckle is used within this number of standard deviations of its centre. Beyond, at most 4e-6 of its
+height is neglected."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ class SpecklePattern:
     """Grey value far from any speckle [grey]."""
 
     def grey(self, X: FloatArray) -> FloatArray:
-        """Grey values at places of the material picture [grey], shape [...].
+        """Grey values at positions of the material picture [grey], shape [...].
 
-        ``X``: places (x, y) [px], shape [..., 2].
+        ``X``: positions (x, y) [px], shape [..., 2].
         """
         X = np.asarray(X, dtype=np.float64)
         places = X.reshape(-1, 2)
@@ -51,7 +52,8 @@ class SpecklePattern:
 
     @cached_property
     def _cells(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Cells as wide as the reach: corner and shape of their grid, speckles by cell, first of each."""
+        """Cells as wide as the reach: corner and shape of their grid, speckles by cell, first speckle of each
+        cell."""
         corner = self.centres.min(axis=0) - 2.0 * self._width  # no speckle in the outermost two cells
         cell = np.floor((self.centres - corner) / self._width).astype(np.int64)
         shape = cell.max(axis=0) + 3
@@ -65,7 +67,8 @@ class SpecklePattern:
         return REACH * self.spread
 
     def _sum(self, places: FloatArray) -> FloatArray:
-        """Grey values at places, shape [n, 2]: cell by cell, with the speckles of nine cells."""
+        """Grey values at positions, shape [n, 2]. They are computed cell by cell with the speckles of nine
+        cells."""
         corner, shape, speckles, first = self._cells
         cell = np.floor((places - corner) / self._width).astype(np.int64)
         total = np.full(len(places), self.level)
@@ -94,15 +97,15 @@ def speckle_pattern(
     margin: float = 30.0,
     seed: int = 0,
 ) -> SpecklePattern:
-    """Speckles at random places, half of them darker and half brighter than the ground.
+    """Speckles at random positions. Half of them are darker and half are brighter than the ground.
 
-    Their autocorrelation is a Gaussian, so that the mean square of a gradient component is
+    Their autocorrelation is a Gaussian. The mean square of a gradient component is
     ``contrast² / (2 s²)`` with ``s = size / (4 √ln 2)``.
 
     ``shape``: rows and columns of the material picture [px]. ``size``: full width of the pattern's
     autocorrelation at half its height [px]. ``contrast``, ``level``: standard deviation and mean of the grey
-    value [grey]. ``margin``: width of the pattern beyond the picture [px]. ``seed``: of the random places.
-    Raises ValueError: a size or contrast that is not positive.
+    value [grey]. ``margin``: width of the pattern beyond the picture [px]. ``seed``: seed of the random
+    positions. Raises ValueError if a size or contrast is not positive.
     """
     for name, value in (("size", size), ("contrast", contrast)):
         if not (np.isfinite(value) and value > 0.0):
@@ -136,13 +139,13 @@ def render(
 ) -> FloatArray:
     """A picture of the pattern [grey], shape [rows, columns].
 
-    ``shape``: rows and columns [px]. ``material``: the inverse motion: which material place a place of the
-    picture shows; None: the same. ``fill``: width of the square a pixel gathers light on, over the pixel
-    pitch, 0 to 1. 0 samples the pixel's centre; above it the mean over the square is formed by 3 x 3 Gauss
-    points. ``gain``, ``offset``: grey values are ``gain × pattern + offset``, as under another light.
-    ``noise``: standard deviation of Gaussian noise, independent from pixel to pixel [grey]. ``bits``: the
-    camera's depth: grey values are rounded, and saturate at 0 and 2**bits - 1. None: neither. Raises
-    ValueError: a fill outside 0 to 1, a noise that is negative, bits outside 1 to 16.
+    ``shape``: rows and columns [px]. ``material``: the inverse motion, from a position in the picture to its
+    material point; None: no motion. ``fill``: width of a pixel's light-sensitive square over the pixel pitch,
+    0 to 1. 0 samples the pixel's centre. A larger value gives the mean over the square by 3 x 3 Gauss points.
+    ``gain``, ``offset``: grey values are ``gain × pattern + offset``, as under another light. ``noise``:
+    standard deviation of Gaussian noise, independent from pixel to pixel [grey]. ``bits``: the camera's
+    depth: grey values are rounded, and saturate at 0 and 2**bits - 1. None: neither. Raises ValueError if the
+    fill is outside 0 to 1, the noise is negative, or the bits are outside 1 to 16.
     """
     if not 0.0 <= fill <= 1.0:
         raise ValueError(f"fill must be from 0 to 1, got {fill}")
@@ -167,7 +170,7 @@ def render(
 
 
 Pattern = Callable[[FloatArray, FloatArray], FloatArray]
-"""Reflectance, 0 to 1, of places on a surface: arc length and height [m], both of one shape."""
+"""Reflectance, 0 to 1, at positions on a surface: arc length and height [m], both of one shape."""
 
 
 @dataclass(frozen=True)
@@ -177,12 +180,13 @@ class RenderedCylinder:
     radius: float
     """Radius [m]."""
     x: float = 0.0
-    """Place of the axis, x [m]."""
+    """Position of the axis, x [m]."""
     z: float = 0.0
-    """Place of the axis, z [m]."""
+    """Position of the axis, z [m]."""
 
     def hit(self, camera: Camera, pixels: FloatArray) -> FloatArray:
-        """Points of the cylinder that a camera sees at `pixels` [px] [m], shape [..., 3]; NaN beside it."""
+        """Points of the cylinder [m] that a camera sees at `pixels` [px], shape [..., 3]; NaN where it sees
+        none."""
         ideal = camera.undistort(pixels)
         ray = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1) @ camera.rotation
         start = camera.centre - np.array([self.x, 0.0, self.z])
@@ -194,7 +198,7 @@ class RenderedCylinder:
         return np.asarray(camera.centre + s[..., None] * ray)
 
     def normal(self, X: FloatArray) -> FloatArray:
-        """Outward unit normals at places of the surface, shape [..., 3]."""
+        """Outward unit normals at positions on the surface, shape [..., 3]."""
         out = np.stack([X[..., 0] - self.x, np.zeros(X.shape[:-1]), X[..., 2] - self.z], axis=-1)
         return np.asarray(out / np.linalg.norm(out, axis=-1, keepdims=True))
 
@@ -210,7 +214,7 @@ class RenderedCylinder:
         """The picture a camera takes, reflectances averaged over each pixel [-], shape [rows, columns].
 
         ``shape``: rows and columns [px]. ``pattern``: reflectance of the surface by arc length and height.
-        ``oversample``: rays a pixel along each axis.
+        ``oversample``: number of rays of a pixel along each axis.
         """
         rows, columns = shape
         offset = (np.arange(oversample) + 0.5) / oversample - 0.5
@@ -229,7 +233,8 @@ class RenderedCylinder:
 
 @dataclass(frozen=True)
 class Speckles:
-    """Dark discs on a bright ground: one a cell of a square grid, of random place and size, soft rims."""
+    """Dark discs with soft rims on a bright ground. Each cell of a square grid has one disc of random
+    position and size."""
 
     pitch: float
     """Side of a cell [m]."""
@@ -238,17 +243,17 @@ class Speckles:
     softness: float = 0.15
     """Width of the rim [pitch]."""
     cells: int = 256
-    """After so many cells each way the pattern repeats."""
+    """The pattern repeats after this number of cells in each direction."""
 
     def __call__(self, arc: FloatArray, height: FloatArray) -> FloatArray:
-        """Reflectance, 0 to 1, of places on the surface."""
+        """Reflectance, 0 to 1, at positions on the surface."""
         rng = np.random.default_rng(self.seed)
         jitter = rng.uniform(-0.5, 0.5, (self.cells, self.cells, 2))
         radius = rng.uniform(0.25, 0.55, (self.cells, self.cells))
         u, v = arc / self.pitch, height / self.pitch
         i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
         bright = np.ones(u.shape)
-        for di in (-1, 0, 1):  # a disc reaches 1.05 cells and its rim from the middle of its own
+        for di in (-1, 0, 1):  # a disc with its rim reaches at most 1.05 cells from the middle of its cell
             for dj in (-1, 0, 1):
                 a, b = (i + di) % self.cells, (j + dj) % self.cells
                 du = u - (i + di + 0.5 + jitter[a, b, 0])
@@ -273,7 +278,8 @@ PLANE_SIDE = 128
 
 
 def plane(folder: Path) -> Path:
-    """Three pictures of a plane, two of them at rest, the last bent: Exx goes from -2 to 2 % along x."""
+    """Three pictures of a plane. Two are at rest; in the last one it is bent: Exx varies from -2 to 2 % along
+    x."""
     folder.mkdir(parents=True)
     pattern, middle = speckle_pattern((PLANE_SIDE, PLANE_SIDE), seed=3), 0.5 * PLANE_SIDE
 

@@ -1,4 +1,4 @@
-"""Two cameras before a rendered cylinder: what the tests of the stereo match share."""
+"""Two cameras in front of a rendered cylinder, the common scene of the tests of the stereo match."""
 
 from functools import cache
 
@@ -15,14 +15,14 @@ SHAPE = (128, 128)
 RADIUS = 4.75e-3
 CYLINDER = RenderedCylinder(RADIUS)
 NOISE = 0.004
-"""Of a grey value, where black is 0 and white 1."""
+"""Noise of a grey value, with 0 for black and 1 for white."""
 LENS = (-0.17, 0.0, 1e-3, -5e-4, 0.0)
 FOCAL = 5400.0
 DISTANCE = 0.3
 
 
 def rig(angle: float = 12.5) -> StereoRig:
-    """Cameras side by side that look at the axis from `DISTANCE`, `angle` [°] apart, their lenses bent."""
+    """Cameras side by side that look at the axis from `DISTANCE`, `angle` [°] apart, with lens distortion."""
     cameras = []
     for a in np.radians([-angle / 2.0, angle / 2.0]):
         centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
@@ -56,7 +56,7 @@ def turned_pair(cx: float, cy: tuple[float, float]) -> StereoRig:
 
 @cache
 def pictures(angle: float = 12.5, seed: int = 3) -> tuple[FloatArray, FloatArray]:
-    """What both cameras see of the cylinder, noise included."""
+    """Pictures of the cylinder by both cameras, including noise."""
     rng = np.random.default_rng(seed)
     first, second = (
         CYLINDER.picture(camera, SHAPE, Speckles(3.5e-4, seed=seed)) + rng.normal(0.0, NOISE, SHAPE)
@@ -72,6 +72,6 @@ def grid(step: int = 8, border: int = 16) -> FloatArray:
 
 
 def truth(points: FloatArray, angle: float = 12.5) -> FloatArray:
-    """Where camera 1 sees what camera 0 sees at `points` [px], shape [n, 2]."""
+    """Positions in camera 1 of the points that camera 0 sees at `points` [px], shape [n, 2]."""
     cameras = rig(angle).cameras
     return cameras[1].project(CYLINDER.hit(cameras[0], points))

@@ -1,8 +1,8 @@
-"""A made-up but realistic `Identification`: closed-form barrel, smooth force, known noise.
+"""A synthetic but realistic `Identification`: closed-form barrel, smooth force, known noise.
 
-No simulation runs here. The specimen stays of constant volume by construction, the force reaches 70 N
-after 1.4 ms, and force and outline answer the parameters linearly, so that every misfit of the design and
-of the surrogate is computed from histories, as it would be for real runs.
+There is no simulation. The volume of the specimen is constant, and the force reaches 70 N after 1.4 ms. Force
+and outline depend linearly on the parameters. Every misfit of the design and of the surrogate is computed
+from histories, as for real runs.
 """
 
 from dataclasses import replace
@@ -59,10 +59,10 @@ def displacement(time: FloatArray) -> FloatArray:
 
 
 def outline(eta: FloatArray, time: float) -> FloatArray:
-    """Radius [m] of the side at the relative height `eta`; the volume stays that of the rest state.
+    """Radius [m] of the side at the relative height `eta`. The volume is that of the rest state.
 
     r = R (phi + b g), g = 4 eta (1 - eta) (1 + s (eta - 1/2)); b solves the mean of r^2 = R^2 L / l.
-    The skew s of the first wave dies out.
+    The skew s of the first wave decays.
     """
     left = 1.0 - displacement(np.array(time)) / LENGTH
     skew = 0.8 * np.exp(-time / 0.3e-3)
@@ -167,7 +167,7 @@ def synthetic(
 
 
 def fit(names: tuple[str, ...]) -> tuple[FitQuality, FitQuality]:
-    """The residual of a correct model: as large as what is predicted."""
+    """The residual of a correct model: as large as predicted."""
     force = FitQuality(
         channel="force",
         unit="N",
@@ -268,8 +268,8 @@ def _comparison(rng: np.random.Generator) -> Comparison:
     centres = time.reshape(-1, per_bin).mean(axis=1)
     frames = np.arange(FRAMES) / FRAME_RATE
     height = LENGTH - displacement(frames)
-    # The points sit on the material, so they crowd as the specimen shortens; the last one of the late
-    # frames has left the model's range.
+    # The points move with the material and get closer as the specimen shortens. The last one of the late
+    # frames is outside the model's range.
     eta = np.linspace(0.06, 0.95, 14) + 0.004 * rng.standard_normal((FRAMES, 14))
     eta[170:, -1] = 1.02
     frame = np.repeat(np.arange(FRAMES), 14)
@@ -296,7 +296,8 @@ def _comparison(rng: np.random.Generator) -> Comparison:
 
 
 def _misfit(parameters: dict[str, float], c: Comparison) -> tuple[float, float, float, float]:
-    """Phi_S, Phi_F, chi2 shape, chi2 force when force and outline answer the parameters linearly."""
+    """Phi_S, Phi_F, chi2 shape and chi2 force, with a linear dependence of force and outline on the
+    parameters."""
     change = parameters.get("stiffness_factor", OPTIMUM["stiffness_factor"]) - OPTIMUM["stiffness_factor"]
     friction = parameters.get("friction", OPTIMUM["friction"])
     damping = (parameters.get("damping", OPTIMUM["damping"]) - OPTIMUM["damping"]) / OPTIMUM["damping"]
@@ -331,7 +332,7 @@ def _design(
     names: tuple[str, ...], c: Comparison, rng: np.random.Generator
 ) -> tuple[DesignTable, tuple[SurrogateCurve, ...]]:
     lower, upper = (np.array([BOUNDS[name][end] for name in names]) for end in (0, 1))
-    # One stratum a run and a random order in each column: a Latin hypercube.
+    # One stratum per run and a random order in each column: a Latin hypercube.
     unit = np.stack([(rng.permutation(16) + rng.random(16)) / 16.0 for _ in names], axis=1)
     optimum = np.array([OPTIMUM[name] for name in names])
     near = optimum + 0.03 * (upper - lower) * rng.standard_normal((4, len(names)))

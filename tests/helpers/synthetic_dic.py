@@ -1,7 +1,7 @@
-"""A made-up but realistic `StereoResult`: a barrelling cylinder before two cameras, in closed form.
+"""A synthetic but realistic `StereoResult`: a barrelling cylinder in front of two cameras, in closed form.
 
-No picture is read. Points of a grid in camera 0's first picture lie on the cylinder, ride with the barrel of
-`synthetic.outline` and are seen by both cameras with known noise; some are lost, one frame is black.
+No picture is read. Points of a grid in camera 0's first picture lie on the cylinder and move with the barrel
+of `synthetic.outline`. Both cameras see them with known noise. Some points are lost, and one frame is black.
 """
 
 import json
@@ -116,7 +116,8 @@ def synthetic_result(*, flyer: bool = True, seed: int = 1) -> StereoResult:
 
 
 def _motion(moved, health, rng) -> BodyMotion:
-    """Along y alone, with noise of 1 µm and 0.1 mrad; lost in the black frame and in the first 12."""
+    """Motion along y only, with noise of 1 µm and 0.1 mrad. It is lost in the black frame and in the first
+    12."""
     n = moved.size
     lost = (health != 0) | (np.arange(n) < 12)
     sigma = np.repeat([1e-4, 1e-6], 3)
@@ -139,7 +140,7 @@ def _motion(moved, health, rng) -> BodyMotion:
 
 
 def _strain(surface: SurfaceHistory, rng) -> SurfaceStrain:
-    """Noise of 2e-4 about nothing."""
+    """Strains of zero with noise of 2e-4."""
     shape = (*surface.outcome.shape, 3)
     lost = ~surface.valid
     value = np.where(lost[..., None], np.nan, rng.normal(0.0, 2e-4, shape))
@@ -168,7 +169,7 @@ def _flyer(moved, time, outcome, rng) -> Body:
 
 
 def _body(truth, outcome, cell, time, rng) -> Body:
-    """Points seen by both cameras with noise of `SIGMA_PX`, and what that noise means in space."""
+    """Points that both cameras see with noise of `SIGMA_PX`, and the effect of this noise in space."""
     lost = outcome != 0
     cameras = rig().cameras
     pixels = [np.where(lost[..., None], np.nan, camera.project(truth)) for camera in cameras]

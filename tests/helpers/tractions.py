@@ -1,4 +1,5 @@
-"""Force of a sheet on its pad from the stress of the elements there (Sutula and others 2020, Eq. K.5)."""
+"""Force of a sheet on its pad from the stress of the elements at the pad (Sutula and others 2020, Eq.
+K.5)."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,7 @@ from kolsky.equilibrium.meshes import Mesh
 
 @dataclass(frozen=True)
 class BoundaryEdges:
-    """Edges of a set of points, with the triangle behind each."""
+    """Edges of a set of points, with the triangle of each edge."""
 
     cells: IntArray
     """Triangle of each edge, shape [n]."""
@@ -23,7 +24,7 @@ class BoundaryEdges:
 
 
 def boundary_edges(mesh: Mesh, where: str) -> BoundaryEdges:
-    """Find the edges on the boundary whose points both belong to a set."""
+    """Find the boundary edges with both points in a set."""
     if mesh.kind != "tri3":
         raise ValueError(f"tractions are known of tri3 only, got {mesh.kind}: take the reactions")
     inside = np.zeros(len(mesh.points), dtype=bool)
@@ -65,7 +66,7 @@ def traction_force(
 def state_with_tractions(
     sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray, near: SheetState | None = None
 ) -> SheetState:
-    """A simulated sheet whose force is that of the tractions; of the coupled law in plane strain."""
+    """A simulated sheet with the force of the tractions, for the coupled law in plane strain."""
     state = sheet_state(sheet, constants, free, pad, near)
     assert not isinstance(state, str)
     edges, chain = boundary_edges(sheet.mesh, sheet.moving), constants.chain(free)

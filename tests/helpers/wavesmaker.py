@@ -1,4 +1,5 @@
-"""A made-up reduction, for tests of files, figures and pages: not physics, but consistent in shape."""
+"""A synthetic reduction for tests of files, figures and pages. It is not physical, but its shapes are
+consistent."""
 
 import numpy as np
 

@@ -1,9 +1,9 @@
 """Named faults of a few tokens, each with the quick tests that must fail when it is planted.
 
 ``python -m tests.mutants`` plants every fault in a copy of the sources, one at a time, and runs its tests
-there; a fault that all of them let pass is a hole in the tests. The faults stand in a table a subject in
-``faults/``; `Fault` says what their keys mean. ``tests`` of a fault is a list, or the name of one in the
-table ``tests`` of its subject.
+there. If all tests pass, a test is missing. Each subject has one table of faults in ``faults/``. `Fault`
+explains their keys. ``tests`` of a fault is a list, or the name of a list in the table ``tests`` of its
+subject.
 """
 
 import tomllib

@@ -1,5 +1,5 @@
 """`python -m tests.mutants [WORDS]`: plant the faults whose file, function or name holds all the words;
-exit 1 if one survives. `--every 2` plants every second of them, which takes half the time."""
+exit 1 if one survives. `--every 2` plants every second fault and takes half the time."""
 
 import os
 import sys

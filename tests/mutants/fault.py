@@ -1,4 +1,4 @@
-"""One fault: a few tokens of a function changed, and the tests that must notice."""
+"""One fault: a change of a few tokens of a function, and the tests that must detect it."""
 
 from dataclasses import dataclass
 
@@ -8,14 +8,14 @@ class Fault:
     """A change of a few tokens of source that quick tests must notice."""
 
     name: str
-    """What is wrong then, in words; unique."""
+    """Text: the error that the fault causes; unique."""
     function: str
     """Innermost function, class or constant that the change lies in, as ``Class.method``, without its
     module; ``__main__`` is what a module does as a program."""
     right: str
-    """Code that is changed; its tokens stand in the function exactly once, however they are wrapped."""
+    """Code that is changed. Its tokens occur in the function exactly once, with any line breaks."""
     wrong: str
-    """What stands there instead."""
+    """The replacement."""
     tests: tuple[str, ...]
     """Tests of which at least one must fail, as pytest takes them: ``file`` or ``file::test``."""
     near: str = ""

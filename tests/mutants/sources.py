@@ -1,4 +1,4 @@
-"""Where faults lie: the functions, classes and constants of the packages by their names."""
+"""Places of faults: the functions, classes and constants of the packages by their names."""
 
 import ast
 import re

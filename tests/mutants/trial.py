@@ -1,4 +1,4 @@
-"""Faults planted one at a time in a copy of the sources, and the tests run there."""
+"""Plant one fault at a time in a copy of the sources and run the tests there."""
 
 import contextlib
 import io

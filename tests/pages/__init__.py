@@ -1,1 +1,1 @@
-"""Every type of page, made with the present code, and looked at by a browser: `python -m tests.pages OUT`."""
+"""Every type of page, made with the present code and checked by a browser: `python -m tests.pages OUT`."""

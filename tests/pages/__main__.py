@@ -1,4 +1,5 @@
-"""`python -m tests.pages OUT`: a page of every type in OUT, made by tests' commands and from made-up results.
+"""`python -m tests.pages OUT`: a page of every type in OUT, made by commands of tests and from synthetic
+results.
 
 `--audit FOLDER` looks at each of them, and at further pages that are named, in Chromium, light and dark, 390
 and 1280 px wide and on A4: pictures in OUT, axe-core, html-validate, errors, overflow; exit 1 if anything is

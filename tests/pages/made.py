@@ -1,4 +1,4 @@
-"""One page of every type, or several where a page has several faces."""
+"""One page of every type, or several if a page has several forms."""
 
 import shutil
 import subprocess

@@ -1,9 +1,10 @@
 """Stability of the slowly sliding cylinder, in GetFEM 5.4.2 and SciPy: `python3 G_friction_flutter.py`.
 
-The static state of `G_friction_getfem.py` (displacement elements) is linearised: pressed nodes keep their
-height, sticking nodes their place, and a sliding node's friction follows the change of its normal force. That
-makes the stiffness non-symmetric; complex squares of the frequencies of K x = w^2 M x mean oscillations that
-grow as exp(t |Im w|) in a body without damping. Writes `G_friction_flutter.csv`.
+The static state of `G_friction_getfem.py` (displacement elements) is linearised. Pressed nodes keep their
+height, and sticking nodes keep their position. The friction of a sliding node follows the change of its
+normal force. The stiffness is therefore not symmetric. Complex values of w^2 in K x = w^2 M x mean
+oscillations that grow as exp(t |Im w|) in a body without damping. The program writes
+`G_friction_flutter.csv`.
 """
 
 from pathlib import Path

@@ -2,13 +2,13 @@
 
     python3 friction_getfem.py --friction 0.2 --elements 48 --grading 4 --out run.npz
 
-Upper half of the cylinder, axisymmetric, rectangles of Q2 displacement and continuous Q1 pressure (`--pure`:
-displacement alone). Face and side can meet the platen at each of their nodes: the contact terms are
-integrated with Simpson's rule, so that every node has a force of its own, and GetFEM's projection for
-Coulomb's law (augmented Lagrangian) holds it exactly. Full Newton steps; slip is counted from one load step
-to the next. Where no static solution lies near the last one (a node of the side lands and snaps), the body
-creeps to rest under a viscous drag at constant compression, and the run says so. Lengths in mm, stresses in
-kPa, forces in mN inside; the file has SI units.
+The model is the upper half of the cylinder: axisymmetric rectangles of Q2 displacement and continuous Q1
+pressure (`--pure`: displacement only). Face and side can touch the platen at each of their nodes. Simpson's
+rule integrates the contact terms, so every node has a separate force. GetFEM's projection for Coulomb's law
+(augmented Lagrangian) satisfies the law exactly. Newton steps are full; slip is counted from one load step to
+the next. Sometimes no static solution is near the last one, because a node of the side lands and snaps. The
+body then creeps to rest under a viscous drag at constant compression, and the run reports this. Internal
+units are mm, kPa and mN; the file has SI units.
 """
 
 import argparse

@@ -2,8 +2,8 @@
 
     python3 G_friction_tables.py FOLDER
 
-FOLDER holds the files of --out, named f{friction}_n{elements}_g{grading}.npz. The median over the runs of a
-coefficient is the value, and the largest difference of a run from it the uncertainty.
+FOLDER contains the files of --out, named f{friction}_n{elements}_g{grading}.npz. The value is the median over
+the runs of a coefficient. The uncertainty is the largest difference of a run from the median.
 """
 
 import sys

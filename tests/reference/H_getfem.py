@@ -3,8 +3,8 @@
     python3 H_getfem.py yeoh 0.3 16 4 runs/yeoh_0.3_n16_g4.npz
 
 The model is that of `G_friction_getfem.py`: Q2 displacement, continuous Q1 pressure, Coulomb's law exact at
-each node of face and side (a coefficient of 1000 for ends that do not slide). The energies are written here
-in GetFEM's own language; nothing of the package is used. `H_tables.py` makes the tables.
+each node of face and side (a coefficient of 1000 for ends that do not slide). The energies are written in
+GetFEM's language. The program uses no code of the package. `H_tables.py` makes the tables.
 """
 
 import sys

@@ -1,4 +1,5 @@
-"""Made specimens of the tables H: sizes [mm], shear moduli and constants [kPa], compressions recorded."""
+"""Synthetic specimens of the tables H: sizes [mm], shear moduli and constants [kPa], compressions
+recorded."""
 
 import numpy as np
 

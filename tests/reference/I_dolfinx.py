@@ -2,11 +2,11 @@
 
     python3 I_dolfinx.py yeoh 0.3 16 runs/yeoh_0.3_n16.npz    # specimen, friction or bonded, elements
 
-The upper half, axisymmetric: Q2 displacement, pressure linear and discontinuous in each element (DPC 1), the
-energies in UFL with their derivatives by UFL. The side meets the platen at five Gauss points of every
-boundary element, the face at its nodes, by a penalty on overclosure and on slip with Coulomb's return
-mapping; on bonded faces the displacements are prescribed and only the side can land, where it sticks. Nothing
-of the package is used. `I_tables.py` makes the tables.
+The model is the axisymmetric upper half. It has Q2 displacement and a linear pressure, discontinuous between
+elements (DPC 1). The energies are in UFL, which also computes their derivatives. The side touches the platen
+at five Gauss points of every boundary element, the face at its nodes. Contact is a penalty on overclosure and
+on slip with Coulomb's return mapping. On bonded faces the displacements are prescribed. Only the side can
+then land, and it sticks. The program uses no code of the package. `I_tables.py` makes the tables.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Make the tables I from the files of `I_dolfinx.py`: `python I_tables.py FOLDER`.
 
-A force is the mean of the two finest meshes that went through to 50 %, its uncertainty half of their
-difference; the outline is the finest mesh's. Rows of specimens without two such runs in FOLDER stay.
+A force is the mean of the two finest meshes that completed 50 %. Its uncertainty is half of their difference.
+The outline is that of the finest mesh. Rows of specimens without two such runs in FOLDER are kept.
 """
 
 import sys

@@ -1,11 +1,11 @@
-"""Force of the bonded strip of `benchmarks/equilibrium.py` by DOLFINx, as its manual shows hyperelasticity.
+"""Force of the bonded strip of `benchmarks/equilibrium.py` by DOLFINx, as in its manual for hyperelasticity.
 
 Usage: /usr/bin/python3 J_dolfinx.py 20x5x1 [--order 2] [--solver mumps] [--out J_strip.csv]
 
 DOLFINx 0.5.2 (Debian 12, `python3-dolfinx`; not a dependency of this project). Neo-Hookean,
 W = mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2, mu = 25 kPa, nu = 0.45; 100 x 25 x 5 mm, both ends bonded, pulled
 to 125 % in ten steps; three Gauss points a direction for order 2. Its last line is JSON: the forces, Newton's
-iterations and the processor seconds, without the compilation of its forms.
+iterations, and the processor seconds without compilation of the forms.
 """
 
 import argparse

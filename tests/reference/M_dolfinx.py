@@ -2,11 +2,12 @@
 
     /usr/bin/python3 M_dolfinx.py experiment.json out.npz --elements 24 --step 0.5
 
-Axisymmetric, finite strain: Q2 displacement, pressure linear and discontinuous in each element (DPC 1), the
-energy and the damping stress in UFL, the tangent by UFL. In time the generalised alpha method of Chung and
-Hulbert. Both faces are prescribed; a node of the side that would pass through a platen in a step is held on
-it from the end of that step on. Nothing of the package is used but the numbers of the JSON file (in SI)
-that `python -m populations.other_program` writes. Inside: mm, ms, kPa, g/cm^3, mN.
+The model is axisymmetric with finite strain. It has Q2 displacement and a linear pressure, discontinuous
+between elements (DPC 1). Energy and damping stress are in UFL, which computes the tangent. The time
+integration is the generalised alpha method of Chung and Hulbert. The motion of both faces is prescribed. A
+node of the side that would pass through a platen in a step is fixed on it from the end of this step on. The
+program uses no code of the package. Its input is the JSON file (in SI) of `python -m
+populations.other_program`. Internal units: mm, ms, kPa, g/cm^3, mN.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Write the validation page on real bar signals: `python tests/validation/bars_page.py`.
 
-Page, figures and `test_real_bars.py` call the same functions of `real_bars`. The data are other people's and
-lie in a folder `shared` beside the repository.
+Page, figures and `test_real_bars.py` call the same functions of `real_bars`. The data are from other
+laboratories, in a folder `shared` next to the repository.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Write docs/validation/baseline.md: other programs' specimens with the end friction taken out."""
+"""Write docs/validation/baseline.md: specimens of other programs with correction of the end friction."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""Radius of made cylinders, curvature corrected or not: the table of docs/validation/curved_subsets.md."""
+"""Radius of synthetic cylinders with and without correction of the curvature: the table of
+docs/validation/curved_subsets.md."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

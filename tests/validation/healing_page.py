@@ -1,4 +1,5 @@
-"""Write docs/validation/healing.md: tables of a self-healing actuator, recomputed from what they print."""
+"""Write docs/validation/healing.md: tables of a self-healing actuator, recomputed from their printed
+values."""
 
 from pathlib import Path
 

@@ -1,7 +1,7 @@
 """Write the validation page on laws of soft materials: `python tests/validation/materials_page.py`.
 
-Page and `test_soft_laws.py` call the same functions of `softlaws`. The data are other people's and lie in a
-folder `shared` beside the repository.
+Page and `test_soft_laws.py` call the same functions of `softlaws`. The data are from other authors, in a
+folder `shared` next to the repository.
 """
 
 import sys

@@ -1,4 +1,5 @@
-"""Bars together of another laboratory: the transmitted pulse is the incident one, carried along the bars.
+"""Bars in contact, from another laboratory: the transmitted pulse is the incident one, propagated along the
+bars.
 
 Data: github snkhaderi/IITH_split_hopkinson_bar_data_processing, a steel bar of 20 mm, gauges 0.589 m either
 side of the interface.

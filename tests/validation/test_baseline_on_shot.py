@@ -1,4 +1,4 @@
-"""A compression test with bonded ends, made for the shot open-01, and the m's that its curves lead to."""
+"""A synthetic compression test with bonded ends for the shot open-01, and the values of m from its curves."""
 
 from dataclasses import dataclass, replace
 from functools import cache

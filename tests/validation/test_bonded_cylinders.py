@@ -1,4 +1,4 @@
-"""Bonded cylinders made by FElupe: their laws, their draws, and the constants found in their forces."""
+"""Bonded cylinders simulated by FElupe: their laws, their draws, and the fitted constants."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Small files of real kinds that were once read wrongly: each gives the right value by its command."""
+"""Small files of real kinds that are easily misread: each command gives the correct value."""
 
 import json
 import shutil

@@ -1,4 +1,5 @@
-"""The study of coverage, reduced: made experiments are what they say, and a dozen of them identified."""
+"""The reduced study of coverage: checks of the synthetic experiments, and identification of a dozen of
+them."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Measurements by image correlation alone: public pictures with known answers, and made cylinders."""
+"""Measurements by image correlation only: public pictures with known answers, and synthetic cylinders."""
 
 from pathlib import Path
 

@@ -1,7 +1,7 @@
-"""The chain on a known-answer shot: what it measures, and what bad pictures do to it and what not.
+"""The chain on a known-answer shot: its results, and the effect of bad pictures.
 
-The pictures are a part of open-01, a shot whose surface at every time is known. Cameras are those it was made
-with, so that nothing here rests on a calibration; `test_dic_shot.py` has the whole way.
+The pictures are a part of open-01, a shot with a known surface at every time. The cameras are the true ones,
+so the tests need no calibration. `test_dic_shot.py` tests the whole chain.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Tracking of other people's pictures with a known field, and of a known-answer shot."""
+"""Tracking in public pictures with a known field, and in a known-answer shot."""
 
 import json
 from pathlib import Path

@@ -1,6 +1,7 @@
-"""The outline of open-02 with regions drawn by hand: where its largest error is, and what it comes from.
+"""The outline of open-02 with regions drawn by hand: the place and the cause of its largest error.
 
-`pytest -s --slow tests/validation/test_dic_outline_limits.py` prints those of docs/validation/cameras.md.
+`pytest -s --slow tests/validation/test_dic_outline_limits.py` prints the numbers of
+docs/validation/cameras.md.
 """
 
 import numpy as np

@@ -1,4 +1,5 @@
-"""Whose noise is in the differences from OpenCorr and DICe, and what DICe's simulated dots differ by.
+"""The source of noise in the differences from OpenCorr and DICe, and the differences for DICe's simulated
+dots.
 
 `pytest -s --slow tests/validation/test_dic_peers.py` prints the figures of docs/verification/dic_peers.md.
 """

@@ -1,4 +1,4 @@
-"""Picture readers, frame health and speckle quality on other people's pictures."""
+"""Picture readers, frame health and speckle quality for public pictures."""
 
 import cv2
 import numpy as np

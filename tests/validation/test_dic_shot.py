@@ -1,4 +1,4 @@
-"""`kolsky check`, `dic` and a loaded shot from pictures and calibration pictures of open-01 alone."""
+"""`kolsky check`, `dic` and a loaded shot, only from pictures and calibration pictures of open-01."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""The stereo match on real pictures: a cylinder in five places (MultiDIC), a steel specimen (Stereo-DIC
+"""The stereo match on real pictures: a cylinder in five positions (MultiDIC), a steel specimen (Stereo-DIC
 Challenge), and the first pictures of a known-answer shot."""
 
 import csv

@@ -1,4 +1,4 @@
-"""Known-answer flyer shots: made by an independent program with m = 1.12, never seen by `identify`."""
+"""Known-answer flyer shots: made by an independent program with m = 1.12, which `identify` does not read."""
 
 import json
 import shutil

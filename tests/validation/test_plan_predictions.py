@@ -1,4 +1,4 @@
-"""What `plan` foretells of open-01 beside what `identify` then finds, of the same order."""
+"""Predictions of `plan` for open-01, compared with the result of `identify`: they have the same order."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Planted shots by the commands: made by `virtual make`, identified together with a relaxation test.
+"""Synthetic shots by the commands: `virtual make` makes them; they are identified with a relaxation test.
 
 Small meshes: `python -m populations.joint_coverage` counts on the meshes of an answer (docs/validation).
 """

@@ -1,4 +1,4 @@
-"""Recorders' files of other laboratories, against a parse by hand of the same bytes."""
+"""Recorder files of other laboratories, compared with an independent parse of the same bytes."""
 
 import csv
 import gzip

@@ -1,6 +1,6 @@
-"""Other laboratories' bar signals, read and reduced: epoxy (Yao) and OFE copper (Los Alamos).
+"""Reduction of bar signals of other laboratories: epoxy (Yao) and OFE copper (Los Alamos).
 
-What the files do not say, and where it comes from, stands here beside each number.
+Values that are not in the files are listed here with their sources.
 """
 
 import gzip

@@ -1,7 +1,7 @@
-"""A shot whose window holds arrest, the specimen's push and a second impact: identified through shot.toml.
+"""A shot with arrest, the specimen's push and a second impact in its window, identified through shot.toml.
 
-The flyer is set in motion, stopped and pushed back as by a spring, and struck by the bar from behind.
-`kolsky virtual make` makes the folder from this motion; the answer is held against what it was made with.
+The flyer is set in motion, stopped and pushed back as by a spring. Then the bar hits it from behind. `kolsky
+virtual make` makes the folder from this motion. The answer is compared with the true values.
 """
 
 import json

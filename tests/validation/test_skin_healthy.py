@@ -1,7 +1,7 @@
 """The published optimum for healthy skin (Sutula and others 2020) is that of our cost in their formulation.
 
 Their program has it to seven digits among its starting values: E = 3.111523e-02 N/mm2, nu = 2.242006e-01
-on the mesh of 4528 nodes, frames to 2 mm. The data are theirs, in a folder beside the repository.
+on the mesh of 4528 nodes, frames to 2 mm. The data are theirs, in a folder next to the repository.
 """
 
 import subprocess

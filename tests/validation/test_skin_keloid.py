@@ -1,7 +1,7 @@
-"""The keloid test of Sutula and others (2020) in the form of a SPEC: what their optimum explains.
+"""The keloid test of Sutula and others (2020) in the form of a SPEC: the misfit of their optimum.
 
 Their program has it among its starting values for the mesh of 4543 nodes: E = 7.627915e-02 N/mm2, nu =
-4.115764e-01, the skin held. The data are theirs, in a folder beside the repository.
+4.115764e-01, with fixed skin. The data are theirs, in a folder next to the repository.
 """
 
 import subprocess

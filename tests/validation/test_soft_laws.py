@@ -1,4 +1,4 @@
-"""Other people's homogeneous tests of rubber, and what they published of laws fitted to them."""
+"""Published homogeneous tests of rubber, and published fits of laws to them."""
 
 import json
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """The default: m, nu and beta of known-answer shots, two of them with other nu and beta than declared.
 
-Each shot is identified once, and every test asks that answer.
+Each shot is identified once. Every test uses this answer.
 """
 
 import json

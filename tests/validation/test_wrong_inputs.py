@@ -1,4 +1,4 @@
-"""The study of wrong inputs: how a job is judged, and what the committed table must say."""
+"""The study of wrong inputs: evaluation of a job, and requirements for the committed table."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the bar cases share: the apparatus of Mates et al. (2012), the shot open-01, filters."""
+"""Common parts of the bar cases: the apparatus of Mates et al. (2012), the shot open-01, filters."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,7 @@
 """Write the verification manual: `python tests/verification/pages.py [topic ...]`.
 
-A topic is a module beside this file. Its test asserts on the same `case()` as its page and figure show, so
-that number, plot and test cannot disagree. The module offers
+A topic is a module in this folder. Its test, page and figure use the same `case()`, so they cannot disagree.
+The module offers
 
 - `TITLE`, and optionally `FIGURE_SIZE` [inch];
 - `case() -> Result`, the numbers and curves (cached);

@@ -1,4 +1,5 @@
-"""What the verification cases share: the reference specimen, smooth platen motions, a short way to run."""
+"""Common parts of the verification cases: the reference specimen, smooth platen motions, a short run
+function."""
 
 from collections.abc import Callable
 from math import pi, sin

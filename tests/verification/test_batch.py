@@ -1,4 +1,4 @@
-"""Batches, precision, and what each kind of damping does to the step."""
+"""Batches, precision, and the effect of each kind of damping on the step."""
 
 from dataclasses import dataclass, fields
 from functools import cache

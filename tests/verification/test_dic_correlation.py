@@ -1,4 +1,4 @@
-"""Matching of subsets on pictures whose motion is exact: bias, noise, and what the covariance promises."""
+"""Match of subsets on pictures with exact motion: bias, noise, and check of the covariance."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

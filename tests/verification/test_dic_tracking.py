@@ -1,4 +1,4 @@
-"""Points followed while the pattern is flattened to a quarter: error, drift, and what sigma promises."""
+"""Tracking of points while the pattern is flattened to a quarter: error, drift, and check of sigma."""
 
 from dataclasses import dataclass
 from functools import cache, partial

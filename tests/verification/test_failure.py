@@ -1,4 +1,4 @@
-"""Failed simulations: every way to fail in one batch, its moment, its element, and its neighbours."""
+"""Failed simulations: every kind of failure in one batch, its time, its element, and its neighbours."""
 
 from dataclasses import dataclass, replace
 from functools import cache

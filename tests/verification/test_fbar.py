@@ -1,4 +1,4 @@
-"""The F-bar element beside the one-point one: by itself, in slow and fast compression, and its price."""
+"""The F-bar element compared with the one-point element: single elements, slow and fast compression, cost."""
 
 from dataclasses import dataclass
 from functools import cache

@@ -1,4 +1,4 @@
-"""Toward nu = 1/2: what direct runs cost, and a fine mesh corrected on coarse ones."""
+"""Toward nu = 1/2: the cost of direct runs, and a fine mesh corrected on coarse ones."""
 
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,4 +1,5 @@
-"""The committed manual is complete: every topic has its test, page and figure, and nothing is left over."""
+"""The committed manual is complete: every topic has its test, page and figure, and there are no other
+files."""
 
 from pages import DOCS, HERE, TOPICS
 

@@ -1,4 +1,5 @@
-"""The renderer of made pictures against closed forms, an independent ray cast, and two correlations."""
+"""The renderer of synthetic pictures, compared with closed forms, an independent ray cast, and two
+correlations."""
 
 from dataclasses import dataclass
 from functools import cache

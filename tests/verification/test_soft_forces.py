@@ -1,4 +1,4 @@
-"""Forces, clocks and events of a soft specimen's test, found in the signals of a simulated one."""
+"""Forces, clocks and events of a soft specimen's test, estimated from simulated signals."""
 
 from dataclasses import dataclass
 from functools import cache

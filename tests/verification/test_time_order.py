@@ -1,4 +1,4 @@
-"""Order of the time integration: a smooth bonded impact with fixed steps, each half the one before."""
+"""Order of the time integration: a smooth bonded impact with fixed steps, each half of the previous one."""
 
 from dataclasses import dataclass
 from functools import cache

@@ -1,4 +1,4 @@
-"""What relaxes, in the time loop: relaxation, oscillation, creep, energy; a planted pair from three shots."""
+"""Relaxation in the time loop: relaxation, oscillation, creep, energy; a known pair from three shots."""
 
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Which element to take, on a known-answer shot: artificial energy, convergence, identified stiffness."""
+"""Choice of the element on a known-answer shot: artificial energy, convergence, identified stiffness."""
 
 from dataclasses import dataclass
 from functools import cache

@@ -54,11 +54,12 @@ POINT = {
 BAR = CharacteristicBar(impedance=30.0, round_trip=3e-4)
 """A light and short bar: the platen in front of it moves by half a millimetre."""
 ALLOWED = 1e-6
-"""Allowed difference between a gradient and its difference quotient [-]: round-off of the objective, 1e-15
-amplified a hundredfold by the run, over a step of 1e-6 or more."""
+"""Allowed difference between a gradient and its difference quotient [-]. It is the round-off of the objective
+over a step of 1e-6 or more. The run amplifies the round-off of 1e-15 a hundredfold."""
 FORWARD = 1e-10
-"""Allowed distance from `explicit.run` over the largest value [-]: round-off (fused multiply-adds there, none
-here), amplified by contact, and divided by the interval of a step in a force."""
+"""Allowed distance from `explicit.run` over the largest value [-]. The cause is round-off, because only
+`explicit.run` uses fused multiply-adds. Contact amplifies it; a force divides it by the interval of a
+step."""
 SHOT_POINTS = (2, 8, 15, 30, 50, 62)
 """Points of the quasi-static curve of open-01 whose derivative is checked by differences."""
 
@@ -88,8 +89,9 @@ class Check:
 
     @property
     def allowed(self) -> float:
-        """`ALLOWED`, or the second smallest change between neighbouring differences if larger [-]: sliding
-        contact may raise the minimum of the V, and two differences may agree by chance."""
+        """`ALLOWED`, or the second smallest change between neighbouring differences if it is larger [-].
+        Sliding contact may raise the minimum of the V. Two differences may agree by chance, so the smallest
+        change is not used."""
         return max(ALLOWED, float(np.sort(np.abs(np.diff(self.differences)))[1]) / self.size)
 
 
@@ -223,7 +225,7 @@ def test_gradients_against_differences(contact: str, element: str, damping: str,
     for check in checks:
         assert check.allowed < 1e-5  # the check must be able to fail
         assert check.best < check.allowed, check.name
-    if options == {"end": 3e-4}:  # before landing; at the largest step there is truncation error only
+    if options == {"end": 3e-4}:  # before landing, the largest step has truncation error only
         assert max(check.best for check in checks) < ALLOWED
         assert checks[0].error[0] > 10.0 * checks[0].best
 
@@ -277,13 +279,13 @@ MESHES = ((8, 11), (16, 22), (32, 44))
 WIDE, BETWEEN = (0.03, 0.02, 0.015), (1e-5, 5e-6, 2.5e-6)
 """Ladders of steps that include some landings, and between two landings [-]."""
 BOTTOM = 1e-7
-"""Allowed change of a derivative at the minimum of the V [-]: round-off of 1e-15, amplified a hundredfold by
-a few hundred steps, over a step of 1e-5."""
+"""Allowed change of a derivative at the minimum of the V [-]. It is the round-off of 1e-15 over a step of
+1e-5. A few hundred steps amplify it a hundredfold."""
 ADJOINT = 1e-7
 """Allowed distance of the differences from the adjoint, over the derivative [-]: as `BOTTOM`."""
 WAVE = 3e-3
-"""Allowed rms distance from the closed form of a wave, over the derivative's rms [-]: the error is
-dispersion; the limit is twice that of 88 elements along the length and half that of 44."""
+"""Allowed rms distance from the closed form of a wave, over the derivative's rms [-]. The error is
+dispersion. The limit is twice the error of 88 elements along the length and half the error of 44."""
 
 
 def impact(end: float, n: tuple[int, int] = (16, 22), law: str = "bonded") -> tuple[Model, Sampling]:
@@ -346,8 +348,8 @@ def test_the_v_falls_with_the_square_of_the_step_and_rises_with_its_inverse() ->
     assert common().steps_shared
     assert study.smooth.all()
     for step, change in zip(study.step[:3], study.change[:3], strict=True):
-        # The side of large steps, away from the minimum; 10 % is not a small step, at 3 % the next term is
-        # 0.5 %.
+        # Only large steps, away from the minimum. 10 % is too large; at 3 % the next term of the error is 0.5
+        # %.
         fall = (np.arange(len(change)) < np.argmax(change < 1e-7)) & (np.arange(len(change)) > 0)
         assert abs(fitted_order(step[:-1][fall], change[fall]).order - 2.0) < 0.02
     assert (study.change.min(axis=1) < BOTTOM).all()
@@ -360,7 +362,7 @@ def test_the_v_falls_with_the_square_of_the_step_and_rises_with_its_inverse() ->
 def test_steps_that_follow_the_deformation_scatter_and_the_study_says_so() -> None:
     following = slopes(Stepping())
     assert not following.steps_shared
-    for p in (0, 2):  # stiffness and damping; the drag of alpha hardly moves the steps
+    for p in (0, 2):  # stiffness and damping only: the drag of alpha has almost no effect on the steps
         assert following.study.change[p, 4] > 100.0 * common().study.change[p, 4]
         assert not following.study.smooth[p]
 

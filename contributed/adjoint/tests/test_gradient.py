@@ -65,7 +65,7 @@ def test_the_gradient_does_not_depend_on_the_checkpoints(every: int) -> None:
     usual = gradient(model(), POINT, SAMPLING, half_force)
     found = gradient(model(), POINT, SAMPLING, half_force, checkpoint_every=every)
     assert np.array_equal(found.histories.force_flyer, usual.histories.force_flyer)
-    # Segments sum the same numbers in the same order, with the sums interrupted at other steps.
+    # Segments add the same numbers in the same order, but the partial sums end at other steps.
     assert np.allclose(found.law, usual.law, rtol=1e-12, atol=1e-12 * np.abs(usual.law).max())
     assert found.damping == pytest.approx(usual.damping, rel=1e-12)
 
@@ -194,7 +194,7 @@ def test_the_stiffness_factor(law: AnyLaw, options: dict[str, str]) -> None:
         histories, _ = forward_run(problem, moved, MATERIAL_SAMPLING, steps=found.steps)
         ends.append(half_force(histories)[0])
     assert found.stiffness_factor == pytest.approx((ends[0] - ends[1]) / (2.0 * 1.2 * STEP), rel=1e-6)
-    assert np.isfinite(found.law).all()  # though both stretches in the plane are one at rest
+    assert np.isfinite(found.law).all()  # although both stretches in the plane are one at rest
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, co
 
 @dataclass(frozen=True, kw_only=True)
 class AsymmetricDots:
-    """Rows of dots, the odd ones shifted by half the distance between dots, as OpenCV draws them.
+    """Rows of dots. Odd rows are shifted by half the distance between dots, as in OpenCV's pattern.
 
     Dot k of row i lies at ((2 k + i mod 2) step, i step) and has number ``i * columns + k``.
     """
@@ -22,7 +22,7 @@ class AsymmetricDots:
     """Dots in a row."""
     rows: int
     step: float
-    """Between rows, and half the distance between the dots of a row [m]."""
+    """Distance between rows, and half the distance between the dots of a row [m]."""
     diameter: float
     """Diameter of a dot [m]."""
     dark: bool = True
@@ -37,7 +37,7 @@ class AsymmetricDots:
             )
 
     def geometry(self) -> Geometry:
-        """Its dots; with an even number of rows, half a turn gives another numbering."""
+        """Its dots. With an even number of rows, half a turn gives a second numbering."""
         row, column = np.mgrid[: self.rows, : self.columns]
         n = self.rows * self.columns
         x, y = 2 * column + row % 2, row
@@ -79,7 +79,7 @@ class AsymmetricDots:
 
 def _blob_detector(dots: Dots, dark: bool) -> Any:
     """OpenCV's detector, set to the size and the colour of the dots already found."""
-    opencv: Any = cv2  # its type stubs leave this detector out
+    opencv: Any = cv2  # its type stubs do not contain this detector
     options = opencv.SimpleBlobDetector_Params()
     areas = np.pi * dots.radius**2
     options.minArea, options.maxArea = 0.5 * float(areas.min()), 2.0 * float(areas.max())

@@ -46,8 +46,8 @@ class Geometry:
     normals: FloatArray
     """Outward unit normals of the surface, shape [n, 3]; used where `spread` is not zero."""
     spread: FloatArray
-    """Second moment per axis, in the surface, of the patch of a point's centroid [m²], shape [n]: r²/4 for a
-    disc, zero for a corner."""
+    """Second moment per axis of the patch whose centroid is the point [m²], shape [n]. It is taken in the
+    surface: r²/4 for a disc, zero for a corner."""
     bend: FloatArray
     """Direction of the surface's curvature times the root of the curvature [m^-½], shape [n, 3]; zero if
     flat."""
@@ -72,7 +72,7 @@ class Target(Protocol):
 def positive(**lengths: float) -> None:
     """Reject lengths that are not positive and finite.
 
-    Raises ValueError: naming the length.
+    Raises ValueError; its message names the length.
     """
     for name, value in lengths.items():
         if not (np.isfinite(value) and value > 0.0):
@@ -82,7 +82,7 @@ def positive(**lengths: float) -> None:
 def counts(least: int, **numbers: int) -> None:
     """Reject numbers of columns or rows outside `least` to 1000.
 
-    Raises ValueError: naming the number.
+    Raises ValueError; its message names the number.
     """
     for name, value in numbers.items():
         if not (isinstance(value, int) and least <= value <= 1000):
@@ -101,8 +101,8 @@ def grow(
     """Lattice places of points, found outward from seeds with known places.
 
     A neighbour is predicted one step further. The step of a place is that of the previous place, corrected by
-    the position found, so that it adapts to perspective, lens distortion and a curved board. The points
-    nearest to their predictions are assigned first, each point once.
+    the measured position. It adapts to perspective, lens distortion and a curved board. The points nearest to
+    their predictions are assigned first, each point once.
 
     ``points``: dots in the picture [px], shape [n, 2]. ``seeds``: point number -> its place (column, row).
     ``steps``: from a seed to its neighbour in the next column and in the next row [px], shape [2, 2].
@@ -142,7 +142,7 @@ def grow(
 
 
 def homography_outliers(index: FloatArray, points: FloatArray, limit: float) -> NDArray[np.bool_]:
-    """Points off a plane lattice seen in perspective by more than `limit` steps, shape [n].
+    """True for points that deviate from a plane lattice in perspective by more than `limit` steps, shape [n].
 
     ``index``: lattice places, shape [n, 2]. ``points``: dots in the picture [px], shape [n, 2]. ``limit``:
     allowed distance from the fitted homography, in steps of the lattice.

@@ -15,8 +15,8 @@ from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, co
 class Charuco:
     """Inner corners of a ChArUco board, numbered as OpenCV numbers them; part of it may be out of view.
 
-    Raises ValueError: too few squares, a marker not smaller than its square, an unknown dictionary or one too
-    small.
+    Raises ValueError if there are too few squares, if a marker is not smaller than its square, or if the
+    dictionary is unknown or too small.
     """
 
     columns: int
@@ -30,7 +30,8 @@ class Charuco:
     dictionary: str = "DICT_5X5_100"
     """OpenCV's name of the markers' dictionary."""
     legacy: bool = False
-    """Boards printed with OpenCV before 4.6, with even rows, begin with a white square."""
+    """True for boards with an even number of rows that were printed with OpenCV before 4.6: they begin with a
+    white square."""
 
     def __post_init__(self) -> None:
         counts(3, columns=self.columns, rows=self.rows)
@@ -56,7 +57,7 @@ class Charuco:
         return board
 
     def geometry(self) -> Geometry:
-        """Its corners; every one is known by its markers, so there is one numbering."""
+        """Its corners. The markers identify every corner, so there is only one numbering."""
         points = np.asarray(self._board().getChessboardCorners(), dtype=np.float64).reshape(-1, 3)
         n = len(points)
         return Geometry(
@@ -79,7 +80,7 @@ class Charuco:
         rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
         step = self._step(rough, np.ravel(numbers))
         gap = 0.5 * (1.0 - self.marker / self.pitch) * step
-        reach = int(np.clip(0.8 * gap, 3, 15))  # short of the markers in the neighbouring squares
+        reach = int(np.clip(0.8 * gap, 3, 15))  # clear of the markers in neighbouring squares
         pixels = refined(picture, rough, reach)
         ids = np.ravel(numbers).astype(np.int64)
         order = np.argsort(ids)

@@ -18,14 +18,15 @@ class Chessboard:
     """Inner corners of a chessboard; corner (column, row) has number ``row * columns + column``.
 
     Half a turn gives another numbering of the same board (quarter turns if it has as many rows as columns).
-    Camera 0's picture defines the numbering, and camera 1's is the one that fits it, so one camera may be
-    rolled relative to the other.
+    Camera 0's picture defines the numbering. Camera 1 uses the numbering that fits it. One camera may
+    therefore be rolled relative to the other.
 
-    Raises ValueError: fewer than three corners in a row or column, or a pitch that is not positive.
+    Raises ValueError if there are fewer than three corners in a row or column, or if the pitch is not
+    positive.
     """
 
     columns: int
-    """Inner corners in a row: one less than squares."""
+    """Inner corners in a row: number of squares minus one."""
     rows: int
     """Inner corners in a column."""
     pitch: float
@@ -46,7 +47,7 @@ class Chessboard:
         return Geometry(points, np.tile([0.0, 0.0, 1.0], (n, 1)), np.zeros(n), np.zeros((n, 3)), equivalents)
 
     def detect(self, picture: NDArray[np.generic]) -> Detection:
-        """Its corners in a picture; the board must be wholly in view.
+        """Its corners in a picture; the whole board must be in view.
 
         `cv2.findChessboardCornersSB` finds them [Duda2018]_, `cv2.cornerSubPix` locates them in the full
         picture.
@@ -82,7 +83,7 @@ class Chessboard:
         return Detection(np.arange(len(pixels)), pixels, sigma)
 
     def _other_count(self, image: "cv2.typing.MatLike") -> str:
-        """Cure if the picture shows a board with one corner more or fewer per side."""
+        """Advice if the picture shows a board with one corner more or fewer per side."""
         for columns, rows in ((-1, -1), (-1, 0), (0, -1), (1, 1), (1, 0), (0, 1), (1, -1), (-1, 1)):
             size = self.columns + columns, self.rows + rows
             if min(size) >= 3 and cv2.findChessboardCornersSB(image, size)[0]:

@@ -12,17 +12,17 @@ from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, co
 Anchor = tuple[int, int, float, float]
 
 STEEPEST = 0.45
-"""Smallest apparent width of used columns, relative to the middle: dots seen at less than 63°."""
+"""Smallest apparent width of used columns, relative to the middle. These dots are seen at less than 63°."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DottedCylinder:
     """Rings of dots round a cylinder: rows along its axis, columns round it.
 
-    Dot (column, row) has number ``row * columns + column`` and lies, with φ = column pitch / radius, at
-    (radius cos φ, radius sin φ, row pitch): columns count counterclockwise seen against the axis' direction,
-    in which rows count. The target has no marks that identify dots, so three dots in each camera's picture
-    are declared by hand.
+    Dot (column, row) has number ``row * columns + column``. With φ = column pitch / radius it lies at (radius
+    cos φ, radius sin φ, row pitch). Rows count along the axis. Columns count counterclockwise, seen against
+    the direction of the axis. The target has no marks that identify dots, so three dots in each camera's
+    picture are declared by hand.
     """
 
     columns: int
@@ -32,9 +32,9 @@ class DottedCylinder:
     radius: float
     """Radius of the cylinder [m]."""
     pitch: float
-    """Between rings along the axis [m]."""
+    """Distance between rings along the axis [m]."""
     arc: float
-    """Between columns along the surface [m]."""
+    """Distance between columns along the surface [m]."""
     size: float
     """Diameter of round dots, side of square ones [m]."""
     square: bool = False
@@ -119,7 +119,7 @@ class DottedCylinder:
 
 
 def _facing(places: dict[tuple[int, int], int], centre: FloatArray) -> dict[tuple[int, int], int]:
-    """Dots whose distance to both neighbours in their ring is not much below the largest of all rings."""
+    """Dots with two neighbours in their ring at a distance close to the largest of all rings."""
     widths = {}
     for (column, row), number in places.items():
         neighbours = [places.get((column + sign, row)) for sign in (-1, 1)]

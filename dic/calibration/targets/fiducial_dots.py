@@ -28,10 +28,10 @@ class FiducialDots:
     """Rows and columns of dots, three of them hollow in the shape of an L.
 
     Dot (column, row) lies at (column, row) times the pitch; its number is ``row * columns + column``. Rows
-    may count up or down on the board, as long as `hollow` counts in the same way. Dots beyond the first
-    or last column and row, which larger boards have, are not used.
+    may count up or down on the board, as long as `hollow` counts in the same way. Dots of a larger board
+    beyond the first or last column and row are not used.
 
-    Raises ValueError: a size that is not positive, dots that touch, hollow dots that are no L with arms of
+    Raises ValueError if a size is not positive, if dots touch, or if the hollow dots are no L with arms of
     two lengths.
     """
 
@@ -40,7 +40,7 @@ class FiducialDots:
     rows: int
     """Dots in a column."""
     pitch: float
-    """Between neighbours [m]."""
+    """Distance between neighbours [m]."""
     diameter: float
     """Diameter of a dot [m]."""
     hollow: tuple[Place, Place, Place]
@@ -126,7 +126,7 @@ class FiducialDots:
         corner, along, up = self.ell()
         p, q, r = dots.centre[list(triple)]
         steps = np.array([(q - p) / (along[0] - corner[0]), (r - p) / (up[1] - corner[1])])
-        # The arms of an L of the same dots cannot be wildly unequal or nearly parallel in a useful picture.
+        # In a useful picture the arms of the L cannot be very unequal or nearly parallel.
         across = abs(steps[0, 0] * steps[1, 1] - steps[0, 1] * steps[1, 0])
         lengths = np.hypot(*steps.T)
         if across < 0.2 * lengths[0] * lengths[1] or not 0.25 < lengths[0] / lengths[1] < 4.0:

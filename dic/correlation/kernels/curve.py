@@ -1,7 +1,8 @@
 """Search along epipolar curves: C++, kernel and launches.
 
-Lanes are defined as in the correlation (`dic.correlation.kernels.search`): on a CPU one pack of samples at a
-time; on a GPU one warp per point, whose lanes share the samples and all compute the same geometry.
+Lanes are defined as in the correlation (`dic.correlation.kernels.search`). On a CPU one pack of samples is
+processed at a time. On a GPU one warp processes a point: its lanes share the samples, and each lane computes
+the geometry.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +22,8 @@ from dic.processes import cores
 KNOTS = 65
 """Number of points of a curve that are computed before it is divided into equal steps."""
 NARROWINGS = 3
-"""Number of refinements of the part of a curve inside the picture; each one is a few dozen times finer."""
+"""Number of refinements of the part of a curve inside the picture. Each refinement is a few dozen times
+finer."""
 INPUTS = 19
 """Input numbers of a point: ray, derivative of the ray with respect to the pixel, gradient at the reference,
 given gradient, and the smallest and largest inverse distance."""
@@ -400,7 +402,7 @@ def _search(
         ("weight", wide[1].reshape(-1), wp.float32),
         ("seen", np.maximum(curves.weight[rows].sum(axis=1, dtype=np.float64), 1.0), wp.float64),
     ):
-        # a CPU reads an array where it is; the job keeps it
+        # a CPU reads the array in place; the job keeps a reference to it
         setattr(job, name, wp.array(np.ascontiguousarray(array), dtype=dtype, device=device, copy=False))
     job.rows, job.columns = curves.picture.shape
     job.has_gradient, job.n_turns = int(curves.has_gradient), len(curves.turns)
@@ -419,7 +421,7 @@ def _search(
 
     def share(worker: int) -> None:
         for first in range(worker * SHARE, n, workers * SHARE):
-            # slots 1: the worker's own profile by the first index of its own view
+            # one slot: each worker has a view of its profile, at its first index
             inputs = [_part_of(job, worker, longest), 1, first, min(SHARE, n - first), 1]
             wp.launch(kernel, dim=1, inputs=inputs, device=device, block_dim=1)
 

@@ -21,7 +21,8 @@ from scipy import ndimage
 from dic.basics import FloatArray, cv2
 
 PAD = 8
-"""Mirrored coefficients around a picture [px]: a stencil reaches three beyond it, a pack's row five."""
+"""Width of the mirrored coefficients around a picture [px]: a stencil reaches three pixels beyond it, a row
+of a pack five."""
 
 SPLINE = """
     struct spline {
@@ -235,9 +236,9 @@ def gradient_noise(prefilter: float) -> float:
 def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
     """Variance of interpolated noise between two pixels along an axis, over a pixel's variance.
 
-    Returns: mean of the variance over both axes. Returns: coefficients of the variance, even in the distance
-    u from the middle of two pixels, and of half its derivative, odd in u: ``Σ spread u^2k`` and ``Σ slope
-    u^(2k+1)``, shape [4].
+    Returns: mean of the variance over both axes. Returns: coefficients of the variance, ``Σ spread u^2k``,
+    and of half its derivative, ``Σ slope u^(2k+1)``, shape [4] each; u is the distance from the middle of two
+    pixels.
     """
     v, spline, power = _spectra(prefilter)
     per_pixel = round(1.0 / (v[1] - v[0]))
@@ -261,14 +262,14 @@ def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
 LEAST = 1e-8
 """Relative response below which the filter is truncated; it is below the rounding of fp32."""
 LONGEST = 256
-"""Half of the length over which a response is computed [px]."""
+"""A response is computed over twice this length [px]."""
 LINE = 16
 """Numbers in a cache line; rows of coefficients are padded to whole cache lines."""
 
 
 @cache
 def response(prefilter: float) -> FloatArray:
-    """Symmetric filter from grey values to coefficients, including a Gaussian prefilter (standard deviation
+    """Symmetric filter from grey values to coefficients. It includes a Gaussian prefilter (standard deviation
     [px]).
 
     Returns: its central value and one side, shape [n]; the sum over both sides and the centre is 1.
@@ -292,7 +293,7 @@ def on_host(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.float32]:
     """Coefficients with mirrored margins of `PAD`, shape [rows + 2 PAD, columns + 2 PAD and more]."""
     side = response(prefilter)
     taps = np.concatenate([side[:0:-1], side]).astype(np.float32)
-    level = np.float32(grey.mean(dtype=np.float64))  # rounding then scales with the contrast, not the mean
+    level = np.float32(grey.mean(dtype=np.float64))  # rounding then scales with the contrast only
     filtered = cv2.sepFilter2D(
         np.ascontiguousarray(grey - level), cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101
     )
@@ -388,8 +389,8 @@ def select_device(name: str) -> Any:
 
 
 def own_gpu(count: int) -> int:
-    """Number of the GPU for this process if processes share `count` GPUs: they are assigned in turn by
-    `WORKER`; the first GPU if that is not set."""
+    """Number of the GPU for this process, if processes share `count` GPUs. `WORKER` assigns them in turn. The
+    first GPU is used if it is not set."""
     return int(os.environ.get(WORKER, "0")) % max(count, 1)
 
 
@@ -405,7 +406,7 @@ def _without(expected: str) -> Iterator[None]:
     """Remove one expected line of native code from stderr; all other output is kept."""
     try:
         saved = os.dup(2)
-    except OSError:  # no stderr (some services): filtering is unnecessary
+    except OSError:  # some services have no stderr: filtering is unnecessary
         yield
         return
     with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as caught:
@@ -423,8 +424,8 @@ def _without(expected: str) -> Iterator[None]:
 
 
 def coefficients(greys: Sequence[NDArray[np.float32]], prefilter: float, device: str) -> Any:
-    """Coefficients of the quintic B-splines through pictures of one shape, with mirrored margins, on a
-    device; shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
+    """Coefficients of the quintic B-splines through pictures of one shape, on a device. They have mirrored
+    margins; shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
     where = select_device(device)
     if where.is_cuda:
         return on_device(greys, prefilter, where)

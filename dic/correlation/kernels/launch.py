@@ -1,8 +1,8 @@
 """Launches of the search: threads on a CPU, warps on a GPU, with transfers through page-locked memory.
 
 The input and output of a search are numbers per point, stored column by column. A GPU can copy page-locked
-memory while it and the host are working. The memory is reused by the next call, because locking a page takes
-longer than filling it. A large call is divided into parts; some are copied while others are searched.
+memory while both the GPU and the host compute. The next call reuses the memory, because locking a page takes
+longer than filling it. A large call is divided into parts: some are copied while others are searched.
 """
 
 import threading
@@ -22,9 +22,9 @@ from dic.correlation.kernels.search import ARRAYS, BLOCK, INPUTS, OUTPUTS, searc
 from dic.correlation.subsets import Correlation, Match, PictureStack, Templates
 
 PART = 65_536
-"""Points of a part: 25 MB in both directions, and about thirty rounds of a GPU's warps."""
+"""Number of points of a part: 25 MB in both directions, and about thirty rounds of a GPU's warps."""
 LANES = 3
-"""Number of parts in progress at a time: one is filled, one is searched, one is read."""
+"""Number of parts in progress: one is filled, one is searched, one is read."""
 
 Launch = Callable[["Lane", int], None]
 """Launches the search of a lane's first n points on its stream."""
@@ -154,7 +154,7 @@ FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackreali
 SHARE = 512
 """Number of points that a CPU thread takes at a time."""
 WARPS_PER_PROCESSOR = 16
-"""Number of warps that run at once on a GPU's multiprocessor, each with one template."""
+"""Number of warps that run at once on a GPU's multiprocessor. Each has one template."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,8 @@ class Batch:
 
 @wp.struct
 class Job:
-    """Inputs and outputs of a search; memory addresses are stored as numbers, which are fast to set."""
+    """Inputs and outputs of a search. Memory addresses are stored as numbers, because numbers are fast to
+    set."""
 
     f: wp.uint64
     f_first: int
@@ -253,7 +254,7 @@ MOST_MASKS = 4
 
 
 def mask_on_device(mask: NDArray[np.uint8], device: Any) -> Any:
-    """A mask on a device, shape [n]; it is sent again only if its pixels have changed."""
+    """A mask on a device, shape [n]. It is sent again only if its pixels have changed."""
     for values, where, on_device in _masks:
         if where == device and values.shape == mask.shape and np.array_equal(values, mask):
             return on_device
@@ -271,7 +272,7 @@ def _between(prefilter: float) -> tuple[float, Any, Any]:
 
 
 class _Jobs(threading.local):
-    """Jobs of a thread, by the parts that do not change between calls; threads never share a job."""
+    """Jobs of a thread. The key is the part that does not change between calls. Threads never share a job."""
 
     def __init__(self) -> None:
         self.known: dict[Any, Any] = {}
@@ -365,7 +366,7 @@ def _launch_on_device(kernel: Any, job: Any, lane: Lane, n: int) -> None:
     size = slots * ARRAYS * job.room
     if lane.scratch is None or lane.scratch.size < size:
         lane.scratch = wp.empty(size, dtype=wp.float32, device=lane.device)
-        lane.stream.wait_stream(lane.device.stream)  # its memory was allocated on that one
+        lane.stream.wait_stream(lane.device.stream)  # its memory was allocated on this stream
     job.points, job.given, job.found, job.scratch = n, lane.given.ptr, lane.found.ptr, lane.scratch.ptr
     wp.launch(
         kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=lane.device, stream=lane.stream,
@@ -391,11 +392,11 @@ _loading = threading.Lock()
 
 @cache
 def load_kernel(kernel: Any, device: str, block: int) -> None:
-    """Compile and load the kernel once. Two threads, one for each camera, may call this at the same time;
-    loading a module twice would unload it during the launches of the first thread.
+    """Compile and load the kernel once. Two threads, one for each camera, may call this at the same time. A
+    second load would unload the module during the launches of the first thread.
 
-    `warp.load_module` is not used, because it requires the CUDA context, which a forked process does not
-    have; Warp would report this on stderr.
+    `warp.load_module` is not used, because it requires the CUDA context. A forked process does not have this
+    context, and Warp would report this on stderr.
     """
     with _loading:
         kernel.module.load(wp.get_device(device), block)

@@ -5,15 +5,15 @@ thread processes a subset. On a GPU a `pack` is one number, and the 32 lanes of 
 together.
 
 The twelve parameters of a subset's warp are those of `dic.correlation.subsets.NAMES`. Warps are composed by
-value, first and second derivatives at the centre of the subset. This is exact for affine warps; for quadratic
-ones it omits the third and fourth order, as the shape function does.
+value, first and second derivatives at the centre of the subset. This is exact for affine warps. For quadratic
+warps it omits the third and fourth order, as the shape function does.
 """
 
 from dic.correlation.kernels.device import GRAIN, SPLINE
 from dic.outcome import PointOutcome
 
 BLOCK = 128
-"""Threads of a GPU's block: four warps, one point each."""
+"""Threads of a GPU's block: four warps. Each warp processes one point."""
 
 PACKS = """
     #define INLINE inline __attribute__((always_inline))
@@ -387,11 +387,11 @@ ARRAYS = 5
 """Arrays of a subset's pixels that a search keeps in its scratch."""
 OUTPUTS = 19
 """Output numbers of a point: warp, covariance, correlation, updates, outcome. Inputs and outputs are stored
-number by number for all points, so that the caller gets views of the memory without a copy."""
+number by number for all points. The caller gets views of this memory without a copy."""
 INPUTS = 29
 """Largest number of inputs of a point: pictures and row (3), position in the picture (2), two warps."""
 PACE = 6
-"""Number of updates over which the convergence rate is checked: a search that cannot end in time is
+"""The convergence rate is checked over this number of updates. A search that cannot end in time is
 stopped."""
 
 _SEARCH = """

@@ -17,7 +17,7 @@ BATCH = 2**26
 """Rays of a batch on a GPU."""
 
 Rays = Callable[[int, Any, Any], None]
-"""Function that fills light and depth of the frames beginning at a given one."""
+"""Function that computes light and depth of the frames from a given frame on."""
 
 
 def rays_of_bodies(view: Any, bodies: Any, instants: Instants, device: Any) -> Rays:
@@ -55,8 +55,8 @@ def frames(
 ) -> Iterator[NDArray[np.float32]]:
     """Light on the pixels in blocks of a few frames, shape [n, rows, columns].
 
-    ``weights``: weights of lenses, the standard deviation of the first and the step to the next [px].
-    ``shape``: rows and columns [px]. ``device``, ``threads``: Warp device; threads on a CPU.
+    ``weights``: weights of the lenses, the standard deviation of the first lens and the step to the next one
+    [px]. ``shape``: rows and columns [px]. ``device``, ``threads``: Warp device; threads on a CPU.
     """
     rows, columns = shape
     fine, pad = view.fine, view.pad
@@ -81,7 +81,7 @@ def frames(
     if device.is_cuda or threads == 1:
         yield from map(some, firsts)
         return
-    for kernel in (cast_bodies, across):  # before the threads, which would each compile it
+    for kernel in (cast_bodies, across):  # before the threads start, because each thread would compile it
         wp.load_module(kernel.module, device=device, block_dim=1)
     with ThreadPoolExecutor(threads) as pool:
         yield from pool.map(some, firsts)

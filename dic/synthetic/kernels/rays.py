@@ -1,7 +1,7 @@
 """The renderer's Warp kernels: rays on bodies and boards, and the weighted mean of rays for each pixel.
 
 Rays are intersected with bodies of revolution whose generators are polylines. Lengths and positions are
-float64: a camera is sixty radii away, and in float32 the square root in the intersection of a ray with a cone
+float64. A camera is sixty radii away. In float32 the square root in the intersection of a ray with a cone
 would have an error of half a micrometre.
 """
 
@@ -10,9 +10,9 @@ import warp as wp
 FAR = wp.constant(wp.float64(1.0e9))
 """Distance of a ray that hits no body."""
 FLAT = wp.constant(wp.float64(1.0e-12))
-"""A segment of less height [m] is treated as a disc normal to the axis."""
+"""A segment with a smaller height than this [m] is treated as a disc normal to the axis."""
 EDGE = wp.constant(wp.float64(1.0e-10))
-"""Overlap of neighbouring segments [m], so that no ray slips through between them."""
+"""Overlap of neighbouring segments [m]: no ray passes between them."""
 
 
 @wp.struct
@@ -111,9 +111,9 @@ def on_body(bodies: Bodies, q: wp.int32, b: wp.int32, p: wp.vec3d, d: wp.vec3d):
     """First s at which the ray p + s d meets body b at instant q, relative position on the segment, and
     segment (-1: none).
 
-    `p` is the point of the ray closest to the axis, so that the body lies between -half and half. The visible
-    point is nearly always on the near half, which is searched first. Only segments at the heights that the
-    ray passes in a half are tested.
+    `p` is the point of the ray closest to the axis. The body lies between -half and half. The visible point
+    is nearly always on the near half, which is searched first. In each half only the segments at the heights
+    of the ray are tested.
     """
     best = FAR
     share = wp.float64(0.0)
@@ -223,7 +223,7 @@ def direction(view: View, f: wp.int32, row: wp.int32, column: wp.int32):
 
 @wp.func
 def texel(texels: wp.array(dtype=wp.float32), body: Painted, around: wp.float64, along: wp.float64):
-    """Reflectance of a body's paint, bilinear between its texels; outside the texture the value of the
+    """Reflectance of a body's paint, bilinear between its texels. Outside the texture it is the value of the
     nearest texel."""
     u = wp.clamp(
         (around - body.origin[0]) / body.pitch, wp.float64(0.0), wp.float64(body.columns) - wp.float64(1.001)
@@ -245,7 +245,7 @@ def texel(texels: wp.array(dtype=wp.float32), body: Painted, around: wp.float64,
 
 @wp.func
 def reflectance(bodies: Bodies, q: wp.int32, b: wp.int32, x: wp.vec3d, k: wp.int32, share: wp.float64):
-    """Reflectance at a point of body b in its frame; detached paint is read at its original position."""
+    """Reflectance at a point of body b in its frame. Detached paint is read at its original position."""
     body = bodies.painted[b]
     along = bodies.along[k] + share * (bodies.along[k + 1] - bodies.along[k])
     around = body.radius * wp.float64(wp.atan2(wp.float32(x[0]), wp.float32(x[2])))
@@ -298,7 +298,7 @@ def bodies_ray(
     row: wp.int32,
     column: wp.int32,
 ):
-    """Light along a ray, averaged over the instants of the exposure, and the depth at the last one; 0: no
+    """Light along a ray, averaged over the instants of the exposure, and the depth at the last instant. 0: no
     body."""
     d = direction(view, f, row, column)
     light = wp.float32(0.0)
@@ -362,7 +362,7 @@ def cast_bodies(
 
 @wp.func
 def board_ray(view: View, bodies: Bodies, f: wp.int32, row: wp.int32, column: wp.int32):
-    """Light along a ray on the flat board z = 0 of body 0's frame, and the depth; outside the board the
+    """Light along a ray on the flat board z = 0 of body 0's frame, and the depth. Outside the board it is the
     background."""
     d = direction(view, f, row, column)
     e = wp.mul(bodies.placed[f, 0].turn, d)
@@ -430,9 +430,9 @@ def across(
 ):
     """Weighted sums of rays along the rows: the integral of the blurred light over a pixel's width.
 
-    `table` holds the weights of a pixel's rays along one axis for lenses of the standard deviations
-    `sharpest`, `sharpest + step`, ... [px]. Away from the plane of focus the circle of confusion, a disc of
-    diameter coc |1/focus - 1/depth|, adds a sixteenth of its square to the variance.
+    `table` contains the weights of a pixel's rays along one axis for lenses of the standard deviations
+    `sharpest`, `sharpest + step`, ... [px]. Out of focus the circle of confusion has the diameter coc
+    |1/focus - 1/depth|. It adds a sixteenth of the square of this diameter to the variance.
     """
     index, row, column = wp.tid()
     for c in range(column, column + run):

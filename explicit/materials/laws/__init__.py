@@ -28,7 +28,7 @@ LAWS: dict[str, type[AnyLaw]] = {
 
 
 def law_class(name: str) -> type[AnyLaw]:
-    """Look a law up by name; raises ValueError with the valid names if there is none."""
+    """Find a law by name; raises ValueError with the valid names if there is none."""
     if name not in LAWS:
         raise ValueError(f"law must be one of {sorted(LAWS)}, got {name!r}")
     return LAWS[name]

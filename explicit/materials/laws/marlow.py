@@ -2,12 +2,12 @@ r"""Marlow's law: a first-invariant energy that reproduces one uniaxial curve ex
 
 W = U(I1_bar). At equal I1_bar the uniaxial stretch lam of the curve's own branch solves
 I1_bar = lam^2 + 2 / lam, and 2 U'(I1_bar) = T(lam) / (lam - lam^-2) with the nominal stress T
-(Marlow 2003). In s = sqrt(I1_bar - 3), which is proportional to strain at the origin, the quotient is
-smooth; its limit at s = 0 is E_0 / 3 and is taken from the neighbouring data, never from 0 / 0.
+(Marlow 2003). In s = sqrt(I1_bar - 3), which is proportional to strain at the origin, the quotient is smooth.
+Its limit at s = 0 is E_0 / 3. The neighbouring data give this limit, because the quotient itself is 0 / 0.
 
 Between the data the quotient is interpolated by the monotone (shape-preserving) cubic of Fritsch and
-Carlson in s. Beyond the last datum it continues on its tangent there, so that stress and stiffness stay
-continuous; the solver reports the share of the specimen that was strained past the data.
+Carlson in s. Beyond the last datum it continues on its last tangent, so stress and stiffness are continuous.
+The solver reports the share of the specimen that was strained beyond the data.
 """
 
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class MarlowLaw:
 
     @property
     def data_limit(self) -> float:
-        """Largest s the curve reaches [-]."""
+        """Largest s of the curve [-]."""
         return self.last
 
     @property
@@ -72,8 +72,8 @@ class MarlowLaw:
 
     @cached_property
     def cubics(self) -> FloatArray:
-        """Coefficients of 2 U' in the share of an interval that has passed, constant first [Pa], shape
-        [n_knots, 4]; the last row is the straight line past the data."""
+        """Coefficients of 2 U' as a cubic of the relative position in an interval, constant first [Pa], shape
+        [n_knots, 4]. The last row is the straight line beyond the data."""
         q, d = self.quotient, self.slope * self.step
         rise, following = np.append(np.diff(q), d[-1]), np.append(d[1:], d[-1])
         return np.column_stack([q, d, 3.0 * rise - 2.0 * d - following, d + following - 2.0 * rise])
@@ -84,7 +84,7 @@ class MarlowLaw:
         return np.concatenate([header, self.cubics.ravel(), self.knot_energy])
 
     def two_u_prime(self, s: FloatArray) -> FloatArray:
-        """2 U' at s [Pa]: cubic between the knots, on the end tangent past the data."""
+        """2 U' at s [Pa]: cubic between the knots, on the last tangent beyond the data."""
         s = np.asarray(s, dtype=float)
         inside = np.minimum(s, self.last)
         k = np.minimum((inside / self.step).astype(int), len(self.quotient) - 2)
@@ -131,7 +131,7 @@ def marlow_from_curve(stretch: FloatArray, stress: FloatArray, *, n_knots: int =
     """Build Marlow's law from a uniaxial curve.
 
     ``stretch``: stretch along the load [-], from one branch: all <= 1 (compression) or all >= 1 (tension).
-    ``stress``: nominal stress, tension-positive [Pa]. A point at rest is ignored; the limit replaces it.
+    ``stress``: nominal stress, tension-positive [Pa]. A point at rest is ignored and replaced by the limit.
     ``n_knots``: knots of the table. Raises ValueError if the curve mixes branches, has fewer than 5 points,
     repeats a stretch, or if stress and strain disagree in sign.
     """
@@ -156,7 +156,7 @@ def marlow_from_curve(stretch: FloatArray, stress: FloatArray, *, n_knots: int =
     if (np.diff(s) <= 0.0).any():
         raise ValueError("a stretch is repeated in the curve; average repeats before building the law")
     near = max(5, int((s <= ORIGIN_RANGE).sum()))
-    # 2 U' is smooth in I1 - 3 = s^2; noise in T is relative, so the quotients weigh alike.
+    # 2 U' is smooth in I1 - 3 = s^2. Noise in T is relative, so all quotients have the same weight.
     origin = np.polynomial.Polynomial.fit(s[:near] ** 2, quotient[:near], 1)(0.0)
     curve = PchipInterpolator(np.concatenate([[0.0], s]), np.concatenate([[origin], quotient]))
     knots = np.linspace(0.0, s[-1], n_knots)
@@ -185,7 +185,7 @@ def _kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
 
     @wp.func
     def interval(s: real, row: wp.array(dtype=real)):
-        return int(wp.min(s * row[3], row[1]))  # no integer holds every s of a simulation that diverges
+        return int(wp.min(s * row[3], row[1]))  # s of a diverging simulation may exceed every integer
 
     @wp.func
     def cubic(x: real, c: vec4):

@@ -1,9 +1,9 @@
 r"""Ogden's law of one to three terms (Ogden 1972).
 
-W = sum_p 2 mu_p / alpha_p^2 (lam_1^alpha_p + lam_2^alpha_p + lam_3^alpha_p - 3), so that mu_0 is the sum of
-the mu_p. In Ogden's paper the factor before the bracket is mu_p / alpha_p: `from_classical` converts these
-constants. A term with mu_p > 0 is positive for any alpha_p: the mean of powers is not below the root of their
-product, 1.
+W = sum_p 2 mu_p / alpha_p^2 (lam_1^alpha_p + lam_2^alpha_p + lam_3^alpha_p - 3). Hence mu_0 is the sum of the
+mu_p. In Ogden's paper the factor before the bracket is mu_p / alpha_p; `from_classical` converts these
+constants. A term with mu_p > 0 is positive for any alpha_p, because the mean of the powers is at least the
+root of their product, 1.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from explicit.precision import Precision
 LEAST_EXPONENT = 1e-3
 """Smallest |alpha_p| [-]: at 0 the term is not defined."""
 NARROW = 0.3
-"""Below this half difference of max(1, |alpha| / 2) ln b the quotient of Eq. (L.7) is taken from a series."""
+"""Below this half difference of max(1, |alpha| / 2) ln b a series gives the quotient of Eq. (L.7)."""
 
 
 def _specs(terms: int) -> tuple[ParameterSpec, ...]:
@@ -182,7 +182,7 @@ def _kernel_functions(n_terms: int, precision: Precision) -> tuple[Any, Any, Any
 
     @wp.func
     def quotient(e1: real, e2: real, b1: real, b2: real, eta: real, a: real):
-        """(b_1^a - b_2^a) / (b_1 - b_2), to the error of the series, 1e-15, or a few roundings."""
+        """(b_1^a - b_2^a) / (b_1 - b_2). The error is that of the series, 1e-15, or a few roundings."""
         value = real(0.0)
         if wp.max(wp.abs(a), one) * eta < narrow:
             value = a * wp.sqrt(e1 * e2 / (b1 * b2)) * sinhc(a * eta) / sinhc(eta)
@@ -203,7 +203,7 @@ def _kernel_functions(n_terms: int, precision: Precision) -> tuple[Any, Any, Any
             plane += c * half * (e1 + e2)
             hoop += c * e3
             G += c * quotient(e1, e2, b1, b2, eta, a)
-        # Less the mean, the plane keeps a third of the difference and the hoop twice that.
+        # Without the mean, the plane has a third of the difference and the hoop twice this.
         level = (plane - hoop) * third
         return vec4(level + G * (rr - middle), level + G * (yy - middle), G * ry, -two * level)
 

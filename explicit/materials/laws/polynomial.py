@@ -1,10 +1,10 @@
 """Polynomials in the invariants, with x = I1_bar - 3 and y = I2_bar - 3.
 
-The neo-Hookean law W = mu/2 x (Treloar 1943); W = C10 x + C20 x^2 + C30 x^3 (Yeoh 1993), that of order 2
-without C30; Mooney-Rivlin with its mixed term, W = C10 x + C01 y + C11 x y (Mooney 1940; Rivlin 1948; with
-C11 as in Schumacher and others 2020, Table I); and the complete polynomial of second order, W = C10 x + C01
-y + C20 x^2 + C11 x y + C02 y^2 (Rivlin and Saunders 1951). With C11 = C02 = 0 the last is the Mooney-Rivlin
-law of three terms that some programs call of second order.
+The neo-Hookean law is W = mu/2 x (Treloar 1943). Yeoh's law is W = C10 x + C20 x^2 + C30 x^3 (Yeoh 1993); the
+one of order 2 has no C30. Mooney-Rivlin with its mixed term is W = C10 x + C01 y + C11 x y (Mooney 1940;
+Rivlin 1948; with C11 as in Schumacher and others 2020, Table I). The complete polynomial of second order is W
+= C10 x + C01 y + C20 x^2 + C11 x y + C02 y^2 (Rivlin and Saunders 1951). With C11 = C02 = 0 it is the
+Mooney-Rivlin law of three terms, which some programs call the law of second order.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from explicit.precision import Precision
 
 @dataclass(frozen=True)
 class NeoHookean(InvariantLaw):
-    """One constant; the same stiffness at any strain in simple shear."""
+    """One constant. In simple shear its stiffness is the same at any strain."""
 
     NAME: ClassVar[str] = "neo_hookean"
     FORMULA: ClassVar[str] = r"\frac\mu2 (\bar I_1 - 3)"
@@ -130,7 +130,7 @@ class ReducedPolynomial(_Yeoh):
 
     @property
     def C30(self) -> float:  # type: ignore[override]
-        """There is none."""
+        """Always 0, because the law has no term of third order."""
         return 0.0
 
 

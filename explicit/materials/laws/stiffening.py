@@ -1,10 +1,10 @@
 """Laws that stiffen: chains of finite length, and exponentials of soft tissue.
 
-Arruda and Boyce's (1993) eight chains, in a series of five terms: W = mu sum_i c_i / lam_m^(2i-2) (I1_bar^i
-- 3^i) with c = 1/2, 1/20, 11/1050, 19/7000, 519/673750, the inverse Langevin function's series. Near the
-locking stretch lam_m the series is softer than the function. Gent's (1996) W = -mu Jm / 2 ln(1 - (I1_bar -
-3) / Jm) locks at I1_bar = 3 + Jm. Humphrey and Yin (1987) have C1 (exp(k (I1_bar - 3)) - 1); Veronda and
-Westmann (1970) take C1 k / 2 (I2_bar - 3) off it.
+Arruda and Boyce's (1993) eight chains are a series of five terms, W = mu sum_i c_i / lam_m^(2i-2) (I1_bar^i -
+3^i). Its c = 1/2, 1/20, 11/1050, 19/7000, 519/673750 are those of the inverse Langevin function's series.
+Near the locking stretch lam_m the series is softer than the function. Gent's (1996) W = -mu Jm / 2 ln(1 -
+(I1_bar - 3) / Jm) locks at I1_bar = 3 + Jm. Humphrey and Yin's (1987) law is C1 (exp(k (I1_bar - 3)) - 1).
+Veronda and Westmann (1970) subtract C1 k / 2 (I2_bar - 3) from it.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class ArrudaBoyce(InvariantLaw):
     )
 
     mu: float
-    """Shear modulus of chains that are nowhere near their length [Pa]."""
+    """Shear modulus of chains that are far from their locking stretch [Pa]."""
     lambda_m: float
     """Locking stretch of the chains [-]."""
 
@@ -85,7 +85,7 @@ class ArrudaBoyce(InvariantLaw):
 
         @wp.func
         def energy(x: real, y: real, row: wp.array(dtype=real)):
-            # I^i - 3^i is x times a polynomial, which keeps its digits near rest.
+            # I^i - 3^i is x times a polynomial, which is accurate near rest.
             I = x + three
             third = row[2] * (nine + I * (three + I))
             fourth = row[3] * (n27 + I * (nine + I * (three + I)))
@@ -97,8 +97,8 @@ class ArrudaBoyce(InvariantLaw):
 
 @dataclass(frozen=True)
 class Gent(InvariantLaw):
-    """Two constants. Beyond locking the law is not defined: stress and energy are NaN. A simulation that gets
-    there diverges, or ends as TABLE_EXCEEDED if `explicit.Model.past_data` is set to stop it."""
+    """Two constants. Beyond locking the law is not defined, and stress and energy are NaN. A simulation
+    beyond locking diverges, or ends as TABLE_EXCEEDED if `explicit.Model.past_data` is set to stop it."""
 
     NAME: ClassVar[str] = "gent"
     FORMULA: ClassVar[str] = r"-\frac{\mu J_m}{2} \ln\left(1 - \frac{x}{J_m}\right)"
@@ -115,11 +115,11 @@ class Gent(InvariantLaw):
 
     @property
     def data_limit(self) -> float:
-        """s where the data end or the law locks, at sqrt(Jm) [-]."""
+        """s at the end of the data, or at locking, sqrt(Jm) [-]."""
         return min(self.fitted_s, float(np.sqrt(self.Jm)))
 
     def _room(self, I1: ArrayLike) -> FloatArray:
-        """Jm - (I1 - 3), not a number past locking."""
+        """Jm - (I1 - 3), NaN beyond locking."""
         room = self.Jm - (np.asarray(I1, dtype=float) - 3.0)
         return np.where(room > 0.0, room, np.nan)
 
@@ -168,7 +168,7 @@ class Gent(InvariantLaw):
 
 
 LEAST_EXPONENT = 0.14
-"""Below it the energy of Veronda and Westmann is negative in equibiaxial tension (at 0.12 it is)."""
+"""Smallest exponent. At 0.12 the energy of Veronda and Westmann is negative in equibiaxial tension."""
 
 
 class _Exponential(InvariantLaw):

@@ -1,4 +1,4 @@
-"""`kolsky open` as a process over a folder, as a person starts it."""
+"""`kolsky open` as a process on a folder, as a user starts it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures in a page: frames, regions drawn by clicks and as text, what a subset can measure."""
+"""Pictures in a page: frames, regions drawn by clicks and as text, accuracy of a subset."""
 
 from __future__ import annotations
 

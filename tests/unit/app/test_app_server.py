@@ -1,4 +1,4 @@
-"""The real server over a socket: what a hostile page of the same browser can send is refused."""
+"""The real server over a socket: it rejects requests of a hostile page in the same browser."""
 
 from __future__ import annotations
 

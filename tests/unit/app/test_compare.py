@@ -1,4 +1,4 @@
-"""Several shots in a page: their curves, the rate study of them, and shots that cannot be compared."""
+"""Several shots in a page: their curves, their rate study, and shots that cannot be compared."""
 
 from __future__ import annotations
 

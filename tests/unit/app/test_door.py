@@ -1,4 +1,4 @@
-"""Who may come in: hosts, origins, the secret, over HTTP and over the websocket."""
+"""Access control: hosts, origins and the secret, over HTTP and over the websocket."""
 
 from __future__ import annotations
 

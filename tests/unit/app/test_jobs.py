@@ -1,4 +1,4 @@
-"""Commands as processes of their own: progress, end, cancel, a server that was killed."""
+"""Commands as separate processes: progress, end, cancel, and a killed server."""
 
 from __future__ import annotations
 

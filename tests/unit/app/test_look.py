@@ -1,4 +1,4 @@
-"""A result looked at: the misfit of other parameters, causes applied in a copy, the cut, the page."""
+"""A result in a page: the misfit of other parameters, causes applied in a copy, the cut."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A shot file edited in a page: single changes, remarks kept, undo, conflicts, and the way from raw files."""
+"""Editing of a shot file in a page: single changes, comments, undo, conflicts, and the start from raw
+files."""
 
 from __future__ import annotations
 

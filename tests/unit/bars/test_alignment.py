@@ -1,4 +1,4 @@
-"""Fine alignment against records whose pulses come later than distance and wave speed say."""
+"""Fine alignment for records whose pulses arrive later than distance and wave speed predict."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,5 @@
-"""A signal carried along a bar: direct Fourier integrals, exact shifts, bands, noise, broken input."""
+"""Propagation of a signal along a bar: direct Fourier integrals, exact shifts, bands, noise, invalid
+input."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Inputs of a test's budget by name and value, and what each does to the results, in closed form."""
+"""Inputs of a test's budget by name and value, and their effects on the results in closed form."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Uncertainties that are carried from one step to the next, each against its closed form."""
+"""Propagation of uncertainties from one step to the next, compared with closed forms."""
 
 from dataclasses import replace
 

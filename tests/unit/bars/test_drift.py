@@ -1,4 +1,5 @@
-"""Drift beyond the baseline and a baseline that is no rest, against closed forms and drawn walks."""
+"""Drift after the baseline, and a baseline that is not at rest, compared with closed forms and random
+walks."""
 
 from types import SimpleNamespace
 

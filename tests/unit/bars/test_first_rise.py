@@ -1,4 +1,4 @@
-"""First rises of pulses: on straight flanks, on feet of two slopes, and against distances that are wrong."""
+"""First rises of pulses: on straight flanks, on feet with two slopes, and with wrong distances."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The flyer's direction, tilt and end of symmetry from a body's motion that is known."""
+"""The flyer's direction, tilt and end of symmetry from a known motion of the body."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The flyer's path against motions known in closed form, and on the two known-answer shots."""
+"""The flyer's path compared with motions in closed form, and on the two known-answer shots."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Events of made-up flights against their times in closed form."""
+"""Events of synthetic flights, compared with their times in closed form."""
 
 import numpy as np
 import pytest

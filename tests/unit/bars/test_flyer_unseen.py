@@ -1,4 +1,4 @@
-"""A flyer that is seen only some time after its start: the gap of its path, and the sigma of its zero."""
+"""A flyer that becomes visible some time after its start: the gap of its path, and the sigma of its zero."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The path of a bar's face from its waves against motions known in closed form."""
+"""The path of a bar's face from its waves, compared with motions in closed form."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The first longitudinal mode: roots against an independent equation, limits, mode shapes, broken input."""
+"""The first longitudinal mode: roots of an independent equation, limits, mode shapes, invalid input."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A made-up reduction on disk and in words: intervals, units, what each file holds."""
+"""Files and texts of a synthetic reduction: intervals, units, and the content of each file."""
 
 import csv
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Clocks of cameras and oscilloscope: planted lags come back within their sigma."""
+"""Clocks of cameras and oscilloscope: known lags are estimated within their sigma."""
 
 import numpy as np
 import pytest

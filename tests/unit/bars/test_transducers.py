@@ -1,4 +1,4 @@
-"""Volts to newtons, the noise of a baseline, and bin means: against values worked out by hand."""
+"""Volts to newtons, the noise of a baseline, and bin means, compared with values calculated by hand."""
 
 from dataclasses import replace
 from pathlib import Path

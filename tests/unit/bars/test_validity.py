@@ -1,4 +1,4 @@
-"""The validity window of made-up tests whose reasons are known."""
+"""The validity window of synthetic tests with known reasons."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Overlapping waves separated by gauges on one bar: known waves, noise, several gauges, broken input."""
+"""Separation of overlapping waves by gauges on one bar: known waves, noise, several gauges, invalid input."""
 
 from dataclasses import replace
 from functools import cache

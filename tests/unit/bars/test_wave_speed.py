@@ -1,4 +1,4 @@
-"""c0 and gain from a pulse that passes two stations: known answers, honest sigma, broken input."""
+"""c0 and gain from a pulse that passes two stations: known answers, correct sigma, invalid input."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Arrival of a pulse: bias and scatter over noise and counts, and when there is none."""
+"""Arrival of a pulse: bias and scatter over noise and counts, and records without an arrival."""
 
 import numpy as np
 import pytest

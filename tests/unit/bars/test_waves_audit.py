@@ -1,4 +1,4 @@
-"""The audit log: sizes by hand, switches, and what is refused."""
+"""The audit log: sizes by hand, switches, and rejected inputs."""
 
 import re
 from pathlib import Path

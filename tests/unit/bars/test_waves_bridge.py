@@ -1,4 +1,4 @@
-"""Bridges against resistances that are added up by hand, and shunts against a bridge with one."""
+"""Bridges compared with sums of resistances by hand, and shunts compared with a shunted bridge."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Punching: limits in closed form, the size of the correction, and what it leaves alone."""
+"""Punching: limits in closed form, the size of the correction, and unchanged quantities."""
 
 from dataclasses import replace
 from math import pi

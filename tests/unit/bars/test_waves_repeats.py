@@ -1,4 +1,4 @@
-"""Repeated tests: mean, scatter and band by hand; how often the band holds the truth."""
+"""Repeated tests: mean, scatter and band by hand; coverage of the band."""
 
 import numpy as np
 import pytest

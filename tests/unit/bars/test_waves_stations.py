@@ -1,4 +1,4 @@
-"""Gauge stations: zero, noise with its memory, drift, opposed gauges, and what is refused."""
+"""Gauge stations: zero, correlated noise, drift, opposed gauges, and rejected inputs."""
 
 from dataclasses import replace
 from pathlib import Path

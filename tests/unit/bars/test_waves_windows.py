@@ -1,4 +1,4 @@
-"""Windows of the three pulses, on exact waves of known times."""
+"""Windows of the three pulses for exact waves with known times."""
 
 from dataclasses import replace
 

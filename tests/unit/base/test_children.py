@@ -1,4 +1,4 @@
-"""Every kind of child ends with the process that started it, whenever that is killed."""
+"""Every kind of child process ends with its parent, at any time of the kill."""
 
 import os
 import subprocess

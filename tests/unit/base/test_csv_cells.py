@@ -1,4 +1,4 @@
-"""No cell of a table that is text may be taken for a formula by a spreadsheet; numbers stay numbers."""
+"""A spreadsheet must not evaluate a text cell of a table as a formula; numbers remain numbers."""
 
 import csv
 import re

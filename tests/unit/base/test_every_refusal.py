@@ -1,4 +1,4 @@
-"""Every refusal in the sources names a cure, or what is allowed."""
+"""Every error message in the sources names a cure or the allowed values."""
 
 import ast
 from pathlib import Path

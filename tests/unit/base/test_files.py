@@ -1,4 +1,4 @@
-"""Files that are whole or not there: what a killed process left is removed, what another writes is not."""
+"""Complete files or none: files of a killed process are removed, files of a running process are kept."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The codec of dataclasses and HDF5, on small records made for it; files are looked at with h5py alone."""
+"""The codec of dataclasses and HDF5, tested with small records. Files are read with h5py only."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""The record of kills and of an hour's work: what counts as time, growth, other bits."""
+"""The record of kills and of an hour's work: time, growth, and different bits."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Workers of this machine: each has a number, by which they share out its GPUs."""
+"""Workers of this machine: their numbers divide the GPUs among them."""
 
 import gc
 import os

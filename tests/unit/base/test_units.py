@@ -1,4 +1,4 @@
-"""Written-out quantities against values converted by hand."""
+"""Quantities in text form, compared with values converted by hand."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A small sheet with two pads at its ends, and data made of it, for tests."""
+"""A small sheet with two pads at its ends, and its synthetic data, for tests."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The three commands on a small actuator: what they write, what they warn of."""
+"""The three commands on a small actuator: their files and warnings."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Bend, its slope and the inverse of both: closed forms, differences, and planted answers."""
+"""Bend, its slope and the inverse of both: closed forms, differences, and known answers."""
 
 import csv
 from dataclasses import replace

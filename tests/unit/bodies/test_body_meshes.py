@@ -1,4 +1,4 @@
-"""Bodies from mesh files: read as Gmsh and meshio wrote them, and their forces beside those of FElupe."""
+"""Bodies from mesh files of Gmsh and meshio, and their forces compared with those of FElupe."""
 
 from pathlib import Path
 

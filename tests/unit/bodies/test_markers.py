@@ -1,4 +1,4 @@
-"""Markers: pictures with planted places, closed forms of distance and interval, a planted stiffness."""
+"""Markers: pictures with known positions, closed forms of distance and interval, a known stiffness."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""SPEC.toml: what is read, and every refusal with its place and cure."""
+"""SPEC.toml: valid input, and every error message with its place and cure."""
 
 import tomllib
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Sheets: forces and mass in closed form; planted constants come back."""
+"""Sheets: forces and mass in closed form; fits return the known constants."""
 
 from dataclasses import replace
 from types import SimpleNamespace

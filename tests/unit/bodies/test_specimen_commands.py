@@ -1,4 +1,4 @@
-"""The three commands on a small strip and a small sheet: what they write, and the constants they return."""
+"""The three commands on a small strip and a small sheet: their files and fitted constants."""
 
 import json
 from pathlib import Path

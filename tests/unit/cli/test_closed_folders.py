@@ -1,4 +1,4 @@
-"""A folder that nobody may write to: every command says so in one line, and earlier results stay."""
+"""A folder without write permission: every command reports it in one line, and earlier results are kept."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The door of commands: one file and one line of the registry give a command all that the others have."""
+"""The registry of commands: a new command needs one file and one line."""
 
 import os
 import re

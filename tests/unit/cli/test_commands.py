@@ -1,4 +1,4 @@
-"""`kolsky identify`, `simulate` and `sweep` end to end on tiny meshes, and everything they refuse."""
+"""`kolsky identify`, `simulate` and `sweep` end to end on tiny meshes, and their error messages."""
 
 import csv
 import errno

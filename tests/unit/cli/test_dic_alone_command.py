@@ -1,4 +1,4 @@
-"""`kolsky dic` on a dic.toml: made pictures of known displacement to files, tables and page."""
+"""`kolsky dic` on a dic.toml: files, tables and page from synthetic pictures with a known displacement."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""How commands end when they are told to: exit code, nothing half-made, no worker left behind."""
+"""Commands after a signal: exit code, no incomplete files, no remaining worker."""
 
 import os
 import signal

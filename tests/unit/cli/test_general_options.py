@@ -1,4 +1,4 @@
-"""Options of every command: `--quiet`, `--json`, and what they print."""
+"""Options of every command: `--quiet`, `--json`, and their output."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""`kolsky material healing`: planted constants and fractures, efficiencies by hand, what is refused."""
+"""`kolsky material healing`: known constants and fractures, efficiencies by hand, rejected inputs."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""`kolsky identify SHOT... --each`: who answers what, in which order, and what a shot that fails does."""
+"""`kolsky identify SHOT... --each`: the work of each process, the order, and the effect of a failed shot."""
 
 import json
 import pickle

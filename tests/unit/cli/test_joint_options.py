@@ -1,4 +1,4 @@
-"""`kolsky identify SHOT...`: options reach the settings, and what cannot be is refused before any work."""
+"""`kolsky identify SHOT...`: options change the settings; impossible ones are rejected before any work."""
 
 from pathlib import Path
 

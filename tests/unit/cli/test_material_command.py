@@ -1,4 +1,4 @@
-"""`kolsky material fit`: files and their signs, what is written and printed, what is refused."""
+"""`kolsky material fit`: files and their signs, output, rejected inputs."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""`kolsky new` in a laboratory's folder: series of DIC exports, a workbook, and what their numbers show."""
+"""`kolsky new` in a laboratory's folder: series of DIC exports, a workbook, and facts from their numbers."""
 
 import json
 import shutil

@@ -1,4 +1,5 @@
-"""`kolsky new`: what a stranger's files say is written, facts stay blank, and no command takes a blank."""
+"""`kolsky new`: it writes facts of unknown files, leaves other facts blank, and no command accepts a
+blank."""
 
 import csv
 import os

@@ -1,4 +1,4 @@
-"""`kolsky new --pictures`: series of the test and of a target told apart, facts left blank."""
+"""`kolsky new --pictures`: series of the test and of a target are distinguished; facts remain blank."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""`kolsky rate` from shots' folders to its files, and everything it refuses."""
+"""`kolsky rate` from folders of shots to its files, and its error messages."""
 
 import json
 import shutil

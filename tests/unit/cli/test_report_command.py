@@ -1,4 +1,4 @@
-"""`kolsky report`: the page again from the result and the shot's files, and texts from anywhere on it."""
+"""`kolsky report`: a new page from the result and the shot's files, with texts of any origin."""
 
 import re
 from dataclasses import replace

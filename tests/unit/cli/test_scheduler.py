@@ -1,4 +1,4 @@
-"""`--dask` with nobody there: a port that is closed or says nothing, another program, a file that is none."""
+"""`--dask` without a scheduler: a closed or silent port, another program, a wrong file."""
 
 import json
 import socket

@@ -1,4 +1,4 @@
-"""Another distribution with a package called like one of ours is named when kolsky is imported."""
+"""The import of kolsky reports another distribution that has a package of the same name."""
 
 import subprocess
 import sys

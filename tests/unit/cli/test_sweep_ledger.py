@@ -1,4 +1,4 @@
-"""`kolsky sweep` with its ledger: resumed, sharded, merged, killed; and the designs it offers."""
+"""`kolsky sweep` with its ledger: resume, shards, merge, kill; and the available designs."""
 
 import os
 import pickle

@@ -1,4 +1,4 @@
-"""Designs as the command line asks for them: constraints, logarithmic parameters, workers."""
+"""Designs from options of the command line: constraints, logarithmic parameters, workers."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""What the system refuses is one line with a cure, and leaves nothing: long names, full disks."""
+"""Errors of the system give one line with a cure and leave no files: long names, full disks."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""Numbers that the command line reads: units, edges of ranges, parts and shares, each by hand."""
+"""Numbers of the command line: units, ends of ranges, parts and shares, all checked by hand."""
 
 from dataclasses import dataclass, field
 

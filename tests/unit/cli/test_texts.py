@@ -1,4 +1,4 @@
-"""Texts of the command line: what they mean, and that a refusal is one line that says what was expected."""
+"""Texts of the command line: their meaning, and one-line error messages that name the expected input."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""`kolsky waves` from files to files, on a test whose answer is known in closed form."""
+"""`kolsky waves` from files to files, on a test with an answer in closed form."""
 
 import json
 from pathlib import Path

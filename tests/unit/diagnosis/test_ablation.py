@@ -1,4 +1,4 @@
-"""What the study of mechanisms counts, by hand, and that every switch replaces something that exists."""
+"""Counts of the study of mechanisms by hand; every switch replaces an existing object."""
 
 import importlib
 from typing import Any

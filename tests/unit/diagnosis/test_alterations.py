@@ -1,4 +1,4 @@
-"""What a wrong input does to the prediction of one run, against motions known in closed form."""
+"""Effect of a wrong input on the prediction of one run, compared with motions in closed form."""
 
 from dataclasses import replace
 from types import SimpleNamespace

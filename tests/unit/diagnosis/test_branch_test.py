@@ -1,4 +1,4 @@
-"""The score test of a branch: closed forms of one direction, planted elastic data, planted branches."""
+"""The score test of a branch: closed forms for one direction, synthetic elastic data, known branches."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the causes simulate: a launch for each model, each run once, and none again that was made lately."""
+"""Simulations of the causes: one launch for each model, each run once, and recent runs are reused."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Other valleys of a free Poisson's ratio: in closed form, on a force that rings as a sine."""
+"""Other valleys of a free Poisson's ratio: closed form for a force that oscillates as a sine."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Which inputs are tried, in which order they are named, and what is said of them."""
+"""The tried inputs, the order in which they are named, and their texts."""
 
 from math import inf, isfinite, nan
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Lags of clocks: planted ones are found, with the standard uncertainty of the normal equations."""
+"""Lags of clocks: known lags are estimated with the standard uncertainty of the normal equations."""
 
 from dataclasses import replace
 from types import SimpleNamespace

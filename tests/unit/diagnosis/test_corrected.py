@@ -1,4 +1,4 @@
-"""A likely cause put right: the shot that was wrong is the right one again."""
+"""Correction of a likely cause: the corrected shot equals the correct one."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Inputs within their declared uncertainty: what they explain is no misfit, and they are not named."""
+"""Inputs within their declared uncertainty: their effect is no misfit, and they are not named."""
 
 from dataclasses import replace
 from math import inf

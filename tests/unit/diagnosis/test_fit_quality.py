@@ -1,4 +1,4 @@
-"""Goodness of fit in closed form: what is left over, information, whiteness, blocks, the verdict."""
+"""Goodness of fit in closed form: residual, information, whiteness, blocks, the verdict."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Verdicts that are withheld: each by its own cause, and none on a good fit."""
+"""Withheld verdicts: each by its cause, and none on a good fit."""
 
 from dataclasses import replace
 from typing import Any

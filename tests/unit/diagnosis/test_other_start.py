@@ -1,4 +1,4 @@
-"""Causes searched from another point than the answer: in closed form, on predictions with two valleys."""
+"""Search of causes from another point than the answer: closed form for predictions with two valleys."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""The table of pooled shots says whether their mean's interval holds the truth."""
+"""The table of pooled shots states whether the interval of their mean contains the truth."""
 
 from populations.pooled_shots import table
 

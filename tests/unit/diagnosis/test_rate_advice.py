@@ -1,4 +1,4 @@
-"""Advice to try a material that relaxes: when it is given, and the points that are searched from."""
+"""Advice to try a material with relaxation: its conditions, and the starts of the search."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""The benchmark of `dic`: how errors are summed up, how a peer's files are read; no speeds."""
+"""The benchmark of `dic`: summary of errors, files of another program; no speeds."""
 
 import json
 import stat

@@ -1,4 +1,4 @@
-"""Calibration from synthetic sightings, projected by OpenCV: recovery, covariance, bad pairs, checks."""
+"""Calibration from synthetic views, projected by OpenCV: parameters, covariance, bad pairs, checks."""
 
 from contextlib import nullcontext
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Camera files of other programs: what their numbers mean, and round trips."""
+"""Camera files of other programs: meaning of their numbers, and round trips."""
 
 from dataclasses import replace
 from pathlib import Path

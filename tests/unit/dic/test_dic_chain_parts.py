@@ -1,4 +1,4 @@
-"""Parts of the chain of pictures on their own: the look at them, the rows of the outline, the clock."""
+"""Single parts of the chain of pictures: inspection, rows of the outline, clock."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Noise in a match: is the covariance what repeated pictures show, and does noise move the mean?"""
+"""Noise in a match: comparison of the covariance with repeated pictures, and bias by noise."""
 
 from functools import cache, partial
 from pathlib import Path

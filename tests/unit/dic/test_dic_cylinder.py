@@ -1,4 +1,4 @@
-"""The best-fit cylinder, the test frame and the surface in it, against points made on known cylinders."""
+"""The best-fit cylinder, the test frame and the surface in it, for points on known cylinders."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Faults of a set-up from epipolar distances: each made on purpose, on a barrel that is compressed."""
+"""Faults of a set-up from epipolar distances: each is made on purpose, on a compressed barrel."""
 
 import numpy as np
 import pytest

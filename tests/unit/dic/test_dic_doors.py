@@ -1,5 +1,5 @@
-"""A made-up member behind each door of `dic` gets the whole battery, with one registry line and no second
-file: a camera file format, a picture format, a calibration target."""
+"""A new member of each registry of `dic` passes all tests with one file and one line. The registries are
+camera file formats, picture formats and calibration targets."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The edge of a speckled body by how rows correlate: rendered strips whose edge is known, and closed
+"""The edge of a speckled body from the correlation of rows: rendered strips with a known edge, and closed
 forms."""
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Regions found in the pictures: rendered bodies whose rows are known, in four directions, and bad scenes."""
+"""Detected regions: rendered bodies with known rows in four directions, and bad scenes."""
 
 import tracemalloc
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Gates and outlier limits in closed form: points placed one per cent inside and outside of each."""
+"""Gates and outlier limits in closed form: points one per cent inside and outside of each limit."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""TIFF, numbered series, HDF5 and declared facts: what was written is read, what is damaged is named."""
+"""TIFF, numbered series, HDF5 and declared facts: written files are read, damaged ones are named."""
 
 import struct
 import zlib

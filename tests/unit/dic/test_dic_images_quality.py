@@ -1,4 +1,4 @@
-"""Noise and speckle quality against closed forms and against another program's matches."""
+"""Noise and speckle quality, compared with closed forms and with matches of another program."""
 
 from types import SimpleNamespace
 

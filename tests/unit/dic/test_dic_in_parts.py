@@ -1,4 +1,4 @@
-"""Work that is divided between processes gives what it gives in one: strains, the smooth surface's gate, the
+"""Work in several processes gives the result of one process: strains, the gate of the smooth surface, and the
 inspection of two cameras."""
 
 import os

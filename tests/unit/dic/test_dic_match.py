@@ -1,4 +1,4 @@
-"""The match of subsets: against a float64 twin, and against motions known in closed form."""
+"""The match of subsets, compared with a float64 twin and with motions in closed form."""
 
 from dataclasses import replace
 from functools import cache

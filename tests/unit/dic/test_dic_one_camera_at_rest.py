@@ -1,4 +1,4 @@
-"""A body that one camera alone sees at rest: held where both saw it across the axis."""
+"""A body that only one camera sees at rest: its lateral position is that from both cameras."""
 
 import numpy as np
 import pytest

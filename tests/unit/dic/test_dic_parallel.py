@@ -1,4 +1,4 @@
-"""Frames prepared in blocks ahead, and points searched in parts, are those done one by one."""
+"""Frames prepared in blocks and points searched in parts give the same results as one by one."""
 
 import os
 import threading

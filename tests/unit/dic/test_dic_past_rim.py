@@ -1,4 +1,4 @@
-"""A region of the flyer that reaches past the rim of its face: what is kept of it, in closed form."""
+"""A region of the flyer that reaches past the rim of its face: the used part, in closed form."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""The place at rest of a flyer that no static frame shows: closed forms, and rendered pictures."""
+"""The position at rest of a flyer that no static frame shows: closed forms, and rendered pictures."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Rigid motions and bodies whose points come into view, against motions that are known."""
+"""Rigid motions, and bodies whose points come into view, compared with known motions."""
 
 import numpy as np
 import pytest

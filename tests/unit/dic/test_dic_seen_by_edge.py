@@ -1,4 +1,4 @@
-"""A flyer of which the first frames show the edge strip alone: what its rows share, at rest and in motion."""
+"""A flyer whose first frames show only the edge strip: common errors of its rows at rest and in motion."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The stereo match on rendered cylinders, where the answer is known ray by ray."""
+"""The stereo match on rendered cylinders with a known answer for every ray."""
 
 from dataclasses import fields, replace
 

@@ -1,4 +1,5 @@
-"""Paint, sensor, boards and picture files of the renderer: statistics in closed form, and files read back."""
+"""Paint, sensor, boards and picture files of the renderer: statistics in closed form, and reading of the
+files."""
 
 import cv2
 import numpy as np

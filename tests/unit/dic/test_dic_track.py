@@ -1,4 +1,4 @@
-"""Points followed through rendered series whose motion is exact."""
+"""Tracking of points in rendered series with exact motion."""
 
 from dataclasses import replace
 from functools import cache

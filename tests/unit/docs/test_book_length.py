@@ -1,4 +1,4 @@
-"""The book stays short enough to be read: words of its tutorials, how-to pages and chapters of theory."""
+"""Limits of length: words of the tutorials, how-to pages and chapters of theory."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The how-to of the first bar test, walked from the raw file to the page."""
+"""The how-to of the first bar test, executed from the raw file to the page."""
 
 import csv
 import re

@@ -1,4 +1,4 @@
-"""Tables of messages read from the sources, and what the pages about them must hold."""
+"""Tables of messages from the sources, and required content of their pages."""
 
 import ast
 import sys

@@ -1,4 +1,4 @@
-"""The convergence fit against exact power laws, scipy's regression and the ways a series goes wrong."""
+"""The convergence fit, compared with exact power laws, scipy's regression, and series that must fail."""
 
 import numpy as np
 import pytest

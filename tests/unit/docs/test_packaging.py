@@ -1,4 +1,5 @@
-"""What is installed: the conda recipe asks for what the package asks for, every file of a page is shipped."""
+"""Installed files: the conda recipe requires the dependencies of the package, and every file of a page is
+shipped."""
 
 import os
 import re

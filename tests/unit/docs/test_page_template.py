@@ -1,4 +1,4 @@
-"""What the documentation's template replaces is still what its theme writes."""
+"""The text that the documentation's template replaces is still in the output of its theme."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is reached from Python only: no module, the functions of the page; the examples of the page run."""
+"""Functions for Python only: no whole module, exactly the functions of the page; the page's examples run."""
 
 import ast
 import re

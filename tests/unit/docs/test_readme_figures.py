@@ -1,4 +1,4 @@
-"""The check that README's picture and numbers are those of a result: it sees what differs."""
+"""The check that README's picture and numbers are those of a result: it detects differences."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Dotted names of ours in docstrings, comments and pages are names of something."""
+"""Dotted names of this project in docstrings, comments and pages exist."""
 
 import ast
 import re

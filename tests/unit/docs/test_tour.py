@@ -1,4 +1,4 @@
-"""The code tour names files and functions that are there."""
+"""The code tour names existing files and functions."""
 
 import re
 from pathlib import Path

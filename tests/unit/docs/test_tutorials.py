@@ -1,6 +1,7 @@
-"""What the build of the documentation, which runs the tutorials, does not show: that it could fail.
+"""The documentation's build runs the tutorials; these tests show that it can fail.
 
-A page without a kernel in its front matter, or a cell whose failure is not seen, would be built all the same.
+The build would not fail for a page without a kernel in its front matter, or for an undetected failure of a
+cell.
 """
 
 import re

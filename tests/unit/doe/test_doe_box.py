@@ -1,4 +1,4 @@
-"""Box: scaling against hand-computed values, round trips and the refusals."""
+"""Box: scaling compared with values by hand, round trips, and error messages."""
 
 import signal
 import time

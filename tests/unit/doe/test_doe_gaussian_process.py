@@ -1,4 +1,5 @@
-"""Gaussian processes: likelihood, prediction and leave-one-out against direct formulas; honest variance."""
+"""Gaussian processes: likelihood, prediction and leave-one-out compared with direct formulas; correct
+variance."""
 
 import numpy as np
 import pytest

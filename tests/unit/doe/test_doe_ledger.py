@@ -1,4 +1,4 @@
-"""The ledger of a sweep: killed, damaged, merged, retried; nothing lost, nothing repeated."""
+"""The ledger of a sweep: kill, damage, merge, retry; no run is lost or repeated."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Intervals, ridges, posterior and verdicts on functions whose answers are known."""
+"""Intervals, ridges, posterior and verdicts for functions with known answers."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Small models that several tests share, of few laws and kinematics: each pair is compiled once."""
+"""Small models for several tests, with few laws and kinematics: each pair is compiled once."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Equilibria whose answer is known in closed form."""
+"""Equilibria with an answer in closed form."""
 
 from dataclasses import replace
 

@@ -1,4 +1,5 @@
-"""Every solid: stress and tangent against differences of its energy, the energy against NumPy, dP/dp."""
+"""Every solid: stress and tangent compared with differences of its energy, energy compared with NumPy,
+dP/dp."""
 
 from dataclasses import replace
 from math import factorial

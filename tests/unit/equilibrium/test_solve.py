@@ -1,4 +1,4 @@
-"""Histories, outcomes and refusals of a solution."""
+"""Histories, outcomes and error messages of a solution."""
 
 import re
 from dataclasses import replace

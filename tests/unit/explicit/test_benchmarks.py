@@ -1,4 +1,4 @@
-"""What the benchmarks rest on: counted operations, kernels of the limits, the peer's deck; no speeds."""
+"""Basis of the benchmarks: counted operations, kernels of the limits, the peer's deck; no speeds."""
 
 import json
 import math

@@ -1,6 +1,6 @@
 """One element and one small specimen against closed forms: forces, energies, the stable step, Newton's law.
 
-Quick; the convergence of whole runs is the verification manual's.
+These tests are quick. The verification manual tests the convergence of whole runs.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Time loops are compiled before they are wanted: each once, told of, and only where they are not known."""
+"""Time loops are compiled in advance: each once, with a report, and only if they are not cached."""
 
 import gc
 import re

@@ -1,4 +1,4 @@
-"""What every contact law owes, law by law, and the two that know of stress against their closed forms."""
+"""Requirements of every contact law, and comparison of the two stress-dependent laws with closed forms."""
 
 from dataclasses import replace
 from functools import cache

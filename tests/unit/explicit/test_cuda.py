@@ -1,4 +1,5 @@
-"""A CUDA device, where there is one, against the CPU: on the chip and off it, with ledgers and failures."""
+"""Comparison of a CUDA device, if there is one, with the CPU: state on the chip and off it, ledgers,
+failures."""
 
 import gc
 from dataclasses import dataclass, fields, replace

@@ -1,7 +1,7 @@
-"""The solver's doors, each tried with a made-up member: one file and one line in a registry, nothing else.
+"""The solver's registries, each tested with a new member: it needs one file and one line in a registry.
 
-A material law, a contact law and an element are written to temporary files, entered into their registries,
-and get what every member gets: the batteries of the tests, both elements, both precisions, the shot file, the
+A material law, a contact law and an element are written to temporary files and entered into their registries.
+They then have all functions of a member: the tests, both elements, both precisions, the shot file, and the
 fit.
 """
 

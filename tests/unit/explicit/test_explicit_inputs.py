@@ -1,4 +1,4 @@
-"""What the solver refuses, and what its message says: mesh, model, samples, sampling, stepping, motion."""
+"""Rejected inputs of the solver and their messages: mesh, model, samples, sampling, stepping, motion."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The tables of Marlow's law as the time loop reads them, at any strain a simulation can come to."""
+"""The tables of Marlow's law in the time loop, at any strain that a simulation can reach."""
 
 from dataclasses import replace
 from functools import cache

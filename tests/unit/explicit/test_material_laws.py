@@ -1,4 +1,4 @@
-"""Every closed-form law against its own energy and against itself in other axes; limits, bounds and names."""
+"""Every closed-form law, compared with its energy and with itself in other axes; limits, bounds and names."""
 
 from dataclasses import fields, replace
 from decimal import Decimal, localcontext

@@ -1,4 +1,4 @@
-"""What relaxes as a part of a model: what is refused, and what a model without it is spared."""
+"""Relaxation as a part of a model: rejected inputs, and no cost for a model without it."""
 
 from dataclasses import replace
 from functools import cache

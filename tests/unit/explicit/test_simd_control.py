@@ -1,4 +1,5 @@
-"""Branches, loops, gathers and scatters on which the lanes disagree: as Warp itself runs the same kernel."""
+"""Branches, loops, gathers and scatters on which the lanes disagree, compared with Warp for the same
+kernel."""
 
 # ruff: noqa: RUF046, UP018 -- in a Warp kernel `int(0)` declares a variable that a loop may change
 

@@ -1,4 +1,4 @@
-"""What the translator does not know is refused, with the source that it cannot give a meaning to."""
+"""The translator rejects unknown source and shows it in the message."""
 
 # ruff: noqa: F841, B007, RUF059 -- these kernels are only read
 

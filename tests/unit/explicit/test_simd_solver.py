@@ -1,4 +1,4 @@
-"""The time loop over lanes: against the scalar kernel, between the mappings, and whatever shares a pack."""
+"""The time loop over lanes, compared with the scalar kernel, between the mappings, and for any pack."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor

@@ -1,4 +1,4 @@
-"""Constants in groups and rows of four: by one lane, by all lanes together, and by Warp itself."""
+"""Constants in groups and rows of four: by one lane, by all lanes together, and by Warp."""
 
 from dataclasses import replace
 from fractions import Fraction

@@ -1,4 +1,4 @@
-"""Walks over the elements of a simulation: by one lane, by all lanes together, and by Warp itself."""
+"""Sweeps over the elements of a simulation: by one lane, by all lanes together, and by Warp."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Loops that look up a table, in two passes: the numbers of one pass, and one pass where turns depend."""
+"""Loops with a table lookup in two passes: equal numbers, and one pass if iterations depend on each other."""
 
 # ruff: noqa: RUF046, UP018 -- in a Warp kernel `int(0)` declares a variable that a loop may change
 

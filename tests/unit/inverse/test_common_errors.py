@@ -1,4 +1,4 @@
-"""Errors that outline points have in common, against closed forms and dense covariances."""
+"""Common errors of outline points, compared with closed forms and dense covariances."""
 
 from dataclasses import replace
 

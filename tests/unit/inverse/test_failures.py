@@ -1,4 +1,4 @@
-"""Runs that fail, on their way to the user; the answer rests on the others."""
+"""Reports of failed runs to the user; the answer uses the other runs."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""What is free by default, what a shot's declarations do to it, and when a parameter is held after all."""
+"""Free parameters by default, the effect of a shot's declarations, and conditions for a fixed parameter."""
 
 from dataclasses import fields
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The incompressible limit: when it is taken, and what the data tell from it, on linear models."""
+"""The incompressible limit on linear models: when it is used, and when the data distinguish it."""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The front face's path as a nuisance: amplitudes by hand, and a frequency that patterns would hold fast."""
+"""The front face's path as a nuisance: amplitudes by hand, and a frequency that patterns would fix."""
 
 from dataclasses import replace
 from typing import Any

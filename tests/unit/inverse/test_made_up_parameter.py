@@ -1,4 +1,4 @@
-"""A made-up parameter is one entry of `PARAMETERS`: free, held, swept, planned, written, shown."""
+"""A new parameter is one entry of `PARAMETERS`: it can be free, fixed, swept, planned, written and shown."""
 
 import subprocess
 import sys

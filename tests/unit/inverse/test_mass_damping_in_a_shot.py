@@ -1,4 +1,4 @@
-"""Mass-proportional damping in a shot: the drag alpha M v is what flyer and transmission forces differ by.
+"""Mass-proportional damping in a shot: the drag alpha M v is the difference of flyer and transmission forces.
 
 Along the axis the specimen's momentum p obeys dp/dt = F_flyer - F_transmission - alpha p, whatever the
 material does, so that the impulses differ by p + alpha \\int p dt. The momentum is that of the recorded node

@@ -1,4 +1,4 @@
-"""Methods beside the answer: distances, disagreement, what a user is told and what files keep."""
+"""Additional methods: distances, disagreement, messages to the user, and content of files."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Misfit terms against closed forms and hand-computed cases of Eqs. (M.3)-(M.8)."""
+"""Misfit terms compared with closed forms and cases by hand of Eqs. (M.3)-(M.8)."""
 
 from dataclasses import replace
 from time import perf_counter

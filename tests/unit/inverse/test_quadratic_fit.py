@@ -1,4 +1,4 @@
-"""The quadratic on the refined mesh, on a made-up model whose optimum, mesh error and jumps are known."""
+"""The quadratic on the refined mesh, for a synthetic model with known optimum, mesh error and jumps."""
 
 from dataclasses import replace
 from types import SimpleNamespace

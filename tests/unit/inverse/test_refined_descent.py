@@ -1,4 +1,5 @@
-"""Steps with the refined mesh's own slopes where the coarser mesh's mislead: made-up responses that ring."""
+"""Steps with slopes of the refined mesh where those of the coarser mesh are wrong: synthetic oscillating
+responses."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The path that the refined mesh's residual asks for, against the recursion of a linear response."""
+"""The path from the residual of the refined mesh, compared with the recursion of a linear response."""
 
 from __future__ import annotations
 

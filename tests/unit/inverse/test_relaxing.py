@@ -1,4 +1,5 @@
-"""What relaxes in a shot: declared, refused, turned into the solver's series, free or held like the rest."""
+"""Relaxation in a shot: declaration, error messages, conversion to the solver's series, free or fixed
+parameters."""
 
 from dataclasses import replace
 from pathlib import Path

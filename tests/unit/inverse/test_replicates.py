@@ -1,4 +1,4 @@
-"""Which runs of the noise stage have another motion, another curve, another scale."""
+"""Runs of the noise stage with another motion, another curve, or another scale."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Valleys, meshes and steps of the search with several parameters, on made-up responses that ring."""
+"""Valleys, meshes and steps of the search with several parameters, for synthetic oscillating responses."""
 
 from collections.abc import Callable
 from types import SimpleNamespace

@@ -1,4 +1,5 @@
-"""The climb from a valley's floor to the likelihood's summit, on a made-up test that rings with its onset."""
+"""The search from the floor of a valley to the maximum of the likelihood, for a synthetic oscillating
+test."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What is beside the specimen: elastic parts behind it and in the flyer, the incident force as data."""
+"""Parts around the specimen: elastic parts behind it and in the flyer, and the incident force as data."""
 
 import json
 from dataclasses import replace

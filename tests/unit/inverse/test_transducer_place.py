@@ -1,4 +1,4 @@
-"""A transducer behind the face: closed forms of a pulse in a bar, and the whole way from the shot file."""
+"""A transducer behind the face: closed forms of a pulse in a bar, and the whole chain from the shot file."""
 
 from dataclasses import replace
 from pathlib import Path

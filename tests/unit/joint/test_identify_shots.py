@@ -1,4 +1,4 @@
-"""Shots together: one shot counted twice, the ledger, what relaxes in an elastic shot, page and files."""
+"""Joint identification: one shot counted twice, the ledger, relaxation in an elastic shot, page and files."""
 
 import json
 from dataclasses import replace

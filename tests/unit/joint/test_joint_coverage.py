@@ -1,4 +1,4 @@
-"""The study of planted shots: counts by hand, truths that a seed draws, a folder of another study refused."""
+"""The study of synthetic shots: counts by hand, truths of a seed, rejection of another study's folder."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What meshes do to the data of several shots: which runs were lost is said, with the shots' names."""
+"""Mesh errors of the data of several shots: lost runs are reported with the shots' names."""
 
 from types import SimpleNamespace
 from typing import Any

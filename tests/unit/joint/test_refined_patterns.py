@@ -1,4 +1,4 @@
-"""Runs on graded meshes: no mistake for others of the ledger, errors by two of them, patterns made anew."""
+"""Runs on graded meshes: separate entries in the ledger, errors from two meshes, new patterns."""
 
 from dataclasses import replace
 from types import SimpleNamespace

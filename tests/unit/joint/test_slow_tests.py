@@ -1,4 +1,4 @@
-"""Slow tests of a list: read in SI with their signs, refused where they cannot be, predicted."""
+"""Slow tests of a list: SI units and signs, rejected inputs, predictions."""
 
 import csv
 import json

@@ -1,4 +1,5 @@
-"""Data of several shots in one vector: its weights, blocks and each shot's own unknowns, in closed form."""
+"""Data of several shots in one vector: weights, blocks and the separate unknowns of each shot, in closed
+form."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""The correction of end friction: what is in its band, which law has which weight, what is refused."""
+"""The correction of end friction: its band, the weights of the laws, rejected inputs."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace

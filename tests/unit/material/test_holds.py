@@ -1,4 +1,4 @@
-"""Strains held after a ramp: where the ramp ends, what is said, what the reference curve takes."""
+"""Constant strains after a ramp: the end of the ramp, messages, and the data of the reference curve."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fits: planted constants, normal equations, covariance and draws, weights, outcomes, criteria by hand."""
+"""Fits: known constants, normal equations, covariance and draws, weights, outcomes, criteria by hand."""
 
 import numpy as np
 import pytest

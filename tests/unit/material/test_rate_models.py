@@ -1,4 +1,4 @@
-"""Which rate dependence the data choose: criteria by hand, and planted materials."""
+"""Selection of the rate dependence by the data: criteria by hand, and known materials."""
 
 from dataclasses import replace
 from math import exp, inf, log

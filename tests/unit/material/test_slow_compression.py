@@ -1,4 +1,5 @@
-"""Slow compressions: the duration that a wanted error takes, by hand, and any law against its closed form."""
+"""Slow compressions: the duration for a requested error by hand, and every law compared with its closed
+form."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,4 +1,5 @@
-"""Constants from a specimen with rubbing ends: the thesis' silicone, and `kolsky material fit --specimen`."""
+"""Constants from a specimen with friction at its ends: the thesis' silicone, and `kolsky material fit
+--specimen`."""
 
 from pathlib import Path
 

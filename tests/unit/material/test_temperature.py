@@ -1,4 +1,4 @@
-"""Shift factors of temperature sweeps: the law by hand, planted constants, sweeps that must be refused."""
+"""Shift factors of temperature sweeps: the law by hand, known constants, rejected sweeps."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Fits of Prony series to made histories with known answers."""
+"""Fits of Prony series to synthetic histories with known answers."""
 
 from dataclasses import replace
 

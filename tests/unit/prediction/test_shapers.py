@@ -1,4 +1,4 @@
-"""Laws of pulse shapers against closed forms, and pulses that give back the law they were made with."""
+"""Laws of pulse shapers compared with closed forms, and laws recovered from their pulses."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Tables without a declared layout: what spreadsheets of other countries write is read to the last bit."""
+"""Tables without a declared layout: files of spreadsheets of other countries are read exactly."""
 
 import csv
 import shutil

@@ -1,4 +1,4 @@
-"""The clock of a header: numbers, units and counts, each with its closed form, and what is refused."""
+"""The clock of a header: numbers, units and counts, each with its closed form, and rejected headers."""
 
 from pathlib import Path
 

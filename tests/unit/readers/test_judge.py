@@ -1,4 +1,4 @@
-"""What counts as a clipped, constant or missing sample, and what units are worth."""
+"""Conditions for clipped, constant or missing samples, and factors of units."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fields that no instrument writes cost no time: what a search takes grows with a power of their length."""
+"""Very long fields take no time, although the time of a search grows with a power of their length."""
 
 import signal
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Tables as laboratories hand them in: read right, or refused with the cause and its cure."""
+"""Tables of laboratories: read correctly, or rejected with cause and cure."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The door of a reader: one new file and one entry of FORMATS, and it has all the rest."""
+"""The registry of readers: a new reader needs one file and one entry of FORMATS."""
 
 import os
 import subprocess

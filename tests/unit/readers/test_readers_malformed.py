@@ -1,4 +1,4 @@
-"""Files that are no measurement: each refused with one line that names file, place and cure."""
+"""Files without a measurement: each is rejected with one line that names file, place and cure."""
 
 import zipfile
 

@@ -1,4 +1,4 @@
-"""One record in many formats, read back: the same samples, a uniform clock, the facts that were found."""
+"""One record in many formats: the same samples, a uniform clock, the detected facts."""
 
 from dataclasses import replace
 

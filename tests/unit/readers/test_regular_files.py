@@ -1,4 +1,5 @@
-"""What is no regular file is refused before it is opened: a pipe that nobody writes to never answers."""
+"""Paths that are no regular files are rejected before they are opened: a pipe without a writer never
+answers."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Millivolts and microstrain in every format: by the file's own word where it has one, and as declared."""
+"""Millivolts and microstrain in every format: by the unit in the file if it has one, and by declaration."""
 
 import h5py
 import numpy as np

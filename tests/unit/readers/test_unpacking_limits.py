@@ -1,4 +1,4 @@
-"""What a reader unpacks, and what it searches, is bounded: each limit just inside and just beyond."""
+"""Limits of unpacked data and of searches in readers: each is tested just inside and just outside."""
 
 import struct
 import zlib

@@ -1,4 +1,4 @@
-"""Old and hostile workbooks, text that is called .xls, and units in the last word of a heading."""
+"""Old and hostile workbooks, text files named .xls, and units in the last word of a heading."""
 
 import struct
 import zipfile

@@ -1,4 +1,4 @@
-"""Likely causes of a misfit as the report, the terminal, JSON and the HDF5 file give them."""
+"""Likely causes of a misfit in the report, the terminal, JSON and the HDF5 file."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The page of `kolsky check` for a test between bars, and its figure where pictures are not read yet."""
+"""The page of `kolsky check` for a test between bars, and its figure before the pictures are read."""
 
 from dataclasses import fields, replace
 from html.parser import HTMLParser

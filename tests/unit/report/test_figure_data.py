@@ -1,4 +1,4 @@
-"""Data tables of figures hold exactly what was drawn."""
+"""Data tables of figures contain exactly the drawn data."""
 
 import csv
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A made-up figure is one file and its entry in a registry: battery, page, command, data table, index."""
+"""A new figure is one file and one entry in a registry: tests, page, command, data table, index."""
 
 import csv
 import subprocess

@@ -1,4 +1,4 @@
-"""Legends and labels that lie on data are found, and legends moved."""
+"""Legends and labels on data are detected, and legends are moved."""
 
 from collections.abc import Callable
 from pathlib import Path

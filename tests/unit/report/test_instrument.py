@@ -1,4 +1,4 @@
-"""The report's slider over time: its numbers, what the page allows to run, text that stays text."""
+"""The report's slider over time: its numbers, the allowed scripts of the page, escaped text."""
 
 import base64
 import hashlib

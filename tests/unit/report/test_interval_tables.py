@@ -1,4 +1,4 @@
-"""Arithmetic of what pages say about an interval: budgets, shares, limits, other choices; closed forms."""
+"""Arithmetic of texts about an interval: budgets, shares, limits, other choices; closed forms."""
 
 from dataclasses import replace
 from types import SimpleNamespace

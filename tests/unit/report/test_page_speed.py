@@ -1,4 +1,4 @@
-"""Figures that are drawn fast look the same: cycles, spines, two processes; files written meanwhile."""
+"""Fast drawing gives the same figures: cycles, spines, two processes; files are written meanwhile."""
 
 import gc
 from pathlib import Path

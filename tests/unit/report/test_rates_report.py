@@ -1,4 +1,4 @@
-"""Comparison of several shots: groups, tables, files and the page; hostile names stay text."""
+"""Comparison of several shots: groups, tables, files and the page; hostile names are escaped."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Pictures and films of the deforming specimen, and the refusal where nothing can render."""
+"""Pictures and films of the deforming specimen, and the error message without a renderer."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Analysis of a sweep: interpolants refused when wrong, effects, indices, the page."""
+"""Analysis of a sweep: rejection of wrong interpolants, effects, indices, the page."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,8 +1,7 @@
-"""Files that earlier releases wrote: still read, and written again with the same contents.
+"""Files of earlier releases are read, and written with the same contents.
 
-The files of tests/data/results hold made-up results of few samples: identification-1.h5 was written by the
-code that knew version 1 of the format, identification-2.h5 and dic-2.h5 by that before the codec of
-`kolsky.base.hdf5_records`.
+The files of tests/data/results contain synthetic results of few samples. identification-1.h5 has version 1 of
+the format. identification-2.h5 and dic-2.h5 have the version before the codec of `kolsky.base.hdf5_records`.
 """
 
 from pathlib import Path

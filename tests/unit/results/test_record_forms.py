@@ -1,4 +1,4 @@
-"""A field of a result is described once: HDF5, JSON, tables and display units derive from its entry."""
+"""A field of a result has one description: HDF5, JSON, tables and display units use it."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Results on disk: nothing lost, nothing half-written, nothing believed unread."""
+"""Results on disk: no data are lost, no file is incomplete, and every file is checked."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Files of a shot between bars as recorders write them: opposed gauges in two files, layouts of every CSV."""
+"""Recorder files of a shot between bars: opposed gauges in two files, layouts of every CSV."""
 
 import re
 

@@ -1,4 +1,5 @@
-"""Units and clocks of bar recordings as public files have them: believed, contradicted aloud, or refused."""
+"""Units and clocks of bar recordings as in public files: accepted, contradicted with a message, or
+rejected."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The cameras are worked out by another process where there are cores to spare."""
+"""Another process calibrates the cameras if there are free cores."""
 
 import os
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Thresholds, signs and ends of the checks of a shot, met from both sides by numbers worked out by hand."""
+"""Thresholds, signs and ends of the checks of a shot, tested on both sides with numbers by hand."""
 
 from dataclasses import replace
 from pathlib import Path

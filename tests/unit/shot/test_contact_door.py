@@ -1,4 +1,4 @@
-"""The door of a contact law: one new file and one entry of CONTACT_LAWS, and a shot may declare it."""
+"""The registry of contact laws: a shot may declare a new law after one file and one entry of CONTACT_LAWS."""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Exports of DIC programs: one barrelling specimen in every layout, with points that were lost."""
+"""Exports of DIC programs: one barrelling specimen in every layout, with lost points."""
 
 import shutil
 from dataclasses import replace

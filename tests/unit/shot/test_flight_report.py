@@ -1,4 +1,4 @@
-"""The flyer's flight as a shot's pictures tell it: numbers, table, file, end of symmetry and window."""
+"""The flyer's flight from a shot's pictures: numbers, table, file, end of symmetry and window."""
 
 from dataclasses import replace
 from types import SimpleNamespace

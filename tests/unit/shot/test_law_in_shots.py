@@ -1,4 +1,4 @@
-"""[law] of shot.toml: a fitted law in place of the curve, from the file to the solver's law."""
+"""[law] of shot.toml: a fitted law instead of the curve, from the file to the solver's law."""
 
 import re
 import shutil

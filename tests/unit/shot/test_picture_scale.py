@@ -1,4 +1,5 @@
-"""A declared length beside the pictures' scale: bounds in closed form, refusals, no false alarm."""
+"""A declared length compared with the pictures' scale: bounds in closed form, error messages, no false
+alarm."""
 
 from pathlib import Path
 

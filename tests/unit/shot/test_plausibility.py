@@ -1,4 +1,4 @@
-"""Inputs against each other: every rule from both sides by numbers worked out by hand, and whole shots."""
+"""Consistency of inputs: every rule on both sides with numbers by hand, and whole shots."""
 
 import os
 import tomllib

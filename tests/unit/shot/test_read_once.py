@@ -1,4 +1,4 @@
-"""A command parses the shot file once and fits the path of the flyer once; what was read travels."""
+"""A command parses the shot file once and fits the path of the flyer once. The results are passed on."""
 
 import shutil
 import tomllib

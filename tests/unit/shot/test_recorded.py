@@ -1,4 +1,4 @@
-"""The recordings behind an identification as its report shows them."""
+"""The recordings of an identification in its report."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Refinement of the pose where [calibration] asks for it, and which of the two rigs is taken."""
+"""Refinement of the pose on request of [calibration], and the choice between both rigs."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""Regions by hand: what is refused, the edit of the TOML text, the session of a page, the grid."""
+"""Regions by hand: rejected inputs, the edit of the TOML text, the session of a page, the grid."""
 
 import re
 import tomllib

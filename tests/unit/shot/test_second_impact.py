@@ -1,4 +1,4 @@
-"""A window with arrest and second impact: the flyer's path through a blow, the force of a whole test."""
+"""A window with arrest and second impact: the flyer's path during an impact, the force of a whole test."""
 
 from dataclasses import replace
 from math import pi

@@ -1,4 +1,4 @@
-"""What a mean leaves of a shared error, in closed form; the outline and the flyer that carry it."""
+"""The effect of a mean on a shared error in closed form, in the outline and the flyer."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""shot.toml: what is declared arrives in SI; everything else is refused with line, key, value and cure."""
+"""shot.toml: declared values are converted to SI; all else is rejected with line, key, value and cure."""
 
 import re
 from pathlib import Path

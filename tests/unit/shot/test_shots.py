@@ -1,4 +1,5 @@
-"""A loaded shot against its files read in another way, and the effect of every declared sign and clock."""
+"""A loaded shot, compared with an independent reading of its files, and the effect of every sign and
+clock."""
 
 import csv
 import hashlib

@@ -1,4 +1,4 @@
-"""Frames of a flyer that their neighbours contradict: found, given no weight and named."""
+"""Frames of a flyer that contradict their neighbours are detected, get no weight and are named."""
 
 from pathlib import Path
 from shutil import copytree

@@ -1,4 +1,4 @@
-"""A stereo result on disk: HDF5 there and back, tables by VIC-3D's names, damaged files refused."""
+"""A stereo result on disk: HDF5 round trip, tables with VIC-3D's names, rejection of damaged files."""
 
 import h5py
 import numpy as np

@@ -1,4 +1,4 @@
-"""[uncertainty] of shot.toml: what `kolsky identify` carries, what only `kolsky waves` reads."""
+"""[uncertainty] of shot.toml: entries that `kolsky identify` uses, and entries for `kolsky waves` only."""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Kinds of shots beside the plain one: overlapping pulses, bars together, driven by bars alone."""
+"""Other kinds of shots: overlapping pulses, bars in contact, shots driven by bars only."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A file that is not what a command needs: exit code 2, a line with file and cure, nothing written."""
+"""A wrong file for a command: exit code 2, a line with file and cure, no output."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The campaign's table and the growth's sizes: what is counted, kept and compared; no speeds."""
+"""The table of the campaign and the sizes of the growth: counts, stored values, comparisons; no speeds."""
 
 import json
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Shots with converged courses: what is changed in their exports, in closed form."""
+"""Shots with converged histories: changes of their exports, in closed form."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Sobol' indices of a shot on tiny meshes: solver and surrogate agree where the surrogate is good enough."""
+"""Sobol' indices of a shot on tiny meshes: solver and surrogate agree if the surrogate is accurate enough."""
 
 import subprocess
 import sys

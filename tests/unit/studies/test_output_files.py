@@ -1,4 +1,4 @@
-"""A plan and a rate report as tables, JSON and lines: what is quoted is twice the standard uncertainty."""
+"""A plan and a rate report as tables, JSON and lines: they quote twice the standard uncertainty."""
 
 from types import SimpleNamespace
 from typing import Any

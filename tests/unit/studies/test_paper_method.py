@@ -1,4 +1,4 @@
-"""The paper's method on costs whose answer is known in closed form, and its interval by hand."""
+"""The paper's method on costs with an answer in closed form, and its interval by hand."""
 
 from types import SimpleNamespace
 from typing import Any

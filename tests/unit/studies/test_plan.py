@@ -1,4 +1,4 @@
-"""What a test is foretold to tell: slopes by an identity of the solver, information, choices, command."""
+"""Predicted information of a test: slopes by an identity of the solver, information, choices, command."""
 
 import csv
 import json

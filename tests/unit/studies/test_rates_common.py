@@ -1,4 +1,4 @@
-"""What shots share does not average out of their mean, and what is each one's own does."""
+"""Common errors of shots do not average out of their mean; independent errors do."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Slopes over the rate: the paper's own five shots, known lines, and every reason to refuse one."""
+"""Slopes over the rate: the paper's five shots, known lines, and every reason for a rejection."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Rates: degrees of freedom, levers, shared parts and the limits of a slope, each from both sides."""
+"""Rates: degrees of freedom, leverage, shared parts and limits of a slope, each tested on both sides."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What identify tells of open-01 beside its estimate: profiles, declared uncertainties, posterior."""
+"""Other results of identify for open-01: profiles, declared uncertainties, posterior."""
 
 from dataclasses import replace
 from pathlib import Path

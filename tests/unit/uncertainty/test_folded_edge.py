@@ -1,4 +1,4 @@
-"""Folded edges: areas at corners by hand, and the warning where a sliding face has one."""
+"""Folded edges: areas at corners by hand, and the warning for a sliding face with a folded edge."""
 
 from types import SimpleNamespace
 from typing import Any

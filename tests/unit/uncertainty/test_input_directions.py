@@ -1,4 +1,4 @@
-"""Directions of the inputs: what each does to the data vector, in closed form, with runs made up."""
+"""Directions of the inputs: the effect of each on the data vector in closed form, with synthetic runs."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""One list of a shot's inputs: what all who read it make of an entry, one that a stranger adds among them."""
+"""One list of a shot's inputs: the use of an entry by all its readers, also of an added entry."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Sensitivities in words and shares: amounts, the largest undeclared input, what leaves no residual."""
+"""Sensitivities in texts and shares: amounts, the largest undeclared input, inputs without a residual."""
 
 from dataclasses import replace
 from types import SimpleNamespace

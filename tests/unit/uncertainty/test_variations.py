@@ -1,4 +1,4 @@
-"""Other windows and bins of the same data: what is left of them, and what a whole identification finds."""
+"""Other windows and bins of the same data: the remaining data, and the result of a whole identification."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Warnings: each is raised by its own cause, with its numbers, and by nothing else."""
+"""Warnings: each is raised only by its cause, with its numbers."""
 
 from dataclasses import replace
 from types import SimpleNamespace

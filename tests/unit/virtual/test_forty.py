@@ -1,4 +1,4 @@
-"""The study of drawn shots: what an answer counts as, cures, and answers that are kept."""
+"""The study of random shots: categories of answers, remedies, and stored answers."""
 
 import json
 import os

@@ -1,4 +1,5 @@
-"""Made folders: read back, the same for one seed, wrong where asked for, their truth read by nothing."""
+"""Synthetic folders: they can be read, are equal for one seed, and are wrong on request; no command reads the
+truth."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""Pictures of made shots: cameras as asked, the same for a seed, tables and files as a shot has them."""
+"""Pictures of synthetic shots: requested cameras, equal for a seed, tables and files as in a shot."""
 
 from dataclasses import replace
 

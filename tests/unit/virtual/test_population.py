@@ -1,4 +1,4 @@
-"""Drawn specifications: ranges, streams, and refusals of what cannot be drawn."""
+"""Random specifications: ranges, streams, and error messages."""
 
 from pathlib import Path
 

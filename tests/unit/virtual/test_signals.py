@@ -1,4 +1,4 @@
-"""The chain from newtons to codes: each element against what its closed form says."""
+"""The chain from newtons to codes: each element is compared with its closed form."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a made shot truly did: the flyer's motion, a flyer that tilts, the exports of what was seen."""
+"""The truth of a synthetic shot: the flyer's motion, a tilting flyer, the exports of the measurement."""
 
 from pathlib import Path
 from typing import Any

@@ -1,6 +1,6 @@
 """The virtual laboratory on a GPU: the same truths, pictures and budgets as on a CPU, to stated errors.
 
-Without a CUDA device these are skipped; `pytest -m cuda` runs them where there is one.
+Without a CUDA device these tests are skipped; `pytest -m cuda` runs them with one.
 """
 
 from dataclasses import replace
