@@ -139,7 +139,7 @@ def test_a_late_transmitted_pulse_is_judged_by_the_strain_before_it(toe, remarke
 def test_a_drift_that_decides_is_remarked(share, remarked):
     said = remarks(zero=share)
     assert len(said) == remarked
-    assert all("decide the uncertainty of the largest strain (51 % of" in line for line in said)
+    assert all("dominate the uncertainty of the largest strain (51 % of" in line for line in said)
     assert remarks(zero=0.9, sigma=9e-4) == []  # of less than a thousandth nobody needs to know
 
 

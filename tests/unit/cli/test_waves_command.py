@@ -189,7 +189,7 @@ def test_windows_from_the_shot_file_are_taken(tmp_path):
     ("old", "new", "named"),
     [
         ('wave_speed = "5000 m/s"', "", "bars.transmission.wave_speed"),
-        ('diameter = "10 mm"', 'diameter = "30 mm"', "wider than a bar"),
+        ('diameter = "10 mm"', 'diameter = "30 mm"', "is wider than the bar"),
         ('distance = "1000 mm"', 'distance = "3000 mm"', "gauges.incident.distance"),
         ('recorder = "scope"\nchannels = ["tra', 'recorder = "skope"\nchannels = ["tra', "names no recorder"),
         ('file = "scope.csv"', 'file = "gone.csv"', "recorders.scope.file"),
