@@ -53,7 +53,7 @@ def identify(
 
     Notes
     -----
-    BLAS uses one thread during the call, see `kolsky.base.process.set_blas_threads`.
+    BLAS uses one thread during the call: `kolsky.base.process.set_blas_threads`.
 
     Returns
     -------
@@ -107,9 +107,9 @@ def diagnose(
     Returns
     -------
     Identification
-        The same identification. Its leading causes also hold the free parameters of a complete identification
-        with the cause corrected. If a cause was found together with another one, both are corrected. A cause
-        that no number can correct has no such values.
+        The same identification. Each leading cause also holds the free parameters of a complete
+        identification with this cause corrected. If a cause was found together with another one, both are
+        corrected. Some causes cannot be corrected by a number; they have no such values.
 
     Raises
     ------
