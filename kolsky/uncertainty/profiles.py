@@ -1,5 +1,6 @@
-"""Profile likelihoods and posterior of a shot's parameters, by a surrogate that runs along the profiles
-confirm.
+"""Profile likelihoods and posterior of a shot's parameters.
+
+They use a surrogate, which runs along the profiles confirm.
 
 The data vector is reduced to the components that can change. `sample_posterior` needs emcee (extra [bayes]).
 """
@@ -272,7 +273,10 @@ def surrogate_of(
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
-    """Mask of points not too close to an earlier one: close pairs make a surrogate ill-conditioned."""
+    """Mask of the points that are not too close to an earlier one.
+
+    Close pairs make a surrogate ill-conditioned.
+    """
     kept: list[int] = []
     for row in range(len(unit)):
         if all(np.linalg.norm(unit[row] - unit[other]) >= least for other in kept):
@@ -299,7 +303,10 @@ def _test_along(
 
 
 def _along(profile: Profile) -> NDArray[np.intp]:
-    """Rows of a profile to run: evenly spread over the range of small rise, both ends included."""
+    """Rows of a profile to run.
+
+    They are evenly spread over the range of small rise, both ends included.
+    """
     low = np.flatnonzero(profile.rise <= REACH * profile.level)
     return np.unique(low[np.linspace(0, len(low) - 1, ALONG).round().astype(int)])
 
@@ -330,7 +337,7 @@ def _span(profile: Profile) -> tuple[float, float]:
 
 
 TAU_SCALE = 10.0
-"""Scale of the half-normal prior of a discrepancy, over the median noise of its channel."""
+"""Scale of the half-normal prior of a discrepancy, divided by the median noise of its channel."""
 MOST_SAMPLES = 4000
 """Maximum number of stored samples."""
 NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
@@ -340,9 +347,9 @@ NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
 def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
     """Sample parameters and discrepancies.
 
-    The prior of a parameter is uniform in the box of the profiles, times the Gaussian of its declared
-    uncertainty where it has one. The time correlation of the residuals enters as a power of the likelihood:
-    one over the mean factor of the profiles.
+    The prior of a parameter is uniform in the box of the profiles. A declared uncertainty multiplies it by a
+    Gaussian. The time correlation of the residuals enters as a power of the likelihood: one divided by the
+    mean factor of the profiles.
 
     ``found``: the profiles and their surrogate. ``seed``: seed of the chains. Raises ImportError if emcee is
     not installed: `pip install 'kolsky[bayes]'`.
