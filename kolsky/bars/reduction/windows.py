@@ -1,7 +1,7 @@
 """A classical test as declared and recorded, and the time windows of its three pulses.
 
-Windows come from travel times and are checked against observed arrivals. Alignment shifts each wave so that
-its observed arrival agrees at the specimen.
+Windows come from travel times and are checked against observed arrivals. Alignment shifts each wave until its
+observed arrival agrees at the specimen.
 """
 
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ class StationInput:
     clock_offset: float
     """Shot's clock minus recorder's clock [s]."""
     compression: int | tuple[int, ...]
-    """+1 if compression gives positive values, -1 otherwise; one for all channels, or one each."""
+    """+1 if compression gives positive values, -1 otherwise. One value for all channels, or one for each."""
     full_scale: float | None = None
     """Largest magnitude that the recorder can measure; None if it is not known."""
 

@@ -278,8 +278,8 @@ def at_nodes(mesh: explicit.Mesh, elements: FloatArray) -> FloatArray:
 _TURNS = 61
 """Angular divisions of half a revolution, with both ends."""
 PLATEN, _PLATEN_THICKNESS = 1.15, 0.07
-"""Radius of a platen divided by the specimen's largest radius, and thickness of the platen divided by its
-radius."""
+"""Radius of a platen divided by the specimen's largest radius, and thickness of the platen divided by the
+same radius."""
 SIDE_DISTANCE = 2.9
 """Distance of the measured body from the simulated one, divided by the largest radius."""
 _AZIMUTH, _ELEVATION = np.radians(40.0), np.radians(18.0)
