@@ -145,8 +145,7 @@ class Budget:
         return History(self.value[self._known(output)], self.sigma(output), unit)
 
     def covariance(self, one: str, other: str) -> FloatArray:
-        """Covariance of two outputs at each sample, by the quantities without noise (GUM F.1.2.3), shape
-        [...].
+        """Covariance of two outputs at each sample, from the quantities (GUM F.1.2.3), shape [...].
 
         Raises ValueError if their shapes differ.
         """

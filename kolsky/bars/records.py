@@ -1,5 +1,6 @@
-"""Records of bar signals, from the recording to the result (SI, float64, compression positive, the shot's
-clock).
+"""Records of bar signals, from the recording to the result.
+
+Values are SI, float64, compression positive, on the shot's clock.
 
 A `Signal` has a uniform clock. `WavesResult` is the result of `kolsky waves`, `FlyerResult` that of the flyer
 test.

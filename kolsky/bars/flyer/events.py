@@ -252,8 +252,9 @@ class FlyerEvents:
 
     @property
     def usable(self) -> tuple[float, str]:
-        """Last time at which the data are used [s], and the reason. The reason is lost symmetry, second
-        impact or end of the record.
+        """Last time at which the data are used [s], and the reason.
+
+        The reason is lost symmetry, second impact or end of the record.
         """
         found = [
             (event.time, event.name)

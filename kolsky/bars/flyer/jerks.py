@@ -123,9 +123,7 @@ def maximum_likelihood(
 def _searched(
     x: FloatArray, data: tuple[object, ...], bounds: list[tuple[float, float]]
 ) -> tuple[FloatArray, float, str]:
-    """Result of the search for the least `evidence` from x: its point, its value, and the reason of a failure
-    (or "").
-    """
+    """Search for the least `evidence` from x: its point, its value, and the reason of a failure or ""."""
     from scipy.optimize import minimize  # loaded where it is of use
 
     value = np.inf

@@ -218,8 +218,7 @@ class VariedTest:
     def reduced(
         self, faces: FaceWaves, values: Mapping[str, float]
     ) -> tuple[Reduction, tuple[Correction, ...]]:
-        """Reduction with the active corrections for punching of the faces and for the specimen's inertia.
-        """
+        """Reduction with the active corrections for punching of the faces and for the specimen's inertia."""
         specimen = varied_specimen(self.given.specimen, values)
         dispersive = self.given.switches["dispersion"] or self.given.polymers
         guides = self.guides(values) if dispersive else None
