@@ -66,8 +66,8 @@ class StiffnessMap:
 def blocks_of(problem: FieldProblem, counts: tuple[int, int]) -> tuple[IntArray, FloatArray]:
     """Number the cells by blocks of a grid, and find which blocks touch.
 
-    Returns: block of each cell, without gaps in the numbers, shape [m]. Returns: pairs of blocks with the
-    length of their common side over the mean size of a block, shape [n, 3].
+    Returns: block of each cell, numbered without gaps, shape [m]. Returns: pairs of blocks with the length of
+    their common side over the mean size of a block, shape [n, 3].
     """
     mesh = problem.sheet.mesh
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
@@ -131,9 +131,10 @@ def stiffness_map(
 ) -> StiffnessMap:
     """Find the smoothest map of stiffness that explains a sheet's field.
 
-    ``problem``: the sheet with its data; its constants belong to factor 1. All parameters of the law must be
-    moduli. ``counts``: number of blocks along x and y. ``weights``: values of tau to try, largest first. The
-    first that explains the data is used, else the last; `StiffnessMap.explained` is then False.
+    ``problem``: the sheet with its data. Its constants belong to factor 1. All parameters of the law must be
+    moduli. ``counts``: number of blocks along x and y. ``weights``: trial values of tau, largest first. The
+    first value that explains the data is used. If none does, the last value is used and
+    `StiffnessMap.explained` is False.
     """
     regions, touching = blocks_of(problem, counts)
     blocks = _Blocks(problem, regions)
