@@ -347,8 +347,8 @@ class ModelFit:
 
     @property
     def not_determined(self) -> tuple[str, ...]:
-        """Constants with a k = 2 interval that includes zero, or with a value so large that their term is
-        negligible.
+        """Constants with a k = 2 interval that includes zero, or with a negligible term because of their
+        size.
         """
         return tuple(
             name

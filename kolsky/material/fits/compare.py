@@ -230,8 +230,9 @@ class Comparison(ResultViews):
 
     @property
     def best(self) -> Row | None:
-        """Smallest BIC of a law with constants that the data determine. The law must also be stable over the
-        data.
+        """Smallest BIC of a stable law with constants that the data determine.
+
+        The law must be stable over the data.
 
         None if there is none.
         """

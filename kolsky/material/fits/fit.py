@@ -208,8 +208,10 @@ class Fit:
 
     @property
     def durbin_watson(self) -> float:
-        """Smallest Durbin-Watson number of the tests. If it is far below 2, the law does not follow the
-        curve's shape. `covariance` takes all points as independent and is then too small.
+        """Smallest Durbin-Watson number of the tests.
+
+        If it is far below 2, the law does not follow the curve's shape. `covariance` takes all points as
+        independent and is then too small.
         """
         return min(durbin_watson(part.residual) for part in self.parts)
 

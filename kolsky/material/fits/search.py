@@ -86,8 +86,10 @@ class Residuals:
 
     @cached_property
     def counted(self) -> tuple[FloatArray, ...]:
-        """Factor of every residual [1/Pa], shape [n] for each test. It is 0 for a point at rest under
-        relative weighting. There, law and measurement are both zero and give no information.
+        """Factor of every residual [1/Pa], shape [n] for each test.
+
+        It is 0 for a point at rest under relative weighting. There, law and measurement are both zero and
+        give no information.
         """
         factors = []
         for test in self.tests:
