@@ -347,8 +347,7 @@ class ModelFit:
 
     @property
     def not_determined(self) -> tuple[str, ...]:
-        """Constants with a k = 2 interval that includes zero, or with a negligible term.
-        """
+        """Constants with a k = 2 interval that includes zero, or with a negligible term."""
         return tuple(
             name
             for name, value in self.constants.items()

@@ -72,8 +72,7 @@ class MixedFit:
         return float(self.coefficients[index] - half), float(self.coefficients[index] + half)
 
     def noticeable(self, index: int, probability: float = 0.95, power: float = POWER) -> float:
-        """Size of a coefficient that its interval distinguishes from zero with probability `power`, Eq.
-        (S.10).
+        """Size of a coefficient that its interval distinguishes from 0 with probability `power`, Eq. (S.10).
 
         The estimate divided by its standard uncertainty has a noncentral t distribution. It is the mean of
         two normal probabilities over the estimated uncertainty. Quantiles represent the distribution of this
