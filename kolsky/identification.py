@@ -66,7 +66,7 @@ def identify(
         If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
         message gives outcome, time and place of the first failure.
     InputError
-        If the folder holds no shot, or an invalid one.
+        If the folder contains no shot, or an invalid one.
     """
     loaded = load_shot(shot) if isinstance(shot, str | Path) else shot
     search = search_shot(InverseProblem.of(loaded, settings or Settings()), Work(progress))
@@ -107,7 +107,7 @@ def diagnose(
     Returns
     -------
     Identification
-        The same identification. Each leading cause also holds the free parameters of a complete
+        The identification `found`. Each leading cause also holds the free parameters of a complete
         identification with this cause corrected. If a cause was found together with another one, both are
         corrected. Some causes cannot be corrected by a number; they have no such values.
 

@@ -367,7 +367,7 @@ def _raise_for_steps(
     contribution: FloatArray,
     allowed: float,
 ) -> None:
-    """Find the quantity whose half step gives a different slope, and raise ValueError."""
+    """Find the quantity with another slope at its half step, and raise ValueError."""
     off = []
     for q, one in zip(quantities, contribution, strict=True):
         plus, minus = _varied_outputs(model, value, best, {q: 0.5})

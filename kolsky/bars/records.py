@@ -294,12 +294,12 @@ class WavesResult(ReducedTest):
     faces: FaceWaves
     """The waves at the specimen."""
     analysis: str = "three waves"
-    """The analysis whose values are quoted."""
+    """The analysis of the reported values."""
     valid: tuple[float, float] | None = None
     """Time span in which imbalance and inertia stay within a share of the stress [s]; None if no such span
     exists."""
     validity: str = ""
-    """The same in words, with the allowed share."""
+    """The time span in words, with the allowed share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -313,7 +313,7 @@ class FlyerResult(ReducedTest):
     valid: tuple[float, float] | None
     """Time span in which the classical stress-strain curve is valid [s]; None if there is none."""
     validity: str
-    """The same in words, with the allowed share."""
+    """The time span in words, with the allowed share."""
     synchronisation: str | None
     """Verdict of the cross-check of cameras and transducers; None without an incident transducer."""
     inertia: Mapping[str, FloatArray]

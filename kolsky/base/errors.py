@@ -1,4 +1,7 @@
-"""Errors about invalid input: a single line with file, line, key, value, allowed range and cure."""
+"""Errors about invalid input.
+
+One line with file, line, key, value, allowed range and remedy.
+"""
 
 import json
 from collections.abc import Iterable, Iterator

@@ -61,9 +61,9 @@ class Item:
     """Heading of its column in a table, without the unit. A pair of numbers has two headings; "" means no
     column."""
     parameter: str = ""
-    """Field with the name of the parameter whose unit the numbers have. It may also name one parameter for
-    each number along the last dimension. "names.1" is the second of its names. "" if the unit is not that of
-    a parameter."""
+    """Field with the name of the parameter that gives the unit of the numbers. It may also name one parameter
+    for each number along the last dimension. "names.1" is the second of its names. "" if the unit is not that
+    of a parameter."""
 
     def json(self, value: Any) -> Any:
         """The value in JSON, see `kolsky.base.files.jsonable`."""

@@ -36,7 +36,7 @@ WORKER = "WORKER_NUMBER"
 GC_THRESHOLD = 100_000
 """Net number of new objects between two searches for reference cycles. Python's default is some hundred."""
 GC_THRESHOLD_OF_COMMAND = 20_000
-"""The same number for other work of a command, in which a cycle may contain large arrays."""
+"""The corresponding number for other work of a command, in which a cycle may contain large arrays."""
 
 
 @contextmanager

@@ -5,9 +5,10 @@ distance of n markers is
 
     RMSE = sqrt(1/n sum |x_measured - x_simulated|^2),                                          (A.5)
 
-Noise of sigma in each coordinate explains them if sum |.|^2 / sigma^2 is below the 99.9 % quantile of
-chi-square with 2 n degrees of freedom. One factor m of all moduli is fitted to all markers, directions and
-pressures, with a fixed Poisson's ratio. The method is Gauss-Newton with the exact du/dm. The interval is
+The sum of |.|^2 / sigma^2 is compared with chi-square of 2 n degrees of freedom. Noise of sigma in each
+coordinate explains the distances if the sum is below the 99.9 % quantile. One factor m of all moduli is
+fitted to all markers, directions and pressures, with a fixed Poisson's ratio. The method is Gauss-Newton with
+the exact du/dm. The interval is
 
     m +- t s_m,  s_m = sigma max(1, sqrt(chi2 / dof)) / |J|,                                    (A.6)
 

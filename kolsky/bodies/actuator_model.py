@@ -115,7 +115,7 @@ class Actuator:
     def constants(self, factor: float = 1.0, *, body: Solid | None = None) -> FloatArray:
         """Constants of each region with all moduli multiplied by a factor, shape [n_regions, n_parameters].
 
-        `body`: a material in place of `solid`.
+        `body`: a material that replaces `solid`.
         """
         solids = (self.solid if body is None else body, *(part.solid for part in self.parts))
         return np.array([one.scaled(factor).parameters() for one in solids])

@@ -270,7 +270,7 @@ class BeforeTest:
     change: FloatArray
     """Change of each combination by a nodal displacement, Eq. (K.32) or (K.35) [1/m], shape [k, n]."""
     field: FloatArray
-    """The same as a field, Eq. (K.36) [1/m^3], shape [k, n]."""
+    """This change as a field, Eq. (K.36) [1/m^3], shape [k, n]."""
     singular: bool
     """True if a combination of constants affects no displacement. Eigenvectors are then used."""
 

@@ -1,10 +1,10 @@
 """A slow test's specimen as a model: mesh, bonds, symmetry, and forces at its ends with slopes.
 
-A specimen is glued between rigid parts over its whole width and a length at each end, on the top and the
-bottom face (Schumacher and others 2020, Sec. VI). All points of a bond have the same displacement along the
-pull and none across it. This is the coupling of their Eq. (6); its unknown d is prescribed here. Without
-gravity the specimen is symmetric about three planes. An eighth of it therefore gives the same displacements
-and a quarter of the force.
+A specimen is glued between rigid parts on its top and bottom face, over its whole width and a length at each
+end (Schumacher and others 2020, Sec. VI). All points of a bond have the same displacement along the pull and
+none across it. This is the coupling of their Eq. (6); its unknown d is prescribed here. Without gravity the
+specimen is symmetric about three planes. An eighth of it therefore gives the same displacements and a quarter
+of the force.
 """
 
 from dataclasses import dataclass, replace
@@ -53,7 +53,7 @@ class Shape:
     gravity: tuple[float, float, float] | None = None
     """Acceleration of free fall [m/s^2]; None: no gravity."""
     density: float | None = None
-    """Mass density [kg/m^3], where there is gravity."""
+    """Mass density [kg/m^3]; needed only with gravity."""
     symmetry: bool = True
     """True to simulate an eighth if the symmetry allows it."""
     load: str = "axial"
@@ -279,7 +279,7 @@ class BodyShape(Shape):
 
     @property
     def indenter(self) -> RigidSurface | None:
-        """The sphere, whose travel is the displacement; None without a sphere."""
+        """The sphere; its travel is the displacement. None without a sphere."""
         if self.sphere is None:
             return None
         normal = tuple(self.way * np.eye(3)[self.axis])

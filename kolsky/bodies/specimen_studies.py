@@ -133,7 +133,7 @@ def expected(
 
     ``tests``: their names. ``whitened``: L^-1 df/dp of each test, shape [m, p]. ``forces``: largest force of
     each test [N]. ``constants``: the constants at which the tests are planned. ``wanted``: names of the
-    constants of interest; empty: all.
+    constants of interest. Empty means all.
     """
     sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
     jacobian = np.concatenate([whitened[name] for name in tests]) * sizes

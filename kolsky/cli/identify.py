@@ -600,7 +600,7 @@ def demo_files() -> list[Path]:
 
     They are those of the installation, otherwise of the source tree.
 
-    Raises InputError where the installation lacks them.
+    Raises InputError if the installation lacks them.
     """
     files = sorted((Path(__file__).parents[2] / "runs" / DEMO).glob("*.*"))
     if not files:

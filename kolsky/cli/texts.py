@@ -256,7 +256,7 @@ def apart(option: str, names: Iterable[str], other: str, others: Iterable[str]) 
 
 
 def installed(option: str, package: str, extra: str) -> None:
-    """Reject an option whose package is not installed."""
+    """Reject an option if its package is not installed."""
     from importlib.util import find_spec
 
     if find_spec(package) is None:

@@ -88,7 +88,7 @@ class ExpectedResidual:
         return found
 
     def with_tau(self, residual: FloatArray) -> "ExpectedResidual":
-        """The same with each channel's tau estimated from a residual."""
+        """These errors with each channel's tau estimated from a residual."""
         left = self.independent(residual)
         excess = [
             (left[use] ** 2 - self.sigma[use] ** 2).mean() if (use := self.channel == c).any() else 0.0

@@ -42,7 +42,7 @@ def changed_vector(
     *,
     known: FloatArray | None = None,
 ) -> FloatArray:
-    """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where a radius is unknown.
+    """Force bins [N], then the radii at all outline points [m], shape [k]; NaN for an unknown radius.
 
     ``known``: the `radii` of the same run with a change of the same `sight`, if they were already computed.
     """

@@ -103,7 +103,7 @@ class CauseModel:
 
     @cached_property
     def screen(self) -> CauseModel:
-        """The same model on the mesh of the replicates.
+        """This model on the mesh of the replicates.
 
         It screens values before a few are tried on this mesh.
         """

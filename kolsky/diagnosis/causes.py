@@ -289,7 +289,7 @@ class Best:
     None if no run was made."""
 
     def renewed(self, judge: CauseSearch) -> Best:
-        """The same after a refinement from a run on the refined mesh at its point.
+        """The model after a refinement from a run on the refined mesh at its point.
 
         It does not change if that run fails.
         """

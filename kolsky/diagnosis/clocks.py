@@ -232,7 +232,7 @@ class Reruns:
 
     @classmethod
     def of(cls, runner: Runner, x: FloatArray) -> "Reruns":
-        """The runs of an identification whose optimum is x, shape [d]."""
+        """The runs of an identification with the optimum x, shape [d]."""
         problem = runner.problem
         box = problem.box
         return cls(

@@ -91,8 +91,8 @@ def _block_deviations(unit: FloatArray, left: FloatArray, blocks: Sequence[IntAr
     """Standard deviation of each score with residuals correlated within a block, >= 1, shape [n].
 
     It uses block sums of the residual after the direction is fitted. A direction has the weights w_b in its
-    blocks, so n_e = 1 / sum w_b^2 blocks are effective. The fit has removed the share 1 / n_e of the sums.
-    This is corrected.
+    blocks. Therefore n_e = 1 / sum w_b^2 blocks are effective. The fit has removed the share 1 / n_e of the
+    sums. This is corrected.
     """
     bare = left - (unit @ left)[:, None] * unit
     scale = np.ones(len(unit))
@@ -112,8 +112,9 @@ SHORTEST_SEARCHED = 2e-5
 STRENGTHS, SCANNED_TIMES = (0.1, 0.4), 6
 """Strengths, and number of times, of the first scan."""
 STARTS, STEPS, STEP, AT_REST = 2, 8, 1e-3, 0.5
-"""Four settings of the search: number of starts from the scan, trial points of each, half step of differences
-in the unit box, and length of the next step at convergence, in standard deviations."""
+"""Four settings of the search. They are the number of starts from the scan and the trial points of each. The
+others are the half step of differences in the unit box, and the length of the next step at convergence, in
+standard deviations."""
 HALF = 0.5
 """Smallest share of the elastic model's misfit that a branch must explain [-]. In seven synthetic shots with
 a branch, it was 0.89 to 0.99 (draws 0 to 6 of seed 41907 of `populations.branch_advice`). In five elastic
@@ -352,7 +353,7 @@ def rate_advice(
 def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
     """The numbers on which the advice is based.
 
-    ``test``, ``fit``: as of `rate_advice`.
+    ``test``, ``fit``: as for `rate_advice`.
     """
     found = {} if test is None else {"branch_probability": test.probability}
     if fit is not None:
@@ -413,7 +414,7 @@ def weak_branch(
 
 UNREACHED = 1.0
 """The search of a larger model has not reached the optimum if its -2 ln L exceeds that of a nested model by
-more than this. Searches end within a part of a standard uncertainty, where the rise is smaller."""
+more than this. Searches end within a part of a standard uncertainty. The rise there is smaller."""
 
 
 def choose_model(

@@ -1,6 +1,6 @@
 """The body of a model: internal forces, stiffness, derivatives by the constants, mixed formulation.
 
-Mixed formulation: volume ratio and pressure are fields that are eliminated in each element. The monomials
+Mixed formulation: volume ratio and pressure are fields. They are eliminated in each element. The monomials
 phi_m of degree n in the element's coordinates are 1, or 1 and the coordinates. The functional int W(F) +
 U(theta) + p (J - theta) dV is stationary if theta is the projection of J, and p that of U'(theta) (Simo,
 Taylor and Pister 1985):
@@ -246,5 +246,5 @@ def _pairs_of_kinematics(by_row: FloatArray, state: BodyState, kinematics: str) 
         kept = by_row[:, :, [0, 1, 8, 3, 4, 2]].copy()
         kept[:, :, 5] = 0.0
         return kept
-    # Plane stress: the thickness changes so that P_33 remains 0.
+    # Plane stress: the thickness changes, and P_33 remains 0.
     return by_row[:, :, [0, 1, 3, 4]] - state.points.H[..., None] * by_row[:, :, [8]]

@@ -108,7 +108,7 @@ class Relaxing:
         return np.eye(3) + np.einsum("mki,mgkj->mgij", at, self.body.points.geometry.E, optimize=True)
 
     def _known(self) -> FloatArray:
-        """The terms of (D.3) that are known from the last step [Pa], shape [m, g, 3, 3]."""
+        """The terms of (D.3) that follow from the last step [Pa], shape [m, g, 3, 3]."""
         return np.tensordot(self.decay, self.parts, axes=1) - self.gain.sum() * self.stress
 
     def forces(self, state: BodyState) -> FloatArray:

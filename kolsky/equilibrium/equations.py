@@ -160,7 +160,7 @@ class Equations:
     def with_contact(self, elements: FloatArray, state: State, *, held: bool) -> FloatArray:
         """Element matrices with the stiffness of the points in contact.
 
-        The same array if there are none.
+        Without points in contact, the unchanged array.
         """
         if self.contacts:
             elements = elements.copy()

@@ -349,7 +349,7 @@ def compressible_neo_hookean() -> tuple[Any, Any, Any]:
 
 
 KINEMATICS = {"3d": (3, 3), "plane_strain": (2, 2), "plane_stress": (2, 2), "axisymmetric": (2, 3)}
-"""Displacement components d and columns D of the gradients of each kinematics."""
+"""Displacement components d and gradient columns D of each kinematics."""
 THICKNESS_STEPS = 60
 """Maximum number of iterations for the thickness stretch of plane stress."""
 

@@ -340,7 +340,7 @@ def _polynomial(
         return V.T @ force, tangent
 
     a, B = at(np.zeros(len(V)))
-    # C_ijk = d2 f_i / dq_j dq_k: the derivative is linear in q, so a unit amplitude gives it exactly
+    # C_ijk = d2 f_i / dq_j dq_k: the derivative is linear in q; a unit amplitude therefore gives it exactly
     C = np.stack([at(V[:, k])[1] - B for k in range(V.shape[1])], axis=-1)
     return a, B, C
 

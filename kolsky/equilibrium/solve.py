@@ -422,8 +422,9 @@ class _Path:
 def continued(places: list[float], states: list[FloatArray]) -> FloatArray:
     """The polynomial through the last states, the latest first, at position 1.
 
-    It has the degree that would have predicted the latest state best from the states before it. If that was
-    the highest possible degree, one more is used. A history with kinks is thus extrapolated from few states.
+    Its degree is the one that would have predicted the latest state best from earlier states. If this is the
+    highest possible degree, the next higher one is used. A history with kinks is thus extrapolated from few
+    states.
     """
     latest, errors = states[0], [np.linalg.norm(states[1] - states[0])]
     for degree in range(1, len(states) - 1):

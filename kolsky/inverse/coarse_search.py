@@ -56,14 +56,15 @@ def search(
     start: FloatArray | None = None,
     tolerance: float = 1e-7,
 ) -> Optimum:
-    """Find the optimum and the discrepancies at it. They depend on each other, so three rounds are made.
+    """Find the optimum and the discrepancies at it. They depend on each other; three rounds are therefore
+    made.
 
     Parameters
     ----------
     box
         The search range.
     objective
-        The objective to minimise; the discrepancies at the optimum replace its own.
+        The objective to minimise. Its discrepancies are replaced by those at the optimum.
     model
         Predicts data vectors.
     part

@@ -265,11 +265,11 @@ def _rms(x: FloatArray) -> float:
 
 
 ANSWER_STAGES = ("design", "refinement", "check")
-"""Stages whose runs the answer uses."""
+"""Stages with runs that the answer uses."""
 
 
 def with_own_method(result: Identification) -> Identification:
-    """The result of a search. Its own method is the first of the compared methods."""
+    """The result of a search. The method of the search is the first of the compared methods."""
     routes = {route.name: {p: route.on_mesh(p) for p in route.parameters} for route in result.routes}
     own = routes.get("joint", routes.get("force only"))
     if own is None:

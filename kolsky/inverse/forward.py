@@ -3,8 +3,8 @@
 `Forward` converts parameter values to a batch of the solver. Parts behind the specimen and parts of the flyer
 are linear (`explicit.bars.elastic`). Specimen and parts are simulated alternately until their forces agree
 (waveform iteration). Each uses the forces or motions from the last pass of the other. A transducer at the
-depth x of a uniform bar measures the force at the face with the delay x / c_0, plus the inertia of the mass
-before the transducer.
+depth x of a uniform bar measures the force at the face with the delay x / c_0. The inertia of the mass in
+front of it adds to the force.
 
 Graded meshes have small elements at the edges of the faces. The edge of a bonded face is a stress
 singularity. This singularity causes most of the mesh error in a specimen's ringing.
@@ -44,7 +44,10 @@ from kolsky.shot.records import Shot, ShotBase
 
 
 def at_transducer(shot: ShotBase, response: Response) -> Response:
-    """A batch with the transmitted force and impulse at the transducer in place of the platen's face."""
+    """A batch with the transmitted force and impulse at the transducer.
+
+    They replace those at the platen's face.
+    """
     bar = shot.transmission_bar
     if shot.transducer_depth == 0.0 or bar is None:
         return response
@@ -101,8 +104,9 @@ def in_surroundings(
 def with_moved_faces(
     shot: ShotBase, problem: explicit.Problem, response: explicit.Response
 ) -> explicit.Problem:
-    """A batch whose platens follow the motion of the shot's elastic parts under the forces of the last
-    pass."""
+    """A batch with platens that follow the motion of the shot's elastic parts.
+
+    The motion is that under the forces of the last pass."""
     model, samples = problem.model, problem.samples
     times = _knots(model)
     if shot.behind is not None:
@@ -286,9 +290,9 @@ class Forward:
         Parameters
         ----------
         points : mapping
-            Parameter name -> values, shape [n] or scalar. Without a name, the shot's own value is used. If a
-            parameter that `slides` ("friction") is named, faces and side surface slide by Coulomb's law. A
-            parameter of a contact law needs a shot that declares such a law.
+            Parameter name -> values, shape [n] or scalar. A parameter that is not named has the shot's value.
+            If a parameter that `slides` ("friction") is named, faces and side surface slide by Coulomb's law.
+            A parameter of a contact law needs a shot that declares such a law.
         numerics
             Mesh, precision, device.
         motion, material : int or shape [n]

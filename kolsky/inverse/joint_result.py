@@ -200,7 +200,7 @@ class ShotPart:
     discrepancy_force: float
     """Discrepancy tau of the force bins, the residual beyond their noise [N]."""
     discrepancy_outline: float
-    """The same of the outline [m]."""
+    """Discrepancy of the outline [m]."""
     fit: tuple[FitQuality, ...] = ()
     """Residuals of its channels, compared with those expected of a correct model."""
     own: OwnStiffness | None = None
@@ -224,7 +224,7 @@ class ModelChoice:
     aic: float
     """Akaike's criterion with relaxation minus that without [-]; negative favours relaxation."""
     bic: float
-    """The same for the Bayesian criterion [-]."""
+    """Difference of the Bayesian criterion, with the same sign [-]."""
     elastic: Mapping[str, float]
     """The optimum without relaxation."""
     gain: float

@@ -73,12 +73,12 @@ class Unknowns:
 
     @cached_property
     def box(self) -> Box:
-        """All unknowns in their own units."""
+        """All unknowns in their units."""
         return _joined_box(self.parameters, self.node_names)
 
     @property
     def widths(self) -> FloatArray:
-        """Widths of the unknowns' ranges, in their own units, shape [d]."""
+        """Widths of the unknowns' ranges, in their units, shape [d]."""
         return np.array(self.box.upper) - np.array(self.box.lower)
 
     @cached_property

@@ -268,8 +268,9 @@ def secant(
 def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
     """The optimum on the refined mesh, with noise patterns computed on a fine mesh.
 
-    The result does not change if a surface slides (single runs jump), if the search has not converged, or if
-    the run on the graded mesh fails. The last case is reported with the mesh's part of the interval.
+    The result does not change in three cases: a surface slides (single runs jump), the search has not
+    converged, or the run on the graded mesh fails. The last case is reported with the mesh's part of the
+    interval.
     """
     if not (problem.settings.replicates and found.confirmed) or shots_slide(problem):
         return found
@@ -281,7 +282,7 @@ def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
 
 
 def shots_slide(problem: JointProblem) -> bool:
-    """True if a surface of the shots slides, so that single runs jump."""
+    """True if a surface of the shots slides. Single runs then jump."""
     faces = problem.first.shot.interface
     laws = [contact_law(faces.faces), contact_law(faces.side)]
     freed = any_slides([*problem.unknowns.bounds, *problem.runs.held])

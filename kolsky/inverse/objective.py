@@ -16,9 +16,9 @@ noise of the front face's motion.
   of every oscillation would dominate the fit.
 
 The slow error is a polynomial of height and time with independent coefficients: e(y, t) = s sum_ij a_ij
-P_i(y) P_j(t), a_ij ~ N(0, 1), i, j < DEGREES. The P are Legendre polynomials. They are scaled so that s is
-the error's root mean square over the points. The covariance of an optimum allows residuals that are
-correlated over blocks of time (block "sandwich").
+P_i(y) P_j(t), a_ij ~ N(0, 1), i, j < DEGREES. The P are Legendre polynomials. They are scaled, and s is the
+error's root mean square over the points. The covariance of an optimum allows residuals that are correlated
+over blocks of time (block "sandwich").
 """
 
 from __future__ import annotations

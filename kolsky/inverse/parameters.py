@@ -61,7 +61,7 @@ class Parameter:
     upper: float
     """Upper bound of the default design."""
     allowed: tuple[float, float]
-    """Range outside which a value is refused."""
+    """Range of allowed values; others are rejected."""
     held: Callable[[Shot], float]
     """The value that a shot declares for it."""
     enters: Callable[[Fields, Any], Fields] | None = None
@@ -367,7 +367,7 @@ def require_effect(names: Iterable[str], faces: str, side: str) -> None:
 
 
 def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
-    """The box of a design: given bounds, or the default ones where a bound is None.
+    """The box of a design: given bounds, with default ones for None.
 
     Raises ValueError if a name is unknown, if a bound is outside the allowed range, or if the bounds are not
     ascending.

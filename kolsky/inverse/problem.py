@@ -289,7 +289,10 @@ class InverseProblem:
         return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.forward.shot))
 
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> InverseProblem:
-        """The same with parameters held, each for a reason, at a given value or the shot's value."""
+        """The settings with further parameters held, each for a reason.
+
+        A parameter has a given value or the shot's value.
+        """
         return self.freeing(self.prepared, self.freed.holding(reasons, at))
 
     def of_one(self, name: str) -> InverseProblem:

@@ -162,7 +162,7 @@ class QuadraticFit:
 
 
 def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum:
-    """Stage 3 of `kolsky.identification.identify` where a surface slides or lets go.
+    """Stage 3 of `kolsky.identification.identify` if a surface slides or lets go.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """The result of an identification: estimates with intervals, and the records that support them (SI).
 
-`Identification` holds estimates, routes, the check run with the data, goodness of fit, clocks, likely causes,
-profiles, declared inputs, other choices of the analyst and other methods.
+`Identification` contains estimates, routes, the check run with the data, goodness of fit, clocks, likely
+causes, profiles, declared inputs, other choices of the analyst and other methods.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ class ClockLag:
     explains: bool
     """True if the model explains force and outline after the correction of this lag."""
     file: str
-    """The file that holds its times."""
+    """The file with its times."""
     key: str
     """The key of shot.toml that corrects it."""
 
@@ -335,7 +335,7 @@ class ParameterProfile:
     interval: Interval
     """95 % interval from the profile."""
     alone: Interval
-    """The same profile with the other parameters held at their optimum."""
+    """Another profile, with the other parameters held at their optimum."""
     verdict: str
     """Value of a `doe.uncertainty.VerdictKind`."""
     text: str
@@ -661,7 +661,7 @@ class Identification(ResultViews):
     clocks: tuple[ClockLag, ...] = ()
     """Clock lags of the recordings, from the residual of the model; empty if not recorded."""
     causes: tuple[CauseFinding, ...] = ()
-    """Inputs whose change reduces the misfit, likely causes first; empty if none was tried."""
+    """Inputs that reduce the misfit when they are changed, likely causes first. Empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)
     """Results of the image processing of the shot's surfaces, see `kolsky.pictures.summary.numbers`."""
     route_difference: RouteDifference | None = None

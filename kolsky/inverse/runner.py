@@ -218,7 +218,7 @@ class Runner:
     ) -> list[Prediction | None]:
         """Run each point with the path of the front face (row 0) and with other paths.
 
-        None for a point whose run under the path itself did not complete.
+        None for a point with a failed run under the path.
 
         ``points``: in parameter units, shape [p, d]. ``jerks``: jerk of each other path minus that of the
         path [m/s^3], shape [n, n_spans], see `front_jerks`.

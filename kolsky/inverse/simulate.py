@@ -176,7 +176,7 @@ def slow_test_of(
     """Compress the specimen of a shot slowly.
 
     ``parameters``: "stiffness_factor", "friction" or "poisson" at another value than the shot's. ``last``:
-    last nominal compressive strain [-]; default: that at the end of the window. ``error``: wanted relative
+    last nominal compressive strain [-]; default: that at the end of the window. ``error``: requested relative
     error of the force, see `kolsky.material.slow_compression.slow_compression`. ``mesh``, ``threads``:
     elements across the radius and along the length, CPU threads. Raises ValueError if a parameter is not
     allowed or has no effect, or if the strain is not in (0, 1). Other errors are those of

@@ -156,7 +156,7 @@ class SlowList:
 def read_slow_tests(path: Path) -> Slow:
     """Read a list of slow tests and their files, for use with shots that declare the law.
 
-    Raises InputError if the list or a file cannot be used; the message names file, line, key and cure.
+    Raises InputError if the list or a file cannot be used. The message names file, line, key and remedy.
     """
     toml = parse_toml(path)
     if "law" in toml.content:
@@ -261,7 +261,7 @@ def slow_measured(slow: Slow) -> tuple[FloatArray, FloatArray]:
 def slow_predicted(
     slow: Slow, law: MaterialLaw, relaxation: Relaxation | None, values: Mapping[str, float]
 ) -> FloatArray:
-    """The same values for a material, shape [n].
+    """The predicted values for a material, shape [n].
 
     ``slow``: the tests. ``law``: the long-term law at factor 1. ``relaxation``: the declared relaxation; None
     if there is none. ``values``: constants by parameter name; a missing constant keeps its declared value, a

@@ -33,7 +33,7 @@ from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
 
 VALLEY = "poisson"
-"""The parameter whose misfit has many valleys."""
+"""The parameter that causes many valleys of the misfit."""
 PHASE = 0.4
 """Step of the scan, in oscillations over the whole test. A run in phase is then at most half a step away."""
 MOST_LEVELS = 240
@@ -84,7 +84,7 @@ def oscillation_table(
 ) -> tuple[FloatArray, FloatArray]:
     """Poisson's ratio between two bounds [-] and its number of oscillations [-], both rising, shape [n].
 
-    ``factor``, ``bounds``: as of `valley_levels`.
+    ``factor``, ``bounds``: as for `valley_levels`.
     """
     shot, edges = prepared.forward.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))

@@ -39,7 +39,7 @@ class SlowNumerics:
     poisson: float = 0.499
     """Poisson's ratio of the initial state [-]. It is that of the shot for which the curve is used."""
     threads: int | None = None
-    """CPU threads; all cores if left out."""
+    """CPU threads; default: all cores."""
 
     def __post_init__(self) -> None:
         if not self.passages >= 20.0:

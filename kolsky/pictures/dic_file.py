@@ -36,7 +36,7 @@ STEREO_FORMAT = Format("dic stereo result", version=3, readable=(2, 3), largest=
 
 
 def _surface(unit: str, group: Group | None = None) -> Record[SurfaceHistory]:
-    """A surface whose lengths have a unit."""
+    """A surface with a unit of its lengths."""
     return Record(
         SurfaceHistory,
         group,

@@ -152,8 +152,8 @@ def refine_rig(
     of points that were left out of the fit (`dic.calibration.refine`). Otherwise nothing is done. If too few
     points are matched, the cameras do not change, and the facts state this.
 
-    ``rig``: the cameras, for the cropped pictures. ``frame``: the frame whose pair is matched. ``mask``:
-    pixels of the body in camera 0's picture, shape [rows, columns]. ``step``: distance of the points [px].
+    ``rig``: the cameras, for the cropped pictures. ``frame``: the frame of the matched pair. ``mask``: pixels
+    of the body in camera 0's picture, shape [rows, columns]. ``step``: distance of the points [px].
     ``noise``: standard deviation of a grey value [grey]; None: 1 % of the picture's contrast.
     """
     if section.refine is False:

@@ -136,8 +136,7 @@ class DicExport:
     X: FloatArray
     """Reference positions [m], shape [n_points, 3]."""
     u: FloatArray
-    """Displacements from these positions [m], NaN where a point is not valid, shape [n_frames, n_points,
-    3]."""
+    """Displacements from these positions [m], shape [n_frames, n_points, 3]; NaN for an invalid point."""
     state: IntArray
     """`PointState` of every point in every frame, shape [n_frames, n_points]."""
 
@@ -215,7 +214,7 @@ def read(
 
 
 def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
-    """The programs whose headings match a file, with the units of length in these headings.
+    """The programs with headings that match a file, and the units of length in these headings.
 
     Names of one letter, such as x, y, z, u, v, w, are common. For such names, the columns that identify a
     point must also be present. `read` does not require them.
@@ -363,7 +362,7 @@ def _point_index(files: Sequence[_File]) -> dict[object, int]:
 
 
 def _reference(path: Path, coordinates: FloatArray, u: FloatArray) -> FloatArray:
-    """Reference positions of all points, NaN where a point is never valid."""
+    """Reference positions of all points; NaN for a point that is never valid."""
     valid = np.asarray(np.isfinite(u).all(axis=2))
     first = np.argmax(valid, axis=0)
     points = np.arange(valid.shape[1])

@@ -50,7 +50,7 @@ def read_frame_table(
     points: bool = False,
     layout: Layout | None = None,
 ) -> FrameTable:
-    """Read a table whose rows have frame numbers.
+    """Read a table with frame numbers in its rows.
 
     ``frame``, ``time``: their columns. ``columns``: the other columns to read; None is left out. ``clock``:
     True if the times must increase. ``points``: True if a frame may have several rows. Raises InputError if

@@ -20,9 +20,9 @@ SURFACES = {2: 3, 3: 4, 9: 6, 10: 9, 16: 8}
 """Number of points of surface elements by Gmsh's element number: triangles, quadrilaterals, and their
 quadratic forms."""
 CURVES = {1: 2, 8: 3}
-"""The same for curve elements."""
+"""Number of points of curve elements."""
 POINTS = {**SURFACES, **CURVES, 15: 1, 4: 4, 5: 8, 11: 10}
-"""The same for all supported elements."""
+"""Number of points of all supported elements."""
 CURE = "save the mesh in Gmsh as Version 2 ASCII (-format msh22)"
 
 
@@ -182,8 +182,8 @@ class BodyMesh:
     groups: dict[str, IntArray]
     """Points on each named group."""
     numbers: IntArray
-    """Number of each cell in the file, shape [m]. Elements of all kinds are counted in order, from 1 in Gmsh
-    files and from 0 in VTU files, in the same way as in these programs."""
+    """Number of each cell in the file, shape [m]. Elements of all kinds are counted in order, as in these
+    programs: from 1 in Gmsh files, from 0 in VTU files."""
     sha256: str
     """SHA-256 of the file, hex."""
 

@@ -201,7 +201,7 @@ def outer_faces(mesh: Mesh) -> IntArray:
 def side_view(positions: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
     """Faces in the view along +y, in drawing order: the nearest last.
 
-    Returns: corners in x and z [m], shape [f, k, 2], and the cosine between each face's normal and the
+    Returns: corners in x and z [m], shape [f, k, 2]. Returns: cosine between each face's normal and the
     viewing direction, 0 to 1, shape [f].
     """
     corners = positions[faces]

@@ -33,7 +33,7 @@ __all__ = ["html", "plot", "to_dataframe", "to_xarray"]
 def html(data: object) -> str:
     """Return a shot, a measured surface or an identification as an HTML table.
 
-    Raises TypeError if it is something else.
+    Raises TypeError for other types.
     """
     raise TypeError(_no_view(data, "a notebook"))
 
@@ -63,7 +63,7 @@ def to_dataframe(data: object, table: str = "") -> Any:
     ValueError
         If there is no such table.
     TypeError
-        If it is something else.
+        If the data have another type.
     ImportError
         If pandas is not installed.
 
@@ -119,7 +119,7 @@ def to_xarray(data: object, table: str = "") -> Any:
     Raises
     ------
     TypeError
-        If it is something else.
+        If the data have another type.
     ImportError
         If xarray is not installed.
     """

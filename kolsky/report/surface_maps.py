@@ -101,7 +101,7 @@ def map_png(
     frame
         Number of the frame.
     camera
-        0, or 1 where there are two.
+        0, or 1 if there are two.
     shape
         Rows and columns of the picture [px].
     limits
@@ -227,7 +227,7 @@ def _fill(plotter, pyvista, points, name, frame, limits, chosen) -> None:  # typ
 def _look(plotter, points: MeasuredPoints, view: View) -> None:  # type: ignore[no-untyped-def]
     """Set the camera of a picture.
 
-    The surface fits into the picture in all frames at one scale.
+    The surface fits into the picture of every frame at one scale.
     """
     a, e = np.radians(view.azimuth), np.radians(view.elevation)
     eye = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])

@@ -76,9 +76,11 @@ def end_columns(design: DesignTable) -> dict[str, Any]:
 def to_json(identification: Identification) -> dict[str, Any]:
     """The result as one object of JSON types.
 
-    ; `fit` and `clocks` are null where they were not recorded; `failed_runs` lists the runs that did not
-    complete. Numbers that are not finite become null.|. `fit` and `clocks` are null if they were not
-    recorded. `failed_runs` lists the failed runs. Numbers that are not finite become null.
+    Every free parameter is a key with `value`, `interval` (k = 2, inside the range `searched`), `sigma`,
+    `sigma_noise`, `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `on_mesh` (the optimum on the refined
+    mesh), `mesh_correction` (`value` minus `on_mesh`), `noise_parts`, `numerical_parts`, `unit`, `outcome`.
+    `fit` and `clocks` are null if they were not recorded. `failed_runs` lists the failed runs. Numbers that
+    are not finite become null.
 
     Raises ValueError if a free parameter has the name of another key of the object. Raises TypeError if
     provenance contains a value that JSON cannot represent.

@@ -405,7 +405,8 @@ class RatioColumn(ColumnSection):
 
 
 class ModeColumns(Section):
-    """All columns whose names start with one prefix. Each is a standard uncertainty common to all points."""
+    """All columns with names that start with one prefix. Each is a standard uncertainty common to all
+    points."""
 
     prefix: Annotated[str, Field(min_length=1)]
     unit: StressUnit

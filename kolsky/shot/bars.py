@@ -81,7 +81,7 @@ def _recordings_of(
 def _with_reflected(
     file: TomlFile, declared: BarsShotFile, gauge: GaugeSection, incident: Recording
 ) -> Recording:
-    """One record of a gauge whose incident and reflected pulses were exported separately.
+    """One record of a gauge with separate exports of the incident and the reflected pulse.
 
     Between the pulses the record has its zero value. Raises InputError if the start of the reflected pulse
     is missing, if the pulses would overlap, or if their units differ.
@@ -460,8 +460,8 @@ class CheckedBars:
 def check_bars(source: Source) -> CheckedBars:
     """Read a shot between bars and find its pulses.
 
-    Raises InputError if a file is missing or damaged, a declaration is impossible, or the signals hold no
-    such test.
+    Raises InputError if a file is missing or damaged, if a declaration is impossible, or if the signals
+    contain no such test.
     """
     file = parsed(source)
     given = load_waves(file)

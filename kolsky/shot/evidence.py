@@ -82,7 +82,7 @@ def fitting_factor(ratio: float, factors: tuple[float, ...], *, tolerance: float
 
 
 def power_of_1000(ratio: float) -> float:
-    """The power of 1000 whose product with a ratio is nearest to 1: 1e3 for 0.0005."""
+    """The power of 1000 that brings a ratio nearest to 1: 1e3 for 0.0005."""
     return float(10.0 ** (-3 * round(math.log10(ratio) / 3.0)))
 
 

@@ -60,7 +60,7 @@ class Change:
     """Effect of a changed input: on the simulation, and on the data predicted from it."""
 
     values: Mapping[str, float] = field(default_factory=dict)
-    """Parameters of the simulation whose values differ from the shot's."""
+    """Parameters of the simulation with values that differ from the shot's."""
     specimen: Mapping[str, float] = field(default_factory=dict)
     """Factors on fields of the specimen."""
     motion: float = 1.0
@@ -215,7 +215,7 @@ class Laboratory:
     words: str = ""
     """Its description there. If empty, that of the input is used."""
     anew: bool = False
-    """True if the error is drawn for each shot separately although its declaration holds for all shots."""
+    """True if the error is drawn for each shot separately, although its declaration covers all shots."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,7 +82,7 @@ class ForceChannel:
     """The transmitted force as recorded volts, and the transducer that converts them to newtons."""
 
     recording: Recording
-    """The channel, on the recorder's own clock."""
+    """The channel on the recorder's clock."""
     transducer: Transducer
     """Sensitivity, sign and full scale."""
     baseline: tuple[float, float]
@@ -126,7 +126,7 @@ class ForceChannel:
 
 @dataclass(frozen=True)
 class IncidentForce:
-    """The force at the flyer's own transducer, to be compared with simulations."""
+    """The force at the flyer's transducer, for comparison with simulations."""
 
     channel: ForceChannel
     """Its channel."""

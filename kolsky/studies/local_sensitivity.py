@@ -71,7 +71,7 @@ class LocalSensitivity:
     force_left: FloatArray
     """Root mean square residual of the line [N], shape [d, n_bins]."""
     radius_left: FloatArray
-    """The same for the radius [m], shape [d, n_frames, n_heights]; NaN as above."""
+    """Root mean square residual of the radius [m], shape [d, n_frames, n_heights]; NaN as above."""
 
 
 def local_sensitivity(

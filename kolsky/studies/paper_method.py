@@ -33,7 +33,7 @@ GRID = 101
 
 @dataclass(frozen=True)
 class Surface:
-    """Runs of one mesh and radial basis functions through their cost."""
+    """Runs of one mesh, and radial basis functions through their cost."""
 
     runs: sweeping.Sweep
     """The runs."""

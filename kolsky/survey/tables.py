@@ -119,7 +119,7 @@ SUFFIXES = (
 )  # fmt: skip
 """Endings of files that may contain tables or recordings."""
 WORKBOOKS = ("excel", "excel 97")
-"""Formats whose sheets may be tables or recordings."""
+"""Formats with sheets that may be tables or recordings."""
 SHIFT = "on the file's clock"
 _SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
 _TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
@@ -208,14 +208,14 @@ def _part_of(table: TableEntry) -> str | None:
 
 
 def strain_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of strains; else None."""
+    """The only column of strains. None if there are none or several."""
     return _single(
         [c for c in table.columns if QUANTITIES["strain"][1].search(c.name) and c.dimension in ("1", "")]
     )
 
 
 def stress_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of stresses; else None."""
+    """The only column of stresses. None if there are none or several."""
     return _single(
         [
             c
@@ -228,7 +228,7 @@ def stress_of(table: TableEntry) -> ColumnEntry | None:
 
 
 def sigma_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of standard deviations of lengths; else None."""
+    """The only column of standard deviations of lengths. None if there are none or several."""
     return _single([c for c in table.of("m") if _SIGMA.search(c.name)])
 
 

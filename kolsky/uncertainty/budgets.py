@@ -170,7 +170,7 @@ def route_difference(
 ) -> RouteDifference | None:
     """Force-only minus outline-only result with its budget; None if one of them is missing.
 
-    Their residuals are independent, so their covariances add.
+    Their residuals are independent. Their covariances therefore add.
     """
     by_part = {optimum.part: optimum for optimum in optima}
     if not {"force", "shape"} <= set(by_part):
@@ -300,7 +300,7 @@ def outlines_with_diameter(
     ends: Sequence[int],
     sigmas: FloatArray,
 ) -> FloatArray:
-    """Change of prediction minus data by larger diameters, where they define the outline's axis."""
+    """Change of prediction minus data by larger diameters, if they define the outline's axis."""
     found, start = change.copy(), 0
     for shot, one, end, sigma in zip(shots, data, ends, sigmas.tolist(), strict=True):
         if shot.axis_by_radius:

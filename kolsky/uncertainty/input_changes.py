@@ -78,7 +78,7 @@ def height_follows(shot: Shot, step: float) -> float:
 SHARES = {"stiffness_factor": 0.003}
 """Step of a free parameter that is not an input, divided by its scale (`explicit.model.scale_of`) [-]."""
 SHARE = 0.05
-"""The same for the others [-]."""
+"""Reference change of the other inputs [-]."""
 PERCENT = 0.01
 """Reference change of a scale (relative) and of friction [-]."""
 ROUNDING = 1e-9
@@ -385,7 +385,7 @@ class MovedRuns:
 
 
 def _scaled_law(curve: MaterialCurve, factor: float) -> MaterialLaw:
-    """The law of a curve whose stresses are all multiplied."""
+    """The law of a curve with all stresses multiplied."""
     if curve.law is not None:
         return curve.law.scaled(factor)
     return material_law(replace(curve, stress=factor * curve.stress))
@@ -546,5 +546,8 @@ def declared_changes(directions: InputDirections, uncertainty: Mapping[str, floa
 
 
 def in_quadrature(rows: list[FloatArray]) -> FloatArray:
-    """Changes scaled by root n, so that their mean square is the sum of the squares, shape [n, k]."""
+    """Changes scaled by root n, shape [n, k].
+
+    Their mean square is then the sum of the squares.
+    """
     return np.asarray(np.sqrt(len(rows)) * np.array(rows))

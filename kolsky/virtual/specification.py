@@ -167,7 +167,7 @@ class ShotSpecification:
     content: dict[str, Any]
     """The specification in written form, without [population]."""
     quantities: Specification
-    """The same in SI."""
+    """The content in SI."""
     folder: Path
     """Folder of the specification and of its other files."""
 

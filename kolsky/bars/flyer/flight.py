@@ -331,7 +331,7 @@ def add_to(path: Path, found: FlightOfSpecimen) -> None:
 
 
 def printed(found: FlightOfSpecimen | str) -> dict[str, str]:
-    """The same as lines for a terminal."""
+    """The summary of the flight as lines for a terminal."""
     rows = summary(found)
     table = {}
     if "flyer_velocity_m_s" in rows:

@@ -183,11 +183,11 @@ def evidence(
     over sigma [-], shape [n_frames]. A frame without displacement has weight 0 and y = 0. ``spans``: lengths
     of the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static. ``hats``:
     values of `hat_functions` at the spans [-], shape [n_spans, n_controls]. ``parts``: parts of each frame's
-    variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts]; None: the declared
-    variance only. ``shared``: an error that is correlated between frames, as an additional state. It is a
-    first-order autoregression of variance 1. The two arrays, shape [n_frames] each, are its size over sigma
-    in each frame [-], 0 for a frame without displacement, and its correlation with the previous frame [-].
-    None: no such error.
+    variance (`noise_parts`), shape [n_frames, n_parts]. The scales multiply them. None: the declared variance
+    alone. ``shared``: an error that is correlated between frames, as an additional state. It is a first-order
+    autoregression of variance 1. There are two arrays, shape [n_frames] each. The first is its size over
+    sigma in each frame [-], 0 for a frame without displacement. The second is its correlation with the
+    previous frame [-]. None: no such error.
     """
     parts = np.ones((y.size, 1)) if parts is None else parts
     scales, tau = np.split(theta, [parts.shape[1]])
@@ -324,7 +324,7 @@ class Evidences:
     @cached_property
     def _filtered(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Variances of the filter's predictions and its innovations over them [n, n_frames], its gains [n,
-        n_frames, m], and the factors I - K z' on the state, [n, n_frames, m, m]."""
+        n_frames, m], and the factors I - K z' on the state [n, n_frames, m, m]."""
         # no displacement: no information on the noise
         own = np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)
         seen, steps, kicks, P = _state_space(self.weight, self.spans, self.shared)

@@ -271,7 +271,7 @@ class BarsTogether(ResultViews):
     largest: float
     """Largest residual over that peak [-]."""
     plain_rms: float
-    """The same rms for a plain shift with its best speed and gain [-]."""
+    """The residual's rms for a plain shift with its best speed and gain [-]."""
     plain_wave_speed: float
     """Speed of that plain shift [m/s]."""
     band: float

@@ -426,7 +426,7 @@ def area(bar: Bar) -> float:
 
 
 def check_bar(bar: Bar) -> None:
-    """Raise ValueError for a bar whose waves cannot be computed."""
+    """Raise ValueError for a bar with waves that cannot be computed."""
     for name in ("diameter", "length", "youngs_modulus", "density"):
         value = getattr(bar, name)
         if not (isfinite(value) and value > 0.0):
@@ -436,7 +436,7 @@ def check_bar(bar: Bar) -> None:
 
 
 def _impedance_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
-    """Eq. (B.5): rho A omega / k [N s/m] of a bar whose waves have the speed omega / k [m/s]."""
+    """Eq. (B.5): rho A omega / k [N s/m] of a bar with the wave speed omega / k [m/s]."""
     return bar.density * area(bar) * speed
 
 
@@ -476,7 +476,7 @@ class PronyModulus:
         return modulus
 
     def scaled(self, factor: float) -> "PronyModulus":
-        """The same with all moduli times `factor`."""
+        """The modulus with all moduli times `factor`."""
         if factor == 1.0:
             return self
         return PronyModulus(self.long_term * factor, tuple(factor * part for part in self.moduli), self.times)

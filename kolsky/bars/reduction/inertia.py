@@ -168,7 +168,7 @@ def _one_shape(like: FloatArray, histories: Sequence[History]) -> None:
 
 
 WAY = "three waves"
-"""The analysis whose motion is used."""
+"""The analysis of the motion that is used."""
 KEYS = ("radial inertia", "axial inertia")
 """Switches of the corrections."""
 

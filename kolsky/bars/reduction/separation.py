@@ -273,8 +273,8 @@ def separate(
 
     Both waves must be absent when the records begin. An exponential window makes use of this quiet start. The
     equations are solved at frequencies with a small negative imaginary part, where no frequency is singular.
-    The window is removed at the end. For two gauges, the result equals that of the iteration in time (each
-    wave from the other, one travel time earlier) and depends on no constant.
+    The window is removed at the end. For two gauges, the result equals that of the iteration in time: each
+    wave follows from the other, one travel time earlier. It depends on no constant.
 
     ``gauges``: stations of one bar with the same sampling. Their records may start at different times.
     ``waveguide``: the bar. ``band``: frequency at which the waves end [Hz], by a half-cosine edge. ``end``:

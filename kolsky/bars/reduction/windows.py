@@ -70,7 +70,7 @@ class WavesInput:
     windows: Windows | None = None
     """Windows from the shot file; None for automatic detection."""
     analysis: str = "three waves"
-    """The analysis whose results are reported: "one wave", "two waves" or "three waves"."""
+    """The analysis of the reported results: "one wave", "two waves" or "three waves"."""
     allowance: float = ALLOWANCE
     """|R| up to which the forces are balanced [-]."""
     plateau: float = PLATEAU
@@ -154,8 +154,8 @@ def find_windows(
     the incident pulse's duration after its end, or at the first `usable_limits` of any of them.
 
     ``incident``, ``transmission``: the strains at the two stations, on one clock. ``tension``: True if the
-    shot declares a tensile incident pulse. The transmitted window starts where a wave would arrive without a
-    specimen, which is never too late. ``manual``: windows from the shot file. They are checked against the
+    shot declares a tensile incident pulse. The transmitted window starts when a wave would arrive without a
+    specimen. This is never too late. ``manual``: windows from the shot file. They are checked against the
     records and returned. ``ends``: ends of the windows if echoes are subtracted; they replace
     `usable_limits`. Returns: with the source "travel times", or "shot file" for `manual`. Raises ValueError
     if there is no incident pulse of the declared sign, if it overlaps with the reflected one at the gauge, or
@@ -211,10 +211,10 @@ def travel_time(signal: BarSignal) -> float:
 def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit, Limit]:
     """Times at which another wave reaches a gauge, counted from the arrival of its pulse.
 
-    Returns: three times, Eq. (R.3). They are the arrivals of the reflected wave at the incident gauge, of its
-    return from the far end of the incident bar, and of the transmitted wave's return from the far end of the
-    transmission bar. Each is reduced by one diameter's travel, because a part of a dispersed pulse precedes
-    its foot.
+    Returns: three times, Eq. (R.3). The first is the arrival of the reflected wave at the incident gauge. The
+    second is its return from the far end of the incident bar. The third is the transmitted wave's return from
+    the far end of the transmission bar. Each is reduced by one diameter's travel, because a part of a
+    dispersed pulse precedes its foot.
     """
     margin = max(averaging_time(incident), averaging_time(transmission))
 

@@ -128,7 +128,7 @@ class Bridge:
         return np.asarray(x / self.arm_factor)
 
     def linear_strain(self, volts: ArrayLike) -> FloatArray:
-        """The same with the slope at zero, as most instruments assume."""
+        """Strain with the slope at zero, which most instruments assume."""
         return self.strain_per_volt * np.asarray(volts, dtype=float)
 
     def volts(self, strain: ArrayLike) -> FloatArray:

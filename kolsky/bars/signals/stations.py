@@ -236,8 +236,8 @@ def _zeroed(
 
     Returns zero and drift as quantities of the budget, with their values.
 
-    The zero is the baseline's mean. The variance of its error at the baseline's end is that of the mean plus
-    D T / 3, for a random walk of strength D over the baseline T. After the baseline, modes represent the
+    The zero is the baseline's mean. For a random walk of strength D over the baseline T, the variance of its
+    error at the baseline's end is that of the mean plus D T / 3. After the baseline, modes represent the
     walk.
     """
     rest = measure_signal_zero(time, axial, baseline, name=gauge)

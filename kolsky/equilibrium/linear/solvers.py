@@ -21,7 +21,8 @@ from kolsky.equilibrium.linear.multifrontal import Assembly, Multifrontal, disse
 TOLERANCE = 1e-10
 """Residual of a solution as a share of the right-hand side [-]."""
 GUIDE = 1e-3
-"""The same with element matrices in single precision [-]. Such a solution only guides an iteration."""
+"""Residual of a solution with element matrices in single precision [-]. Such a solution only guides an
+iteration."""
 ITERATIONS = 500
 """Maximum number of iterations of a solution."""
 STRONG = 0.03

@@ -388,8 +388,8 @@ was chosen on the cylinders of seed 27183 (`populations.bonded_cylinders`): at l
 correct."""
 SLOW_FROM = 0.12
 """Strain above which this error has its full size [-]. Below it, the error grows with the strain. FElupe's
-force changes between its two meshes by 0.03 % if the test ends at 5 to 7 %, and by 0.2 to 0.4 % from 12 %
-on."""
+force changes between its two meshes by 0.03 % if the test ends at 5 to 7 %. From 12 % on, it changes by 0.2
+to 0.4 %."""
 SLOW_REACH = 0.3
 """Correlation length of this error, divided by the largest strain [-]. Between 0.2 and 0.5, the intervals of
 Gent's and of Mooney and Rivlin's constants change by 10 %."""

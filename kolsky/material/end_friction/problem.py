@@ -320,7 +320,7 @@ _NUMBERS = {spec.name for law in LAWS.values() for spec in law.PARAMETERS if spe
 
 @dataclass(frozen=True)
 class ModelFit:
-    """A law whose simulated test was fitted to the measured one."""
+    """A law fitted by its simulated test to the measured one."""
 
     name: str
     """The law, or the nodes with their continuation."""

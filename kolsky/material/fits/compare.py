@@ -222,7 +222,7 @@ class Comparison(ResultViews):
     weighting: Weighting
     """Divisor of the residuals."""
     bounded: bool
-    """True if the constants were kept where the energy is positive at any deformation."""
+    """True if the constants were kept in the range of positive energy at any deformation."""
     poisson: float | None
     """Poisson's ratio at rest; None for the incompressible solution."""
     rows: tuple[Row, ...]

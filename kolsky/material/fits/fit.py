@@ -7,7 +7,7 @@ With n residuals r_i, k free constants and S = sum r_i^2,
     RMSE = sqrt(S / n),  R^2 = 1 - S / sum (T_i - mean T)^2,                                   (Q.6)
     AIC = n ln(S / n) + 2 k,  BIC = n ln(S / n) + k ln n,                                      (Q.7)
 
-where the noise is unknown and the constant of the likelihood is omitted (Burnham and Anderson 2002). Only
+Here the noise is unknown and the constant of the likelihood is omitted (Burnham and Anderson 2002). Only
 differences between laws fitted to the same points have a meaning. With known noise, chi^2 replaces n ln(S /
 n).
 """

@@ -174,7 +174,7 @@ def healing(
     """Compare specimens that were cut and healed with undamaged ones.
 
     ``undamaged``, ``healed``: uniaxial tensile tests, one per specimen. ``law``: law of
-    `explicit.materials.LAWS` whose constants are compared. ``poisson``: its Poisson's ratio at rest;
+    `explicit.materials.LAWS`; its constants are compared. ``poisson``: its Poisson's ratio at rest;
     incompressible if not given. Raises ValueError if a group is empty, or a test is not uniaxial tension.
     """
     if not undamaged or not healed:

@@ -351,7 +351,7 @@ LINES = 16
 
 
 def _kept_nodes(result: Identification) -> bool:
-    """Return True if the result holds the nodes of the simulation at the optimum."""
+    """Return True if the result contains the nodes of the simulation at the optimum."""
     nodes = result.response.nodes
     return nodes is not None and bool(np.isfinite(nodes).any())
 

@@ -39,7 +39,7 @@ from kolsky.studies.planning.plan import Plan
 def draw_map(
     ax: Axes, grid: ObservationGrid, values: NDArray[np.float64], label: str, *, bottom: float | None = None
 ) -> None:
-    """Draw values of shape [n_frames, n_heights], NaN where there is none.
+    """Draw values of shape [n_frames, n_heights]; missing values are NaN.
 
     ``values``: values in the unit of the label. ``bottom``: smallest value of a one-sided scale. Without it,
     the scale is symmetric about zero.

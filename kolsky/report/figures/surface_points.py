@@ -222,7 +222,7 @@ MILLI_PIXELS = 1e3
 
 
 def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
-    """Cameras whose speckles are known: number and speckles."""
+    """Cameras with known speckles: number and speckles."""
     return [(camera, speckle) for camera, speckle in enumerate(view.speckles) if speckle is not None]
 
 

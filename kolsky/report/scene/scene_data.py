@@ -186,7 +186,7 @@ class Scene:
 
 
 def has_scene(result: Identification) -> bool:
-    """Return True if a result holds the data of a scene."""
+    """Return True if a result contains the data of a scene."""
     try:
         _simulated_frames(result)
     except SceneDataMissing:

@@ -39,7 +39,7 @@ NOISE = "noise"
 
 
 def _in_laboratory(key: str) -> Input | None:
-    """The input whose error corresponds to a key of a virtual laboratory's specification."""
+    """The input that corresponds to a key of a specification of synthetic tests."""
     return next((one for one in INPUTS.values() if one.laboratory and one.laboratory.key == key), None)
 
 

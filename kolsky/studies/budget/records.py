@@ -43,9 +43,9 @@ def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: in
 
     One u is a standard deviation of a few values.
 
-    ``u``: standard uncertainties, shape [k]; those that are NaN have no part. ``drawn``: index of the u that
+    ``u``: standard uncertainties, shape [k]. Those that are NaN have no part. ``drawn``: index of the u that
     is the standard deviation of `values`. ``values``: the draws, shape [n]. ``seed``: of the bootstrap.
-    Returns: 95 % intervals, NaN if u is NaN, shape [k, 2].
+    Returns: 95 % intervals, shape [k, 2]; NaN if u is NaN.
     """
     rng = np.random.default_rng(seed)
     again = values[rng.integers(len(values), size=(RESAMPLES, len(values)))].var(axis=1, ddof=1)

@@ -92,7 +92,7 @@ FRAMES = 97
 HEIGHTS = 47
 """Number of heights in the map."""
 FINER = 1.5
-"""Ratio of the two meshes whose difference is used as the model error."""
+"""Ratio of the two meshes. Their difference is used as the model error."""
 
 
 @dataclass(frozen=True)

@@ -305,7 +305,7 @@ class EqualStrain:
     """Standard deviation between shots of the measured radius [m], shape [k], as rms over the height. NaN
     with fewer than two outlines."""
     residual_scatter: FloatArray
-    """The same for measured minus simulated radius [m], shape [k]."""
+    """Standard deviation between shots of measured minus simulated radius [m], shape [k]."""
 
 
 @dataclass(frozen=True)
