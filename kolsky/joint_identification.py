@@ -272,7 +272,8 @@ def _free_curve(
     correction: FloatArray,
 ) -> CurveFound:
     """The curve with its k = 2 band, from the factors at the nodes. The factors' logarithm is interpolated
-    between nodes."""
+    between nodes.
+    """
     n = problem.unknowns.n_parameters
     logs = (found.x + correction)[n:]
     sigma = np.sqrt(sum(part[n:] ** 2 for part in (*noise.values(), *numerical.values())))
@@ -448,7 +449,8 @@ def _shared_bounds(
     prepared: Sequence[PreparedShot], freed: Sequence[Freed], settings: JointSettings, said: list[str]
 ) -> dict[str, tuple[float, float] | None]:
     """Free parameters of all shots and their bounds. A parameter that is held in one shot is held in all
-    shots, with a note."""
+    shots, with a note.
+    """
     bounds = dict(freed[0].free)
     for one in freed:
         for name in [n for n in bounds if n not in one.free]:

@@ -36,7 +36,8 @@ Send = Callable[[Message], Awaitable[None]]
 
 def policy(port: int) -> str:
     """Content security policy: the sources that a page may load. NiceGUI compiles templates in the
-    browser."""
+    browser.
+    """
     return (
         "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
         "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "

@@ -142,7 +142,7 @@ class AuditLog:
         return tuple(self._entries)
 
     def add(self, *corrections: Correction) -> None:
-        """Append entries that were measured elsewhere.
+        """Append entries that another function has measured.
 
         Raises ValueError if a key is unknown.
         """
@@ -179,7 +179,8 @@ class AuditLog:
     ) -> FloatArray:
         """The corrected signal if its switch is on, otherwise the uncorrected one.
 
-        In both cases the correction is listed with its size."""
+        In both cases the correction is listed with its size.
+        """
         on = self.switches[key]
         why = f"{reason}; {self.switches.state(key)}"
         self.compare(name, key, before, after, applied=on, unit=unit, reason=why, over=over)

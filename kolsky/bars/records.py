@@ -63,7 +63,7 @@ class BarSignal:
     strain: Signal
     """Axial strain at the station, compression positive [-]."""
     bar: Bar
-    """The bar it sits on."""
+    """The bar with the gauge."""
     position: float
     """Distance of the station from the bar's specimen end [m], > 0."""
     side: str

@@ -1,5 +1,6 @@
 """Declared data of a test: bar, platens, transducers, specimen, and the specimen's viscoelastic model
-(SI)."""
+(SI).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -159,7 +160,8 @@ def prony_names(branches: int) -> tuple[str, ...]:
 class Relaxation:
     """[relaxation] of a shot: viscoelastic branches added to the long-term law.
 
-    The long-term law is the quasi-static curve times m."""
+    The long-term law is the quasi-static curve times m.
+    """
 
     kind: RelaxationKind
     """Prony series, or the network of Bergstrom and Boyce."""

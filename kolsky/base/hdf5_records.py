@@ -559,7 +559,8 @@ class Pair(Item):
 class Columns(Item):
     """A tuple of records as datasets of one length, one for each field.
 
-    They are in the group of the enclosing record."""
+    They are in the group of the enclosing record.
+    """
 
     record: Record[Any]
     """Their form. Every field has the one dimension."""

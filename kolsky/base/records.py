@@ -25,7 +25,7 @@ class Recording:
     unit: str
     """Unit of `value` as the instrument gives it, e.g. "V"."""
     path: Path
-    """The file it came from."""
+    """The file of the record."""
     sha256: str
     """SHA-256 of that file, hex."""
     file_unit: str | None = None

@@ -60,7 +60,8 @@ def _translate(
 ) -> InputError:
     """One error of `pydantic.ValidationError.errors` as an `InputError`.
 
-    `lines` are those of `key_lines`, `empty` the keys that are not filled in."""
+    `lines` are those of `key_lines`, `empty` the keys that are not filled in.
+    """
     location = [str(part) for part in details["loc"] if not _CHOICE.match(str(part))]
     context = details.get("ctx", {})
     kind, value = details["type"], details["input"]
@@ -245,7 +246,7 @@ class TomlFile:
     path: Path
     """The file."""
     sha256: str
-    """SHA-256 of it, hex."""
+    """SHA-256 of the file, hex."""
     content: dict[str, Any]
     """Parsed content of the file, before validation."""
     lines: dict[str, int]

@@ -50,7 +50,7 @@ class ReducedBend:
 
     @property
     def ok(self) -> bool:
-        """Whether there is one."""
+        """True if there is one."""
         return self.state.outcome is Outcome.COMPLETED
 
 
@@ -199,7 +199,7 @@ class Tick:
     pressure: float
     """Pressure [Pa], in [0, most]."""
     bounded: bool
-    """Whether it is at a bound."""
+    """True if the pressure is at a bound."""
     held: bool
     """True if the model gave no pressure. The last pressure was kept."""
 

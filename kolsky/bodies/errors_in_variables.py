@@ -89,11 +89,11 @@ class SearchOptimum:
     constants: FloatArray
     """Shape [p]."""
     displacements: tuple[FloatArray, ...]
-    """x_i of each specimen [m]."""
+    """Displacements x_i of each specimen [m]."""
     linearised: tuple[Linearised, ...]
-    """Forces and slopes there."""
+    """Forces and slopes at these displacements."""
     reduced: Reduced
-    """The problem in the constants there."""
+    """The problem of the constants at these displacements."""
     chi2: float
     """Eq. (S.1) over sigma_d^2 / 2 [-]."""
     at_bound: tuple[bool, ...]

@@ -282,7 +282,8 @@ def _explains_again(measured: MeasuredField, found: FieldFit | None = None) -> b
     """True if a sheet with other points or another mesh is explained.
 
     If `found` is a fit of the same mesh, a new fit is made only if its simulation is closer to these
-    points."""
+    points.
+    """
     try:
         problem = keeping(measured, measured.left_out).problem
     except ValueError:

@@ -345,7 +345,7 @@ class FieldFit:
     constants: Constants
     """The law with the fitted values."""
     cost: Cost
-    """The cost there."""
+    """The cost at these constants."""
     hessian: FloatArray
     """Second derivatives of J there, shape [p, p]."""
     by_displacement: FloatArray
@@ -522,7 +522,7 @@ class _Search:
     free: FloatArray
     """Constants, shape [p]."""
     cost: Cost
-    """The cost there."""
+    """The cost at these constants."""
     remainder: FloatArray
     """Estimate of the second derivatives without the Gauss-Newton part, shape [p, p]."""
     runs: int = 1

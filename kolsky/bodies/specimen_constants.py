@@ -125,7 +125,7 @@ class Constants:
 
     @property
     def free_specs(self) -> tuple[ConstantSpec, ...]:
-        """The free ones, in their order."""
+        """The free constants, in their order."""
         known = {spec.name: spec for spec in self.specs}
         return tuple(known[name] for name in self.free)
 
@@ -183,7 +183,8 @@ class Constants:
         """Central differences of a value by the free constants.
 
         The steps are these shares of their sizes. A difference is one-sided if the point on the other side is
-        invalid."""
+        invalid.
+        """
         at = np.asarray(free, dtype=np.float64)
         changes = []
         for j, size in enumerate(self.scales):

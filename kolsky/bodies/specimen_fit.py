@@ -81,7 +81,7 @@ class ConstantEstimate:
     high: float | None
     """Upper end, SI."""
     verdict: ConstantVerdict
-    """How well the data determine it."""
+    """Result of the fit for this constant: how well the data determine it."""
     partner: str
     """The constant with the strongest correlation to it; empty if there is no other constant."""
     correlation: float

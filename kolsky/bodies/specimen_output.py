@@ -136,7 +136,8 @@ def _constant_rows(found: SpecimenFit) -> Iterator[dict[str, Any]]:
 def largest_strains(found: SpecimenFit) -> tuple[float, float]:
     """Largest pull and push of the fitted tests, divided by the free length between the bonds, both >= 0 [-].
 
-    A shear counts as both."""
+    A shear counts as both.
+    """
     pulls, pushes = [0.0], [0.0]
     for one in found.tests:
         if one.fitted:

@@ -118,7 +118,7 @@ class TestSection(Section):
         return self
 
     def _of_a_mesh(self) -> "TestSection":
-        """Refuse what belongs to the other shapes."""
+        """Reject keys that belong to other shapes."""
         given = [key for key in ("size", "elements", "bond") if getattr(self, key) is not None]
         if self.load == "shear":
             given.append("load")
@@ -224,7 +224,7 @@ class SpecimenFile(Section):
     """A whole SPEC.toml."""
 
     NEW: ClassVar[str] = "kolsky specimen new"
-    """Command that writes one."""
+    """Command that writes such a file."""
     material: MaterialSection
     numerics: NumericsSection = Field(default_factory=NumericsSection)
     tests: dict[str, TestSection] = Field(default_factory=dict)

@@ -234,7 +234,8 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 def refusing_bad_input() -> Iterator[None]:
     """Context that turns bad input, a system error or a missing package into lines on stderr.
 
-    The exit code is 2."""
+    The exit code is 2.
+    """
     try:
         yield
     except InputError as error:

@@ -132,7 +132,7 @@ def identify_shots(
 
 
 def require_one_material(paths: Sequence[Path]) -> None:
-    """Refuse shots that declare different materials.
+    """Reject shots that declare different materials.
 
     Raises InputError if two shot files name a different `material`, or if one cannot be read.
     """

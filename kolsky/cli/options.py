@@ -174,7 +174,8 @@ def _made(name: str, hint: Any, default: Any, values: Mapping[str, Any]) -> Any:
 def _record(hint: Any) -> tuple[Any, tuple[str, ...]]:
     """The dataclass of an annotation and the names of its fields that are options.
 
-    None if it is not a record."""
+    None if it is not a record.
+    """
     kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     chosen = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, tuple)), ())
     return (kind if is_dataclass(kind) else None), chosen

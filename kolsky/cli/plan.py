@@ -1,6 +1,7 @@
 """`kolsky plan`, `predict` and `virtual`.
 
-Information content and prediction of a planned test, and shots with a known answer."""
+Information content and prediction of a planned test, and shots with a known answer.
+"""
 
 from dataclasses import dataclass, replace
 from importlib.resources import files

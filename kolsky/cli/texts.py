@@ -88,7 +88,8 @@ def whole_numbers(option: str, text: str) -> list[int]:
 def plain_or_text(value: object) -> object:
     """A number from a text such as "0.3". Other texts ("0.3 %") do not change.
 
-    The command line has no quotes to mark texts."""
+    The command line has no quotes to mark texts.
+    """
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -133,7 +134,8 @@ def mesh(option: str, text: str) -> tuple[int, int]:
 
 def values(option: str, texts: Sequence[str]) -> dict[str, float]:
     """["stiffness_factor=1.1", "damping=25 us"] as values in SI. They are checked against the allowed
-    ranges."""
+    ranges.
+    """
     by_name: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -208,7 +210,7 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def none(option: str, texts: Sequence[str], other: str) -> None:
-    """Refuse an option if another excludes it."""
+    """Reject an option if another option excludes it."""
     if texts:
         raise refusal(f"{option} excludes {other}", cure=f"leave out {option}")
 

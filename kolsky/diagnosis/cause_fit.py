@@ -40,7 +40,8 @@ class ExpectedResidual:
     @cached_property
     def _weights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """1 / (sigma^2 + tau^2) [k], the patterns times this [k, q], and the matrix of the patterns [q,
-        q]."""
+        q].
+        """
         inverse = 1.0 / self.variance
         VN = self.patterns * inverse[:, None]
         core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN
@@ -314,7 +315,8 @@ def chance(change: float, sigma: float, *, degrees: float) -> float:
 def holm(probabilities: Sequence[float]) -> list[float]:
     """Probabilities adjusted for the number n of tests (Holm 1979).
 
-    The smallest is multiplied by n, the next by n - 1, and so on. None is less than the one before it."""
+    The smallest is multiplied by n, the next by n - 1, and so on. None is less than the one before it.
+    """
     adjusted, largest, n = [0.0] * len(probabilities), 0.0, len(probabilities)
     for place, i in enumerate(np.argsort(probabilities, kind="stable")):
         largest = max(largest, min(1.0, (n - place) * probabilities[i]))

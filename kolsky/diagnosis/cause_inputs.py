@@ -89,7 +89,8 @@ def _through_amplifier(change: Change, t: FloatArray, impulse: FloatArray) -> Fl
 def radii(change: Change, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
     """Radii at the points without the offset from the axis [m]. They are linear in time between the frames
     and after the last frame. Before the first frame the specimen is undeformed. Empty for a shot without an
-    outline."""
+    outline.
+    """
     if not observations.has_shape:
         return np.zeros(0)
     line, times = observations.centre_line, response.surface_times
@@ -159,7 +160,8 @@ def held_value(c: Cause, problem: InverseProblem) -> float:
 
 def declared_sigma(c: Cause, runner: Runner) -> float:
     """Declared standard uncertainty plus the default allowance, in the value's unit; 0 if there is
-    neither."""
+    neither.
+    """
     declared = runner.problem.shot.uncertainty.get(c.declared, 0.0)
     return hypot(declared, c.allowance, runner.front.path.sigma_onset if c.onset else 0.0)
 
@@ -199,7 +201,8 @@ WITHOUT_TRACE = (
 
 def corrected(shot: Shot, settings: Settings, finding: CauseFinding) -> tuple[Shot, Settings] | None:
     """The shot and the settings with the found value. None if the value cannot be set, as for a flyer's
-    tilt."""
+    tilt.
+    """
     for one in INPUTS.values():
         if one.cause is not None and one.cause.key == finding.key:
             if one.applied is not None:

@@ -182,7 +182,8 @@ class CauseSearch:
     def residual(self, vector: FloatArray) -> FloatArray:
         """Prediction minus data at the counted entries.
 
-        An outline point that is not reached keeps the answer's value."""
+        An outline point that is not reached keeps the answer's value.
+        """
         whole = np.where(np.isfinite(vector), vector, self.vector)
         return np.asarray((whole - self.model.data)[self.use])
 
@@ -317,7 +318,7 @@ FINER = 6
 """Number of finer values tried on each side."""
 
 Value = tuple[Cause, float]
-"""An input and a coordinate of it."""
+"""An input and a value of its coordinate."""
 
 
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
@@ -418,7 +419,8 @@ def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
 def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
     """At most `FLOORS` valley floors about each start on a coarse mesh, the lowest first.
 
-    The other parameters follow by a linear step."""
+    The other parameters follow by a linear step.
+    """
     i = search.problem.box.names.index(VALLEY)
     rows = [(n, x) for n, t in enumerate(starts) for x in _along(search, t.x, i)]
     points = [Point(x, starts[n].candidate.changed(starts[n].u)) for n, x in rows]

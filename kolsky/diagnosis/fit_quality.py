@@ -347,7 +347,8 @@ def checked(result: Identification, name: str, channel: str) -> bool:
 
 def reaches_bound(result: Identification, e: Estimate) -> bool:
     """True if the k = 2 interval extends beyond a bound of the parameter's design. There are no runs beyond
-    it."""
+    it.
+    """
     i = result.design.names.index(e.name)
     # The printed interval is limited to the searched range.
     low, high = e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma

@@ -187,7 +187,8 @@ class Body:
     def forces_by_parameters(self, state: BodyState) -> FloatArray:
         """d(internal forces)/d(constants) at fixed displacements [N per unit], [n_regions n_parameters, n d].
 
-        The rows are ordered by region."""
+        The rows are ordered by region.
+        """
         model, pattern = self.model, self.pattern
         elements = self.element_forces_by_parameters(state)
         regions = model.cell_regions

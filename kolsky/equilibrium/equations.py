@@ -123,12 +123,12 @@ class Equations:
         return State(at, u, body, carried, external, self.reduced(body.forces - external), multipliers)
 
     def excess(self, state: State, tolerance: float) -> float:
-        """The residual over its tolerance [-]."""
+        """The residual divided by its tolerance [-]."""
         scale = max(float(np.linalg.norm(state.body.forces)), float(np.linalg.norm(state.external)))
         return float(np.linalg.norm(state.residual)) / max(tolerance * scale, self.floor)
 
     def converged(self, state: State, tolerance: float) -> bool:
-        """Whether the residual is below its tolerance."""
+        """True if the residual is below its tolerance."""
         return self.excess(state, tolerance) <= 1.0
 
     def augmented(self, state: State) -> tuple[tuple[FloatArray, ...], bool]:

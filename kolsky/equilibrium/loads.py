@@ -267,7 +267,8 @@ class FollowerPressure:
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, list[tuple[IntArray, FloatArray]]]:
         """Forces per unit of pressure [m2], shape [n d]. For each group of faces, its cells and the
-        derivative of the cells' forces by their displacements [m], shape [f, k d, k d]."""
+        derivative of the cells' forces by their displacements [m], shape [f, k d, k d].
+        """
         mesh, d = self.model.mesh, self.model.dimension
         x = mesh.points + u.reshape(-1, d)
         total = np.zeros(mesh.points.shape)

@@ -49,7 +49,7 @@ class Coupled:
     where: str
     """Set of points."""
     axis: int
-    """The component they share."""
+    """The component that the points have in common."""
     force: str | None = None
     """Name of the history of the force on them [N]; None: no force."""
 

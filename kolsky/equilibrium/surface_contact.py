@@ -202,7 +202,8 @@ class SurfaceContact:
     def blocks(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
         """Pairs of faces in contact, numbered by first and second, shape [p, 2].
 
-        Also the stiffness of the points of both [N/m], shape [p, 2 k d, 2 k d]."""
+        Also the stiffness of the points of both [N/m], shape [p, 2 k d, 2 k d].
+        """
         near, d, k = self._active(u), self.model.dimension, self.first.shape[1]
         pairs = np.stack([near.points // len(self.values), near.faces], axis=-1)
         unique, which = np.unique(pairs, axis=0, return_inverse=True)
@@ -227,7 +228,8 @@ class SurfaceContact:
         self, u: FloatArray, near: Touch
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Points [t, 2 k], D [t, 2 k], normals [t, d], tangents [t, d - 1, d], curvatures n . X,ab and the
-        slopes of the second faces' shape functions [t, k, d - 1]."""
+        slopes of the second faces' shape functions [t, k, d - 1].
+        """
         x = self.model.mesh.points + u.reshape(-1, self.model.dimension)
         own, g = np.divmod(near.points, len(self.values))
         second = self.second[near.faces]

@@ -56,8 +56,9 @@ def search(
     start: FloatArray | None = None,
     tolerance: float = 1e-7,
 ) -> Optimum:
-    """Find the optimum and the discrepancies at it. They depend on each other; three rounds are therefore
-    made.
+    """Find the optimum and the discrepancies at it.
+
+    They depend on each other; three rounds are therefore made.
 
     Parameters
     ----------

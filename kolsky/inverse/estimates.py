@@ -253,7 +253,8 @@ def surrogate_quality(
 
 def runs_needed(runner: Runner, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
     """Number of runs around the optimum that a sufficient surrogate needs. Infinite if no number is
-    enough."""
+    enough.
+    """
     slope = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x)
     gain = coarse.objective.gain(slope)
     found = fit_for_purpose(runner, coarse, gain / (2.0 * fine.sigma[:, None]))

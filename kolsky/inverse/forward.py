@@ -106,7 +106,8 @@ def with_moved_faces(
 ) -> explicit.Problem:
     """A batch with platens that follow the motion of the shot's elastic parts.
 
-    The motion is that under the forces of the last pass."""
+    The motion is that under the forces of the last pass.
+    """
     model, samples = problem.model, problem.samples
     times = _knots(model)
     if shot.behind is not None:
@@ -182,7 +183,8 @@ def _used(problem: explicit.Problem) -> set[int]:
 
 def _apart(before: explicit.Response, now: explicit.Response) -> float:
     """Root mean square change of the forces, divided by that of the forces. A failed run counts up to its
-    failure."""
+    failure.
+    """
     pairs = (
         (before.force_transmission, now.force_transmission),
         (before.force_flyer, now.force_flyer),
@@ -267,7 +269,7 @@ class Forward:
     shot: Shot
     """The shot."""
     sampling: explicit.Sampling
-    """Output times, those of its instruments."""
+    """Output times of its instruments."""
     paths: tuple[FlyerPath, ...]
     """The fitted flyer path first, then replicates of it."""
     laws: tuple[MaterialLaw, ...]

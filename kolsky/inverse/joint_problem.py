@@ -89,7 +89,7 @@ class Stack:
         return tuple(np.cumsum([len(one.objective.data) for one in self.shots]).tolist())
 
     def place(self, k: int) -> slice:
-        """Where one shot lies in the vector."""
+        """Entries of one shot in the vector."""
         return slice(self.ends[k - 1] if k else 0, self.ends[k])
 
     @cached_property
@@ -104,7 +104,8 @@ class Stack:
 
     def joined(self, vectors: Sequence[FloatArray], slow: FloatArray, known: FloatArray) -> FloatArray:
         """One vector of all predictions, shape [n, k], from those of each shot, shape [n, n_bins + Q]
-        each."""
+        each.
+        """
         taken = [one.taken(v) for one, v in zip(self.shots, vectors, strict=True)]
         return np.concatenate([*taken, slow, known], axis=1)
 
@@ -279,7 +280,8 @@ class JointProblem:
         self, x: FloatArray, *, curve: int = 0, held: Mapping[str, float] | None = None
     ) -> FloatArray:
         """Predicted values of the slow tests, shape [s]. `curve`: index of the drawn curve; 0 is the fitted
-        curve."""
+        curve.
+        """
         values = {
             **self.values(x),
             **{k: v for k, v in (held or {}).items() if k not in self.unknowns.bounds},
@@ -336,7 +338,8 @@ class JointProblem:
 
     def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
         """All predictions at a point, with the outline points of another stack and without prior, shape
-        [k]."""
+        [k].
+        """
         vectors = self.runs.vectors("search", x[None], numerics)
         return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
 

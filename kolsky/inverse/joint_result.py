@@ -22,7 +22,8 @@ MOST_NODES = 24
 @dataclass(frozen=True)
 class JointSettings:
     """Settings of a joint identification: free and held parameters, unknowns of each shot, numerical
-    choices."""
+    choices.
+    """
 
     free: Mapping[str, tuple[float, float] | None] | None = None
     """Shared free parameters and their bounds, None for default bounds. Default: the parameters that are free
@@ -155,7 +156,7 @@ class ShotCause:
     amount: float
     """Its error: relative, or in s for a clock."""
     sigma: float
-    """Standard uncertainty of it."""
+    """Standard uncertainty of the strength."""
     gain: float
     """Decrease of -2 ln L with this input corrected [-]."""
     share: float
@@ -354,7 +355,8 @@ def as_not_seen(e: Estimate) -> Estimate:
 
 def interval(e: Estimate, half: float) -> tuple[float, float]:
     """Interval with a half width, limited to the searched range. Without a half width it is the whole
-    range."""
+    range.
+    """
     return e.searched if RANGE in e.noise_parts else e.within(half)
 
 

@@ -481,7 +481,8 @@ class Objective:
         """`deviance`, with the outline of each frame counted as one entry, shape [n].
 
         For vectors from a mesh that is too coarse for the outline's noise. Their residuals are smooth fields,
-        and the points of a frame are not independent. Counted one by one, they would outweigh the force.
+        and the points of a frame are not independent. If each point counted, the outline would outweigh the
+        force.
         """
         if not self.observations.has_shape:
             return self.deviance(vectors)
@@ -493,7 +494,8 @@ class Objective:
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
         """Contribution of the prior to the normal matrix J^T C^-1 J, shape [d, d]. It is zero for unknowns
-        after the free parameters, such as a clock lag."""
+        after the free parameters, such as a clock lag.
+        """
         precision = np.zeros((dimension, dimension))
         if self.prior is not None and part == "joint":
             free = len(self.prior.precision)

@@ -332,7 +332,8 @@ def require_declared(names: Iterable[str], shot: Shot) -> None:
 
 def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
     """True if one of these contact laws, by name, uses the parameter, or if its effect needs no contact
-    law."""
+    law.
+    """
     if not p.read_by:
         return True
     from explicit.contact import CONTACT_LAWS

@@ -22,8 +22,8 @@ from kolsky.inverse.observations import Observations, Prediction
 
 PATTERNS = 16
 """Number of noise patterns of the path that are run [-]. They give 0.999 of the variance that all 174
-patterns cause in the data of `runs/open-01` and `runs/open-05`. The same number of random draws has an error
-of a fifth."""
+patterns cause in the data of `runs/open-01` and `runs/open-05`. The same number of random draws gives the
+variance with an error of a fifth."""
 SMALLEST_MODE = 0.3
 """A mode is left out if it changes the whole data vector by less than this, in units of its noise."""
 
@@ -87,7 +87,7 @@ class MovedFront:
 
     @property
     def offset(self) -> FloatArray:
-        """The same change in terms of the patterns, which is subtracted from predictions, shape [k]."""
+        """The same change in terms of the patterns, shape [k]. It is subtracted from predictions."""
         return np.asarray(self.amplitudes @ self.modes.patterns)
 
 

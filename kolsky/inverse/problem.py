@@ -220,7 +220,7 @@ def choose(settings: Settings, shot: Shot) -> Freed:
     Parameters
     ----------
     settings
-        As the user gave them.
+        Settings from the user.
     shot
         The shot; its declared interface and uncertainties are used.
 
@@ -297,7 +297,8 @@ class InverseProblem:
 
     def of_one(self, name: str) -> InverseProblem:
         """The same problem with one free parameter and no prior. The other parameters keep the shot's
-        values."""
+        values.
+        """
         i = self.box.names.index(name)
         return replace(self, box=Box.of({name: (self.box.lower[i], self.box.upper[i])}), prior=None)
 
@@ -324,7 +325,8 @@ class InverseProblem:
     @property
     def refined(self) -> Numerics:
         """Numerical choices of the refined mesh. The mesh is graded, with two exceptions. Single runs jump if
-        a surface slides; runs with a correction for Poisson's ratio use other meshes."""
+        a surface slides; runs with a correction for Poisson's ratio use other meshes.
+        """
         if self._is_graded:
             return graded(self.numerics, self.settings.refined_mesh)
         return self.numerics.with_mesh(self.settings.refined_mesh)

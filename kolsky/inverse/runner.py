@@ -139,7 +139,8 @@ class Runner:
     ) -> Runs:
         """Run points of shape [n, d]; with `recorded`, add them to the table.
 
-        The points may lie outside the box."""
+        The points may lie outside the box.
+        """
         problem, mesh = self.problem, numerics.mesh
         response = self.respond(stage, points, numerics, all_nodes=all_nodes)
         runs = Runs.of(problem.box.names, points, response, problem.observations)

@@ -51,7 +51,7 @@ class HeldSearch:
     runner: Runner
     """Its runs on the surrogate's mesh."""
     coarse: CoarseOptimum
-    """Its optimum there."""
+    """Its optimum on this mesh."""
 
 
 @dataclass(frozen=True)

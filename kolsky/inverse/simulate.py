@@ -142,7 +142,8 @@ def _force_so_far(response: Response, recorded: FloatArray) -> tuple[slice, Floa
 
 def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatArray, NDArray[np.bool_]]:
     """The outline points before the run's end, the simulated radius there [m] and a mask of reached
-    points."""
+    points.
+    """
     known = np.isfinite(response.surface_r[0]).all(axis=1)
     times = response.surface_times[known]
     count = int(np.searchsorted(line.time, times[-1], side="right")) if known.any() else 0

@@ -249,7 +249,8 @@ def _sweep(name: str, test: SlowTest, table: Table) -> Superposition:
 def slow_measured(slow: Slow) -> tuple[FloatArray, FloatArray]:
     """Values of all tests in one vector, and their standard uncertainties.
 
-    Samples without an uncertainty are left out."""
+    Samples without an uncertainty are left out.
+    """
     if not slow:
         return np.zeros(0), np.zeros(0)
     known = [np.isfinite(one.sigma) for one in slow]

@@ -100,7 +100,8 @@ def oscillation_table(
 
 def equal_steps(values: FloatArray, number: FloatArray) -> FloatArray:
     """Values at equal steps (at most `PHASE`) of the tabulated increasing function `number`. Both ends are
-    included. The step is larger if there would be more than `MOST_LEVELS` values."""
+    included. The step is larger if there would be more than `MOST_LEVELS` values.
+    """
     n = min(max(ceil((number[-1] - number[0]) / PHASE) + 1, 2), MOST_LEVELS)
     return np.asarray(np.interp(np.linspace(number[0], number[-1], n), number, values))
 
@@ -245,7 +246,8 @@ def margin(values: FloatArray, apart: FloatArray) -> float:
 
 def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
     """Oscillations over the whole test at points of shape [n, d], shape [n], with the stiffness of the first
-    point."""
+    point.
+    """
     box = runner.problem.box
     i = box.names.index(VALLEY)
     factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0

@@ -222,7 +222,7 @@ class Hold:
     first: float
     """Nominal stress at its beginning [Pa]."""
     last: float
-    """And at its end [Pa]."""
+    """Nominal stress at its end [Pa]."""
 
     def remark(self, name: str) -> str:
         """The remark on a curve without the hold."""

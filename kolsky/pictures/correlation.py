@@ -197,7 +197,8 @@ def _chain_settings(
 ) -> ChainSettings:
     """The settings of `dic.chain` in a shot file.
 
-    They include the specimen's end [px] and the standard deviation of its length [m]."""
+    They include the specimen's end [px] and the standard deviation of its length [m].
+    """
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )

@@ -61,7 +61,8 @@ def stray_frames(
 def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) -> BoolArray:
     """Find outliers among static frames.
 
-    They are displacements that vanish in later static frames, because a flyer does not return."""
+    They are displacements that vanish in later static frames, because a flyer does not return.
+    """
     off = np.abs(displacement - np.median(displacement)) > limit * sigma
     if off[-LAST_AT_REST:].any() or off.sum() > MOST_AT_REST * off.size:
         return np.zeros(off.size, dtype=bool)
@@ -73,7 +74,8 @@ def _distance_to_neighbours(
 ) -> tuple[float, float]:
     """A displacement minus the cubic fit of the nearest frames without outliers [m].
 
-    Also the standard deviation of this difference for displacements with standard deviation 1."""
+    Also the standard deviation of this difference for displacements with standard deviation 1.
+    """
     others = sound[sound != row]
     first = int(
         np.clip(np.searchsorted(others, row) - STRAY_NEIGHBOURS // 2, 0, others.size - STRAY_NEIGHBOURS)
@@ -191,7 +193,8 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
 def _time_cure(time: FloatArray, expected: FloatArray) -> str:
     """Remedy for times [s], shape [n], that differ from those of the frames.
 
-    It proposes another unit, a shift of the clock, or another column."""
+    It proposes another unit, a shift of the clock, or another column.
+    """
     spans = float(np.ptp(time)), float(np.ptp(expected))
     ratio = spans[0] / spans[1] if min(spans) > 0.0 else 1.0
     power = round(float(np.log10(ratio)) / 3.0)
@@ -250,7 +253,8 @@ def flyer_moves(
 ) -> None:
     """Check the flyer's motion, without outliers.
 
-    It is at rest in the static frames, then moves toward the specimen by less than the specimen's length."""
+    It is at rest in the static frames, then moves toward the specimen by less than the specimen's length.
+    """
     n_static = toml.declared.frames.static
     length = toml.declared.specimen.length
     sound = np.ones(flyer.time.size, dtype=bool) if stray is None or stray[:n_static].all() else ~stray

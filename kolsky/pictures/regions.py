@@ -1,6 +1,7 @@
 """Regions drawn by hand over pictures.
 
-Shapes, their checks, the session that saves them, and a grid picture."""
+Shapes, their checks, the session that saves them, and a grid picture.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -285,7 +286,8 @@ class Session:
 def png_of(pictures: Pictures, frame: int) -> bytes | str:
     """A frame as an 8-bit PNG, or the reason why there is none.
 
-    The middle 99 % of the grey values are stretched to the full range."""
+    The middle 99 % of the grey values are stretched to the full range.
+    """
     try:
         picture = np.asarray(pictures.frame(frame), dtype=np.float64)
     except (PictureError, IndexError) as error:
@@ -335,7 +337,8 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
 def grid_step(longest: int) -> int:
     """Distance of the lines [px].
 
-    It is 1, 2 or 5 times a power of ten, for about `LINES` lines across the longer side."""
+    It is 1, 2 or 5 times a power of ten, for about `LINES` lines across the longer side.
+    """
     for power in range(6):
         for digit in (1, 2, 5):
             if digit * 10**power * LINES >= longest:

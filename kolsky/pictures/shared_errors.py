@@ -114,7 +114,8 @@ def picture_errors(result: StereoResult) -> PictureErrors | None:
 def variance_of_mean(places: FloatArray, length: float) -> float:
     """Variance of the mean over positions of an error with variance 1 [-].
 
-    Its correlation is `exp(-(r / length)^2)`."""
+    Its correlation is `exp(-(r / length)^2)`.
+    """
     some = places[:: max(-(-len(places) // MOST_POINTS), 1)]
     return float(np.exp(-((cdist(some, some) / length) ** 2)).mean())
 
@@ -122,7 +123,8 @@ def variance_of_mean(places: FloatArray, length: float) -> float:
 def mean_over_time(n: int, memory: float) -> float:
     """Variance of the mean of n successive values of an error with variance 1 [-].
 
-    Its memory is given [frames]."""
+    The memory is given in frames.
+    """
     at = np.arange(n)
     return float(np.exp(-np.abs(at[:, None] - at) / memory).mean())
 
@@ -143,7 +145,8 @@ def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: Picture
 def _share_left_in_mean(body: Body, frame: int, length: float) -> float:
     """Variance of the mean of an error with variance 1, over a body's points in a frame.
 
-    It is also averaged over the cameras that see any point. It is 1 if no point is visible."""
+    It is also averaged over the cameras that see any point. It is 1 if no point is visible.
+    """
     seen = [np.isfinite(pixels[frame]).all(axis=1) for pixels in body.pixels]
     means = [variance_of_mean(body.points[one], length) for one in seen if one.any()]
     return sum(means) / len(means) ** 2 if means else 1.0

@@ -172,7 +172,8 @@ def length_words(found: LengthByPictures) -> str:
 def length_notes(found: LengthByPictures) -> tuple[str, ...]:
     """Note on a declared length that contradicts the pictures.
 
-    It gives the length from the pictures and the remedy."""
+    It gives the length from the pictures and the remedy.
+    """
     if abs(found.apart) <= REPORTED_DISAGREEMENT:
         return ()
     used = f"{1e3 * found.used:.4f} mm was used" if found.conditioned else "the declared one was used"

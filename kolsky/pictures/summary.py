@@ -1,6 +1,7 @@
 """A stereo result in words and numbers for terminal, JSON and report.
 
-Also the reason for a missing flyer displacement."""
+Also the reason for a missing flyer displacement.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -224,7 +225,8 @@ def flyer_problem(
 def _smaller_subset(result: StereoResult, subset: int) -> str:
     """The remedy for a region that is narrower than a subset, as the start of a sentence.
 
-    Empty if it is wide enough."""
+    Empty if it is wide enough.
+    """
     corners = np.array(result.facts.get("regions", {}).get("flyer", np.zeros((0, 2))), dtype=np.float64)
     if not corners.size:
         return ""

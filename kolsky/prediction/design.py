@@ -1,7 +1,8 @@
 """Design of a test.
 
 Quantities of its file are varied, the point with the requested results is searched, and predictions are
-written as tables."""
+written as tables.
+"""
 
 import math
 import re

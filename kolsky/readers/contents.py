@@ -147,7 +147,7 @@ class Contents:
     path: Path
     """The file."""
     sha256: str
-    """SHA-256 of it, hex."""
+    """SHA-256 of the file, hex."""
     channels: tuple[Channel, ...]
     """Its channels, without the time columns."""
     facts: Mapping[str, str]

@@ -118,7 +118,7 @@ def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wante
 
 
 def _check_archive(path: Path) -> None:
-    """Unpack every part once without storing it.
+    """Unpack every part once, without storing it.
 
     Sizes in the archive's directory may be wrong.
     """

@@ -218,7 +218,7 @@ class HeaderClock:
     start: float | None
     """Time of the first sample [s]."""
     source: str
-    """The keys they come from."""
+    """The keys of these values."""
     doubt: str = ""
     """Reason why a declaration of the clock cannot be used. Empty if all can be used."""
 
@@ -389,7 +389,7 @@ class _Stated:
     digit: float
     """The last printed digit."""
     word: str
-    """The text after it."""
+    """The text after the number."""
     unit: tuple[str, float] | None = None
     """Its unit, if it is a unit of a clock."""
 

@@ -23,7 +23,7 @@ class FrameTable:
     path: Path
     """The file."""
     sha256: str
-    """SHA-256 of it, hex."""
+    """SHA-256 of the file, hex."""
     first_line: int = 2
     """Line of the first row, counted from 1."""
     frame: IntArray
@@ -199,7 +199,7 @@ def _channel(contents: Contents, column: str) -> Channel | None:
 def _clock(contents: Contents, column: str, layout: Layout) -> Channel | None:
     """The column of times as a channel.
 
-    Another column is declared as the clock for this purpose.
+    To read it as a channel, another column is declared as the clock.
     """
     if not contents.channels:
         return None

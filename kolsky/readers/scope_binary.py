@@ -187,7 +187,7 @@ def _check_yokogawa(path: Path) -> None:
 def _refuse_entities(path: Path) -> None:
     """Raise InputError for XML entities.
 
-    Headers of Rohde & Schwarz are XML and declare none.
+    Headers of Rohde & Schwarz are XML without entities.
     """
     if not head_of(path, 64).lstrip(b"\xef\xbb\xbf").startswith(b"<?xml"):
         return

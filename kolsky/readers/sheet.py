@@ -44,7 +44,7 @@ class Sheet:
     path: Path
     """The file."""
     dialect: Dialect
-    """How its lines are divided into fields."""
+    """Division of its lines into fields."""
     rows: Sequence[str]
     """The lines of samples."""
     first: int
@@ -357,7 +357,7 @@ class FoundTable:
     """Lines of unknown origin, recognized as a table."""
 
     dialect: Dialect
-    """How they are divided."""
+    """Division of the lines into fields."""
     lines: list[str]
     """All lines. If blanks are the delimiter, lines have no outer blanks."""
     first: int
@@ -542,7 +542,7 @@ class SignalTable:
     def _time_unit(self, number: int) -> str | None:
         """The unit of a time column.
 
-        It is declared, in the header, or the name of the column ("seconds").
+        The unit is declared, given in the header, or part of the column's name ("seconds").
         """
         name = self.sheet.names[number]
         named = name if len(name) > 1 and si_unit(name) == ("s", 1.0) else None

@@ -518,7 +518,9 @@ def _characters() -> tuple[str, ...]:
 
 
 def declared_delimiter(path: Path, value: str) -> str:
-    """The character of the delimiter that a layout declares by name or character.
+    """The character of a declared delimiter.
+
+    A layout declares it by name or by character.
 
     Raises InputError if it is unknown.
     """

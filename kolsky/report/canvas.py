@@ -179,7 +179,8 @@ _PICTURE_ARTISTS = frozenset({"gray", "grey", "Greys_r"})
 
 def write_data(path: Path, figure: Figure) -> Path:
     """Write the data of a figure, one row per point. An older file is replaced when the new one is
-    complete."""
+    complete.
+    """
     rows = list(_data_rows(figure))
     return write_table(path, {name: [row[i] for row in rows] for i, name in enumerate(DATA_COLUMNS)})
 
@@ -387,7 +388,8 @@ def inline_svg(figure: Figure, name: str) -> str:
 
 def _plain_style(element: ElementTree.Element) -> None:
     """Turn a style into attributes of the same names. A strict Content-Security-Policy does not allow
-    styles."""
+    styles.
+    """
     for rule in element.attrib.pop("style", "").split(";"):
         name, _, value = rule.partition(":")
         if name.strip():

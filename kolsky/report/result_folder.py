@@ -128,7 +128,7 @@ RESULTS = {
 
 
 def has_tables(result: object) -> bool:
-    """Whether there are tables of a result."""
+    """True if there are tables of a result."""
     return _type_name(result) in RESULTS
 
 
@@ -600,7 +600,8 @@ def write_solution_vtu(
     path: Path, solution: Solution, fields: Mapping[str, FloatArray] | None = None
 ) -> None:
     """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
-    fields."""
+    fields.
+    """
     from kolsky.report.paraview import write_grid  # imports image correlation
 
     mesh, last = solution.model.mesh, solution.reached - 1

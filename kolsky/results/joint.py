@@ -1,5 +1,6 @@
 """A joint identification as files: joint.json, CSV tables of parameters, shots and curve, and one HDF5
-file."""
+file.
+"""
 
 from pathlib import Path
 from typing import Any

@@ -37,7 +37,8 @@ def like(value: float, uncertainty: float) -> str:
 
 def part(value: float, uncertainty: float) -> str:
     """Return a contribution to an expanded uncertainty. It has one digit more than the result of
-    `measured`."""
+    `measured`.
+    """
     if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
         return plain(value, 2)
     last = _exponent(uncertainty, digits=2) - 2
@@ -55,7 +56,7 @@ def rounded(value: float, last: int) -> str:
 def plain(value: float, digits: int = 4) -> str:
     """Return a number with `digits` significant digits.
 
-    It is a power of ten below 1e-3 and from 1e6.
+    Numbers below 1e-3, and from 1e6 on, are written with a power of ten.
     """
     if not math.isfinite(value):
         return NOTHING

@@ -1,5 +1,6 @@
 """The tables of shot.toml about the test: [specimen], [interface], [transmission], [model], [window],
-[uncertainty]."""
+[uncertainty].
+"""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -34,7 +34,8 @@ class PronySection(Section):
 
 class WaveBarSection(Section):
     """[bars.incident] or [bars.transmission]: a round bar with its modulus, its measured wave speed or
-    (polymer) its Prony series."""
+    (polymer) its Prony series.
+    """
 
     diameter: f.Length
     length: f.Length

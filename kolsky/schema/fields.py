@@ -58,7 +58,7 @@ def factor(unit: str) -> Callable[[object], float]:
 
 
 def number(value: object) -> float:
-    """A plain number; bool is not one."""
+    """A plain number; a bool is not allowed."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise problem("is not a number", cure="write a number without quotes or unit")
     if abs(value) > LARGEST:  # a NaN is no larger; the range of the key refuses it
@@ -370,7 +370,7 @@ class ColumnSection(Section):
     unit: float
 
     def as_column(self) -> Column:
-        """The declaration as readers take it."""
+        """The declaration in the form that readers need."""
         return Column(name=self.column, factor=self.unit)
 
 
@@ -406,7 +406,8 @@ class RatioColumn(ColumnSection):
 
 class ModeColumns(Section):
     """All columns with names that start with one prefix. Each is a standard uncertainty common to all
-    points."""
+    points.
+    """
 
     prefix: Annotated[str, Field(min_length=1)]
     unit: StressUnit
@@ -449,7 +450,7 @@ class TextLayoutSection(Section):
     sheet: Name | None = None
 
     def as_layout(self) -> Layout:
-        """The declaration as readers take it."""
+        """The declaration in the form that readers need."""
         return Layout(**{name: getattr(self, name) for name in TextLayoutSection.model_fields})
 
 
@@ -464,7 +465,7 @@ class LayoutSection(TextLayoutSection):
     unit: Annotated[str, BeforeValidator(_check_unit)] | None = None
 
     def as_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
-        """The declaration as readers take it.
+        """The declaration in the form that readers need.
 
         ``full_scale``: largest recordable magnitude, in the SI unit of the samples. ``said``: fields of
         `Layout` that other keys of the shot file declare, e.g. ``unit="V"``. None means undeclared.

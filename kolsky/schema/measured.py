@@ -72,8 +72,9 @@ class IncidentForceSection(Section):
     clock_offset: f.Time | None = None
 
     def completed(self, force: ForceSection) -> ForceSection:
-        """The channel completed with values of [force]. A channel in another file needs a separate layout or
-        time column.
+        """The channel completed with values of [force].
+
+        A channel in another file needs a separate layout or time column.
         """
         given = {
             name: value

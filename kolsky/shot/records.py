@@ -1,6 +1,7 @@
 """A shot in SI on one clock: one test, its apparatus and its measurements.
 
-It also gives the smooth path of the front face."""
+It also gives the smooth path of the front face.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace

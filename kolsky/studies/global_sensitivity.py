@@ -355,7 +355,7 @@ def screening(
     outputs
         Names of the outputs, length s.
     effects
-        Of each parameter on each output.
+        Effects of each parameter on each output.
 
     Raises
     ------

@@ -70,7 +70,8 @@ def profile(fit: CostSurrogate, name: str = MOVED) -> tuple[FloatArray, FloatArr
 
 def friction_constrained(fit: CostSurrogate, delta: float) -> bool:
     """True if the cost at the largest friction of the design exceeds the least cost by more than delta
-    Phi."""
+    Phi.
+    """
     _, cost = profile(fit, FRICTION)
     return bool(cost[-1] - cost.min() > delta)
 

@@ -166,7 +166,8 @@ class ModelComparison:
 def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> ModelComparison:
     """Compare the Prony series of `required_branches` with the creeping network on slow tests.
 
-    `law` is the long-term law at factor 1."""
+    `law` is the long-term law at factor 1.
+    """
     found = [
         Candidate(
             series_name(len(fit.model.series)),

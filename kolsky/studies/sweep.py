@@ -239,7 +239,8 @@ def _table(design: Design, runs: list[Run]) -> DesignTable:
 def columns(result: Sweep) -> dict[str, Any]:
     """One row per run: parameters, outcome, Phi_F, Phi_S, Phi and chi-square.
 
-    A failed run also has the reason, time and place of its failure."""
+    A failed run also has the reason, time and place of its failure.
+    """
     table = result.table
     made: dict[str, Any] = {"run": np.arange(len(table.outcomes))}
     made |= {f"{name} ({PARAMETERS[name].unit})": table.points[:, i] for i, name in enumerate(table.names)}

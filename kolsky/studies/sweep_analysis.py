@@ -74,9 +74,9 @@ class SurfaceOptimum:
     output: str
     """Key of `OUTPUTS`: "Phi", or "Phi_F" without an outline."""
     at: dict[str, float]
-    """The parameters there, in their units."""
+    """The parameters at the minimum, in their units."""
     value: float
-    """The interpolant there, in the output's unit."""
+    """The interpolant at the minimum, in the output's unit."""
     at_bound: dict[str, str]
     """"lower" or "upper" for each parameter at a bound of the box. Its optimum may lie outside."""
     converged: bool

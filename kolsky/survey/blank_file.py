@@ -130,7 +130,8 @@ def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) ->
 def _flyer_motion(table: TableEntry) -> tuple[int, str] | None:
     """Number of the first frame in which the flyer moves, and its file.
 
-    The specimen is at rest until then."""
+    The specimen is at rest until then.
+    """
     quiet = _flyer_quiet(table)
     if quiet is None or table.frame is None:
         return None
@@ -223,7 +224,8 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
 def _time(seconds: float, *, later: bool = False) -> str:
     """A time rounded to a nanosecond toward the inside of its interval.
 
-    ``later``: the time is the interval's beginning."""
+    ``later``: the time is the interval's beginning.
+    """
     nanoseconds = 1e9 * seconds
     whole = np.ceil(nanoseconds - 1e-4) if later else np.floor(nanoseconds + 1e-4)  # doubles near 60 s: 1e-5
     return f"{whole / 1e3:.14g} us"
@@ -272,7 +274,8 @@ def new_text(
 ) -> str:
     """The text of the new shot file.
 
-    It is the blank one or the last shot's, completed with values from the files."""
+    It is the blank one or the last shot's, completed with values from the files.
+    """
     if last is not None:
         return with_notes(next_of_series(last, folder, contents), notes_of(contents))
     text = template(bars=bars, pictures=pictures is not None)
@@ -299,7 +302,8 @@ def new_text(
 def with_surface(text: str, found: SurfaceSurvey) -> str:
     """The blank file with [surface] instead of [centre_line].
 
-    If the exports contain the flyer, [surface] also replaces [flyer]."""
+    If the exports contain the flyer, [surface] also replaces [flyer].
+    """
     if found.specimen is None:
         return text
     text = text[: text.index("[centre_line]")] + text[text.index("# [surface]") + 2 :]

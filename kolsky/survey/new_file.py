@@ -1,6 +1,7 @@
 """A new shot file.
 
-The blank file is completed from the folder's files and recordings, or the file is the next of a series."""
+The blank file is completed from the folder's files and recordings, or the file is the next of a series.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ _LINE = re.compile(rf"(?P<off># )?(?P<key>\w+) = {_VALUE}(?P<rest>\s*(?:#.*)?)")
 def _keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match[str] | None]]:
     """Each line of a shot file, with its dotted key and its parts if it has a key.
 
-    Commented-out lines are included."""
+    Commented-out lines are included.
+    """
     table = ""
     for line in text.split("\n"):
         match = _LINE.fullmatch(line)
@@ -277,7 +279,8 @@ def _chosen(table: str, channels: list[Signal], text: str) -> dict[str, str | No
 def _leaves_rest(channel: Channel) -> float | None:
     """Onset of a signal on the file's clock [s].
 
-    It is the time at which the signal leaves its rest level. None if unknown."""
+    It is the time at which the signal leaves its rest level. None if unknown.
+    """
     try:
         values, clock = channel.values(), channel.clock()
     except InputError:

@@ -78,7 +78,8 @@ def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
 def _pair(series: list[SeriesEntry]) -> tuple[SeriesEntry, ...]:
     """The two series of two cameras.
 
-    Empty unless there are exactly two, equal in number and size of pictures."""
+    Empty unless there are exactly two, equal in number and size of pictures.
+    """
     alike = len(series) == 2 and len({(one.count, one.shape) for one in series}) == 1
     return tuple(series) if alike else ()
 

@@ -63,7 +63,8 @@ class SeriesOfExports:
     @property
     def motion(self) -> FloatArray:
         """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]. 0 without
-        such points."""
+        such points.
+        """
         if not self._complete.any():
             return np.zeros((len(self.export.u), 3))
         return np.asarray(self.export.u[:, self._complete].mean(axis=1))
@@ -174,7 +175,8 @@ def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
 def _read(pattern: str, paths: list[Path], layout: tuple[str, tuple[str, ...]]) -> SeriesOfExports:
     """The points of a series, with its unit.
 
-    The unit is that of the headings, otherwise mm if the extent of the points is plausible."""
+    The unit is that of the headings, otherwise mm if the extent of the points is plausible.
+    """
     program, stated = layout
     export = read(paths, program)
     if stated:
@@ -225,7 +227,8 @@ def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
 def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | None:
     """The program's axis toward the cameras and the evidence for it.
 
-    The visible side is convex toward the cameras."""
+    The visible side is convex toward the cameras.
+    """
     motion = series.motion
     across = [k for k in range(3) if _AXES[k] != y[1]]
     way = motion[int(np.argmax(np.abs(motion[:, _AXES.index(y[1])])))][across]

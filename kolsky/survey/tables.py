@@ -294,7 +294,8 @@ def read_entry(path: Path) -> TableEntry:
 def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
     """First and last time [s] and number of samples, from a rate or interval in the header.
 
-    None without a rate or interval."""
+    None without a rate or interval.
+    """
     try:
         first = contents.channels[0]
         clock = first.clock()

@@ -61,7 +61,8 @@ class InputChanges:
 
 def as_drawn(patterns: FloatArray) -> FloatArray:
     """Patterns of one standard deviation each, scaled to replicates with the same mean square, shape [n,
-    k]."""
+    k].
+    """
     none = np.zeros((1, patterns.shape[1]))
     return np.asarray(np.sqrt(len(patterns)) * patterns) if len(patterns) else none
 
@@ -313,7 +314,8 @@ def outlines_with_diameter(
 def _place_change(problem: JointProblem, sigmas: FloatArray, key: str) -> FloatArray:
     """Change of prediction minus data by a larger Z or y of every outline, shape [k].
 
-    The model is unchanged."""
+    The model is unchanged.
+    """
     change = np.zeros(len(problem.stack.data))
     start = 0
     for one, end, sigma in zip(problem.stack.shots, problem.stack.ends, sigmas, strict=True):

@@ -55,7 +55,7 @@ def outline_follows(change: FloatArray, step: float, diameter: float, n_force: i
     step
         Relative increase of the diameter.
     diameter
-        The declared one [m].
+        The declared value [m].
     n_force
         Entries of the force at the head of the data vector.
     """
@@ -152,7 +152,8 @@ class ModelAtOptimum:
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
         """A change of prediction minus data, shape [k].
 
-        It is composed of changes of the transmitted force, all forces and the outline."""
+        It is composed of changes of the transmitted force, all forces and the outline.
+        """
         n, change = self.objective.n_force, np.zeros(len(self.objective.data))
         change[:n], change[n:] = force, outline
         change[: len(self.observations.bins.mean)] += transmitted
@@ -169,7 +170,8 @@ class ModelAtOptimum:
 
     def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
         """Change of prediction minus data by the heights that grow with a longer specimen (`height_follows`),
-        shape [k]. Zero without an outline."""
+        shape [k]. Zero without an outline.
+        """
         heights = height_follows(shot, step)
         if heights == 0.0 or not self.objective.counted.any():
             return np.zeros(len(self.objective.data))
@@ -347,7 +349,8 @@ class MovedRuns:
     def moved(self, key: str, sign: int, step: float) -> FloatArray | None:
         """The predicted data vector with an input increased or decreased.
 
-        None if the value is not allowed."""
+        None if the value is not allowed.
+        """
         if self._is_alone(key):
             if step != self.steps[key]:
                 raise ValueError(f"{key} was moved by {self.steps[key]:.6g}, not by {step:.6g}")

@@ -191,7 +191,8 @@ def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterPr
 
 def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
     """First box of the profiles: that of the last design. For several parameters, `NEAR` sigma about the
-    answer, with a new design."""
+    answer, with a new design.
+    """
     whole = runner.problem.box
     if whole.dimension == 1:
         return answer.local

@@ -220,7 +220,8 @@ def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
 
 def sliding_warning(interface: Interface, named: list[str]) -> Iterator[str]:
     """Warning if a named parameter that causes sliding replaced the declared interface. See
-    `kolsky.inverse.forward.Forward.run`."""
+    `kolsky.inverse.forward.Forward.run`.
+    """
     names = [name for name in named if any_slides([name])]
     if names and {interface.faces, interface.side} != {SLIDING_LAW}:
         yield (

@@ -149,7 +149,7 @@ class Made:
     name: str
     folder: Path
     fresh: bool
-    """False if the folder held it already."""
+    """False if the folder already contained it."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The flyer's true motion (Mates et al. 2012).
 
-It is a smooth ramp, a sampled motion, or that of the whole apparatus."""
+It is a smooth ramp, a sampled motion, or that of the whole apparatus.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -160,7 +161,8 @@ class Ramp:
 class Sampled:
     """A motion through samples with cubic interpolation.
 
-    It is at rest before, and has constant speed after the end."""
+    It is at rest before, and has constant speed after the end.
+    """
 
     start: float
     """Start time [s]."""

@@ -136,7 +136,8 @@ Pose = tuple[FloatArray, FloatArray]
 def target_of(q: Specification) -> Any:
     """The target of a specification.
 
-    Its width is `share` of the sensor's field at the distance of the axis."""
+    Its width is `share` of the sensor's field at the distance of the axis.
+    """
     c = q.calibration
     width = c.share * min(q.cameras.sensor) * q.cameras.pixel
     if c.target == "chessboard":

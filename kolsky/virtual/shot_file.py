@@ -329,7 +329,7 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
 def declared_sizes(uncertainty: Mapping[str, float]) -> dict[str, str | float]:
     """A shot's declared standard uncertainties as keys and sizes of a budget.
 
-    Those of 0 are left out.
+    Uncertainties of 0 are left out.
     """
     sizes: dict[str, str | float] = {}
     for key, sigma in uncertainty.items():

@@ -21,7 +21,7 @@ from kolsky.base.records import FlyerMotion
 _LARGEST_LATERAL = 50e-6
 """Largest assumed lateral displacement of a body before its first known pose [m]."""
 _LARGEST_ROTATION = 10e-3
-"""Largest rotation of it [rad]."""
+"""Largest rotation of the body [rad]."""
 
 
 @dataclass(frozen=True)

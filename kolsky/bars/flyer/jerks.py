@@ -248,7 +248,8 @@ def evidence(
 class Evidences:
     """-2 log of the marginal likelihood of several log scales and log tau, and its gradients.
 
-    The data are described in `kolsky.bars.flyer.jerks.evidence`."""
+    The data are described in `kolsky.bars.flyer.jerks.evidence`.
+    """
 
     thetas: FloatArray
     """Log noise scales, then log tau at the control points, shape [n, n_parts + n_controls]."""
@@ -324,7 +325,8 @@ class Evidences:
     @cached_property
     def _filtered(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Variances of the filter's predictions and its innovations over them [n, n_frames], its gains [n,
-        n_frames, m], and the factors I - K z' on the state [n, n_frames, m, m]."""
+        n_frames, m], and the factors I - K z' on the state [n, n_frames, m, m].
+        """
         # no displacement: no information on the noise
         own = np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)
         seen, steps, kicks, P = _state_space(self.weight, self.spans, self.shared)

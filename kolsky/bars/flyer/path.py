@@ -434,7 +434,8 @@ def _shared_noise(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Argument `shared` of `evidence`: size over sigma, and correlation between frames.
 
-    None without such an error."""
+    None without such an error.
+    """
     if motion.shared_sigma is None or not motion.shared_sigma.any():
         return None
     size = np.zeros(t.size)

@@ -269,7 +269,7 @@ class BarsTogether(ResultViews):
     rms: float
     """Root mean square of the residual, divided by the peak of the later pulse [-]."""
     largest: float
-    """Largest residual over that peak [-]."""
+    """Largest residual divided by that peak [-]."""
     plain_rms: float
     """The residual's rms for a plain shift with its best speed and gain [-]."""
     plain_wave_speed: float
@@ -432,7 +432,8 @@ def _fit(
 
 def _above_noise(pulse: Signal) -> float | None:
     """Frequency above which no component of a pulse exceeds five times its noise, plus the width of an
-    edge."""
+    edge.
+    """
     if not pulse.sigma > 0.0:
         return None
     spectrum = np.abs(rfft(pulse.value))

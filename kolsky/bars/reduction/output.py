@@ -273,7 +273,8 @@ def write_database(path: Path, result: WavesResult) -> Path:
 def columns(result: WavesResult) -> dict[str, FloatArray]:
     """Columns of the table by name, shape [n] each.
 
-    `load_case` determines whether compression or tension is positive."""
+    `load_case` determines whether compression or tension is positive.
+    """
     r, way, extra = result.reduction, result.analysis, result.extra
     strain, rate, stress = r.strain[way], r.rate[way], r.stress[way]
     table = {

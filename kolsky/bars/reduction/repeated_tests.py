@@ -1,6 +1,7 @@
 """Repeated tests on one axis.
 
-Mean, scatter, confidence band (Type A), and uncertainty common to all tests."""
+Mean, scatter, confidence band (Type A), and uncertainty common to all tests.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

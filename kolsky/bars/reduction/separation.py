@@ -554,7 +554,8 @@ def without_echo(station: BarSignal, guide: Waveguide, band: float) -> BarSignal
 
 def free_end_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit]:
     """Times at which an echo returns to the specimen and loads it again, counted from the arrival of a
-    pulse."""
+    pulse.
+    """
     margin = max(averaging_time(incident), averaging_time(transmission))
     limits = [
         Limit(

@@ -282,7 +282,7 @@ class Validity:
     window: tuple[float, float] | None
     """First and last time [s]; None if no time is valid."""
     strain: tuple[float, float] | None
-    """Smallest and largest nominal compression there [-]."""
+    """Smallest and largest nominal compression in the window [-]."""
     start_reason: Reason
     """Reason that excludes the times before the window. Without a window, the reason that excludes all
     times."""

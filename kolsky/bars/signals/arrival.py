@@ -1,6 +1,7 @@
 """Arrival of a pulse.
 
-Onset by Akaike's criterion, time by the flank's tangent, first rise over a low level."""
+Onset by Akaike's criterion, time by the flank's tangent, first rise over a low level.
+"""
 
 from dataclasses import dataclass
 from math import inf, sqrt

@@ -43,7 +43,8 @@ class Noise:
     def memory(self) -> float:
         """Number of samples with the information of one independent sample, 1 + 2 sum rho, Eq. (U.8) [-].
 
-        It is 1 for white noise."""
+        It is 1 for white noise.
+        """
         return float(1.0 + 2.0 * self.correlation[1:].sum())
 
     def sigma_of_sums(self, n: int) -> FloatArray:

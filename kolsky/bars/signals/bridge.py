@@ -161,7 +161,8 @@ class Bridge:
 
     def with_values(self, gauge: str, values: Mapping[str, float], *, bar: str | None = None) -> "Bridge":
         """The bridge with other values of its `quantities`, by their names. The other values do not
-        change."""
+        change.
+        """
         names = {f: self._name(f, gauge, bar) for f in self._fields()}
         changed: dict[str, Any] = {f: values[name] for f, name in names.items() if name in values}
         return replace(self, **changed)

@@ -1,6 +1,7 @@
 """Gauge stations: from recordings to the strain of the bar.
 
-The steps are calibration, zero, sign and bending, and a check of the bar's elastic limit."""
+The steps are calibration, zero, sign and bending, and a check of the bar's elastic limit.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeVar

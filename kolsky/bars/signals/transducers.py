@@ -39,7 +39,8 @@ def compensate_droop(
 
 def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: float) -> FloatArray:
     """Standard deviation of compensated samples from white noise in the recorded ones, Eq. (U.7), shape
-    [n]."""
+    [n].
+    """
     _check_time_constant(time_constant)
     first = int(np.searchsorted(time, start))
     factor = np.ones(time.size)

@@ -50,7 +50,8 @@ class Pattern:
         """Store the components of each cell, shape [m, k d], the unknown of each component, and the number of
         unknowns.
 
-        The unknown -1 means none."""
+        The unknown -1 means none.
+        """
         self.dofs, self.index, self.count = dofs, index, count
 
     def vector(self, elements: FloatArray) -> FloatArray:

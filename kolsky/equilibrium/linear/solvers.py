@@ -281,7 +281,8 @@ class BridgedSolver:
         self, elements: FloatArray, nodes: IntArray, blocks: FloatArray, *, symmetric: bool
     ) -> Factors:
         """Factors of the sum of element matrices [m, k d, k d] and blocks [b, j d, j d] of the points
-        [b, j]."""
+        [b, j].
+        """
         rows = nodes if self._known is None else np.concatenate([self._known, nodes])
         known, where = np.unique(rows, axis=0, return_inverse=True)
         if self._solver is None or self._known is None or len(known) > len(self._known):

@@ -439,7 +439,8 @@ class _March:
     def _creep(self, to: float) -> bool:
         """Overdamped motion to rest at a constant strain.
 
-        It is used if no equilibrium is near. False if it finds none."""
+        It is used if no equilibrium is near. False if it finds none.
+        """
         start = self.u.copy()
         if self.platen.bonded:
             start[self.glued] = -to * self.mesh.height

@@ -85,7 +85,8 @@ class HalfCylinder:
     @cached_property
     def gauss(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """B, shape [n_elements, 9, 5, 18] [1/m]; volumes of the points [m^3], shape [n_elements, 9]; linear
-        functions of the pressure (1, xi, eta), shape [9, 3]."""
+        functions of the pressure (1, xi, eta), shape [9, 3].
+        """
         points, weights = np.polynomial.legendre.leggauss(GAUSS)
         eta, xi = (g.ravel() for g in np.meshgrid(points, points, indexing="ij"))
         weight = np.outer(weights, weights).ravel()
@@ -245,7 +246,8 @@ class Body:
 
     def forces(self, law: Stretches, state: Deformation) -> tuple[FloatArray, FloatArray]:
         """Internal forces of each element [N], shape [n, 18], and their derivatives [N/m], shape
-        [n, 18, 18]."""
+        [n, 18, 18].
+        """
         B, volume, phi = self.mesh.gauss
         J, dJ, d2J = _volume(state.F)
         inverse = self._inverse_mass
@@ -264,7 +266,8 @@ class Body:
     def isochoric_forces(self, law: Stretches, state: Deformation) -> FloatArray:
         """Forces of the isochoric energy [N], shape [2 n_nodes].
 
-        No other forces depend on a law's constants."""
+        No other forces depend on a law's constants.
+        """
         B, volume, _ = self.mesh.gauss
         P = isochoric_stress(law, state) * volume[..., None]
         return self.assembled(np.einsum("eqik,eqi->ek", B, P, optimize=True))

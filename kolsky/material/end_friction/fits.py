@@ -1,6 +1,7 @@
 """Laws fitted to a compression test with end friction, on the coarse and the refined mesh.
 
-The method is inverse finite elements."""
+The method is inverse finite elements.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -283,7 +284,8 @@ def on_refined_mesh(
 
 def mesh_share(numerics: CorrectionNumerics) -> float:
     """Standard uncertainty of the refined mesh as a share of the change from the coarse to the refined
-    mesh."""
+    mesh.
+    """
     return SHARE / ((numerics.refined_mesh[0] / numerics.mesh[0]) ** ORDER - 1.0)
 
 

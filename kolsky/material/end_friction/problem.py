@@ -325,7 +325,7 @@ class ModelFit:
     name: str
     """The law, or the nodes with their continuation."""
     constants: dict[str, float]
-    """Its constants by name, in SI units. For nodes, 2U' [Pa] by their values of s."""
+    """Constants of the law by name, in SI units. For nodes, 2U' [Pa] by their values of s."""
     sigma: dict[str, float]
     """Their standard uncertainties from the noise, in the same form."""
     correlation: FloatArray

@@ -337,6 +337,7 @@ def _known() -> dict[str, Candidate]:
 def _remoteness(path: PathStability) -> float:
     """Largest size of a principal logarithmic strain at the end of a path [-].
 
-    It is the same for one deformation under two names."""
+    It is the same for one deformation under two names.
+    """
     lam = np.stack(path.mode.principal_stretches(path.mode.at_rest + path.strain))
     return round(float(np.abs(np.log(lam)).max()), 9)

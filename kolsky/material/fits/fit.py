@@ -258,7 +258,7 @@ def fit_law(
     free_poisson
         True to fit this ratio too, to the tests' lateral stretches. It is among `free` as "poisson".
     starts
-        Starts that are polished.
+        Number of starts that are refined.
     seed
         Seed of the starts.
     name

@@ -42,7 +42,7 @@ class Fracture:
     stress: float
     """Largest nominal stress [Pa]."""
     strain: float
-    """Nominal strain there [-]."""
+    """Nominal strain at this stress [-]."""
 
 
 @dataclass(frozen=True)

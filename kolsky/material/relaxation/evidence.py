@@ -1,4 +1,4 @@
-"""Tests that show rate dependence: histories of stretch and oscillations; shots are in another module.
+"""Tests that show rate dependence: histories of stretch, and oscillations. Another module treats shots.
 
 An evidence has measured values with their uncertainty. It predicts them for any number of rate models in one
 call. A fit therefore does not depend on the kind of test.

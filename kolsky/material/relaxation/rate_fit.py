@@ -204,7 +204,8 @@ class PronyProblem:
     def best(self, points: FloatArray) -> int:
         """Index of the row of logarithms with the smallest sum of squares.
 
-        Rows that cannot be simulated are left out."""
+        Rows that cannot be simulated are left out.
+        """
         squares = (self.of_many(points) ** 2).sum(axis=1)
         return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
 

@@ -99,7 +99,7 @@ class Superposition:
     covariance: FloatArray | None = None
     """Covariance of C1 and C2, shape [2, 2]."""
     law_likely: float = 1.0
-    """Probability that the law's chi-square exceeds that of free shifts by at least as much by chance [-]."""
+    """Probability that the law's chi-square exceeds that of free shifts at least as much by chance [-]."""
 
     @property
     def determined(self) -> bool:
@@ -253,7 +253,8 @@ def _begin(sweep: TemperatureSweep, held: int) -> FloatArray:
 def _covariance(jacobian: FloatArray, scatter: float) -> FloatArray:
     """Covariance of a least squares problem, widened by its scatter.
 
-    Directions without information get a spread too large to constrain anything."""
+    Directions without information get a spread too large to constrain anything.
+    """
     size, axes = np.linalg.eigh(jacobian.T @ jacobian)
     return np.asarray((axes / np.maximum(size, 1e-12)) @ axes.T * max(1.0, scatter))
 

@@ -164,7 +164,7 @@ def plain_log_ticks(axis: Axis, subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None
 def label_text(text: str, most: int) -> str:
     """Return a name for use in a figure: one line of printable characters.
 
-    A long name loses its middle.
+    The middle of a long name is left out.
 
     A dollar sign is escaped, because it would start a formula. A character that the figures' font lacks
     becomes a square. Tables of a page show it unchanged.

@@ -331,7 +331,8 @@ class Realisations:
         """Realise the points, shape [n, k + 1].
 
         Every run contains the re-fit's estimates of `columns_of`, then those of the complete search. Missing
-        estimates are NaN."""
+        estimates are NaN.
+        """
         return [self._one(point) for point in points]
 
     def _one(self, point: FloatArray) -> Run:

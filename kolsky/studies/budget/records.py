@@ -35,7 +35,7 @@ class JointShares:
     unexplained: float
     """Share that the straight line does not explain [-]: noise, curvature, interactions."""
     unexplained_interval: Interval
-    """95 % interval of that."""
+    """95 % interval of this share."""
 
 
 def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: int = 1) -> FloatArray:
@@ -163,7 +163,8 @@ class Budget(ResultViews):
     def u_together_interval(self) -> tuple[float, float]:
         """95 % interval of this standard deviation, for normally distributed values.
 
-        NaN with fewer than `FEWEST` answers."""
+        NaN with fewer than `FEWEST` answers.
+        """
         n, u = len(self.together), self.u_together
         if n < FEWEST:
             return NO_INTERVAL
@@ -180,7 +181,8 @@ class Budget(ResultViews):
     def jumps(self) -> float:
         """Share of the draws of all errors for which the complete search ends in another valley [-].
 
-        NaN without a complete search."""
+        NaN without a complete search.
+        """
         return len(self.elsewhere) / self.searched if self.searched else float("nan")
 
     @property
@@ -219,7 +221,8 @@ class Campaign:
 def shot_sigma(budget: Budget, scatter: float) -> float:
     """Standard deviation of one shot about the line [-].
 
-    It contains its independent sources and the specimens' scatter."""
+    It contains its independent sources and the specimens' scatter.
+    """
     own = [source for source in budget.sources if not source.factor.shared]
     unknown = [source.factor.words for source in own if np.isnan(source.u)]
     if unknown:

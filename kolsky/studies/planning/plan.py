@@ -65,7 +65,7 @@ class Rate:
     """The same test at another speed of the flyer."""
 
     factor: float
-    """Speed over that of the shot [-]."""
+    """Speed divided by that of the shot [-]."""
     peak_force: float
     """Largest mean force of a bin [N]."""
     mean_rate: float
@@ -88,7 +88,8 @@ def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, lis
 def camera_windows(found: Information, share: float) -> list[Choice]:
     """Best recording time of the cameras if their memory covers only a share of the window. The force is
     recorded throughout. There is one choice per criterion. None without cameras, or if no choice constrains
-    all parameters."""
+    all parameters.
+    """
     frames = found.sensitivity.grid.frames
     count = max(1, round(share * len(frames)))
     chosen = _chosen(found, found.by_frame(), count, best_window)

@@ -211,7 +211,7 @@ class RatedShot:
 
     @property
     def counted(self) -> bool:
-        """True if it enters the mean."""
+        """True if the mean includes it."""
         good = COUNTED + (WITHHELD if self.keep_unexplained else ())
         return self.verdict in good and np.isfinite(self.m) and self.sigma_own > 0.0
 
@@ -327,7 +327,7 @@ class GroupRates(ResultViews):
     name: str
     """The group."""
     shots: tuple[RatedShot, ...]
-    """All of them, slowest first."""
+    """All shots, slowest first."""
     common: dict[tuple[str, str], FloatArray]
     """(part, common source) -> shift of m of each counted shot [-], shape [n_counted]."""
     pooled: Pooled | None
@@ -346,7 +346,7 @@ class GroupRates(ResultViews):
 
     @property
     def counted(self) -> tuple[RatedShot, ...]:
-        """The shots that enter the mean."""
+        """The shots that the mean includes."""
         return tuple(shot for shot in self.shots if shot.counted)
 
     @property
