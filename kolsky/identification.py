@@ -63,7 +63,7 @@ def identify(
     Raises
     ------
     ValueError
-        If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
+        If a parameter is unknown, if a bound or value is outside its range, or if too few runs completed. The
         message gives outcome, time and place of the first failure.
     InputError
         If the folder contains no shot, or an invalid one.
@@ -102,7 +102,7 @@ def diagnose(
     found
         The identification of the shot as declared.
     shot, settings, progress
-        As of `identify`.
+        As for `identify`.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def diagnose(
     Raises
     ------
     ValueError
-        As `identify`.
+        For the reasons of `identify`.
     """
     settings = settings or Settings()
     likely = {cause.key: cause for cause in found.causes if cause.named}

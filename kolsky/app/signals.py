@@ -172,7 +172,7 @@ def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
 
 
 def assigned(part: str, table: TableEntry) -> dict[str, str | None]:
-    """Values of a table of the shot file that are found in its file: file, layout and columns."""
+    """Values of a table of the shot file, found in the data file: file name, layout and columns."""
     from kolsky.survey.new_file import values_of
 
     found = values_of(Survey({part: table}, {}))
@@ -299,7 +299,7 @@ def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
 def interval_of(content: Mapping[str, Any], table: str, *keys: str) -> tuple[float, float] | None:
     """A declared time span [µs]. None while an end is blank.
 
-    ``keys``: one key with two ends, or the keys of both.
+    ``keys``: one key with both ends of the span, or the two keys of its ends.
     """
     section = content.get(table, {})
     ends = section.get(keys[0], ["", ""]) if len(keys) == 1 else [section.get(key, "") for key in keys]

@@ -35,7 +35,7 @@ class Option:
     unit: str = ""
     """SI unit of a quantity. The text may use another unit."""
     positive: bool = False
-    """Whether the quantity must be above zero."""
+    """True if the quantity must be above zero."""
     read: Callable[[str, str], Any] | None = None
     """Converts an option's text, given the option and the text. Raises InputError."""
     on: Callable[[], Any] | None = None

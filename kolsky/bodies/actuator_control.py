@@ -392,7 +392,7 @@ class StoredBasis:
     residual: float
     """Relative residual of the forces [-]."""
     reached: bool
-    """Whether the residual is within the tolerance."""
+    """True if the residual is within the tolerance."""
     pressure: FloatArray
     """Check pressures, which are not in the basis [Pa], shape [k]."""
     angle: FloatArray

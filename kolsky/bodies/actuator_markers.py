@@ -66,7 +66,7 @@ class MarkerComparison:
 
     @property
     def explained(self) -> bool:
-        """Whether noise of `sigma` explains the distances."""
+        """True if noise of `sigma` explains the distances."""
         square = float(((self.measured - self.simulated) ** 2).sum()) / self.sigma**2
         return square <= float(chi2_law.ppf(EXPLAINED, self.measured.size))
 
@@ -94,11 +94,11 @@ class StiffnessFit:
     degrees: int
     """Degrees of freedom."""
     converged: bool
-    """Whether the last step was small."""
+    """True if the last step was small."""
 
     @property
     def explained(self) -> bool:
-        """Whether noise explains the residual."""
+        """True if noise explains the residual."""
         return self.chi2 <= float(chi2_law.ppf(EXPLAINED, self.degrees))
 
 

@@ -99,7 +99,7 @@ class SearchOptimum:
     at_bound: tuple[bool, ...]
     """Constants at a bound, shape [p]."""
     converged: bool
-    """Whether the search converged."""
+    """True if the search converged."""
     ended: str
     simulations: int
     """Number of trial points, rejected ones included."""

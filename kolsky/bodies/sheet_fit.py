@@ -353,7 +353,7 @@ class FieldFit:
     by_force: FloatArray
     """dm/df_msr of every step [1/N], shape [n, p]."""
     converged: bool
-    """Whether Newton's method converged."""
+    """True if Newton's method converged."""
     at_bound: tuple[bool, ...]
     """Constants at a bound if the cost decreases beyond it. They have no uncertainty."""
     simulations: int

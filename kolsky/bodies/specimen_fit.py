@@ -1,7 +1,7 @@
 """Fit constants to whole specimens: one or several tests, with intervals, correlations and checks.
 
-The checks are whether the law explains the data, and whether a bond peels. If a bond peels, the force falls
-as if the bonded length became shorter.
+There are two checks: whether the law explains the data, and whether a bond peels. If a bond peels, the force
+falls as if the bonded length became shorter.
 
 The covariance comes from the whitened Jacobian J of the problem of the constants. Constants at a bound are
 fixed:
@@ -250,7 +250,7 @@ class Debonding:
 
     @property
     def suspected(self) -> bool:
-        """Whether a bond seems to peel."""
+        """True if a bond seems to peel."""
         return self.z > LIMIT
 
 

@@ -257,7 +257,7 @@ class SingleShotJob:
     figures: tuple[str, ...] = ()
     """Formats of figures that are saved as files."""
     verbose: bool = False
-    """Whether every value is printed."""
+    """True to print every value."""
 
 
 @dataclass(frozen=True)

@@ -278,7 +278,7 @@ def clock_lags(
     response
         The run at the optimum.
     objective
-        With the discrepancies of the optimum.
+        The objective with the discrepancies of the optimum.
     jacobian
         Of the data vector by the free parameters, shape [k, d].
     changes

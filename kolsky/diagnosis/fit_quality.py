@@ -101,7 +101,7 @@ def fit_quality(
     Parameters
     ----------
     objective
-        With the discrepancies of the optimum.
+        The objective with the discrepancies of the optimum.
     vector
         The data vector that the model predicts at the optimum, shape [k].
     jacobian

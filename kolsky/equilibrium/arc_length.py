@@ -50,7 +50,7 @@ class ArcPath:
     def limits(self) -> FloatArray:
         """Loads at limit points, in their order, shape [...].
 
-        At a limit point the load has an extremum. It is that of the parabola through three equilibria.
+        At a limit point, the load has an extremum. It is computed from the parabola through three equilibria.
         """
         found = []
         for k in range(1, len(self.load) - 1):

@@ -95,7 +95,7 @@ class Sample:
     residual: float
     """|G w - b| / |b| [-]."""
     reached: bool
-    """Whether the tolerance was reached."""
+    """True if the tolerance was reached."""
 
 
 def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sample:

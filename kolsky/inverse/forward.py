@@ -364,12 +364,12 @@ class Forward:
         Parameters
         ----------
         points, numerics, motion, material, all_nodes
-            As of `run`.
+            As for `run`.
 
         Raises
         ------
         ValueError
-            As `run`.
+            For the reasons of `run`.
         """
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)

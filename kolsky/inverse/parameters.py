@@ -316,7 +316,7 @@ def any_slides(names: Iterable[str]) -> bool:
 
 
 def require_declared(names: Iterable[str], shot: Shot) -> None:
-    """Refuse constants of the relaxation that the shot does not have.
+    """Reject constants of the relaxation that the shot does not have.
 
     Raises ValueError if one is named and the shot's [relaxation] has no such constant.
     """
@@ -342,7 +342,7 @@ def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
 
 
 def require_effect(names: Iterable[str], faces: str, side: str) -> None:
-    """Refuse parameters that would have no effect with the contact laws of end faces and side surface.
+    """Reject parameters that would have no effect with the contact laws of end faces and side surface.
 
     Raises ValueError if neither law reads a parameter and no named parameter makes the surfaces slide. The
     same error is raised if the parameter is named together with one that makes them slide.

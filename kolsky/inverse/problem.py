@@ -175,7 +175,7 @@ class Freed:
     """Settings in which every parameter is either free or held, and why some are held."""
 
     settings: Settings
-    """With `free` filled in."""
+    """The settings with `free` filled in."""
     by_default: bool
     """True if the free parameters are the default choice; they are held if the data do not constrain them."""
     reasons: Mapping[str, str]

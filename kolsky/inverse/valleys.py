@@ -134,7 +134,9 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
 def deviance_with_path_noise(
     runner: Runner, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
 ) -> FloatArray:
-    """-2 ln of likelihood and prior at points, with the noise of the flyer's motion, shape [n].
+    """-2 ln of likelihood and prior at points, shape [n].
+
+    The noise of the flyer's motion is included.
 
     The value has an unknown constant. A frame's points count as one entry. It is infinite if the run did not
     complete.

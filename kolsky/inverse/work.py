@@ -76,7 +76,7 @@ def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:
     Raises
     ------
     ValueError
-        As `Forward.run`.
+        For the reasons of `Forward.run`.
     """
     if len(launches) < 2 or any(one.numerics.compressible is not None for one in launches):
         return [

@@ -409,7 +409,7 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
 def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -> FloatArray:
     """Standard deviation of a reading about a smooth curve, shape of `axis`.
 
-    For a test with few readings.
+    The test has few readings.
 
     Between few readings, a smooth curve bends by more than their noise, and second differences contain the
     bend. They are therefore taken from the residuals of a polynomial, of the fifth order with twenty readings

@@ -98,7 +98,7 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
         increments = getattr(header, "x_increments", None)
         own = increments[channel.channel_number - 1] if isinstance(increments, list) else None
         interval = _shortest(float(own if own is not None else header.seconds_per_point))
-        # For some manufacturers RigolWFM distributes n steps of time over n - 1.
+        # For some manufacturers, RigolWFM distributes n time steps over n - 1 intervals.
         if not interval > 0.0 or abs(shown - interval) > 1.5 / (samples - 1) * interval + 1e-9 * interval:
             raise InputError(
                 path,

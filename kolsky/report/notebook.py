@@ -108,7 +108,7 @@ def to_xarray(data: object, table: str = "") -> Any:
     Parameters
     ----------
     data
-        As of `to_dataframe`.
+        As for `to_dataframe`.
     table
         Name of the table as in `to_dataframe`; default: the main one.
 

@@ -445,7 +445,7 @@ def write_sweep_results(
     Parameters
     ----------
     folder, formats
-        As of `write_results`.
+        As for `write_results`.
     result
         Every run of the design.
     analysis

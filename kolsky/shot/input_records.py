@@ -193,7 +193,7 @@ class Cause:
     exact: float = 0.0
     """The value without an error of the input: 1 for a factor, 0 for an offset."""
     simulated: bool = False
-    """Whether new simulations are needed."""
+    """True if new simulations are needed."""
     unit: str = "1"
     """SI unit of the value. This field and the next two are those of the input."""
     declared: str = ""

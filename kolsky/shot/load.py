@@ -197,7 +197,7 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
     Raises
     ------
     InputError
-        As `load_shot`.
+        For the reasons of `load_shot`.
 
     Examples
     --------

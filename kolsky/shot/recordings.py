@@ -102,7 +102,7 @@ class MotionShown:
     sigma: FloatArray
     """Standard deviation of each, as declared or measured, shape [n]."""
     is_velocity: bool
-    """Whether `measured` is a velocity."""
+    """True if `measured` is a velocity."""
     time: FloatArray
     """Times of the fitted path [s], shape [m]."""
     position: FloatArray

@@ -185,7 +185,7 @@ def solver_sensitivity(
     shot
         A loaded shot.
     box
-        Over parameters of `kolsky.inverse.parameters.PARAMETERS`.
+        A box over parameters of `kolsky.inverse.parameters.PARAMETERS`.
     held
         Parameters held at values that differ from the shot's.
     n

@@ -119,7 +119,10 @@ def plain_amount(key: str, value: float) -> float:
 
 
 def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, seen: Observations) -> str:
-    """The reason why an input has no (separate) effect on this shot's answer; empty if it has one."""
+    """The reason why an input has no separate effect on this shot's answer.
+
+    Empty if it has one.
+    """
     if key in free:
         return "free, found from the data"
     laws = {shot.interface.faces, shot.interface.side}

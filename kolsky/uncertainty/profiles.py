@@ -125,7 +125,7 @@ class LinearisedOptimum:
     local: Box
     """Box of the last design."""
     objective: Objective
-    """With the discrepancies of the optimum."""
+    """The objective with the discrepancies of the optimum."""
     vector: FloatArray
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     slope: FloatArray

@@ -450,8 +450,9 @@ def whitening(
 
     It is applied to columns [n_frames, ...].
 
-    Without a shared error it divides by `s`. With one it is L^-1 of the covariance ``s^2 + q q' exp(-|dt| /
-    memory)`` = L L'. Here q is the shared error's size over sigma. `back` selects the transposed map.
+    Without a shared error, the map divides by `s`. With a shared error, it is L^-1 of the covariance ``s^2 +
+    q q' exp(-|dt| / memory)`` = L L'. Here q is the shared error's size over sigma. `back` selects the
+    transposed map.
     """
     if shared is None:
         return lambda columns, back=False: np.asarray((columns.T / s).T)

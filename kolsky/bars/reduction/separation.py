@@ -4,8 +4,8 @@ Opposed gauges that were recorded in separate files are resampled to one clock f
 one bar, a small linear system at each frequency gives the waves in both directions. With one gauge per bar,
 the echo from the free end is predicted and subtracted.
 
-After Zhao and Gary (1997) and Bacon (1999), with every gauge weighted by its noise (Bussac and others 2002).
-Numbers of equations are those of docs/theory/bars.md.
+The method follows Zhao and Gary (1997) and Bacon (1999). Every gauge is weighted by its noise (Bussac and
+others 2002). Numbers of equations are those of docs/theory/bars.md.
 """
 
 from collections.abc import Sequence

@@ -83,7 +83,7 @@ rounded."""
 END_SIGMA = 0.05
 """Standard uncertainty of the choice of either end, as a share of the plateau's length [-]."""
 ENDS = ("plateau, beginning", "plateau, end")
-"""Names of the budget's inputs that shift the ends [s]."""
+"""Names of the budget's inputs that shift the ends of the plateau [s]."""
 
 
 @dataclass(frozen=True)

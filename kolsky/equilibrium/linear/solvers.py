@@ -56,7 +56,7 @@ class Hierarchy:
 
     @property
     def made(self) -> bool:
-        """Whether a hierarchy exists."""
+        """True if a hierarchy exists."""
         return self._levels is not None
 
     def served(self, iterations: int, tolerance: float) -> None:

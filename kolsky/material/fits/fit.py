@@ -146,7 +146,7 @@ class Fit:
     """Covariance of the fitted constants, SI, shape [n_free, n_free], for independent residuals. Rows of
     constants at a bound are zero. All entries are NaN if the constants are not determined."""
     outcome: FitOutcome
-    """Whether the data determine the constants."""
+    """Outcome of the fit: whether the data determine the constants."""
     at_bound: tuple[str, ...]
     """Constants at a bound."""
     ends: tuple[float, ...]

@@ -115,7 +115,7 @@ def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
             continue
         smallest = np.nanmin(along)
         ax.plot(curve.x, along / smallest, color=colour)
-        # They are above the frame, because runs are everywhere inside it.
+        # Triangles are above the frame, because runs are everywhere inside it.
         above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "right"}
         ax.annotate(label, (1.0, 1.0), xytext=(aside, 2.5), color=colour, annotation_clip=False, **above)
         _draw_runs(ax, design, curve.parameter, runs / smallest, colour)

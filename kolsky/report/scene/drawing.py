@@ -1,7 +1,7 @@
 """Picture of the specimen cut in half between its platens, by PyVista; films and still pictures.
 
-For the report and `kolsky film`. Every file is replaced when the new one is complete. The cut in the plane is
-drawn as SVG, fast enough for a slider.
+The pictures are for the report and for `kolsky film`. Every file is replaced when the new one is complete.
+The cut in the plane is drawn as SVG, fast enough for a slider.
 """
 
 from __future__ import annotations
