@@ -247,8 +247,8 @@ def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, st
 
 
 Model = Callable[[Mapping[str, float]], Mapping[str, ArrayLike]]
-"""Function of the values of the quantities, by name, that returns named outputs: scalars or arrays of fixed
-shapes."""
+"""Function from the values of the quantities, by name, to named outputs. The outputs are scalars or arrays of
+fixed shapes."""
 
 
 def propagate(

@@ -29,7 +29,7 @@ class InputError(Exception):
     key
         Dotted key of the shot file, e.g. "specimen.density".
     value
-        The value found there, as written.
+        The value of this key, as written.
     allowed
         The allowed range or choice; printed after "it must be".
     cure

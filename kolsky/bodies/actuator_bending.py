@@ -275,9 +275,9 @@ class Inversion:
     pressures: FloatArray
     """Pressure of each cavity [Pa], shape [n_cavities]; NaN without an equilibrium."""
     found: float
-    """The angle there [rad]."""
+    """The angle at these pressures [rad]."""
     slope: FloatArray
-    """dTheta/dp there [rad/Pa], shape [n_cavities]."""
+    """dTheta/dp at these pressures [rad/Pa], shape [n_cavities]."""
     ended: SearchEnd
     equilibria: int
     """Number of computed equilibria."""

@@ -84,7 +84,7 @@ class Reduction:
     pressure: FloatArray
     """Check pressures, between the pressures of the basis [Pa], shape [n]."""
     angle: FloatArray
-    """Angle of the full model there [rad], shape [n]."""
+    """Angle of the full model at the check pressures [rad], shape [n]."""
     error: FloatArray
     """Angle of the reduced model minus that of the full model [rad], shape [n]."""
     gap: float
@@ -396,7 +396,7 @@ class StoredBasis:
     pressure: FloatArray
     """Check pressures, which are not in the basis [Pa], shape [k]."""
     angle: FloatArray
-    """Angle of the full model there [rad], shape [k]."""
+    """Angle of the full model at these pressures [rad], shape [k]."""
     error: FloatArray
     """Angle of the reduced model minus that of the full model [rad], shape [k]."""
     gap: float
@@ -404,7 +404,7 @@ class StoredBasis:
     plant_pressure: FloatArray
     """Pressures at which the plant was simulated [Pa], shape [p]."""
     plant_angle: FloatArray
-    """Its angle there [rad], shape [p]."""
+    """Angle of the plant at these pressures [rad], shape [p]."""
 
 
 _BASIS = Record(
@@ -522,7 +522,7 @@ def _prepared(
 ) -> tuple[Reduction, Plant]:
     """The reduction and the plant for a direction of gravity.
 
-    They are read from the folder if they are stored there.
+    They are read from the folder if it contains them.
     """
     key = basis_key(actuator, gravity, section, _PLANT_STEPS)
     file = None if basis is None else basis / f"{name}.h5"

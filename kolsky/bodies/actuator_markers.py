@@ -90,7 +90,7 @@ class StiffnessFit:
     high: float
     """Upper end of the 95 % interval [-]."""
     chi2: float
-    """Sum of squares over sigma^2 there [-]."""
+    """Sum of squares over sigma^2 at the fitted factor [-]."""
     degrees: int
     """Degrees of freedom."""
     converged: bool

@@ -340,7 +340,8 @@ def _check_size(toml: TomlFile, size: float) -> None:
 
 
 _OPENINGS = ("clamp", "mirror", "inlet")
-"""Sets at which the surface of a cavity may end. Its closure there moves no point of the body."""
+"""Sets at which the surface of a cavity may end. The closure of the cavity at such a set moves no point of
+the body."""
 
 
 def _check_closed(toml: TomlFile, mesh: Mesh, cavities: tuple[str, ...]) -> None:

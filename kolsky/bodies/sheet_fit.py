@@ -347,7 +347,7 @@ class FieldFit:
     cost: Cost
     """The cost at these constants."""
     hessian: FloatArray
-    """Second derivatives of J there, shape [p, p]."""
+    """Second derivatives of J at the fitted constants, shape [p, p]."""
     by_displacement: FloatArray
     """dm/du_msr of every step, Eq. (K.19), shape [n, p, nodes, 2]."""
     by_force: FloatArray

@@ -86,7 +86,7 @@ def whole_numbers(option: str, text: str) -> list[int]:
 
 
 def plain_or_text(value: object) -> object:
-    """A number from a text such as "0.3". Other texts ("0.3 %") do not change.
+    """A number from a text such as "0.3". Other texts ("0.3 %") are returned unchanged.
 
     The command line has no quotes to mark texts.
     """

@@ -39,9 +39,7 @@ class ExpectedResidual:
 
     @cached_property
     def _weights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """1 / (sigma^2 + tau^2) [k], the patterns times this [k, q], and the matrix of the patterns [q,
-        q].
-        """
+        """1 / (sigma^2 + tau^2) [k], the patterns times this factor [k, q], and the patterns' matrix [q, q]."""
         inverse = 1.0 / self.variance
         VN = self.patterns * inverse[:, None]
         core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN
@@ -203,7 +201,7 @@ class _System:
     A: FloatArray
     """The columns [k, n]."""
     prior: FloatArray
-    """Prior precision, 1 for an amplitude, 0 for a parameter [n]."""
+    """Prior precision [n]: that of an amplitude, or 0 for a parameter."""
     low: FloatArray
     """Bounds [n]."""
     high: FloatArray

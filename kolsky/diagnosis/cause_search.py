@@ -41,9 +41,9 @@ class Trial:
     u: float
     """Coordinate of the input."""
     misfits: FloatArray
-    """`ExpectedResidual.misfits` there, shape [2]."""
+    """`ExpectedResidual.misfits` at this point, shape [2]."""
     residual: FloatArray
-    """Prediction minus data there, shape [k]."""
+    """Prediction minus data at this point, shape [k]."""
     fit: LinearFit | None = None
     """The last linear fit about it."""
     step: float = 0.0

@@ -452,9 +452,9 @@ def _search_beside_leading(
     Further errors are tried in addition to it.
 
     The correction by the refined mesh is not valid for a change that needs other runs. It is also not valid
-    in another valley of a free Poisson's ratio. One run there updates it. Then the first input is free like
-    the parameters, and the others are tried together with it. After the correction of the first input, their
-    separate results have no meaning.
+    in another valley of a free Poisson's ratio. One run at the changed point updates it. Then the first input
+    is free like the parameters, and the others are tried together with it. After the correction of the first
+    input, their separate results have no meaning.
     """
     search, c = first.search, first.own.candidate
     runner, problem = search.runner, search.problem
@@ -483,7 +483,7 @@ def _search_beside_leading(
 def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
     """The list after the first cause.
 
-    Likely causes together with it come first, then likely alternatives to it, then the rest.
+    Likely causes together with the first one come first. Likely alternatives to it follow, then the rest.
     """
     likely = [f for f in more if f.named]
     likely += [f for f in alone if f.named and f.key not in {one.key for one in likely}]

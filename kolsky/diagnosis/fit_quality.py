@@ -105,7 +105,7 @@ def fit_quality(
     vector
         The data vector that the model predicts at the optimum, shape [k].
     jacobian
-        Jacobian of the data vector by the free parameters there, shape [k, d].
+        Jacobian of the data vector by the free parameters at the optimum, shape [k, d].
     changes
         By source, changes of the predicted data vector by one standard uncertainty of that source. They are
         draws of a noise, shape [n, k], or one change, shape [k]. They are not finite at a point that a run
@@ -385,7 +385,10 @@ def routes_apart(result: Identification, name: str) -> float:
 
 
 def route_at_edge(result: Identification, name: str) -> bool:
-    """True if the optimum by force only or by outline only lies at an edge of the searched box."""
+    """True if an optimum by a single channel lies at an edge of the searched box.
+
+    The channel is the force or the outline.
+    """
     routes = {route.name: route for route in result.routes}
     ends = [routes[key].on_mesh(name) for key in ROUTES.values() if key in routes]
     boxes = [(curve.x[0], curve.x[-1]) for curve in result.curves if curve.parameter == name]

@@ -274,9 +274,9 @@ def shot_branch_test(
     """Test the residual of an elastic identification for branches of several relaxation times.
 
     ``runner``: one run per time is added on the surrogate's mesh. ``x``: the optimum, shape [d].
-    ``objective``: with the discrepancies of the optimum. ``slopes``: jacobian there, shape [k, d].
-    ``vector``: data that the refined mesh predicts there, shape [k]. Returns: None if the shot declares the
-    relaxation, or if a run does not complete.
+    ``objective``: with the discrepancies of the optimum. ``slopes``: Jacobian at the optimum, shape [k, d].
+    ``vector``: data that the refined mesh predicts at the optimum, shape [k]. Returns: None if the shot
+    declares the relaxation, or if a run does not complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:

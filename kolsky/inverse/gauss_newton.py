@@ -277,7 +277,7 @@ RUNS_PER_PARAMETER = 6
 def search_by_gauss_newton(
     runner: Runner, optima: Mapping[Mesh, MeshOptimum]
 ) -> tuple[CoarseOptimum, RefinedOptimum]:
-    """Move the optimum of the surrogate's mesh to the refined mesh, and build a surrogate there.
+    """Move the optimum of the surrogate's mesh to the refined mesh, and build a surrogate about it.
 
     The steps and the path correction use a coarser graded mesh. One or two runs on the refined mesh follow.
 

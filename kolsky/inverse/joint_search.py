@@ -1,5 +1,4 @@
-"""The joint optimum: starting points, steps on the refined mesh, noise patterns there, scatter between
-shots.
+"""The joint optimum: starting points, steps and noise patterns on the refined mesh, scatter of shots.
 
 The first steps use the slopes of the search mesh, corrected by each run (Broyden's update). If a step
 increases the misfit, or after `COARSE_SLOPE_RUNS` runs without convergence, slopes are computed on the
@@ -146,7 +145,7 @@ class Optimum:
     vector: FloatArray
     """Prediction of all data on the refined mesh at `x`, shape [k]."""
     slopes: FloatArray
-    """Derivatives there, shape [k, d]."""
+    """Derivatives at `x`, shape [k, d]."""
     scatter: Scatter | None
     """Scatter between the shots; None if not requested."""
     confirmed: bool
@@ -170,7 +169,7 @@ class _RefinedRun:
     x: FloatArray
     """The point, shape [d]."""
     vector: FloatArray
-    """All data as predicted there, shape [k]."""
+    """All data as predicted at this point, shape [k]."""
     cost: float
     """The deviance."""
     step: FloatArray
@@ -254,9 +253,9 @@ def secant(
 
     The unknowns are in units of sigma.
 
-    ``slopes``: by the unknowns, shape [k, d]. ``before``, ``vector_before``: a point, shape [d], and the data
-    there, shape [k]. ``sigma``: standard deviations of the unknowns, shape [d]. ``x``, ``vector``: another
-    point, and the data there.
+    ``slopes``: by the unknowns, shape [k, d]. ``before``, ``vector_before``: a point, shape [d], and its
+    data, shape [k]. ``sigma``: standard deviations of the unknowns, shape [d]. ``x``, ``vector``: another
+    point, and its data.
     """
     step = (x - before) / sigma
     if not step.any():

@@ -5,10 +5,10 @@ is
 
     C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O + s^2 S' S,
 
-with these terms: the measured noise sigma; a discrepancy tau of each channel, estimated from the residual at
-the optimum; the patterns M; the common errors O of outline points (`CentreLine.modes`); and, on the refined
-mesh, slow patterns S with the amplitude s. The patterns M are the correlated changes of all predictions by
-noise of the front face's motion.
+with these terms. The measured noise is sigma. Each channel has a discrepancy tau, estimated from the residual
+at the optimum. The patterns M are the correlated changes of all predictions by noise of the front face's
+motion. O are the common errors of outline points (`CentreLine.modes`). On the refined mesh, there are slow
+patterns S with the amplitude s.
 
 - Without tau, the weight of a channel with a large model error would be too high.
 - Without M, tau would explain the ringing of a noisy onset and reduce the weight of the whole channel.

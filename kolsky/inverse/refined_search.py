@@ -43,7 +43,7 @@ class RefinedOptimum:
     """The optimum on the refined mesh, confirmed or not by its last run."""
 
     x: FloatArray
-    """The answer, shape [d]; the last run is there."""
+    """The answer, shape [d]. The last run is at this point."""
     front: FrontPath
     """The front face's path of the runs."""
     box: Box

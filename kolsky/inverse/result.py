@@ -506,8 +506,8 @@ class Estimate:
 
     @property
     def on_mesh(self) -> float:
-        """Optimum on the refined mesh. The check run, the profiles and the comparison of methods are made
-        there.
+        """Optimum on the refined mesh. The check run, the profiles and the comparison of methods use this
+        point.
         """
         return self.value - self.mesh_correction
 

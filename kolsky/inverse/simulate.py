@@ -133,7 +133,7 @@ def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
 
 
 def _force_so_far(response: Response, recorded: FloatArray) -> tuple[slice, FloatArray]:
-    """The recorded samples before the run's end, and the simulated force there [N]."""
+    """The recorded samples before the run's end, and the simulated force at these times [N]."""
     known = np.isfinite(response.force_transmission[0])
     time, force = response.force_times[known], response.force_transmission[0, known]
     count = int(np.searchsorted(recorded, time[-1], side="right")) if known.any() else 0
@@ -141,9 +141,7 @@ def _force_so_far(response: Response, recorded: FloatArray) -> tuple[slice, Floa
 
 
 def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatArray, NDArray[np.bool_]]:
-    """The outline points before the run's end, the simulated radius there [m] and a mask of reached
-    points.
-    """
+    """The outline points before the run's end, their simulated radius [m] and a mask of reached points."""
     known = np.isfinite(response.surface_r[0]).all(axis=1)
     times = response.surface_times[known]
     count = int(np.searchsorted(line.time, times[-1], side="right")) if known.any() else 0

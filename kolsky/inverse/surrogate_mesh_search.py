@@ -95,7 +95,7 @@ class MeshOptima:
 
 
 def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
-    """Optima on the replicates' mesh and, starting from there, on the surrogate's mesh.
+    """Optima on the replicates' mesh and, with these as start, on the surrogate's mesh.
 
     ``start``: initial values in parameter units, shape [d]. Raises ValueError if no run of the scan
     completes, or no search can start.

@@ -62,9 +62,9 @@ def oscillations(
 ) -> FloatArray:
     """Number of round trips of a pressure wave, T c / (2 L) [-], shape of `poisson`.
 
-    ``poisson``: poisson's ratio [-], < 1/2. ``modulus``: young's modulus of the incompressible material [Pa]:
-    G is a third of it. ``density``, ``length``, ``window``: of the specimen [kg/m^3], [m]; duration of the
-    test [s].
+    ``poisson``: Poisson's ratio [-], < 1/2. ``modulus``: Young's modulus of the incompressible material [Pa];
+    G is a third of it. ``density``: of the specimen [kg/m^3]. ``length``: of the specimen [m]. ``window``:
+    duration of the test [s].
     """
     shear = modulus / 3.0
     bulk = shear * 2.0 * (1.0 + poisson) / (3.0 * (1.0 - 2.0 * poisson))
@@ -177,7 +177,8 @@ class Summit:
     x: FloatArray
     """Point in parameter units, shape [d]."""
     patterns: FloatArray
-    """Patterns of the flyer's noise there, one standard deviation per mode, shape [q, n_bins + n_points]."""
+    """Patterns of the flyer's noise at this point, one standard deviation per mode, shape [q, n_bins +
+    n_points]."""
     strides: int
     """Number of steps from the floor, positive toward a higher Poisson's ratio."""
     runs: Prediction

@@ -97,8 +97,8 @@ def rim_of(
 ) -> RimAtRest:
     """The rim at rest with the uncertainty of its position.
 
-    ``disagreement``: length in the pictures minus declared length, and its standard deviation, including
-    those of the declared length and of the lower end [m]. ``length_sigma``: standard uncertainty of the
+    ``disagreement``: length in the pictures minus declared length, and its standard deviation [m]. The latter
+    includes those of the declared length and of the lower end. ``length_sigma``: standard uncertainty of the
     declared length [m]. ``lower_variance``: variance of the lower end's position [m²]. ``more``: variance
     that is not included in that of the disagreement [m²].
     """

@@ -101,7 +101,7 @@ class Scan:
 
 @dataclass(frozen=True)
 class Aim:
-    """The point closest to the requested results, confirmed by a run there."""
+    """The point closest to the requested results, confirmed by a run at this point."""
 
     wanted: dict[str, float]
     """Wanted results, SI."""

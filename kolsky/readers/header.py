@@ -89,7 +89,7 @@ def split_unit(heading: str) -> tuple[str, str | None]:
 def _unit_places(heading: str) -> list[tuple[str, str]]:
     """Candidate names and units of a heading, the longest unit first.
 
-    They are found by brackets, otherwise by slashes and the end.
+    They are found by brackets. Without brackets, they are found by slashes and by the end of the heading.
 
     "Speed in m/s" is a speed in m/s, not a time in s.
     """

@@ -373,7 +373,8 @@ def find_dialect(
         raise _no_numbers(path, lines, characters, decimals, word)
     # max() returns the first of equal items, in the order of `DELIMITERS`.
     best = max(several, key=_share_of_numbers)
-    # Lines of settings above a short table have words in its first column. The last lines have numbers there.
+    # Lines of settings above a short table have words in its first column. The last lines have numbers in
+    # this column.
     for count in _FEWER_LINES:
         last = _columns(filled[-count:], best.delimiter, best.decimal)
         if last is not None and last.fields == best.fields and {*last.numeric} > {*best.numeric}:

@@ -210,11 +210,11 @@ class Laboratory:
     key: str
     """Dotted key in the laboratory's specification."""
     usual: str | float | None = None
-    """Standard uncertainty in a careful laboratory; None if no error occurs there."""
+    """Standard uncertainty in a careful laboratory. None if no error occurs in it."""
     order: int = 99
     """Order among the error sources of a careful laboratory. The random draws depend on this order."""
     words: str = ""
-    """Its description there. If empty, that of the input is used."""
+    """Its description in the virtual test. If empty, that of the input is used."""
     anew: bool = False
     """True if the error is drawn for each shot separately, although its declaration covers all shots."""
 

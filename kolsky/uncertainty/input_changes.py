@@ -428,7 +428,7 @@ class InputDirections:
     objective: Objective
     """The objective with the discrepancies of the optimum."""
     vector: FloatArray
-    """Predicted data vector there on the surrogate's mesh, shape [k]."""
+    """Predicted data vector at the optimum on the surrogate's mesh, shape [k]."""
     jacobian: FloatArray
     """Its derivative by the free parameters, shape [k, d]."""
     directions: tuple[InputDirection, ...]

@@ -243,7 +243,8 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
             "complete, so the error of the refined mesh cannot be estimated: refine the surrogate's mesh"
         )
     # A mesh may be run at shifted points, in phase with the refined mesh. The shift is then removed by means
-    # of the slopes, which are valid there. A run that is out of phase with the data has other slopes.
+    # of the slopes, which are valid at these points. A run that is out of phase with the data has other
+    # slopes.
     offset = runner.offset(numerics.mesh)
     # If a surface slides, the model is the quadratic, which does not follow the jumps of single runs.
     model = fine.model(x)[0]
@@ -277,7 +278,7 @@ for one shot, they were 1.26, 1.64 and 1.45 in fifty draws of seed 52631
 def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
     """Mesh change at an optimum: data on the search mesh with both elements, and on the refined mesh.
 
-    Raises ValueError if the run with the element of the search does not complete there.
+    Raises ValueError if the run with the element of the search does not complete on the search mesh.
     """
     numerics = problem.mesh
     coarse = problem.predict("check", found.x[None], numerics)[0]

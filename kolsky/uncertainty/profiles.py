@@ -129,7 +129,7 @@ class LinearisedOptimum:
     vector: FloatArray
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     slope: FloatArray
-    """Its Jacobian there, shape [k, d]."""
+    """Jacobian of `vector`, shape [k, d]."""
     steeper: FloatArray
     """Jacobian on the refined mesh minus that of the surrogate, shape [k, d]."""
     smooth: bool = False

@@ -94,7 +94,7 @@ class CamerasTable(Section):
     sensor: Size = (512, 512)
     """Columns and rows of the whole sensor, which the calibration pictures show [px]."""
     picture: Size = (128, 128)
-    """Columns and rows of the pictures of the test, a crop of it [px]."""
+    """Columns and rows of the pictures of the test [px]. They are a crop of the sensor."""
     field: f.Length = 7.2e-3
     """Length along the axis that a picture shows at the distance of the axis [m]."""
     distance_0: f.Length = 0.305

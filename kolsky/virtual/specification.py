@@ -52,7 +52,7 @@ class Draw(Section):
     spread: Literal["even", "log", "normal"] = "even"
     """Uniform, uniform in the logarithm, or normal with mean `mean` and standard deviation `sigma`."""
     choose: list[Any] | None = None
-    """List of values, or of tables with keys that are set together. One entry is chosen."""
+    """List of values, or of tables. The keys of a table are set together. One entry is chosen."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Draw":

@@ -292,7 +292,7 @@ def flyer_events(
     if impact.time is None:
         kept = motion
     else:
-        # One frame more than sigma requires, because the jump must not bend the path in front of it.
+        # One frame more than sigma requires. Otherwise, the jump would bend the path in front of it.
         use = motion.time < impact.time - 2.0 * (impact.sigma or 0.0)
         kept = FlyerMotion(motion.time[use], motion.displacement[use], motion.sigma[use])
     path = fit_flyer(kept, start=rest)

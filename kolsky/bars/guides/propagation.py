@@ -97,7 +97,7 @@ class Propagation:
     """A signal at another position of the bar, and the effects of propagation."""
 
     signal: Signal
-    """The signal there. Its sigma is that of the samples' noise after propagation."""
+    """The signal at the other position. Its sigma is that of the samples' noise after propagation."""
     band: float
     """Frequency above which the signal was filtered out [Hz]; inf without a filter."""
     energy: float

@@ -251,9 +251,9 @@ class SeparatedWaves:
     velocity: History
     """Velocity of the face toward the specimen [m/s]."""
     misfit: tuple[float, ...]
-    """Root mean square of the difference between each gauge's strain and that of the two waves there, divided
-    by the gauge's sigma [-]. With two gauges it is 0 within round-off, because two waves always fit exactly.
-    With more gauges it is about 1."""
+    """Root mean square of the difference between each gauge's strain and that of the two waves at the gauge,
+    divided by the gauge's sigma [-]. With two gauges it is 0 within round-off, because two waves always fit
+    exactly. With more gauges it is about 1."""
     singular: FloatArray
     """Frequencies at which the gauges cannot distinguish the two waves [Hz]. They are zero and, with two
     gauges, all frequencies at which half-waves fit between them. Noise at these frequencies grows with the
@@ -535,7 +535,7 @@ class FreeEnds:
 def free_ends(incident: BarSignal, arrival: float) -> FreeEnds:
     """Both far ends are free. The incident pulse ends before the reflected one arrives.
 
-    ``arrival``: arrival of the incident pulse there [s].
+    ``arrival``: arrival of the incident pulse at its gauge [s].
     """
     return FreeEnds(arrival + 2.0 * travel_time(incident) - 2.0 * averaging_time(incident))
 

@@ -47,7 +47,7 @@ class Front:
     children: tuple[int, ...]
     """Fronts that are added here."""
     places: tuple[IntArray, ...]
-    """Positions in this front of the boundary of each child, in increasing order."""
+    """Positions of each child's boundary in this front, in increasing order."""
     start: int
     """Start of the eliminated unknowns in the order of elimination."""
     outside: IntArray

@@ -252,8 +252,8 @@ REFINED_STRESS = 1e-3
 """The same error on the refined mesh [-]. The same cylinders differ from DOLFINx by 0.09, 0.11 and 0.07 %
 (rms)."""
 COMMON_STRESS = 6e-4
-"""Part of it that is common to all strains [-]. Averaging does not reduce it. The mean differences from
-DOLFINx's force are -0.05, -0.08 and -0.03 %, 0.06 % in the root mean square."""
+"""The part of this error that is common to all strains [-]. Averaging does not reduce it. The mean
+differences from DOLFINx's force are -0.05, -0.08 and -0.03 %, 0.06 % in the root mean square."""
 DIFFERENCE = 1e-4
 """Change of an unknown for the derivatives of a law's stress. Moduli enter a stress linearly."""
 

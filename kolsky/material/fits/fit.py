@@ -117,7 +117,7 @@ class PartFit:
 
     @property
     def relative_rms(self) -> float:
-        """Root mean square of residual over measured stress, for stresses other than zero [-]."""
+        """Root mean square of residual divided by measured stress [-]. Stresses of zero are left out."""
         loaded = self.test.stress != 0.0
         return rmse(self.residual[loaded] / self.test.stress[loaded])
 

@@ -231,7 +231,7 @@ def profiles(result: Identification, panels: Panels) -> str:
         rows = line.frame == frames[column]
         time = line.time[rows][0]
         top.text(0.95, 0.965, f"{MS * time:.2f} ms", transform=top.transAxes, ha="right", va="top")
-        # The model's outline was sampled at the times of the frames; it is drawn only there.
+        # The model's outline was sampled at the times of the frames; it is drawn only at these times.
         nearest = int(np.argmin(np.abs(response.surface_times - time)))
         if abs(response.surface_times[nearest] - time) < 1e-9:
             r, y = response.surface_r[0, nearest], response.surface_y[0, nearest]

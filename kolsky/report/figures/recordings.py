@@ -329,7 +329,7 @@ def checked_curve(shot: Shot | PicturedShot, panels: Panels) -> str:
 
 
 def force_over_area(shot: Shot) -> tuple[FloatArray, FloatArray]:
-    """Return two quantities at the frames of the window: travel over length, and force over area [Pa].
+    """Return two quantities at the frames of the window: travel over length [-], and force over area [Pa].
 
     The travel is that of the flyer.
     """

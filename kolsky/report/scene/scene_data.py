@@ -69,7 +69,7 @@ def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
     """Smallest principal stretch [-].
 
     The hoop stretch, or the smaller of the two stretches in the meridian plane. The squares of the latter are
-    the eigenvalues of F^T F there.
+    the eigenvalues of F^T F in that plane.
     """
     r, y = F[..., :2, 0], F[..., :2, 1]
     # Sums of two, written out. A loop over this short axis takes ten times as long, with the same bits.

@@ -184,7 +184,7 @@ def _alone(factor: Factor, reference: float, nodes: FloatArray, why: list[str]) 
 
 
 def _with_joint(source: Source, joint: JointShares, row: int | None) -> Source:
-    """The source with its share in the draws of all errors. The noise has no separate share there."""
+    """The source with its share in the draws of all errors. The noise has no separate share in them."""
     if row is None:
         return source
     low, high = joint.intervals[row]

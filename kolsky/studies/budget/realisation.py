@@ -180,7 +180,8 @@ class RealisationOutcome(StrEnum):
     SAME_VALLEY = "same valley"
     """The complete search ends in the same valley as the re-fit."""
     OTHER_VALLEY = "another valley"
-    """Outcome if the complete search ends in another local minimum. An automatic answer would jump there."""
+    """Outcome if the complete search ends in another local minimum. An automatic answer would jump to this
+    minimum."""
     SEARCHED = "searched"
     """Only the complete search was made: for the test without errors, or if the response is too rough for a
     re-fit."""
