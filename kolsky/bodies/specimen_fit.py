@@ -44,7 +44,8 @@ NARROW = 0.1
 """Such a constant is still identified if the half width of its interval, divided by its value, is at most
 this [-]."""
 _BROAD = 0.5
-"""Above this half width of its interval over its value, a constant counts as hardly determined [-]."""
+"""A constant is hardly determined if the half width of its interval, divided by its value, exceeds this
+[-]."""
 EXPLAINED = 1e-3
 """Below this probability of a larger chi-square, the law does not explain the data."""
 _LARGEST_NEIGHBOUR = 0.9

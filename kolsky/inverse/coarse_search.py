@@ -168,7 +168,7 @@ parameters in a small box about the optimum of a smooth response. The second is 
 wide box, or with a rough response. In that case some directions matter little, and an isotropic kernel would
 waste runs."""
 LOCAL_FRACTION = 0.05
-"""Box edge of the second design over that of the first."""
+"""Box edge of the second design divided by that of the first."""
 MOST_REFINEMENTS = 3
 """Maximum number of second designs, each around the optimum of the previous one."""
 MOST_ROUNDS = 10

@@ -467,7 +467,7 @@ def _support(shot: Shot) -> explicit.CharacteristicBar:
 GRADING = 5.0
 """Largest over smallest element."""
 SHARE = 0.625
-"""Elements across the radius of the coarser graded mesh over those of the finer one [-]."""
+"""Elements across the radius of the coarser graded mesh, divided by those of the finer one [-]."""
 
 
 def graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:

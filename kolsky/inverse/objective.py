@@ -265,7 +265,7 @@ class FrontNoise:
 
     patterns: FloatArray | None = None
     """Changes by one standard deviation of each independent mode, shape [n_modes, n_bins + Q]; see
-    `kolsky.inverse.coarse_search`. None until they are known."""
+    `kolsky.inverse.coarse_search`. None until they are computed."""
     offset: FloatArray | None = None
     """Change of the data along those patterns by the corrected path, shape [n_bins + Q]; see
     `kolsky.inverse.path_noise`. None if the path was not corrected."""

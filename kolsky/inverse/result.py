@@ -143,7 +143,7 @@ class FitQuality:
     slow_expected: float
     """Root mean square of the same means expected of a correct model, from all sources, in `unit`."""
     chi2: float
-    """Mean square of the residual over the noise [-]; 1 if only noise remains."""
+    """Mean square of the residual divided by that of the noise [-]; 1 if only noise remains."""
     discrepancy_share: float
     """Share of the discrepancy tau in the variance of the weights [-]; 0 if only noise remains."""
     correlation: float
@@ -173,23 +173,23 @@ class FitQuality:
 
     @property
     def over_noise(self) -> float:
-        """Residual over the measured noise [-]."""
+        """Residual divided by the measured noise [-]."""
         noise = self.predicted.get(NOISE, nan)
         return self.residual / noise if noise > 0.0 else nan
 
     @property
     def over_peak(self) -> float:
-        """Residual over the largest size of the signal [-]."""
+        """Residual divided by the largest size of the signal [-]."""
         return self.residual / self.peak if self.peak > 0.0 else nan
 
     @property
     def excess(self) -> float:
-        """Residual over the residual expected of a correct model [-]."""
+        """Residual divided by the residual expected of a correct model [-]."""
         return self.residual / self.expected if self.expected > 0.0 else nan
 
     @property
     def slow_excess(self) -> float:
-        """Slow residual over the slow residual expected of a correct model [-]."""
+        """Slow residual divided by the slow residual expected of a correct model [-]."""
         return self.slow_residual / self.slow_expected if self.slow_expected > 0.0 else nan
 
     @property

@@ -59,7 +59,7 @@ class Numerics:
     """Size of the largest element divided by that of the smallest. The small elements lie at the surface,
     where the specimen rolls over."""
     safety: float = 0.9
-    """Time step over the stability limit [-]."""
+    """Time step divided by the stability limit [-]."""
     precision: Annotated[
         Literal["fp64", "fp32"], Option("Arithmetic of the solver: fp64 or fp32.", panel=NUMERICAL)
     ] = "fp64"

@@ -238,7 +238,7 @@ def likeliest_summit(runner: Runner, floors: FloatArray, numerics: Numerics, ins
 
 
 def margin(values: FloatArray, apart: FloatArray) -> float:
-    """Margin of a summit over the likeliest other valley [-].
+    """Margin of a summit relative to the likeliest other valley [-].
 
     ``values``: -2 ln of likelihood and prior, the summit's first, shape [n]. ``apart``: oscillations from the
     summit [-], shape [n]; a floor within `OTHER_VALLEY` belongs to the same valley.

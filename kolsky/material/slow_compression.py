@@ -55,9 +55,9 @@ class SlowTests:
     bulge: FloatArray
     """Radius at mid-height [m], shape [n_tests, n]."""
     kinetic_share: float
-    """Largest kinetic over elastic energy of any test, from `OUTSET` on [-]."""
+    """Largest ratio of kinetic to elastic energy of any test, from `OUTSET` on [-]."""
     face_difference: float
-    """Largest difference of the face forces over their mean, of any test, from `OUTSET` on [-]."""
+    """Largest difference of the face forces divided by their mean, of any test, from `OUTSET` on [-]."""
     past_data: float
     """Largest share of the specimen's volume that was strained past the curve, of any test [-]."""
 

@@ -43,7 +43,8 @@ _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)"
 _TAIL_UNITS = re.compile(
     r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?|kgf|gf|lbf|psi|ksi)"
 )
-"""Units that the end of any heading may have. For times, only units of time. CH_A is not a current."""
+"""Units that the end of any heading may have. For times, only units of time are allowed. CH_A is not a
+current."""
 _MECHANICAL = re.compile(r"(?:kgf|gf|kp|lbf|kip|psi|ksi|m?bar)\b|da?N\b|[kmc]?N\s*[/·⋅.*]", re.IGNORECASE)
 """Beginnings of units of force and stress that testing machines print and `_BASES` lacks."""
 

@@ -474,7 +474,7 @@ def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect
     Example: "-0,128" below "Kraft [N]".
 
     The evidence is a second part that is not an integer ("012", or after "-0"), or a line of names without a
-    comma. First parts that count the lines are a column.
+    comma. If the first parts count the lines, they are a separate column.
     """
     if dialect.delimiter != COMMA.character or dialect.fields != 2 or len(dialect.numeric) != 2:
         return False

@@ -121,7 +121,7 @@ def elastic_body(
 
 
 MESHED = 1.0 / 6.0
-"""Default of the largest element side over the smallest diameter of a part [-]."""
+"""Default of the largest element side, divided by the smallest diameter of a part [-]."""
 
 
 def _check_inside(

@@ -28,7 +28,7 @@ metal's modulus is 1000 times too small, its wave speed is at most 170."""
 SPECIMEN_SIZES = (0.1e-3, 0.3)
 """Smallest and largest length or diameter of a specimen in a bar test [m]."""
 SLENDERNESS = (0.02, 10.0)
-"""Length over diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
+"""Length divided by diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
 
 
 def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:

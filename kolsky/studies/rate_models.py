@@ -91,8 +91,8 @@ class ModelComparison:
     n_data: int
     """Number of fitted values."""
     scatter: float
-    """Smallest sum of squares over its degrees of freedom, 1 or more [-]. The deviances are already divided
-    by it."""
+    """Smallest sum of squares divided by its degrees of freedom, 1 or more [-]. The deviances are already
+    divided by it."""
     left_out: Mapping[str, str]
     """Models that were not fitted, and why."""
 

@@ -202,7 +202,7 @@ def evidence(
     S, K, left, eye = np.empty(n), np.empty((n, m)), np.empty((n, m, m)), np.eye(m)
     if shared is not None:
         growth[:, 4, 4] = 1.0 - shared[1] ** 2
-    # Views of the frames are made once. Making one takes as long as a product of two of these matrices.
+    # Views of the frames are made once. Making a view takes as long as a product of two of these matrices.
     rows, turns = seen[:, None], np.swapaxes(steps, 1, 2)
     forward = list(zip(seen, rows, steps, turns, growth, own.tolist(), strict=True))
     for k, (z, row, step, turned, new, noise_k) in enumerate(forward):

@@ -104,7 +104,7 @@ class Propagation:
     """Sum of squares of the result, divided by that of the signal (in its window, if any) [-]. It is 1 in a
     bar without loss, minus the part outside the result's times."""
     noise_gain: float
-    """Sigma of a sample after propagation over that before [-]."""
+    """Sigma of a sample after propagation, divided by sigma before [-]."""
     largest_gain: float
     """Largest amplification of a spectral component in the band [-]."""
     size: float

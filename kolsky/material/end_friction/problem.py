@@ -369,7 +369,7 @@ class FrictionCorrection:
     band: CurveBand
     """Corrected curve with its modes: those of the tests, "noise", "friction", "mesh", "elements", "law"."""
     ratio: FloatArray
-    """Apparent over true nominal stress [-], shape [n]."""
+    """Apparent nominal stress divided by the true one [-], shape [n]."""
     coefficient: float | None
     """Coulomb's coefficient, declared or fitted [-]; None for "bonded" and "rough"."""
     sigma: float
@@ -395,7 +395,7 @@ class MeshError:
     """Change of a simulated test by the refined mesh."""
 
     stress: FloatArray
-    """ln of the stress over that of the coarse mesh [-], shape [n]."""
+    """ln of the stress divided by that of the coarse mesh [-], shape [n]."""
     bulge: FloatArray
     """Radius at mid-height minus that of the coarse mesh [m], shape [n]."""
     past: float = 0.0

@@ -152,8 +152,8 @@ class Fit:
     ends: tuple[float, ...]
     """Weighted sum of squares of each start, least first."""
     bounds_cost: float = 1.0
-    """Weighted sum of squares over that without the bounds of a positive energy [-]. It is 1 if no bound is
-    reached."""
+    """Weighted sum of squares divided by that without the bounds of a positive energy [-]. It is 1 if no
+    bound is reached."""
 
     @property
     def bulk_modulus(self) -> float:

@@ -54,7 +54,7 @@ class Recovery:
     healed: Measured
     """Mean and its standard uncertainty, healed."""
     efficiency: Measured
-    """Healed over undamaged [-]."""
+    """Healed value divided by undamaged value [-]."""
 
 
 def youngs_modulus(strain: FloatArray, stress: FloatArray) -> Measured | None:

@@ -58,7 +58,7 @@ class Residuals:
 
     law: type[AnyLaw]
     tests: tuple[HomogeneousTest, ...]
-    """The tests to be met at once."""
+    """The tests of one common fit."""
     weighting: Weighting
     """Divisor of the residuals."""
     held: Mapping[str, float]

@@ -245,7 +245,7 @@ def weighted_chi2(result: Identification) -> NDArray[np.float64]:
 
 
 def _share(sigma: NDArray[np.float64], tau: float) -> float:
-    """Return the variance of the noise over that of noise and discrepancy.
+    """Return the variance of the noise divided by that of noise and discrepancy.
 
     The noise is the median of `sigma`.
     """

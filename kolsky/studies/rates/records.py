@@ -32,7 +32,7 @@ class StrainHistory:
     time: FloatArray
     """Times on the shot's clock, from the window's start to its largest strain [s], shape [n]."""
     strain: FloatArray
-    """Nominal compressive strain, displacement over length [-], shape [n]."""
+    """Nominal compressive strain [-], shape [n]: displacement divided by length."""
     span: tuple[float, float]
     """First time at a strain of 1 % and time of the largest strain [s]. They limit the averaged part."""
     nominal_rate: float
