@@ -39,7 +39,7 @@ class ExpectedResidual:
 
     @cached_property
     def _weights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """1 / (sigma^2 + tau^2) [k], the patterns times this factor [k, q], and the patterns' matrix [q, q]."""
+        """1 / (sigma^2 + tau^2) [k], the patterns times this factor [k, q], and their matrix [q, q]."""
         inverse = 1.0 / self.variance
         VN = self.patterns * inverse[:, None]
         core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN
