@@ -163,7 +163,10 @@ def cancel(job: Job) -> None:
 
 
 def _see_end(job: Job) -> None:
-    """Wait for the end of a cancelled command, kill it after `GRACE`, and complete its log."""
+    """Wait for the end of a cancelled command.
+
+    It is killed after `GRACE`, and its log is completed.
+    """
     until = time.monotonic() + GRACE
     while _alive(job.process, job.log):
         if time.monotonic() > until:

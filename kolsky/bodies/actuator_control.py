@@ -35,7 +35,7 @@ FINER = 3
 """Maximum number of divisions by ten of the tolerance for choosing elements. Below 1e-6 of the forces, the
 remaining error is due to missing modes."""
 BASIS_PRESSURES = 13
-"""Number of pressures for the basis. Between them there is one check pressure each."""
+"""Number of pressures for the basis. Between two of them, there is one check pressure."""
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,7 @@ class Sheet:
     device: str = "cpu"
     """Device of the element kernels."""
     turned: int = 0
-    """Number of cells with clockwise node order in the mesh file. Their order was reversed."""
+    """Number of cells with clockwise node order in the mesh file. This order was reversed."""
 
     def model(self, solid: Solid) -> Model:
         """The model of the sheet with given materials."""

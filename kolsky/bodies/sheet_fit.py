@@ -359,7 +359,7 @@ class FieldFit:
     simulations: int
     """Number of simulations in the search, not counting those for second derivatives."""
     rough: tuple[FloatArray, float]
-    """Constants at the end of the search in the last step alone, and its cost."""
+    """Constants at the end of the search in the last step alone, and their cost."""
     minima: tuple["LocalMinimum", ...] = ()
     """Minima from other starts."""
 

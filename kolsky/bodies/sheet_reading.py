@@ -196,7 +196,7 @@ MIRRORED = {
     "tri3": (0, 2, 1), "quad4": (0, 3, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad8": (0, 3, 2, 1, 7, 6, 5, 4),
     "quad9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
 }  # fmt: skip
-"""Node order of a cell in the reverse direction, by its element."""
+"""Order of the nodes that reverses a cell, by its element."""
 
 
 def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:

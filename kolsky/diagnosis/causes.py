@@ -146,7 +146,7 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 def without_twin_between(keys: Sequence[str]) -> list[str]:
     """Keys of equal rank, with the second of gain and density moved to the end.
 
-    Both scale the force and would hide a third explanation.
+    Both inputs scale the force and would hide a third explanation.
     """
     twins = [key for key in keys if key in (SENSITIVITY, DENSITY)]
     return [*(key for key in keys if key not in twins[1:]), *twins[1:]]

@@ -80,8 +80,8 @@ class Stack:
     curve: FloatArray | None = None
     """Changes of all data by the noise of the slow curves, shots first, then slow tests, [n, K + s]."""
     slow_scatter: FloatArray | None = None
-    """Changes of all data by the stiffness of each slow test's specimen. The stiffness scatters between these
-    specimens as between the shots."""
+    """Changes of all data by the stiffness of each slow test's specimen. Between these specimens, the
+    stiffness scatters as between the shots."""
 
     @cached_property
     def ends(self) -> tuple[int, ...]:

@@ -6,7 +6,7 @@ refined mesh. The patterns of the front faces' noise are then computed again at 
 
 The scatter of the stiffness between shots is found by restricted maximum likelihood (Patterson and Thompson
 1971). Shot k has the stiffness m (1 + s z_k) with z_k standard normal. A linear model about the optimum gives
-the residual r = -J d + s sum_k u_k z_k + e . Here u_k is the change of shot k's data by a relative change of
+the residual r = -J d + s sum_k u_k z_k + e. Here u_k is the change of shot k's data by a relative change of
 its stiffness.
 
     -2 ln L(s) = ln det C + ln det (J^T C^-1 J) + r^T (C^-1 - C^-1 J (J^T C^-1 J)^-1 J^T C^-1) r,

@@ -115,8 +115,8 @@ PATIENCE = 2
 SMALLEST = 0.01
 """Smallest edge of a box to be halved. The boxes are halved on the surrogate's mesh, where runs are cheap."""
 MOST_MOVES = 4
-"""Maximum number of designs on the refined mesh. Each is centred at the last optimum, until the optimum lies
-inside."""
+"""Maximum number of designs on the refined mesh. Each is centred at the last optimum. The search ends when
+the optimum lies inside."""
 REACH = 4.0
 """Largest move of a narrow box by a Gauss-Newton step, in edges of the box."""
 

@@ -95,7 +95,9 @@ class MeshOptima:
 
 
 def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
-    """Optima on the replicates' mesh and, with these as start, on the surrogate's mesh.
+    """Optima on the replicates' mesh and on the surrogate's mesh.
+
+    The second search starts from the first optimum.
 
     ``start``: initial values in parameter units, shape [d]. Raises ValueError if no run of the scan
     completes, or no search can start.

@@ -74,7 +74,7 @@ def _distance_to_neighbours(
 ) -> tuple[float, float]:
     """A displacement minus the cubic fit of the nearest frames without outliers [m].
 
-    Also the standard deviation of this difference for displacements with standard deviation 1.
+    The standard deviation of this difference, for displacements with standard deviation 1, is also returned.
     """
     others = sound[sound != row]
     first = int(

@@ -145,7 +145,7 @@ def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: Picture
 def _share_left_in_mean(body: Body, frame: int, length: float) -> float:
     """Variance of the mean of an error with variance 1, over a body's points in a frame.
 
-    It is also averaged over the cameras that see any point. It is 1 if no point is visible.
+    The cameras that see any point are averaged. The variance is 1 if no point is visible.
     """
     seen = [np.isfinite(pixels[frame]).all(axis=1) for pixels in body.pixels]
     means = [variance_of_mean(body.points[one], length) for one in seen if one.any()]

@@ -2,7 +2,7 @@
 
 Waves from the striker's impact, separation, arrest, second impact, results.
 
-The law of a pulse shaper is that of a rubber disc, a measured table, or derived from a measured pulse. The
+The law of a pulse shaper is that of a rubber disc, a measured table, or a law from a measured pulse. The
 force F(t) on the incident bar's face is the incident wave at the face. This holds until the reflection from
 the bar's far end returns. The velocities of the faces are
 

@@ -38,7 +38,7 @@ _TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
 _ANY_TAIL = re.compile(r"(.*?\S)(?:\s*_\s*(?!1/)|\s*,\s*|\s+in\s+)(?!bar\b)((?:1/)?[A-Za-zµμε%][^\s_,]*)")
 """A unit of any kind behind the same: "Weg in mm", "Load, kgf/cm2", "force_kN"; no "incident_bar"."""
 _KEY_TAIL = re.compile(r"(.*?[^\s_,])(?:[\s_,]+|[\s_,]+in\s+)([A-Za-zµμ/1]+)")
-"""A unit behind the last blank, underscore or "in" of a key of the clock: fs_kHz, "Sample interval in us"."""
+"""A unit after the last blank, underscore or "in" of a key of the clock: fs_kHz, "Sample interval in us"."""
 _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)", re.IGNORECASE)
 _TAIL_UNITS = re.compile(
     r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?|kgf|gf|lbf|psi|ksi)"

@@ -112,7 +112,7 @@ class CamerasTable(Section):
     """Share of a picture's length covered by the flyer at rest [-]. A negative value is a distance out of
     view."""
     aside: f.Offset = 0.0
-    """Lateral position at which they look, across the axis [m]."""
+    """Lateral position at which the cameras look, across the axis [m]."""
     misalignment: Angle = 3e-3
     """Standard deviation of roll and aiming error, independent for each camera [rad]."""
     distortion_0: Numbers = (-0.17, 0.0, 0.0, 0.0, 0.0)

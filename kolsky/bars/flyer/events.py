@@ -412,7 +412,7 @@ def _second_impact(
             return replace(found, name=name)
     kink = _slope_jump(motion, turn, motion.time.size)
     if kink is not None:
-        # The contact lasts. Only the neighbouring frames determine its beginning.
+        # The contact lasts for a time. Only the neighbouring frames determine its beginning.
         for _ in range(3):
             last = int(np.searchsorted(motion.time, kink.time)) + _AFTER_IMPACT
             kink = _slope_jump(motion, turn, last) or kink

@@ -90,7 +90,7 @@ class ContactPoints:
         return csr_array((self.shape.ravel(), (rows, self.nodes.ravel())), shape=(n, self.n_nodes))
 
     def at(self, values: FloatArray) -> FloatArray:
-        """Values at the points of nodal ones, shape [n_nodes, ...]."""
+        """Values at the points from nodal values, shape [n_nodes, ...]."""
         return np.asarray(self.matrix @ values)
 
     def shared(self, forces: FloatArray) -> FloatArray:

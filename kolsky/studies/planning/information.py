@@ -259,7 +259,7 @@ def discrepancies(
 ) -> tuple[float, float]:
     """Smallest discrepancies of the model.
 
-    They are its changes to a mesh `FINER` times as fine [N], [m].
+    The discrepancies are the changes to a mesh `FINER` times as fine [N], [m].
 
     Raises ValueError if a run does not complete.
     """
