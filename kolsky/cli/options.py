@@ -1,6 +1,6 @@
 """Options of the commands, made from the settings that they fill.
 
-Also the shot of a command.
+The shot of a command is also loaded here.
 
 A record, such as `kolsky.inverse.settings.Numerics`, becomes parameters in the signature of a command when
 the program is made. See `with_settings`.

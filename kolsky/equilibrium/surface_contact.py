@@ -202,7 +202,7 @@ class SurfaceContact:
     def blocks(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
         """Pairs of faces in contact, numbered by first and second, shape [p, 2].
 
-        Also the stiffness of the points of both [N/m], shape [p, 2 k d, 2 k d].
+        The stiffness of the points of both faces [N/m], shape [p, 2 k d, 2 k d], is also returned.
         """
         near, d, k = self._active(u), self.model.dimension, self.first.shape[1]
         pairs = np.stack([near.points // len(self.values), near.faces], axis=-1)

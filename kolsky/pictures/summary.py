@@ -1,6 +1,6 @@
 """A stereo result in words and numbers for terminal, JSON and report.
 
-Also the reason for a missing flyer displacement.
+The reason for a missing flyer displacement is also given.
 """
 
 from collections.abc import Mapping

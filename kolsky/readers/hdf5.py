@@ -238,7 +238,7 @@ def table_lines(path: Path, _sheet: str | None) -> list[str]:
 def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str], list[str]]:
     """Vectors, single numbers and texts of a file.
 
-    Also names and kinds of all other datasets.
+    Names and kinds of all other datasets are also returned.
 
     Raises InputError as `read`.
     """

@@ -491,7 +491,7 @@ def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect
 def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str]) -> tuple[int, str]:
     """The last line, counted from 1, with a field that is not a number.
 
-    Also that field, and the best dialect.
+    That field and the best dialect are also returned.
     """
     kinds = [Dialect(c, sign, 0, ()) for c in characters for sign in decimals if sign != c]
     tail = range(max(0, len(lines) - 4 * _LINES_COMPARED), len(lines))

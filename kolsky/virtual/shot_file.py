@@ -1,6 +1,6 @@
 """shot.toml of a synthetic shot from its specification.
 
-Also a specification from a real shot's shot.toml.
+A specification can also be made from a real shot's shot.toml.
 
 The declared values are the true ones, except for [imperfections].
 """

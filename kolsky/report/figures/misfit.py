@@ -2,7 +2,7 @@
 
 Misfit along each free parameter and over a pair of them.
 
-Also the profile likelihood, the joint likelihood of a pair, and posterior samples.
+The profile likelihood, the joint likelihood of a pair, and posterior samples are also drawn.
 """
 
 from typing import Any
