@@ -182,8 +182,8 @@ class Constants:
     ) -> FloatArray:
         """Central differences of a value by the free constants.
 
-        The steps are these shares of their sizes. A difference is one-sided if the point on the other side is
-        invalid.
+        The steps are the given shares of their sizes. A difference is one-sided if the point on the other
+        side is invalid.
         """
         at = np.asarray(free, dtype=np.float64)
         changes = []

@@ -35,7 +35,7 @@ class Shape:
     kind: str
     """"strip", "dog_bone", "cross" or "block"."""
     size: tuple[float, float, float]
-    """Length, width (of a cross: both are its whole length), thickness [m]."""
+    """Length, width and thickness [m]. For a cross, length and width are both its whole length."""
     bond: float
     """Bonded length at each end [m]. For a block it is 0: its whole end faces are bonded."""
     elements: tuple[int, int, int]

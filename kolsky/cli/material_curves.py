@@ -366,10 +366,8 @@ def material_relaxation(
 
 
 def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int) -> "ModelComparison":
-    """Identify shots and slow tests together with each model.
-
-    The network is used only if the slow tests are histories.
-    """
+    """Identify shots and slow tests together with each model; the network only if the slow tests are
+    histories."""
     from kolsky.cli.terminal import progress_bars
     from kolsky.inverse.joint_result import JointSettings
     from kolsky.inverse.parameters import with_relaxation

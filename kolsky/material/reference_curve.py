@@ -37,7 +37,7 @@ from kolsky.readers.measured_tables import WantedColumn, read_columns
 Pull = Literal["first", "conditioned"]
 
 PAST_DATA = 0.25
-"""Share of the specimen strained beyond the curve's end above which it is reported."""
+"""A share of the specimen that is strained beyond the curve's end is reported if it exceeds this."""
 FEWEST_POINTS = 8
 """Smallest number of points of a curve. A law needs 5 points away from rest."""
 

@@ -85,7 +85,7 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
 def constant_symbol(name: str) -> str:
     """Return the symbol of a law's constant for figures.
 
-    "poisson" is ν, C10 has its number as a subscript.
+    The symbol of "poisson" is ν. C10 has its number as a subscript.
 
     Other names than a letter with a number are upright.
     """

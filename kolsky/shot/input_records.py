@@ -127,7 +127,7 @@ class Change:
 
     @property
     def sight(self) -> tuple[float, ...]:
-        """Key of the radii compared with one simulation: the times and places of the outline points."""
+        """Key of the radii that are compared with one simulation: times and places of the outline points."""
         mirror = inf if isnan(self.mirror) else self.mirror  # NaN differs from itself
         return self.outline_lag, self.y_offset, mirror, self.film, self.picture
 

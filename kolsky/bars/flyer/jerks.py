@@ -218,7 +218,7 @@ def evidence(
         expected[k] = now = step.dot(state)
         state = rest.dot(now) + gain
     miss = (y - np.sum(seen * expected, axis=1)) / S
-    # Backward pass: information of all later frames, r and N, after each frame.
+    # Backward pass. It gives r and N, the information of all later frames, after each frame.
     back = left @ steps
     r, N = np.zeros((n, m)), np.zeros((n, m, m))
     ahead = np.einsum("kj,kji->ki", seen, steps)

@@ -271,7 +271,7 @@ def likelihood(result: Identification, panels: Panels) -> str:
 
 LIKELIHOOD_COLOURS = (MODEL, FORCE)
 MOST_SAMPLES = 5.0
-"""Largest square root of the rise with a separate colour; the rise is divided by the correlation."""
+"""Largest square root of the rise with a separate colour. The rise is divided by the correlation."""
 
 
 @figure(COLUMN, 72.0, [["plane"]], applies=lambda result: result.ridge is not None)
