@@ -182,7 +182,7 @@ def _cylinder_lines(fitted: Sequence["ModelFit"]) -> list[str]:
 
 
 def poisson_of(option: str, text: str) -> float | Literal["free"]:
-    """"0.44" as a ratio, "free" as a fitted ratio."""
+    """ "0.44" as a ratio, "free" as a fitted ratio."""
     if text == "free":
         return "free"
     try:
