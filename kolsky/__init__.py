@@ -1,4 +1,4 @@
-"""One impact test on a soft material, in; its dynamic stiffness with a defensible uncertainty, out.
+"""Identify the dynamic stiffness of a soft material, with its uncertainty, from one impact test.
 
 The public names for scripts are available here: ``import kolsky``, then ``kolsky.load_shot``,
 ``kolsky.identify`` and so on. Each name is loaded when it is first used. `docs/architecture.md` describes the
@@ -117,8 +117,8 @@ _HOME = {
     "write_sweep_results": "kolsky.report.result_folder",
     "write_table": "kolsky.base.files",
 }
-"""Module of each public name. The imports above give a type checker the same information; a test compares
-both."""
+"""Module of each public name. The imports above list the same names for type checkers; a test compares the
+two lists."""
 
 __all__ = [*_HOME]
 

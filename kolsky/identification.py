@@ -53,7 +53,7 @@ def identify(
 
     Notes
     -----
-    BLAS uses one thread during the call, see `kolsky.base.process.set_blas_threads`.
+    BLAS uses one thread during the call: `kolsky.base.process.set_blas_threads`.
 
     Returns
     -------
@@ -63,10 +63,10 @@ def identify(
     Raises
     ------
     ValueError
-        If a parameter is unknown, a bound or value is outside its range, or too few runs completed; the
+        If a parameter is unknown, if a bound or value is outside its range, or if too few runs completed. The
         message gives outcome, time and place of the first failure.
     InputError
-        If the folder holds no shot, or an invalid one.
+        If the folder contains no shot, or an invalid one.
     """
     loaded = load_shot(shot) if isinstance(shot, str | Path) else shot
     search = search_shot(InverseProblem.of(loaded, settings or Settings()), Work(progress))
@@ -102,19 +102,19 @@ def diagnose(
     found
         The identification of the shot as declared.
     shot, settings, progress
-        As of `identify`.
+        As for `identify`.
 
     Returns
     -------
     Identification
-        The same identification. Its leading causes also hold the free parameters of a complete identification
-        with the cause corrected. If a cause was found together with another one, both are corrected. A cause
-        that no number can correct has no such values.
+        The identification `found`. Each leading cause also holds the free parameters of a complete
+        identification with this cause corrected. If a cause was found together with another one, both are
+        corrected. Some causes cannot be corrected by a number; they have no such values.
 
     Raises
     ------
     ValueError
-        As `identify`.
+        For the reasons of `identify`.
     """
     settings = settings or Settings()
     likely = {cause.key: cause for cause in found.causes if cause.named}

@@ -74,7 +74,7 @@ from kolsky.uncertainty.mesh_error import joint_mesh_change, numerical_parts
 from kolsky.uncertainty.warnings import lost_mesh_runs
 
 FEW_SHOTS = 5
-"""With fewer shots, the scatter between them is poorly estimated."""
+"""Fewer shots give a poor estimate of the scatter between them."""
 
 
 def joint_result(
@@ -194,7 +194,7 @@ def _amount(part: ShotPart, problem: JointProblem, found: Optimum, scatter: floa
 
 
 def _without(stack: Stack, problem: JointProblem, found: Optimum, name: str) -> FloatArray:
-    """Variances with the same discrepancies, but without the shots' unknown of this name, shape [d]."""
+    """Variances with the same discrepancies, but without the unknown of this name in each shot, shape [d]."""
     bare, residual = [], found.vector - stack.data
     for one, o in zip(stack.shots, stack.weighed(residual), strict=True):
         rest = {key: row for key, row in one.own.items() if key != name}
@@ -271,8 +271,9 @@ def _free_curve(
     numerical: Mapping[str, FloatArray],
     correction: FloatArray,
 ) -> CurveFound:
-    """The curve with its k = 2 band, from the nodes' factors; their logarithm is interpolated between
-    nodes."""
+    """The curve with its k = 2 band, from the factors at the nodes. The factors' logarithm is interpolated
+    between nodes.
+    """
     n = problem.unknowns.n_parameters
     logs = (found.x + correction)[n:]
     sigma = np.sqrt(sum(part[n:] ** 2 for part in (*noise.values(), *numerical.values())))
@@ -324,10 +325,10 @@ def _joint_warnings(
 FIRST_STEPS, LATER_STEPS = 10, 6
 """Trial points of the first search, and of the later searches with improved weights."""
 SAME_VALLEY = 10.0
-"""Largest distance of two results in one valley, in standard deviations.
+"""Largest distance between two results in one valley, in standard deviations.
 
-A search that stops at its step limit ends within some of them; the next valley of Poisson's ratio is tens
-away."""
+A search that stops at its step limit ends within a few standard deviations of the optimum. The next valley of
+Poisson's ratio is tens of standard deviations away."""
 
 
 @one_blas_thread()
@@ -419,7 +420,7 @@ def _search_joint(problem: JointProblem, *, beside: FloatArray | None = None) ->
 
 
 def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum) -> Optimum:
-    """An optimum that fits at least as well as the optimum of the simpler, nested model."""
+    """An optimum that fits at least as well as the optimum of a simpler model nested in it."""
     nothing = optimum_without_branch(problem, elastic, without)
     if nothing is None or problem.deviance(found.vector) <= problem.deviance(nothing.vector):
         return found
@@ -447,8 +448,9 @@ def _distance(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
 def _shared_bounds(
     prepared: Sequence[PreparedShot], freed: Sequence[Freed], settings: JointSettings, said: list[str]
 ) -> dict[str, tuple[float, float] | None]:
-    """Free parameters of all shots and their bounds; a parameter held in one shot is held in all, with a
-    note."""
+    """Free parameters of all shots and their bounds. A parameter that is held in one shot is held in all
+    shots, with a note.
+    """
     bounds = dict(freed[0].free)
     for one in freed:
         for name in [n for n in bounds if n not in one.free]:

@@ -31,7 +31,9 @@ class OpenCalibration:
 
 
 def solve(folder: Path, progress: dict[str, tuple[int, int]]) -> OpenCalibration:
-    """Calibrate as `kolsky calibrate` does; `progress` is called with the number of pictures done.
+    """Calibrate in the way of `kolsky calibrate`.
+
+    `progress` is called with the number of pictures done.
 
     Raises InputError as `calibration_of`.
     """
@@ -45,7 +47,10 @@ class CalibrationView:
     """Pairs of pictures with detected points, the table of pairs, and the numbers of the calibration."""
 
     def __init__(self, folder: Path) -> None:
-        """Build the view; the target is detected when the user requests it."""
+        """Build the view.
+
+        The target is detected when the user requests it.
+        """
         self.folder = folder
         self.progress: dict[str, tuple[int, int]] = {}
         self.place = ui.column().classes("w-full gap-2")

@@ -1,4 +1,7 @@
-"""A copy of a shot with one input changed to its diagnosed value, to be identified and compared."""
+"""A copy of a shot with one input changed to its estimated value.
+
+The copy is identified and compared.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ _OFFSETS = {
     "centre_line.y_offset": ("m", 1.0),
     "centre_line.Z_offset": ("m", 1.0),
 }
-"""SI unit of an offset, and the sign of the correction: a lag is subtracted from a clock."""
+"""SI unit of an offset, and the sign of the correction. A lag is subtracted from a clock."""
 _VALUES: dict[str, Callable[[float], str]] = {
     "model.poisson": lambda value: f"{value:.6g}",
     "model.damping": lambda value: f'"{1e6 * value:.6g} us"',
@@ -36,7 +39,10 @@ _VALUES: dict[str, Callable[[float], str]] = {
 
 
 def changed_value(cause: CauseFinding, content: Mapping[str, Any]) -> str | None:
-    """The value estimated from the data, as TOML, for the declared one; None if it is not one value."""
+    """The value estimated from the data, as TOML, which replaces the declared one.
+
+    None if it is not a single value.
+    """
     table, _, key = cause.key.partition(".")
     declared = content.get(table, {}).get(key)
     if cause.key in _VALUES:
@@ -59,14 +65,19 @@ def copy_of(folder: Path, cause: CauseFinding) -> Path:
 
 
 def original_of(copy: Path) -> Path | None:
-    """The original of a copied shot; None if it is not a copy, or the original does not exist."""
+    """The original of a copied shot.
+
+    None if the shot is not a copy, or if the original does not exist.
+    """
     m = re.fullmatch(r"(?P<name>.+), [\w.]+ changed", copy.name)
     original = copy.with_name(m["name"]) if m else None
     return original if original is not None and (original / SHOT_FILE).is_file() else None
 
 
 def copy_with(folder: Path, cause: CauseFinding) -> Path:
-    """Copy a shot's folder to the same parent folder, with one input changed; results are not copied.
+    """Copy a shot's folder to the same parent folder, with one input changed.
+
+    Results are not copied.
 
     Raises InputError if the input is not a single value of the shot file, or if the copy exists already.
     """

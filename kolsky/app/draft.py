@@ -1,4 +1,6 @@
-"""The text of a shot file edited by a page: fields, single changes that keep comments, undo, conflicts.
+"""The text of a shot file that a page edits.
+
+Fields, single changes that keep comments, undo, conflicts.
 
 The file on disk is the state. A change is written immediately, as a complete new file. It is rejected if
 another tab, an editor or a script has changed the file since it was read.
@@ -32,7 +34,7 @@ MOST_UNDONE = 200
 
 
 class Conflict(InputError):
-    """The file on disk differs from the file that was read."""
+    """The file on disk differs from the version that was read."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +62,13 @@ class FieldEntry:
 
     @property
     def display(self) -> str:
-        """Its value as typed by the user: a text without quotes."""
+        """Its value as the user types it: a text without quotes."""
         value = self.parsed
         return value if isinstance(value, str) else self.value.strip()
 
     @property
     def blank(self) -> bool:
-        """True if it, or a part of it, is blank."""
+        """True if the value, or a part of it, is blank."""
         return bool(list(blanks({"value": self.parsed})))
 
 
@@ -107,7 +109,7 @@ def optional_keys(text: str, table: str) -> list[str]:
 
 
 def choices(dotted: str) -> tuple[str, ...]:
-    """The allowed texts of a key; empty if other texts are allowed too."""
+    """The allowed texts of a key. Empty if other texts are also allowed."""
     if dotted in ("interface.faces", "interface.side"):  # a registry: laws may be added
         return tuple(CONTACT_LAWS)
     kind: Any = FullShotFile
@@ -142,7 +144,7 @@ class Draft:
     text: str = ""
     """Its text when it was last read or written."""
     undone: list[str] = field(default_factory=list)
-    """Earlier texts, the last change at the end."""
+    """Earlier texts, with the last change at the end."""
 
     def __post_init__(self) -> None:
         """Read the file."""
@@ -152,17 +154,17 @@ class Draft:
         return decode(self.path, read_bytes(self.path, limit=TOML_LIMIT))
 
     def reload(self) -> None:
-        """Read the file again; earlier changes can then not be undone.
+        """Read the file again. Earlier changes can then not be undone.
 
         Raises InputError if it cannot be read.
         """
         self.text, self.undone = self._on_disk(), []
 
     def write(self, text: str) -> None:
-        """Write a new text in place of the one that was read.
+        """Write a new text that replaces the text that was read.
 
-        Raises Conflict, and leaves the file unchanged, if it was changed in the meantime. Raises InputError
-        if the text is not TOML or cannot be written.
+        Raises Conflict if the file was changed in the meantime; the file is then left unchanged. Raises
+        InputError if the text is not TOML or cannot be written.
         """
         before = self.text
         self._replace(text)
@@ -191,7 +193,7 @@ class Draft:
         self.text = text
 
     def undo(self) -> bool:
-        """Undo the last change; False if there is none.
+        """Undo the last change. Returns False if there is none.
 
         Raises Conflict as `write`.
         """
@@ -204,7 +206,7 @@ class Draft:
     def set_values(self, values: Mapping[str, str]) -> None:
         """Write values of keys as one change: dotted key -> value as TOML text.
 
-        Raises InputError as `write`, or if a key cannot be edited separately.
+        Raises InputError for the reasons of `write`, or if a key cannot be edited separately.
         """
         text = self.text
         for dotted, value in values.items():
@@ -213,7 +215,7 @@ class Draft:
             self.write(text)
 
     def enter(self, dotted: str, typed: str) -> None:
-        """Write the user's input for a key: quantities and words get quotes, numbers do not.
+        """Write the user's input for a key. Quantities and words get quotes, numbers do not.
 
         Raises InputError as `set_values`.
         """
@@ -240,14 +242,14 @@ class Draft:
         return ways[-1]
 
     def content(self) -> dict[str, Any]:
-        """The content of the text; empty while it is not TOML."""
+        """The content of the text. Empty while the text is not TOML."""
         try:
             return tomllib.loads(self.text)
         except tomllib.TOMLDecodeError:
             return {}
 
     def problems(self) -> list[InputError]:
-        """Problems of the file by the schema; data files are not opened."""
+        """Problems of the file by the schema. Data files are not opened."""
         return schema_problems(self.path, tomllib.loads(self.text))
 
 
@@ -264,7 +266,9 @@ def schema_problems(path: Path, content: dict[str, Any]) -> list[InputError]:
 
 
 def with_one(path: Path, text: str, dotted: str, value: str) -> str:
-    """A text with one value replaced or added; a commented-out line of the key is replaced.
+    """A text with one value replaced or added.
+
+    A commented-out line of the key is replaced.
 
     Raises InputError if the key cannot be edited separately.
     """
@@ -290,7 +294,10 @@ def column_toml(column: str, unit: str) -> str:
 
 
 def series_toml(key: str, name: str, offset: Iterable[str]) -> str:
-    """The declaration of a camera's pictures in a shot file; numbers without quotes, blanks stay blank."""
+    """The declaration of a camera's pictures in a shot file.
+
+    Numbers have no quotes; blanks stay blank.
+    """
     places = []
     for text in offset:
         try:
@@ -301,7 +308,7 @@ def series_toml(key: str, name: str, offset: Iterable[str]) -> str:
 
 
 def by_key(problems: Iterable[InputError]) -> dict[str, str]:
-    """Problems as texts, by key; those without a key are under ""."""
+    """Problems as texts, by key. Those without a key are under ""."""
     words_by_key: dict[str, list[str]] = {}
     for one in problems:
         words = one.message if one.allowed is None else f"{one.message}; it must be {one.allowed}"

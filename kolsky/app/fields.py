@@ -29,7 +29,7 @@ OPACITY = 0.8
 TURN = 0.4
 """Rotation of the surface in space for each pixel of a drag [°/px]."""
 STEEPEST = 89.0
-"""Largest elevation of the viewing direction [°]; above it, "up" is undefined."""
+"""Largest elevation of the viewing direction [°]. Above it, "up" is undefined."""
 FIRST_FIELD = "Eyy"
 
 
@@ -44,7 +44,7 @@ class FieldsView:
     def __init__(
         self, surfaces: tuple[MeasuredPoints, ...], shape: tuple[int, int], changed: Callable[[], None]
     ) -> None:
-        """Build the view without a field; `changed` redraws the pictures."""
+        """Build the view without a field. `changed` redraws the pictures."""
         self.surfaces, self.shape, self.changed = surfaces, shape, changed
         self.points = surfaces[0]
         self.field = NO_FIELD
@@ -224,7 +224,10 @@ class FieldsView:
             slider.value = value
 
     async def _space(self) -> None:
-        """Draw the surface in space if something changed; one picture at a time, the latest request."""
+        """Draw the surface in space if something changed.
+
+        One picture is drawn at a time, for the latest request.
+        """
         name = self.field or self.followed
         wanted = (self.points, name, self.k, self.view, self.chosen)
         if self.busy or not self.can_render or wanted == self.drawn:
@@ -278,7 +281,10 @@ def outcome_legend(counts: dict[PointOutcome, int]) -> str:
 
 
 def path_svg(points: MeasuredPoints, number: int, camera: int, k: int, width: float) -> str:
-    """The path of a point in a camera's picture up to a frame, and its position; hollow if it is lost."""
+    """The path of a point in a camera's picture up to a frame, and its position.
+
+    A lost point is hollow.
+    """
     places = points.pixels[camera][: k + 1, number]
     known = places[np.isfinite(places).all(axis=1)]
     if not len(known):
@@ -294,7 +300,7 @@ def path_svg(points: MeasuredPoints, number: int, camera: int, k: int, width: fl
 
 
 def point_words(points: MeasuredPoints, number: int, k: int, name: str) -> str:
-    """The value of a point in a frame, or why there is none, in words."""
+    """The value of a point in a frame, or the reason why there is none, in words."""
     x, y = points.reference[number]
     head = f"Point {number}, at ({x:.0f}, {y:.0f}) px of the reference: "
     outcome = PointOutcome(int(points.surface.outcome[k, number]))

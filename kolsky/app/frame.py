@@ -31,16 +31,22 @@ T = TypeVar("T")
 
 
 async def in_thread(act: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
-    """Run a long function in a thread and return its result; the page stays responsive."""
+    """Run a long function in a thread and return its result.
+
+    The page stays responsive.
+    """
     return cast(T, await run.io_bound(act, *given, **named))
 
 
 class NoShot(ValueError):
-    """An address that is not a folder of the tree."""
+    """An address that does not belong to a folder of the tree."""
 
 
 def folder_at(root: Path, name: str) -> Path:
-    """The folder of a shot by its name in an address; nothing outside the root."""
+    """The folder of a shot by its name in an address.
+
+    Only folders inside the root are allowed.
+    """
     folder = (root / name).resolve()
     if not folder.is_relative_to(root) or not folder.is_dir():
         raise NoShot(f"there is no folder {name!r} below {root}")
@@ -54,7 +60,7 @@ def address(view: str, shot: str = "", **more: str) -> str:
 
 
 BETWEEN = "|"
-"""Separator of shots in an address; it is not allowed in folder names on all systems."""
+"""Separator of shots in an address. Not all systems allow it in folder names."""
 
 
 def comparison(*shots: str) -> str:
@@ -63,13 +69,16 @@ def comparison(*shots: str) -> str:
 
 
 def beside(shot: str, folder: Path) -> str:
-    """Name in an address of a folder in the parent folder of a shot."""
+    """Name in an address for a folder in the parent folder of a shot."""
     return f"{shot.rpartition('/')[0]}/{folder.name}".lstrip("/")
 
 
 @contextmanager
 def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
-    """A page with the head line; elements created inside the context are its content."""
+    """A page with the head line.
+
+    Elements created inside the context are its content.
+    """
     ui.add_css(STYLE)
     ui.colors(primary=BLUE, negative=RED)
     ui.page_title(f"{title} - kolsky")
@@ -100,7 +109,10 @@ def note(words: str, kind: str = "soft") -> ui.label:
 
 
 def serve_files(root: Path) -> None:
-    """Serve the result pages in a shot's folder, sandboxed: a foreign page cannot act for the user."""
+    """Serve the result pages in a shot's folder, in a sandbox.
+
+    A foreign page cannot act for the user.
+    """
 
     def result_page(shot: str, name: str) -> Response:
         try:
@@ -120,7 +132,7 @@ def serve_files(root: Path) -> None:
 
 
 def plain(values: Any) -> list[float | None]:
-    """Numbers for a plot, with seven digits; numbers that are not finite are gaps."""
+    """Numbers for a plot, with seven digits. Numbers that are not finite are gaps."""
     return [float(f"{v:.7g}") if math.isfinite(v) else None for v in map(float, values)]
 
 
@@ -190,7 +202,10 @@ def dots(name: str, data: list[Any], colour: str, size: float = 3.0, **more: Any
 
 
 def band(name: str, x: Any, low: Any, high: Any) -> list[dict[str, Any]]:
-    """A band between two curves: an invisible lower part, and its width stacked on top."""
+    """A band between two curves.
+
+    It is an invisible lower part with its width stacked on top.
+    """
     common = {"type": "line", "stack": name, "symbol": "none", "silent": True, "lineStyle": {"width": 0}}
     width = [b - a for a, b in zip(map(float, low), map(float, high), strict=True)]
     return [

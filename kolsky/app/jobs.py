@@ -1,7 +1,9 @@
-"""Run commands of a shot as separate processes, which continue after the tab or the server is closed.
+"""Run commands of a shot as separate processes.
 
-Only the log in the shot's results is stored. Its first line names the command and its process, and the
-output of the command follows. A later server can therefore find a run again.
+They continue after the tab or the server is closed.
+
+Only the log in the shot's results is stored. Its first line names the command and its process. The output of
+the command follows. A later server can therefore find a run again.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ END = "# ended: exit code "
 COMMANDS = ("identify", "dic", "sweep", "check", "report")
 """Commands that can be run."""
 PROGRESS_EVERY = "1"
-"""Seconds between two lines of progress in a log."""
+"""Time between two lines of progress in a log [s]."""
 _LONGEST = 200_000
 """Maximum number of bytes shown from the end of a log."""
 _CHILDREN: dict[Path, subprocess.Popen[bytes]] = {}
@@ -67,9 +69,9 @@ class Job:
     text: str
     """Its output, without progress lines."""
     stages: tuple[Stage, ...]
-    """The stages so far, the current one at the end."""
+    """The stages so far, with the current one at the end."""
     exit_code: int | None
-    """Its exit code; None if it is running, or if the exit code is unknown."""
+    """Its exit code. None while it is running, or if the exit code is unknown."""
     running: bool
     """True while it runs."""
 
@@ -88,7 +90,7 @@ class Job:
 _CANCELLED = (128 + signal.SIGTERM, 130)
 """Exit codes of a command that was ended by a signal."""
 GRACE = 10.0
-"""Time for a cancelled command to exit before it is killed [s]; `kolsky.cli` aborts a simulation after 3."""
+"""Time for a cancelled command to exit before it is killed [s]. `kolsky.cli` aborts a simulation after 3."""
 
 
 def log_of(folder: Path, command: str) -> Path:
@@ -99,8 +101,8 @@ def log_of(folder: Path, command: str) -> Path:
 def start(folder: Path, command: str, options: list[str]) -> Job:
     """Start a command of a shot.
 
-    ``folder``: the shot's folder. ``command``: one of `COMMANDS`. ``options``: as on the command line.
-    Raises InputError if a command of the shot runs already.
+    ``folder``: the shot's folder. ``command``: one of `COMMANDS`. ``options``: as on the command line. Raises
+    InputError if a command of the shot is already running.
     """
     if command not in COMMANDS:
         raise InputError(folder, f"{command} is not run from here", allowed=", ".join(COMMANDS))
@@ -147,10 +149,12 @@ def run_here(words: list[str]) -> None:
 
 
 def cancel(job: Job) -> None:
-    """End a running command like Ctrl+C: it cleans up, and earlier results are kept.
+    """End a running command as by Ctrl+C.
+
+    It cleans up, and earlier results are kept.
 
     A command that does not end within `GRACE` is killed with its forks. A command that is aborted in a
-    simulation cannot write the last line of its log; this function writes it.
+    simulation cannot write the last line of its log. This function writes it.
     """
     if job.running:
         with suppress(ProcessLookupError):
@@ -159,7 +163,10 @@ def cancel(job: Job) -> None:
 
 
 def _see_end(job: Job) -> None:
-    """Wait for the end of a cancelled command, kill it after `GRACE`, and complete its log."""
+    """Wait for the end of a cancelled command.
+
+    It is killed after `GRACE`, and its log is completed.
+    """
     until = time.monotonic() + GRACE
     while _alive(job.process, job.log):
         if time.monotonic() > until:
@@ -207,13 +214,16 @@ def read_job(log: Path) -> Job:
 
 
 def _code_of(child: subprocess.Popen[bytes]) -> int | None:
-    """The exit code of a process as given by a shell, for a log without a last line; None while it runs."""
+    """The exit code of a process as in a shell, for a log without a last line.
+
+    None while it runs.
+    """
     code = child.poll()
     return code if code is None or code >= 0 else 128 - code
 
 
 def _stages(lines: list[str]) -> tuple[Stage, ...]:
-    """The last state of each stage; a repeated stage moves to the end."""
+    """The last state of each stage. A repeated stage moves to the end."""
     last: dict[str, Stage] = {}
     for m in filter(None, map(_PROGRESS.fullmatch, lines)):
         last.pop(m["name"], None)
@@ -236,12 +246,18 @@ def running_job(folder: Path) -> Job | None:
 
 
 def is_running(folder: Path) -> bool:
-    """True if a command of a shot is running; checks only runs of this server, for speed."""
+    """True if a command of a shot is running.
+
+    For speed, only runs of this server are checked.
+    """
     return any(child.poll() is None for log, child in _CHILDREN.items() if log.parent.parent == folder)
 
 
 def _alive(process: int, log: Path) -> bool:
-    """True if a process exists and is a kolsky command, not another process with the same number."""
+    """True if a process exists and is a kolsky command.
+
+    Another process may have the same number.
+    """
     child = _CHILDREN.get(log)
     if child is not None and child.pid == process:
         return child.poll() is None

@@ -1,4 +1,7 @@
-"""The view of a result: force, outline and specimen linked in time, what-if parameters, causes."""
+"""The view of a result.
+
+Force, outline and specimen linked in time, what-if parameters, causes.
+"""
 
 from __future__ import annotations
 
@@ -34,11 +37,12 @@ from kolsky.shot.optical_data import measured
 from kolsky.shot.records import Shot
 
 LEAST_EXPLAINED = 0.05
-"""Smallest share of the misfit that an input must explain to be listed [-]; less is within the noise."""
+"""Smallest share of the misfit that an input must explain to be listed [-]. Smaller shares are within the
+noise."""
 SECONDS_OF_PLAY = 0.12
 """Time between two pictures of the playback [s]."""
 PICTURE_WIDTH = 640
-"""Maximum width of a camera's picture next to the plots [px], equal to the displayed width."""
+"""Maximum width of a camera's picture beside the plots [px]. It equals the displayed width."""
 EXPECTED = "expected scatter, k = 2"
 """Name of the band about the measured force."""
 
@@ -51,9 +55,9 @@ class Result:
     found: Identification
     shot: Shot | None
     why: str
-    """Reason why the shot is missing; empty if it is not."""
+    """Reason why the shot is missing; empty if it is present."""
     pictures: PictureSet | None = None
-    """The shot's pictures; None if it has none, or they cannot be opened."""
+    """The shot's pictures. None if it has none, or if they cannot be opened."""
 
 
 def read_result(folder: Path) -> Result:
@@ -75,7 +79,10 @@ def read_result(folder: Path) -> Result:
 
 
 def _pictures(folder: Path) -> PictureSet | None:
-    """The pictures of a shot, or None if they cannot be opened; the pictures page gives the reason."""
+    """The pictures of a shot, or None if they cannot be opened.
+
+    The pictures page gives the reason.
+    """
     if "pictures" not in Draft(folder / SHOT_FILE).content():
         return None
     try:
@@ -147,7 +154,10 @@ class LookView:
             ui.link("report.html, the whole result on one page", target, new_tab=True)
 
     def _scene(self) -> Scene | None:
-        """The simulated specimen with the selected field; None if the result does not contain it."""
+        """The simulated specimen with the selected field.
+
+        None if the result does not contain it.
+        """
         if self.field not in self.scenes:
             shot = self.result.shot
             try:
@@ -158,7 +168,7 @@ class LookView:
         return self.scenes[self.field]
 
     def _parameters(self) -> dict[str, float]:
-        """All parameters of the simulation at the result."""
+        """All parameters of the simulation of the result."""
         return {**self.found.fixed, **{name: e.value for name, e in self.found.estimates.items()}}
 
     def _over_time(self) -> None:
@@ -400,7 +410,10 @@ class LookView:
         self._at(self.k)
 
     async def _simulate(self, _: object = None) -> None:
-        """Simulate with the sliders' values and show the result; of overlapping calls, the last counts."""
+        """Simulate with the sliders' values and show the result.
+
+        Of overlapping calls, the last one is shown.
+        """
         assert self.what_if is not None
         values = self._values()
         try:
@@ -472,13 +485,13 @@ class LookView:
 
 
 def answer_words(e: Estimate) -> str:
-    """An estimate in words for a page: the terminal's line with Greek letters."""
+    """An estimate in words for a page: the line of the terminal with Greek letters."""
     name, _, rest = answer(e).partition(" = ")
     return f"{PARAMETERS[e.name].written if e.name in PARAMETERS else name} = {rest.replace(' us ', ' µs ')}"
 
 
 def misfit_words(tried: Misfit, reference: Misfit) -> str:
-    """Residual of each channel, the residual at the result, and the change in per cent."""
+    """Residual of each channel, the same residual in the result, and the change in per cent."""
     parts = [
         f"{name} {now:.2f}, at the answer {then:.2f} ({100.0 * (now / then - 1.0):+.0f} %)"
         for name, now, then in (
@@ -491,7 +504,10 @@ def misfit_words(tried: Misfit, reference: Misfit) -> str:
 
 
 def picture_source(pictures: Pictures, k: int) -> str:
-    """A frame as an image source, no larger than displayed; empty if it cannot be read."""
+    """A frame as an image source, at most as large as displayed.
+
+    Empty if it cannot be read.
+    """
     png = png_of(pictures, k)
     if isinstance(png, str):
         return ""

@@ -31,16 +31,16 @@ from kolsky.shot.measured_points import MeasuredPoints, read_measured_points
 from kolsky.shot.optical_data import RESULT_FILE
 
 MOST_AVERAGED = 8
-"""Maximum number of frames at rest for evaluating the speckles."""
+"""Maximum number of frames at rest that are used to evaluate the speckles."""
 GRAB = 0.02
-"""Distance from a corner, relative to the picture's width, within which a click grabs it."""
+"""Distance from a corner within which a click grabs it, relative to the picture's width."""
 BINS = 64
 MODES = {
     "draw": "adds or moves a corner of a region",
     "subset": "shows what a subset there can measure",
     "follow": "follows the point there through time",
 }
-"""Effect of a click on a picture; in camera 1 only points can be followed."""
+"""Effect of a click on a picture. In camera 1 a click can only follow a point."""
 
 
 @dataclass
@@ -55,17 +55,17 @@ class OpenPictures:
     subset: int
     """Side of the subsets [px]."""
     surfaces: tuple[MeasuredPoints, ...] = ()
-    """Surfaces measured by `kolsky dic`; empty if it has not run."""
+    """Surfaces measured by `kolsky dic`. Empty if the command has not run."""
     remark: str = ""
     """Reason why there are none, or why they may be out of date."""
     shot: PictureSet | None = None
-    """The pictures of a shot, whose regions can be detected."""
+    """The pictures of a shot. Its regions can be detected in them."""
 
 
 def open_all(folder: Path) -> OpenPictures:
     """Open the pictures of a folder.
 
-    Raises InputError if it has none, or they cannot be used.
+    Raises InputError if it has no pictures, or if they cannot be used.
     """
     session = open_region_session(folder)
     if (path := find_measurement_file(folder)) is not None:
@@ -84,7 +84,10 @@ def open_all(folder: Path) -> OpenPictures:
 
 
 def measured_in(folder: Path, series: Sequence[Pictures]) -> tuple[tuple[MeasuredPoints, ...], str]:
-    """The surfaces measured from the pictures of a folder; if there are none, the reason."""
+    """The surfaces measured from the pictures of a folder.
+
+    If there are none, the reason.
+    """
     if not (folder / "results" / RESULT_FILE).is_file():
         return (), "No fields yet: run dic first."
     try:
@@ -230,7 +233,10 @@ class PicturesView:
             self.problems = ui.label().props("role=status").mark("problems")
 
     async def _find(self) -> None:
-        """Detect the undeclared regions in the pictures and draw them; nothing is saved."""
+        """Detect the undeclared regions in the pictures and draw them.
+
+        Nothing is saved.
+        """
         assert self.opened.shot is not None  # else there is no button
         self.problems.text = "The pictures are searched for the regions ..."
         try:
@@ -311,7 +317,10 @@ class PicturesView:
         self._draw()
 
     def _content(self) -> dict[str, list[dict[str, object]]]:
-        """The drawn regions in the form of the session; regions that are not on the page are kept."""
+        """The drawn regions in the form of the session.
+
+        Regions that are not on the page are kept.
+        """
         content: dict[str, list[dict[str, object]]] = {}
         for one in self.session.wanted:
             corners = self.corners.get(one.key, [])
@@ -417,8 +426,8 @@ class PicturesView:
 def quality_of(opened: OpenPictures) -> SpeckleQuality:
     """Speckle quality of camera 0, from its frames at rest.
 
-    Raises ValueError if the frames have no contrast or there is only one. Raises PictureError if one cannot
-    be read.
+    Raises ValueError if the frames have no contrast, or if there is only one. Raises PictureError if one
+    cannot be read.
     """
     pictures = opened.series[0]
     count = min(opened.static, MOST_AVERAGED, pictures.n_frames)

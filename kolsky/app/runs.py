@@ -47,7 +47,10 @@ class RunView:
     """Start, progress and log of the commands of one shot."""
 
     def __init__(self, folder: Path, shot: str, commands: dict[str, str]) -> None:
-        """Build the view; it also shows a run started by another page or an earlier server."""
+        """Build the view.
+
+        It also shows a run that another page or an earlier server started.
+        """
         self.folder, self.shot = folder, shot
         with ui.row().classes("w-full items-end gap-3"):
             self.command = (
@@ -72,7 +75,7 @@ class RunView:
         ui.timer(EVERY, self.look)
 
     def _job(self) -> jobs.Job | None:
-        """The displayed run: the running one, else the last one."""
+        """The displayed run: the running one, otherwise the last one."""
         found = jobs.jobs_of(self.folder)
         running = [job for job in found if job.running]
         return max(running or found, key=lambda job: job.log.stat().st_mtime, default=None)

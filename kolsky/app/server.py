@@ -1,4 +1,7 @@
-"""The server of `kolsky open`: on this computer only, protected by a secret, without network resources."""
+"""The server of `kolsky open`.
+
+It serves this computer only, is protected by a secret and uses no network resources.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ FIRST_PORT, PORTS = 8420, 20
 """First port that is tried, and number of ports."""
 
 RECONNECT = 60.0
-"""Time within which a page may reconnect before it is rebuilt [s]; a busy computer responds late."""
+"""Time within which a page may reconnect before it is rebuilt [s]. A busy computer responds late."""
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -32,7 +35,9 @@ Send = Callable[[Message], Awaitable[None]]
 
 
 def policy(port: int) -> str:
-    """Content security policy: the sources a page may load. NiceGUI compiles templates in the browser."""
+    """Content security policy: the sources that a page may load. NiceGUI compiles templates in the
+    browser.
+    """
     return (
         "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
         "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -48,16 +53,16 @@ class Door:
     port: int
     """Port of the server."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
-    """The secret: first in the address, then in a cookie."""
+    """The secret. At first it is in the address, later in a cookie."""
 
     @property
     def hosts(self) -> tuple[str, str]:
-        """Host and port, as a browser of this computer sends them."""
+        """Host and port in the form that a browser of this computer sends."""
         return f"{HOST}:{self.port}", f"localhost:{self.port}"
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie; it contains the port, because cookies are not separated by port."""
+        """Name of the cookie. It contains the port, because cookies are not separated by port."""
         return f"kolsky-{self.port}"
 
     def url(self, first: str = "/") -> str:
@@ -66,7 +71,10 @@ class Door:
         return f"http://{self.hosts[0]}{first}{joint}{urlencode({'token': self.token})}"
 
     def objection(self, scope: Scope) -> str:
-        """Reason why a request is rejected; empty if it is accepted or has the secret in its address."""
+        """Reason why a request is rejected.
+
+        Empty if it is accepted, or if its address contains the secret.
+        """
         headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
         host = headers.get("host", "")
         if host not in self.hosts:  # a page whose host name was redirected to this computer sends another
@@ -91,12 +99,15 @@ class Door:
 
 
 def given_token(scope: Scope) -> str:
-    """The secret in an address; empty if there is none."""
+    """The secret in an address. Empty if there is none."""
     return parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
 
 
 class Gate:
-    """Accepts requests by HTTP and websocket according to `Door`, and sets the policy of every page."""
+    """Accepts requests by HTTP and websocket according to `Door`.
+
+    It sets the policy of every page.
+    """
 
     def __init__(self, app: Callable[[Scope, Receive, Send], Awaitable[None]], door: Door) -> None:
         """Wrap an ASGI application."""
@@ -150,7 +161,10 @@ async def _refuse(scope: Scope, send: Send, reason: str) -> None:
 
 
 async def _to_cookie(scope: Scope, send: Send, door: Door) -> None:
-    """Set the cookie and redirect to an address without the secret, which browser history would store."""
+    """Set the cookie and redirect to an address without the secret.
+
+    Browser history would store the secret.
+    """
     words = {k: v for k, v in parse_qs(scope["query_string"].decode("latin-1")).items() if k != "token"}
     place = scope["path"] + (f"?{urlencode(words, doseq=True)}" if words else "")
     cookie = f"{door.cookie}={door.token}; Path=/; HttpOnly; SameSite=Strict"
@@ -170,7 +184,7 @@ def pages(folder: Path) -> None:
 def free_port(number: int | None) -> int:
     """The requested port, or the first free one.
 
-    Raises InputError if the requested port, or every port that was tried, is in use.
+    Raises InputError if the requested port, or every tried port, is in use.
     """
     tried = [number] if number is not None else [*range(FIRST_PORT, FIRST_PORT + PORTS)]
     for port in tried:
@@ -188,8 +202,8 @@ def free_port(number: int | None) -> int:
 def serve(folder: Path, *, port: int | None = None, browser: bool = True, first: str = "/") -> None:
     """Serve the shots below a folder until the program is interrupted.
 
-    ``port``: the first free one from 8420 on if left out; InputError if it is in use. ``first``: address of
-    the page to open.
+    ``port``: default: the first free one from 8420 on. Raises InputError if it is in use. ``first``: address
+    of the page to open.
     """
     door = Door(free_port(port))
     app.add_middleware(Gate, door=door)

@@ -1,4 +1,7 @@
-"""The view for editing a shot file: a form with plots of the files, and the text; both can be edited."""
+"""The view for editing a shot file.
+
+It has a form with plots of the files, and the text. Both can be edited.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ TITLES = {
     "uncertainty": "Uncertainty of the declared inputs",
 }
 PLOTTED = {"force": signals.force_signal, "frames": signals.motion_signal, "curve": signals.curve_signal}
-"""Tables with a plot, and the function that reads its signal."""
+"""Tables with a plot, and the function that reads the signal of the plot."""
 KINDS = {
     "exports": "Exports of a DIC program",
     "pictures": "Pictures of two cameras",
@@ -67,9 +70,9 @@ KINDS = {
 
 
 def new_shot(folder: Path, kind: str) -> None:
-    """Write a new shot file into a folder, as `kolsky new` does.
+    """Write a new shot file into a folder, in the way of `kolsky new`.
 
-    ``kind``: one of `KINDS`. Raises InputError if the folder has a shot file.
+    ``kind``: one of `KINDS`. Raises InputError if the folder already has a shot file.
     """
     found = survey(folder)
     pictures = survey_pictures(folder, found) if kind == "pictures" else None
@@ -128,7 +131,10 @@ class SetupView:
     """Form, plots, problems and text of one shot file."""
 
     def __init__(self, folder: Path) -> None:
-        """Build the view. Raises InputError if the file cannot be read."""
+        """Build the view.
+
+        Raises InputError if the file cannot be read.
+        """
         self.folder, self.draft = folder, Draft(folder / SHOT_FILE)
         self.wrong: dict[str, str] = {}
         self.files = signals.candidate_files(folder)
@@ -164,7 +170,7 @@ class SetupView:
         return frame.address(view, ui.context.client.request.query_params.get("shot", root.name))
 
     def show(self) -> None:
-        """Show form, text and problems of the present file."""
+        """Show form, text and problems of the current file."""
         self.text.value = self.draft.text
         self.form.clear()
         for group in (self.labels, self.plots, self.inputs):
@@ -237,14 +243,20 @@ class SetupView:
         self.inputs[e.dotted] = element
 
     def _listed(self, e: FieldEntry, listed: Iterable[str], words: str) -> None:
-        """A key with a list of values; a value that is not in the list is kept."""
+        """A key with a list of values.
+
+        A value that is not in the list is kept.
+        """
         options = list(dict.fromkeys([*listed, *([e.display] if e.display else [])]))
         self._keep(
             e, ui.select(options, value=e.display or None, label=words, on_change=partial(self._chosen, e))
         )
 
     def _pictures(self, e: FieldEntry, value: dict[str, Any], words: str) -> None:
-        """The picture series of a camera, selected from those of the folder, and its offset on the sensor."""
+        """The picture series of a camera, and its offset on the sensor.
+
+        The series is selected from those of the folder.
+        """
         known = {one.name: one for one in signals.picture_series(self.folder)}
         name = str(value.get("file") or value.get("pattern") or "")
         crop = value.get("crop_offset", ["", ""])
@@ -316,7 +328,10 @@ class SetupView:
         self._change(lambda: self.draft.set_values(values), rebuild=True)
 
     def _units(self, table: str) -> dict[str, str]:
-        """The columns of a table's file with their units; empty while no file is selected."""
+        """The columns of a table's file with their units.
+
+        Empty while no file is selected.
+        """
         section = self.draft.content().get(table, {})
         with suppress(InputError):  # the file's field shows the reason
             return {c.name: c.unit for c in signals.entry(self.folder, str(section.get("file", ""))).columns}
@@ -393,7 +408,7 @@ class SetupView:
         self._change(lambda: self.draft.enter(e.dotted, typed))
 
     def _change(self, act: Callable[[], object], *, rebuild: bool = False) -> None:
-        """Change the file; report a change that could not be written."""
+        """Change the file, and report a change that could not be written."""
         before = self.draft.text
         try:
             act()
@@ -442,7 +457,7 @@ class SetupView:
                     frame.note(f"{key}: {words}".removeprefix(": "), "caution")
 
     def _show_values(self, entries: Iterable[FieldEntry]) -> None:
-        """Update the fields with values that changed elsewhere, such as by dragging."""
+        """Update the fields with values that changed at another place, for example by dragging."""
         for e in entries:
             value = e.parsed
             parts = {f"{e.dotted}.{i}": v for i, v in enumerate(value)} if isinstance(value, list) else {}
@@ -535,7 +550,10 @@ class SetupView:
         self._fill(table, plot)
 
     def _static_slider(self, plot: ui.echart) -> None:
-        """The slider of the frames at rest, with the pictures if there are any, else below the motion."""
+        """The slider of the frames at rest.
+
+        It is beside the pictures, or below the motion if there are no pictures.
+        """
         content = self.draft.content()
         number = content.get("frames", {}).get("static", 0)
         first = int(number) if isinstance(number, int) else 0
@@ -562,7 +580,10 @@ class SetupView:
             ui.timer(0.05, partial(self._compare_pictures, plot), once=True)
 
     def _pictures_at_rest(self, slider: ui.slider) -> None:
-        """The pictures of both cameras in the last frame at rest; they follow the slider."""
+        """The pictures of both cameras in the last frame at rest.
+
+        They follow the slider.
+        """
         now = ui.label().classes("soft").mark("frame-at-rest")
         with ui.row().classes("w-full no-wrap gap-2"):
             images = [ui.image().classes("w-1/2").props(f'alt="Camera {i}"') for i in range(len(self.series))]
@@ -585,7 +606,7 @@ class SetupView:
             self._fill("force", self.plots["force"])
 
     def _signal(self, table: str, content: dict[str, Any]) -> signals.Signal | None:
-        """The signal in the plot of a table; None while a file or column is not declared."""
+        """The signal in the plot of a table. None while a file or column is not declared."""
         try:
             if table == "frames" and self.series:
                 return None if self.changes is None else signals.change_signal(self.changes)
@@ -646,7 +667,10 @@ class SetupView:
         }
 
     def _add_motion(self, plot: ui.echart, content: dict[str, Any]) -> list[dict[str, Any]]:
-        """Add the flyer's motion to the plot of the force: both begin together if the clocks are correct."""
+        """Add the flyer's motion to the plot of the force.
+
+        Both begin together if the clocks are correct.
+        """
         motion = self._motion(content)
         plot.options["legend"]["show"] = motion is not None
         plot.options["grid"] |= {"top": 34 if motion else 14, "right": 62 if motion else 18}
@@ -674,14 +698,17 @@ class SetupView:
 
 
 def one_sided(name: str, **more: Any) -> dict[str, Any]:
-    """An axis at the edge of its plot, not through zero."""
+    """An axis at the edge of its plot instead of at zero."""
     made = frame.axis(name, **more)
     made["axisLine"]["onZero"] = False
     return made
 
 
 def _brush_on(plot: ui.echart) -> None:
-    """Let the user drag a time span on a plot; the previous span is removed."""
+    """Let the user drag a time span on a plot.
+
+    The previous span is removed.
+    """
     plot.run_chart_method("dispatchAction", {"type": "brush", "areas": []})
     plot.run_chart_method(
         "dispatchAction",

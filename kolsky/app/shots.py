@@ -1,4 +1,7 @@
-"""The shots below a folder and their table; only one file per shot is read, for speed with thousands."""
+"""The shots below a folder and their table.
+
+For speed with thousands of shots, one file per shot is read.
+"""
 
 from __future__ import annotations
 
@@ -39,15 +42,16 @@ class ListedShot:
     name: str
     """Its folder, relative to the root."""
     state: str
-    """ "no shot.toml", "not filled in", "ready to run", "running", "finished", "changed since",
-    `PICTURES_ONLY`, or which file cannot be read."""
+    """"no shot.toml", "not filled in", "ready to run", "running", "finished", "changed since",
+    `PICTURES_ONLY`, or the name of a file that cannot be read."""
     row: Mapping[str, str]
     """The row of `summary.csv`; empty without one."""
     time: float
-    """Time at which its result, else its shot file, was written [s since 1970]; NaN if neither exists."""
+    """Time at which its result or, without a result, its shot file was written [s since 1970]. NaN if neither
+    exists."""
 
     def number(self, key: str) -> float:
-        """A number of the row; NaN if it has none."""
+        """A number of the row; NaN if it is missing."""
         try:
             return float(self.row.get(key, "nan"))
         except ValueError:
@@ -65,11 +69,11 @@ class ListedShot:
 
 
 def shot_folders(root: Path) -> Iterator[tuple[str, str]]:
-    """Folders of shots, of pictures without a shot and of raw files below a root, in order of names.
+    """Folders of shots, of pictures without a shot and of raw files below a root, by name.
 
-    Yields: a folder with the name of its shot file or dic.toml, empty without one.
+    Yields: a folder with the name of its shot file or dic.toml. The name is empty without such a file.
 
-    Shots are not searched for inside a shot, nor in folders with a name that begins with a dot.
+    Shots are not searched inside a shot, nor in folders with a name that begins with a dot.
     """
     for place, folders, files in os.walk(root):
         file = next((name for name in (SHOT_FILE, MEASUREMENT_FILE) if name in files), "")
@@ -84,7 +88,10 @@ def _raw(files: list[str]) -> bool:
 
 
 def list_shots(root: Path) -> list[ListedShot]:
-    """The shots below a root; one file is read for each, its summary or else its shot file."""
+    """The shots below a root.
+
+    One file is read for each: its summary or, without a summary, its shot file.
+    """
     start = len(os.path.join(root, ""))
     return [
         _listed(place[start:].replace(os.sep, "/") or ".", place, file) for place, file in shot_folders(root)
@@ -118,7 +125,7 @@ def _listed(name: str, place: str, file: str) -> ListedShot:
 
 
 def _written(path: str) -> float:
-    """Time at which a file was written [s]; NaN if it does not exist."""
+    """Time at which a file was written [s]. NaN if it does not exist."""
     try:
         return os.stat(path).st_mtime
     except OSError:
@@ -167,7 +174,7 @@ def campaign_csv(found: list[ListedShot]) -> str:
 def campaign_parquet(found: list[ListedShot]) -> bytes:
     """The rows of all summaries as a Parquet table, with the folder of each.
 
-    Raises InputError if no library for it is installed.
+    Raises InputError if no library for Parquet is installed.
     """
     from io import BytesIO
 

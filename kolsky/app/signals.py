@@ -1,4 +1,6 @@
-"""Signals from the files of an incomplete shot, for the plots of its form; nothing is guessed.
+"""Signals from the files of an incomplete shot, for the plots of its form.
+
+Nothing is guessed.
 
 A plot appears when its file and column are declared. Clocks, units and signs are applied when they are
 declared.
@@ -26,7 +28,8 @@ from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
 from kolsky.survey.tables import SUFFIXES, Survey, TableEntry, read_entry
 
 MOST_POINTS = 3000
-"""Maximum points of a plotted signal; for longer signals, each section has its minimum and maximum."""
+"""Maximum number of points of a plotted signal. Longer signals show the minimum and maximum of each
+section."""
 PREVIEW_ROWS = 6
 RIGS = (".xml", ".yml", ".yaml", ".txt", ".csv", ".caldat", ".cal", ".json")
 """Endings of files that may contain two calibrated cameras."""
@@ -47,7 +50,9 @@ class Signal:
 
 
 def candidate_files(folder: Path) -> list[str]:
-    """Files of a folder and its subfolders that may be tables or recordings, named as in a shot file.
+    """Files of a folder and its subfolders that may be tables or recordings.
+
+    Their names are those of a shot file.
 
     Only the first file of a series of exports is listed.
     """
@@ -82,7 +87,10 @@ def _surfaces(folder: Path, state: tuple[int, float]) -> SurfaceSurvey:
 
 
 def surfaces(folder: Path) -> SurfaceSurvey:
-    """The series of exports of a folder; read again if one of its tables was added or changed."""
+    """The series of exports of a folder.
+
+    They are read again if one of its tables was added or changed.
+    """
     places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
     times = [
         one.stat().st_mtime
@@ -99,7 +107,10 @@ def _series(folder: Path, state: tuple[int, float]) -> tuple[SeriesEntry, ...]:
 
 
 def picture_series(folder: Path) -> tuple[SeriesEntry, ...]:
-    """The picture series of a folder; searched again if something was added to it."""
+    """The picture series of a folder.
+
+    They are searched again if something was added to the folder.
+    """
     places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
     return _series(folder, (len(places), max(place.stat().st_mtime for place in places)))
 
@@ -116,7 +127,10 @@ def rig_files(folder: Path) -> list[str]:
 
 
 def declared_series(folder: Path, content: Mapping[str, Any]) -> list[Pictures]:
-    """The declared pictures of both cameras; empty while one cannot be opened."""
+    """The declared pictures of both cameras.
+
+    Empty while one series cannot be opened.
+    """
     found = []
     for camera in CAMERAS:
         section = content.get("pictures", {}).get(camera)
@@ -142,7 +156,10 @@ def changes(series: list[Pictures]) -> PictureChanges | None:
 
 
 def change_signal(found: PictureChanges) -> Signal:
-    """The change of the pictures by frame, the larger of both cameras."""
+    """The change of the pictures by frame.
+
+    It is the larger of those of both cameras.
+    """
     return Signal(found.time, PERCENT * np.fmax(*found.change), FRAME, "Change from the first picture (%)")
 
 
@@ -155,7 +172,7 @@ def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
 
 
 def assigned(part: str, table: TableEntry) -> dict[str, str | None]:
-    """Values of a table of the shot file that are found in its file: file, layout and columns."""
+    """Values of a table of the shot file, found in the data file: file name, layout and columns."""
     from kolsky.survey.new_file import values_of
 
     found = values_of(Survey({part: table}, {}))
@@ -171,7 +188,7 @@ def _samples(table: TableEntry, name: str) -> FloatArray:
 
 
 def _column(section: Mapping[str, Any], key: str) -> tuple[str, str]:
-    """Name and unit of a declared column; empty if blank."""
+    """Name and unit of a declared column. Empty if blank."""
     declared = section.get(key)
     if not isinstance(declared, dict):
         return "", ""
@@ -179,7 +196,10 @@ def _column(section: Mapping[str, Any], key: str) -> tuple[str, str]:
 
 
 def _values(table: TableEntry, section: Mapping[str, Any], key: str, si: str, into: float) -> FloatArray:
-    """A declared column in the unit of a plot; not converted while its unit is blank or wrong."""
+    """A declared column in the unit of a plot.
+
+    It is not converted while its unit is blank or wrong.
+    """
     name, unit = _column(section, key)
     values = _samples(table, name)
     try:
@@ -189,7 +209,7 @@ def _values(table: TableEntry, section: Mapping[str, Any], key: str, si: str, in
 
 
 def _offset(section: Mapping[str, Any]) -> float:
-    """The declared offset of a clock [s]; zero while it is blank."""
+    """The declared offset of a clock [s]. Zero while it is blank."""
     try:
         return quantity(str(section.get("clock_offset", "")), "s")
     except ValueError:
@@ -197,7 +217,10 @@ def _offset(section: Mapping[str, Any]) -> float:
 
 
 def force_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
-    """The transmitted force's volts on the shot's clock, compression upward once its sign is declared."""
+    """The transmitted force's volts on the shot's clock.
+
+    Compression is upward when its sign is declared.
+    """
     section = content.get("force", {})
     table = entry(folder, str(section.get("file", "")))
     volts = _values(table, section, "voltage", "V", 1.0)
@@ -215,7 +238,10 @@ def force_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
 
 
 def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
-    """The flyer's motion by frame, toward the specimen once its sign is declared."""
+    """The flyer's motion by frame.
+
+    It is toward the specimen when its sign is declared.
+    """
     section = content.get("flyer")
     if isinstance(section, dict):
         table = entry(folder, str(section.get("file", "")))
@@ -254,7 +280,10 @@ def on_clock(folder: Path, content: Mapping[str, Any], motion: Signal) -> Signal
 
 
 def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
-    """The quasi-static curve, tension positive once its convention is declared."""
+    """The quasi-static curve.
+
+    It is tension positive when its convention is declared.
+    """
     section = content.get("curve", {})
     table = entry(folder, str(section.get("file", "")))
     strain, stress = (
@@ -268,9 +297,9 @@ def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
 
 
 def interval_of(content: Mapping[str, Any], table: str, *keys: str) -> tuple[float, float] | None:
-    """A declared time span [µs]; None while an end is blank.
+    """A declared time span [µs]. None while an end is blank.
 
-    ``keys``: one key with two ends, or the keys of both.
+    ``keys``: one key with both ends of the span, or the two keys of its ends.
     """
     section = content.get(table, {})
     ends = section.get(keys[0], ["", ""]) if len(keys) == 1 else [section.get(key, "") for key in keys]
@@ -282,7 +311,10 @@ def interval_of(content: Mapping[str, Any], table: str, *keys: str) -> tuple[flo
 
 
 def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A signal with at most `MOST_POINTS`: minimum and maximum of each section, in their order."""
+    """A signal with at most `MOST_POINTS`.
+
+    They are the minimum and maximum of each section, in their order.
+    """
     if x.size <= MOST_POINTS:
         return x, y
     size = -(-x.size // (MOST_POINTS // 2))

@@ -20,23 +20,25 @@ from kolsky.shot.records import Shot
 SLIDERS = ("stiffness_factor", "poisson", "damping", "friction")
 """Parameters that have a slider if they have an effect."""
 GRID = 13
-"""Number of values of each of the two parameters of the misfit map."""
+"""Number of values of each parameter of the misfit map."""
 AROUND = 6.0
-"""Half the range of a slider in standard uncertainties of an identified parameter: three times U (k = 2)."""
+"""Half the range of a slider, in standard uncertainties of an identified parameter. It is three times U (k =
+2)."""
 LEAST_SHARE = 0.06
-"""Smallest half range of a slider relative to its value [-]; lets well-constrained parameters be moved."""
+"""Smallest half range of a slider relative to its value [-]. Without it, well-constrained parameters could
+not be moved."""
 _ONE_AT_A_TIME = Lock()
 """Allows one simulation at a time, because a simulation uses all threads of the solver."""
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """Residual of each channel over the residual of a correct model."""
+    """Residual of each channel divided by that of a correct model."""
 
     force: float
     """Misfit of the force [-]."""
     outline: float
-    """Misfit of the outline [-]; NaN if none was measured."""
+    """Misfit of the outline [-]; NaN if not measured."""
 
     @property
     def joint(self) -> float:
@@ -58,7 +60,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Valley:
-    """The misfit over two parameters, with the others constant."""
+    """The misfit over two parameters. The other parameters are constant."""
 
     names: tuple[str, str]
     """Parameters along x and y."""
@@ -67,14 +69,20 @@ class Valley:
     y: FloatArray
     """Values of the second, SI, shape [ny]."""
     misfit: FloatArray
-    """`Misfit.joint`, shape [ny, nx]; NaN where a run did not complete."""
+    """`Misfit.joint`, shape [ny, nx]; NaN for a failed run."""
 
 
 class WhatIf:
-    """A shot with its result, ready to be simulated with other parameters, on the mesh of the search."""
+    """A shot with its result, ready to be simulated with other parameters.
+
+    The mesh is that of the search.
+    """
 
     def __init__(self, shot: Shot, found: Identification) -> None:
-        """Prepare the shot. Raises ValueError if it cannot be simulated."""
+        """Prepare the shot.
+
+        Raises ValueError if it cannot be simulated.
+        """
         self.found = found
         self.prepared: PreparedShot = prepare_shot(shot)
         self.numerics = Numerics(mesh=found.mesh)
@@ -104,7 +112,7 @@ class WhatIf:
     def run(self, parameters: Mapping[str, float]) -> Answer:
         """Simulate once.
 
-        Raises ValueError if a value is not allowed or the run does not complete.
+        Raises ValueError if a value is not allowed, or if the run does not complete.
         """
         with _ONE_AT_A_TIME:
             response = self.prepared.forward.run(

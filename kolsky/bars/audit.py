@@ -1,4 +1,4 @@
-"""The audit log: every correction with its switch, its size and its reason, applied or not."""
+"""The audit log: every correction with its switch, its size and its reason, even if it was not applied."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -34,9 +34,10 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Switches(Mapping[str, bool]):
-    """Switches of the corrections; a switch that is not given has its default in `CORRECTIONS`.
+    """Switches of the corrections. A switch that is not given has its default from `CORRECTIONS`.
 
-    Raises ValueError if a key is unknown (the nearest known one is named) or a value is not true or false.
+    Raises ValueError if a key is unknown (the message gives the nearest known key) or a value is not true or
+    false.
     """
 
     stated: Mapping[str, bool] = field(default_factory=dict)
@@ -71,7 +72,7 @@ class Switches(Mapping[str, bool]):
 
 
 def correction_key(key: str) -> str:
-    """The switch of `CORRECTIONS` for a key; underscores replace blanks."""
+    """The switch of `CORRECTIONS` for a key. Underscores replace blanks in the key."""
     known = str(key).replace("_", " ")
     if known not in CORRECTIONS:
         near = get_close_matches(known, CORRECTIONS, n=1)
@@ -93,8 +94,8 @@ def compare(
 ) -> Correction:
     """Measure the change by a correction, applied or not, over a pulse.
 
-    Raises ValueError if the key is unknown, the shapes differ, no sample or a value that is not finite is
-    compared, or the reason is missing.
+    Raises ValueError if the key is unknown, the shapes differ, or the reason is missing. The same error is
+    raised if no sample is compared, or if a compared value is not finite.
 
     ``name``: name of the correction, e.g. "dispersion, incident wave". ``before``, ``after``: the signal
     without and with it, shape [n]. ``applied``: True if the result includes it. ``unit``: unit of the signal.
@@ -141,14 +142,16 @@ class AuditLog:
         return tuple(self._entries)
 
     def add(self, *corrections: Correction) -> None:
-        """Append entries that were measured elsewhere.
+        """Append entries that another function has measured.
 
         Raises ValueError if a key is unknown.
         """
         self._entries.extend([replace(entry, key=correction_key(entry.key)) for entry in corrections])
 
     def complete(self, reasons: Mapping[str, str]) -> None:
-        """Append an entry for each correction that has none: not applied, with its reason.
+        """Append an entry for each correction that has none.
+
+        It is listed as not applied, with its reason.
 
         Raises ValueError if a key is unknown.
         """
@@ -158,7 +161,7 @@ class AuditLog:
         )
 
     def compare(self, name: str, key: str, before: ArrayLike, after: ArrayLike, **options: Any) -> Correction:
-        """Measure a change as the function `compare` does and append it."""
+        """Measure a change by `compare`, and append it."""
         entry = compare(name, key, before, after, **options)
         self.add(entry)
         return entry
@@ -174,8 +177,10 @@ class AuditLog:
         reason: str,
         over: BoolArray | slice | None = None,
     ) -> FloatArray:
-        """The corrected signal if its switch is on, else the uncorrected one; the correction is listed with
-        its size in both cases."""
+        """The corrected signal if its switch is on, otherwise the uncorrected one.
+
+        In both cases the correction is listed with its size.
+        """
         on = self.switches[key]
         why = f"{reason}; {self.switches.state(key)}"
         self.compare(name, key, before, after, applied=on, unit=unit, reason=why, over=over)

@@ -1,8 +1,9 @@
-"""Uncertainty budget after the GUM (JCGM 100:2008): inputs, contributions, combined uncertainty, degrees of
-freedom.
+"""Uncertainty budget after the GUM (JCGM 100:2008).
 
-`propagate` varies each input by its standard uncertainty in both directions (central differences, GUM 5.1.3),
-so that a budget can be made for any model of NumPy arrays. Correlated inputs are declared by `correlation`.
+Inputs, contributions, combined uncertainty and degrees of freedom.
+
+`propagate` varies each input by its standard uncertainty in both directions (central differences, GUM 5.1.3).
+It therefore works for any model of NumPy arrays. Correlated inputs are declared by `correlation`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,10 +19,11 @@ from kolsky.base.arrays import FloatArray
 
 
 def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
-    """Quantities without duplicates: a quantity listed more than once, such as a bar's Poisson's ratio, is
-    listed once.
+    """Quantities without duplicates.
 
-    If only one of them has an uncertainty, that one is kept.
+    A quantity that occurs several times, such as a bar's Poisson's ratio, is listed once.
+
+    If only one of the duplicates has an uncertainty, that one is kept.
 
     Raises ValueError if two have the same name and different values or uncertainties.
     """
@@ -98,8 +100,8 @@ class Budget:
     noise: Mapping[str, FloatArray]
     """Standard deviations from the signals' noise, independent of all quantities, shape [...]."""
     curvature: Mapping[str, FloatArray]
-    """Second differences (y+ + y- - 2 y) / 2 over one standard uncertainty, shape [n_quantities, ...]: the
-    error of the linearisation, and the bias of the best estimate."""
+    """Second differences (y+ + y- - 2 y) / 2 over one standard uncertainty, shape [n_quantities, ...]. They
+    are the error of the linearisation, and the bias of the best estimate."""
     interaction: Mapping[str, FloatArray]
     """Contribution of products of quantities, sum of +-u_i u_j d2y/dx_i dx_j over all pairs, shape [...]."""
 
@@ -107,13 +109,13 @@ class Budget:
         """Combined standard uncertainty u_c, Eq. (U.10), shape [...]."""
         Z = self.contribution[self._known(output)]
         variance = np.einsum("i...,ij,j...->...", Z, self.correlation, Z)
-        # Fully correlated contributions may cancel to -1e-16 of their squares.
+        # By round-off, fully correlated contributions may sum to -1e-16 of their squares.
         return np.sqrt(np.maximum(variance, 0.0) + self.noise[output] ** 2)
 
     def freedom(self, output: str) -> FloatArray:
         """Effective degrees of freedom by Welch and Satterthwaite, Eq. (U.12), shape [...].
 
-        The formula needs independent parts: correlated quantities count as one, with the smallest of their
+        The formula needs independent parts. Correlated quantities count as one, with the smallest of their
         degrees of freedom. Noise is taken as exactly known.
         """
         Z, u = self.contribution[self._known(output)], self.sigma(output)
@@ -143,7 +145,7 @@ class Budget:
         return History(self.value[self._known(output)], self.sigma(output), unit)
 
     def covariance(self, one: str, other: str) -> FloatArray:
-        """Covariance of two outputs sample by sample, from the quantities only (GUM F.1.2.3), shape [...].
+        """Covariance of two outputs at each sample, from the quantities (GUM F.1.2.3), shape [...].
 
         Raises ValueError if their shapes differ.
         """
@@ -155,10 +157,10 @@ class Budget:
         return np.asarray(np.einsum("i...,ij,j...->...", a, self.correlation, b))
 
     def nonlinearity(self, output: str) -> float:
-        """Largest term of second order over the combined standard uncertainty at the same sample [-].
+        """Largest second-order term, divided by the combined standard uncertainty at the same sample [-].
 
-        This term is the curvature of any one quantity, or the interaction of all. Where it is not small, the
-        budget is not reliable; use random draws of the quantities instead.
+        This term is the curvature of any one quantity, or the interaction of all. If it is not small, the
+        budget is not reliable. Use random draws of the quantities in this case.
         """
         u = self.sigma(output)
         second = np.concatenate([self.curvature[output], self.interaction[output][None]])
@@ -169,10 +171,10 @@ class Budget:
         return int(np.argmax(np.abs(self.value[self._known(output)])))
 
     def table(self, output: str, sample: int | None = None) -> list[dict[str, Any]]:
-        """Contributions at one sample, the largest share first; the last row is the whole.
+        """Contributions at one sample, the largest share first. The last row is the total.
 
-        ``output``: name of the output. ``sample``: flat index of the sample; that of the largest magnitude by
-        default. Returns: "quantity", "value", "unit", "sigma", "kind", "freedom", "sensitivity" (output per
+        ``output``: name of the output. ``sample``: flat index of the sample; default: that of the largest
+        magnitude. Returns: "quantity", "value", "unit", "sigma", "kind", "freedom", "sensitivity" (output per
         unit of the quantity), "contribution" and "share" of the variance, Eq. (U.13). Shares add up to 1;
         that of a correlated quantity may be negative.
         """
@@ -245,8 +247,8 @@ def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, st
 
 
 Model = Callable[[Mapping[str, float]], Mapping[str, ArrayLike]]
-"""Function of the values of the quantities, by name, that returns named outputs: scalars or arrays of fixed
-shapes."""
+"""Function from the values of the quantities, by name, to named outputs. The outputs are scalars or arrays of
+fixed shapes."""
 
 
 def propagate(
@@ -259,19 +261,21 @@ def propagate(
 ) -> Budget:
     """Propagate standard uncertainties through a model, Eq. (U.10).
 
-    Sensitivities are central differences over one standard uncertainty to either side (GUM 5.1.3, note 2). A
-    half step of all quantities at once must agree with them. This check detects a step lost in the model's
-    round-off, a jump (e.g. of a window by one sample) and a strong nonlinearity. The model is run 2 n + 3
-    times.
+    Sensitivities are central differences over one standard uncertainty on either side (GUM 5.1.3, note 2). A
+    half step of all quantities at once must agree with them. This check detects three faults: a step within
+    the model's round-off, a jump (e.g. of a window by one sample) and a strong nonlinearity. The model is run
+    2 n + 3 times.
 
-    Raises ValueError if a quantity is impossible or occurs twice, the model fails at a varied value, an
-    output is not finite or changes its shape, the correlations are invalid, or the steps disagree.
+    Raises ValueError if a quantity is impossible or occurs twice, if the correlations are invalid, or if the
+    steps disagree. The same error is raised if the model fails at a varied value, or if an output is not
+    finite or changes its shape.
 
     ``model``: from values by name to outputs, which must keep their shapes. ``quantities``: inputs with their
-    standard uncertainties; those with 0 are listed and not varied. ``noise``: standard deviations of outputs
-    from the noise of signals, which the model does not vary. ``correlations``: coefficients of pairs of
-    quantities. ``tolerance``: largest difference between the half step and the prediction from the
-    contributions, over the combined standard uncertainty, as root mean square over the samples [-].
+    standard uncertainties. Inputs with 0 are listed but not varied. ``noise``: standard deviations of outputs
+    due to the noise of signals. The model does not vary this noise. ``correlations``: coefficients of pairs
+    of quantities. ``tolerance``: largest difference between the half step and the prediction by the
+    contributions [-]. It is divided by the combined standard uncertainty, as root mean square over the
+    samples.
     """
     check_quantities(quantities)
     R = correlation_matrix(quantities, correlations or {})
@@ -287,7 +291,8 @@ def propagate(
             bend[name].append(0.5 * (plus[name] + minus[name]) - value[name])
     contribution = {name: _stack(whole[name], value[name]) for name in value}
     curvature = {name: _stack(bend[name], value[name]) for name in value}
-    # All at once over half a step, with alternating signs so that equal contributions do not cancel.
+    # All are varied at once by half a step. Signs alternate, because equal contributions could otherwise
+    # cancel.
     share = {q: 0.5 * (-1) ** k for k, q in enumerate(quantities)}
     plus, minus = _varied_outputs(model, value, best, share)
     steps = np.array(list(share.values()))
@@ -362,7 +367,7 @@ def _raise_for_steps(
     contribution: FloatArray,
     allowed: float,
 ) -> None:
-    """Find the quantity whose half step gives a different slope, and raise ValueError."""
+    """Find the quantity with another slope at its half step, and raise ValueError."""
     off = []
     for q, one in zip(quantities, contribution, strict=True):
         plus, minus = _varied_outputs(model, value, best, {q: 0.5})
@@ -378,11 +383,12 @@ def _raise_for_steps(
 def outputs(
     model: Model, values: Mapping[str, float], where: str, like: Mapping[str, FloatArray] | None
 ) -> dict[str, FloatArray]:
-    """Outputs of a model as arrays; `where` describes the values in the error message, `like` has the right
-    shapes.
+    """Outputs of a model as arrays.
 
-    Raises ValueError if the model fails, an output is not finite, or names or shapes differ from those of
-    `like`.
+    `where` describes the values in the error message, `like` has the correct shapes.
+
+    Raises ValueError if the model fails, if an output is not finite, or if names or shapes differ from those
+    of `like`.
     """
     try:
         found = {name: np.asarray(value, dtype=float) for name, value in model(values).items()}

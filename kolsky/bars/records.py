@@ -1,5 +1,6 @@
-"""Records of bar signals, from the recording to the result (SI, float64, compression positive, the shot's
-clock).
+"""Records of bar signals, from the recording to the result.
+
+Values are SI, float64, compression positive, on the shot's clock.
 
 A `Signal` has a uniform clock. `WavesResult` is the result of `kolsky waves`, `FlyerResult` that of the flyer
 test.
@@ -24,7 +25,7 @@ _SHARED_HISTORIES = ("front_force", "back_force", "front_velocity", "back_veloci
 
 @dataclass(frozen=True)
 class Signal:
-    """A uniformly sampled quantity; sample i belongs to the time ``start + i * interval``."""
+    """A uniformly sampled quantity. Sample i belongs to the time ``start + i * interval``."""
 
     start: float
     """Time of the first sample on the shot's clock [s]."""
@@ -54,18 +55,21 @@ class Signal:
 
 @dataclass(frozen=True)
 class BarSignal:
-    """Strain at a gauge station, compression positive: the mean of its gauges, bending removed."""
+    """Strain at a gauge station, compression positive.
+
+    It is the mean of its gauges, without bending.
+    """
 
     strain: Signal
     """Axial strain at the station, compression positive [-]."""
     bar: Bar
-    """The bar it sits on."""
+    """The bar with the gauge."""
     position: float
     """Distance of the station from the bar's specimen end [m], > 0."""
     side: str
     """"incident" or "transmission"."""
     bending: FloatArray | None = None
-    """Half the difference of opposed gauges [-], shape [n]; None with one gauge."""
+    """Half the difference of opposed gauges [-], shape [n]; None with a single gauge."""
 
 
 @dataclass(frozen=True)
@@ -84,16 +88,16 @@ class Windows:
 
 @dataclass(frozen=True)
 class FaceWaves:
-    """The waves where the bars touch the specimen, on one clock: strains, compression positive."""
+    """The waves at the bars' faces on the specimen, on one clock: strains, compression positive."""
 
     time: FloatArray
     """Times at the specimen's faces, from the arrival of the incident wave [s], shape [n], uniform."""
     incident: FloatArray
-    """Incident wave, toward the specimen, in the incident bar [-], shape [n]."""
+    """Incident wave in the incident bar, toward the specimen [-], shape [n]."""
     reflected: FloatArray
-    """Reflected wave, from the specimen, in the incident bar [-], shape [n]; a tensile pulse is negative."""
+    """Reflected wave in the incident bar, from the specimen [-], shape [n]. A tensile pulse is negative."""
     transmitted: FloatArray
-    """Transmitted wave, from the specimen, in the transmission bar [-], shape [n]."""
+    """Transmitted wave in the transmission bar, from the specimen [-], shape [n]."""
     sigma: Mapping[str, float]
     """Standard deviation of a sample's noise of "incident", "reflected", "transmitted" [-]."""
     incident_bar: Bar
@@ -101,10 +105,10 @@ class FaceWaves:
     transmission_bar: Bar
     """The bar behind it."""
     origin: float = 0.0
-    """Time 0 of `time` on the shot's clock: when the incident wave arrives at the specimen [s]."""
+    """Time 0 of `time` on the shot's clock [s]. At this time the incident wave arrives at the specimen."""
     white: Mapping[str, float] | None = None
-    """Sigma of white noise with the level of each wave's noise at low frequencies [-], which determines the
-    noise of integrals and means. None if the noise is white, with `sigma`."""
+    """Sigma of white noise with the level of each wave's noise at low frequencies [-]. It determines the
+    noise of integrals and means. None if the noise is white with `sigma`."""
     band: float = float("inf")
     """Frequency above which the waves were filtered out [Hz]."""
 
@@ -116,7 +120,7 @@ class History:
     value: FloatArray
     """Its values, shape [n]."""
     sigma: FloatArray
-    """Standard uncertainty (k = 1) of each, noise and systematic parts together, shape [n]."""
+    """Standard uncertainty (k = 1) of each value, with noise and systematic parts, shape [n]."""
     unit: str
 
 
@@ -124,7 +128,8 @@ class History:
 class Reduction:
     """Strain, rate and stress of a specimen by one-, two- and three-wave analysis.
 
-    Keys of the mappings are "one wave", "two waves" and "three waves". All nominal, compression positive.
+    Keys of the mappings are "one wave", "two waves" and "three waves". All quantities are nominal,
+    compression positive.
     """
 
     time: FloatArray
@@ -144,21 +149,21 @@ class Reduction:
     back_velocity: History
     """Velocity of the transmission bar's face, in the same direction [m/s]."""
     imbalance: FloatArray
-    """Equilibrium R(t) = 2 (F1 - F2) / (F1 + F2) [-], shape [n]; inf where forces are within their noise."""
+    """Equilibrium R(t) = 2 (F1 - F2) / (F1 + F2) [-], shape [n]; inf if the forces are within their noise."""
     balanced: tuple[float, float] | None
     """Longest time span in which R stays within its allowance [s]; None if there is none."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """One entry of the audit log: what was done to a signal, and how much it changed."""
+    """One entry of the audit log: the change made to a signal, and its size."""
 
     name: str
-    """Its name, e.g. "dispersion, incident wave"; its switch in shot.toml is `key`."""
+    """Its name, e.g. "dispersion, incident wave". Its switch in shot.toml is `key`."""
     key: str
     """Its switch, e.g. "dispersion"."""
     applied: bool
-    """True if it was applied; a correction that was not applied is also listed with its size."""
+    """True if the correction was applied. One that was not applied is also listed with its size."""
     size: float
     """Largest change over the pulse, in `unit`."""
     rms: float
@@ -182,7 +187,7 @@ class Quantity:
     unit: str
     """SI unit."""
     kind: str
-    """"A" from repeated observations, "B" from a certificate, a resolution or a judgement."""
+    """"A" for repeated observations, "B" for a certificate, a resolution or a judgement."""
     freedom: float = float("inf")
     """Degrees of freedom of the standard uncertainty."""
 
@@ -202,7 +207,7 @@ def histories(reduction: Reduction) -> dict[str, History]:
 
 
 def map_histories(reduction: Reduction, change: Callable[[str, History], History]) -> Reduction:
-    """The reduction with `change` applied to each history and its name, as `histories` has it."""
+    """The reduction with `change` applied to each history and its name, as in `histories`."""
 
     def changed(kind: str) -> dict[str, History]:
         return {key: change(f"{kind}, {key}", history) for key, history in getattr(reduction, kind).items()}
@@ -218,7 +223,10 @@ def map_histories(reduction: Reduction, change: Callable[[str, History], History
 
 
 def with_opposite_sign(reduction: Reduction) -> Reduction:
-    """The reduction with the opposite sign of all histories: tension positive instead of compression."""
+    """The reduction with the opposite sign of all histories.
+
+    Tension is then positive instead of compression.
+    """
     return map_histories(
         reduction, lambda name, history: History(-history.value, history.sigma, history.unit)
     )
@@ -232,8 +240,8 @@ class Contribution:
     shares: Mapping[str, float]
     """Its share of the variance of each result, by the result's name [-]."""
     sensitivity: Mapping[str, float] = field(default_factory=dict)
-    """Change of each result per unit of the input, with its sign, by the result's name, in the result's unit
-    over the input's. An input that counts as exact is not varied and has none."""
+    """Change of each result per unit of the input, with its sign, by the result's name. Its unit is that of
+    the result over that of the input. An exact input is not varied and has none."""
 
 
 @dataclass(frozen=True)
@@ -241,7 +249,7 @@ class BudgetTable:
     """The uncertainty budget of the reported results."""
 
     results: Mapping[str, tuple[float, float, str]]
-    """Quoted number by name: value, standard uncertainty (k = 1), unit."""
+    """Result by name: value, standard uncertainty (k = 1), unit."""
     contributions: tuple[Contribution, ...]
     """One row for each input, noise last."""
 
@@ -286,12 +294,12 @@ class WavesResult(ReducedTest):
     faces: FaceWaves
     """The waves at the specimen."""
     analysis: str = "three waves"
-    """The analysis whose values are quoted."""
+    """The analysis of the reported values."""
     valid: tuple[float, float] | None = None
-    """Time span in which imbalance and inertia stay within a share of the stress [s]; None if there is
-    none."""
+    """Time span in which imbalance and inertia stay within a share of the stress [s]; None if no such span
+    exists."""
     validity: str = ""
-    """The same in words, with the share that was allowed."""
+    """The time span in words, with the allowed share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,11 +309,11 @@ class FlyerResult(ReducedTest):
     signals: tuple[Signal, ...]
     """Forces at the transducers over the whole record [N]."""
     events: tuple[tuple[str, float | None, float | None, str], ...]
-    """Name, time [s], sigma [s] and detection method of every event searched for."""
+    """Name, time [s], sigma [s] and detection method of every event in the search."""
     valid: tuple[float, float] | None
     """Time span in which the classical stress-strain curve is valid [s]; None if there is none."""
     validity: str
-    """The same in words, with the share that was allowed."""
+    """The time span in words, with the allowed share."""
     synchronisation: str | None
     """Verdict of the cross-check of cameras and transducers; None without an incident transducer."""
     inertia: Mapping[str, FloatArray]
@@ -317,10 +325,10 @@ LARGEST_JITTER = 0.01
 
 
 def uniform_clock(recording: Recording) -> tuple[float, float]:
-    """First time and interval of a recording [s], which must be uniform.
+    """First time and interval of a recording [s]. The recording must be uniform.
 
-    Raises ValueError if lengths differ, a value is not finite, or a time deviates from uniform spacing by 1 %
-    of the interval.
+    Raises ValueError if lengths differ, if a value is not finite, or if a time deviates from uniform spacing
+    by 1 % of the interval.
     """
     time, value, name = recording.time, recording.value, recording.channel
     if time.shape != value.shape or time.ndim != 1 or time.size < 2:

@@ -1,1 +1,1 @@
-"""Measured histories, apparatus, units, errors, files; no physics."""
+"""Measured histories, apparatus, units, errors and files. No physics."""

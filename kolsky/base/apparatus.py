@@ -1,5 +1,6 @@
 """Declared data of a test: bar, platens, transducers, specimen, and the specimen's viscoelastic model
-(SI)."""
+(SI).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,10 +14,10 @@ LIFTING_LAW = "rough"
 SLIDING_LAW = "coulomb"
 """Contact law of faces that slide."""
 LARGEST_POISSON = 0.49999
-"""Largest Poisson's ratio of a shot: the stable step is proportional to the root of 1 - 2 nu."""
+"""Largest Poisson's ratio of a shot. The stable step is proportional to the root of 1 - 2 nu."""
 INCOMPRESSIBLE = 0.49998
 """Poisson's ratio used for an incompressible specimen. The outline of open-01 differs by 0.07 um from that of
-`LARGEST_POISSON`, less than all its points together resolve; with 0.4999 it differs by 0.6 um."""
+`LARGEST_POISSON`, less than all its points together resolve. With 0.4999 it differs by 0.6 um."""
 INCOMPRESSIBLE_WORD = "incompressible"
 """Its name in shot.toml and on the command line."""
 
@@ -58,7 +59,7 @@ class Bar:
     poisson: float = 0.29
     """Poisson's ratio [-]."""
     yield_strength: float | None = None
-    """Elastic limit [Pa]; None if it is not known."""
+    """Elastic limit [Pa]; None if unknown."""
 
     @property
     def wave_speed(self) -> float:
@@ -67,7 +68,7 @@ class Bar:
 
     @property
     def impedance(self) -> float:
-        """Force per particle velocity Z = rho c0 A [N s/m]."""
+        """Force divided by particle velocity, Z = rho c0 A [N s/m]."""
         return self.density * self.wave_speed * pi * self.diameter**2 / 4.0
 
     @property
@@ -87,7 +88,7 @@ class ElasticBody:
     element_size: float = 0.0
     """Largest side of an element, for "mesh" [m]."""
     transducer_depth: float = 0.0
-    """Distance of the force transducer's section behind the face [m]; 0 is the face."""
+    """Distance of the force transducer's section behind the face [m]. 0 is the face."""
     seen_at: float = 0.0
     """For a flyer: distance of the point of measured displacement behind the face [m]."""
 
@@ -113,24 +114,24 @@ class Transducer:
 
 @dataclass(frozen=True)
 class Interface:
-    """Contact of the specimen with the platens; each law is one of `explicit.contact.CONTACT_LAWS`."""
+    """Contact of the specimen with the platens. Each law is one of `explicit.contact.CONTACT_LAWS`."""
 
     faces: str
     """Law of the end faces."""
     side: str
-    """Law of the side surface where it rolls onto a platen."""
+    """Law of the side surface at places where it rolls onto a platen."""
     friction: float = 0.0
     """Coulomb coefficient, for laws that use it [-]."""
     release_stress: float = 0.0
     """Tensile stress at which a node is released, for laws that use it [Pa]."""
     contact_stiffness: float = 1e13
-    """Stiffness of the contact springs over the undeformed area, for laws that use it [Pa/m]."""
+    """Stiffness of the contact springs divided by the undeformed area, for laws that use it [Pa/m]."""
 
 
 RelaxationKind = Literal["prony", "bergstrom_boyce"]
 
 MOST_BRANCHES = 3
-"""Largest number of branches of a Prony series with individual parameters: a few strain rates do not
+"""Largest number of branches of a Prony series with individual parameters. A few strain rates do not
 constrain more."""
 NETWORK_CONSTANTS = (
     "creep_ratio",
@@ -141,28 +142,33 @@ NETWORK_CONSTANTS = (
 )
 """Parameters of Bergstrom and Boyce's network, in the order of `explicit.relaxation.BergstromBoyce`."""
 NETWORK_DEFAULTS = {"creep_exponent": 4.0, "creep_chain_exponent": -1.0, "creep_first": 0.01}
-"""Constants that need not be declared; those of `explicit.relaxation.BergstromBoyce`."""
+"""Constants that need not be declared. Their defaults are those of `explicit.relaxation.BergstromBoyce`."""
 NETWORK_FREE = ("creep_ratio", "creep_resistance")
 """Constants of the network that are free by default, if the shot declares relaxation without details."""
 
 
 def prony_names(branches: int) -> tuple[str, ...]:
-    """Parameters of a Prony series: the strengths, then the times, branch by branch."""
+    """Parameters of a Prony series, branch by branch.
+
+    The strengths come first, then the times.
+    """
     numbers = range(1, branches + 1)
     return (*(f"prony_strength_{k}" for k in numbers), *(f"prony_time_{k}" for k in numbers))
 
 
 @dataclass(frozen=True)
 class Relaxation:
-    """[relaxation] of a shot: viscoelastic branches added to the long-term law, which is the quasi-static
-    curve times m."""
+    """[relaxation] of a shot: viscoelastic branches added to the long-term law.
+
+    The long-term law is the quasi-static curve times m.
+    """
 
     kind: RelaxationKind
     """Prony series, or the network of Bergstrom and Boyce."""
     values: Mapping[str, float]
-    """Parameter name -> declared constant in SI: `prony_names`, or `NETWORK`."""
+    """Parameter name -> declared constant in SI. The names are `prony_names`, or `NETWORK`."""
     sigmas: Mapping[str, float] = field(default_factory=dict)
-    """Parameter name -> declared standard uncertainty in SI; a missing name means that none was declared."""
+    """Parameter name -> declared standard uncertainty in SI. A missing name has no declared uncertainty."""
     free: bool = False
     """True if an identification estimates its constants by default."""
 
@@ -177,12 +183,12 @@ class Relaxation:
 
     @property
     def branches(self) -> int:
-        """Branches of the series; 1 for the network."""
+        """Number of branches of the series; 1 for the network."""
         return len(self.values) // 2 if self.kind == "prony" else 1
 
     @property
     def free_names(self) -> tuple[str, ...]:
-        """Parameters that are free by default: none if the constants are fixed."""
+        """Parameters that are free by default. None are free if the constants are fixed."""
         if not self.free:
             return ()
         return prony_names(self.branches) if self.kind == "prony" else NETWORK_FREE

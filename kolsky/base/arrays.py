@@ -1,4 +1,4 @@
-"""Array types: NumPy arrays of one type each, any shape; docstrings give shape and unit."""
+"""Array types: NumPy arrays of one type each, any shape. Docstrings give shape and unit."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,7 @@
-"""Errors about invalid input: a single line with file, line, key, value, allowed range and cure."""
+"""Errors about invalid input.
+
+One line with file, line, key, value, allowed range and remedy.
+"""
 
 import json
 from collections.abc import Iterable, Iterator
@@ -13,7 +16,7 @@ _LONGEST_VALUE = 80
 
 
 class InputError(Exception):
-    """Invalid input of the user; `str()` of it is one line.
+    """Invalid input of the user. Its `str()` is one line.
 
     Parameters
     ----------
@@ -26,7 +29,7 @@ class InputError(Exception):
     key
         Dotted key of the shot file, e.g. "specimen.density".
     value
-        The value found there, as it was written.
+        The value of this key, as written.
     allowed
         The allowed range or choice; printed after "it must be".
     cure
@@ -82,7 +85,7 @@ class InputError(Exception):
 
 
 class InputErrors(InputError):
-    """Several problems at once; `str()` gives one line for each."""
+    """Several problems in one error. `str()` gives one line for each."""
 
     def __init__(self, problems: Iterable[InputError]) -> None:
         self._problems = tuple(problems)
@@ -120,7 +123,10 @@ def refused(
     cure: str,
     errors: tuple[type[Exception], ...] = (ValueError,),
 ) -> Iterator[None]:
-    """Make a ValueError inside it, or one of the errors, bad input with a cure; `before` begins its text."""
+    """Make a ValueError inside it, or one of the errors, bad input with a remedy.
+
+    `before` begins its text.
+    """
     try:
         yield
     except errors as error:
@@ -130,7 +136,7 @@ def refused(
 def refuse(problems: list[InputError]) -> None:
     """Raise the problems, if there are any.
 
-    Raises InputError: the only problem, or an `InputErrors` that holds them all.
+    Raises InputError: the only problem, or an `InputErrors` that contains them all.
     """
     if len(problems) == 1:
         raise problems[0]
@@ -139,6 +145,6 @@ def refuse(problems: list[InputError]) -> None:
 
 
 def _shown(value: object) -> str:
-    """A value as a user would write it in TOML, shortened if it is long."""
+    """A value in TOML, as a user would write it. A long value is shortened."""
     text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."

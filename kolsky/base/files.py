@@ -1,4 +1,7 @@
-"""Bytes and text of a file; folders of results, written completely or not at all; CSV tables; JSON values."""
+"""Bytes and text of a file, result folders, CSV tables and JSON values.
+
+Result folders are written completely or not at all.
+"""
 
 import csv
 import hashlib
@@ -42,7 +45,7 @@ SIZE_LIMIT = 200_000_000
 
 @contextmanager
 def read_errors(path: Path) -> Iterator[None]:
-    """Make an error of the system inside it an InputError about a file to be read."""
+    """Convert a system error inside it to an InputError about a file that is read."""
     try:
         yield
     except FileNotFoundError:
@@ -66,8 +69,8 @@ def check_size(path: Path, size: int, limit: int) -> None:
 def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
     """The bytes of a regular file of sensible size.
 
-    Raises InputError if there is no such file, it is a folder or a device, it is empty, larger than `limit`
-    bytes (found without reading it), or may not be read.
+    Raises InputError if there is no such file, if it is a folder, a device or empty, or if it may not be
+    read. The same error is raised if it is larger than `limit` bytes; its size is found without reading it.
     """
     with read_errors(path):
         status = path.stat()
@@ -86,7 +89,7 @@ def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
 def decode(path: Path, data: bytes) -> str:
     """UTF-8 text of a file, with or without a byte order mark.
 
-    Raises InputError if the bytes are not UTF-8, with the offset of the first that is not.
+    Raises InputError if the bytes are not UTF-8, with the offset of the first invalid byte.
     """
     try:
         return data.decode("utf-8-sig")
@@ -101,14 +104,16 @@ def decode(path: Path, data: bytes) -> str:
 
 
 def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
-    """Write named columns of equal length, floats with 9 significant digits; returns the path.
+    """Write named columns of equal length, floats with 9 significant digits.
 
-    Text that a spreadsheet would take for a formula gets a leading apostrophe; see `dic.files.text_cell`.
+    Returns the path.
+
+    Text that a spreadsheet would read as a formula gets a leading apostrophe; see `dic.files.text_cell`.
 
     Parameters
     ----------
     path
-        Where to; its folder is made if absent.
+        Path of the file. Its folder is created if absent.
     columns
         Heading, with the unit, -> values.
     """
@@ -122,12 +127,15 @@ def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
 
 
 def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Iterable[Any]]]) -> list[Path]:
-    """Write tables by name, see `write_table`; returns their paths."""
+    """Write tables by name, see `write_table`. Returns their paths."""
     return [write_table(Path(folder) / f"{name}.csv", columns) for name, columns in tables.items()]
 
 
 def columns_of(rows: Iterable[Mapping[str, Any]], headings: Iterable[str] = ()) -> dict[str, list[Any]]:
-    """A table of rows given as heading -> cell; ``headings``: headings that it has even without rows."""
+    """A table of rows given as heading -> cell.
+
+    ``headings``: headings that it has even without rows.
+    """
     columns: dict[str, list[Any]] = {heading: [] for heading in headings}
     for row in rows:
         for heading, cell in row.items():
@@ -145,10 +153,12 @@ def _cell(value: Any) -> str:
 
 
 def usable_folder(folder: Path) -> Path:
-    """The folder, after a check that results can be written there; it is not created.
+    """The folder, after a check that results can be written into it.
 
-    Raises InputError if it is a file, or if it or the nearest folder above it that exists cannot be written
-    to.
+    The folder is not created.
+
+    Raises InputError if it is a file. The same error is raised if the folder, or its nearest existing parent,
+    cannot be written to.
     """
     folder = Path(folder)
     above = folder
@@ -166,12 +176,14 @@ def usable_folder(folder: Path) -> Path:
 
 @contextmanager
 def filling(folder: Path) -> Iterator[Path]:
-    """A temporary folder whose files are moved to `folder` when the block ends without an exception.
+    """A temporary folder.
 
-    The files are first written next to the old ones. A full disk, an error or an interrupt therefore leaves
+    Its files are moved to `folder` when the block ends without an exception.
+
+    The files are first written beside the old ones. A full disk, an error or an interrupt therefore leaves
     every old result unchanged and creates no new folder.
 
-    Raises InputError if a file cannot be written or put in its place.
+    Raises InputError if a file cannot be written or moved to its place.
     """
     made = missing(folder)
     try:
@@ -198,17 +210,17 @@ def filling(folder: Path) -> Iterator[Path]:
 
 
 def _hidden(path: Path, above: Path) -> bool:
-    """Whether a file lies in a hidden folder of `dic.files.scratch` inside another."""
+    """True if a file lies in a hidden folder of `dic.files.scratch` inside another."""
     return any(part.startswith(HIDDEN) for part in path.relative_to(above).parts[:-1])
 
 
 def missing(folder: Path) -> list[Path]:
-    """The folder and those above it that do not exist, innermost first."""
+    """The folder and its parents that do not exist, innermost first."""
     return [path for path in (folder, *folder.parents) if not path.exists()]
 
 
 def remove_empty(folders: list[Path]) -> None:
-    """Remove those folders, innermost first, that hold nothing."""
+    """Remove those of these folders that are empty, innermost first."""
     for path in folders:
         if path.is_dir() and not any(path.iterdir()):
             path.rmdir()
@@ -216,8 +228,9 @@ def remove_empty(folders: list[Path]) -> None:
 
 @cache
 def source_hash() -> str:
-    """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not identify a working
-    copy.
+    """SHA-256 of the sources of `kolsky` and `explicit`.
+
+    A version number does not identify a working copy.
     """
     total = hashlib.sha256()
     root = Path(__file__).parents[2]
@@ -227,9 +240,12 @@ def source_hash() -> str:
 
 
 def jsonable(value: Any, where: str) -> Any:
-    """A value as JSON types: arrays and tuples as lists, enums as text, numbers that are not finite as null.
+    """A value as JSON types.
 
-    Raises TypeError if something in it has no such form; the message names its place, starting from `where`.
+    Arrays and tuples become lists, enums text, and numbers that are not finite null.
+
+    Raises TypeError if a part of it has no such form. The message gives the place of this part, beginning
+    with `where`.
     """
     if isinstance(value, Enum):
         return value.value if isinstance(value.value, str) else value.name

@@ -1,9 +1,11 @@
-"""HDF5 files: groups and datasets with units, written completely or not at all, and checked when read.
+"""HDF5 files: groups and datasets with units.
+
+They are written completely or not at all, and checked when they are read.
 
 The files follow the NeXus convention: `NXentry` and `NXdata` groups with `signal` and `axes`, and `units` on
-every array. Text is fixed-length UTF-8: no pickles, no object types. Of a file that is read, link, type,
-shape, size and unit of a dataset are checked before its values. Records are joined to it by
-`kolsky.base.hdf5_records`.
+every array. Text is fixed-length UTF-8, without pickles or object types. When a file is read, link, type,
+shape, size and unit of a dataset are checked before its values. `kolsky.base.hdf5_records` joins records to
+the files.
 """
 
 from __future__ import annotations
@@ -26,26 +28,26 @@ if TYPE_CHECKING:
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
 """Kind of a dataset -> its type in the file: float64, int64, bool, small unsigned integer."""
 IN_MEMORY: dict[str, Any] = {"driver": "core", "backing_store": False}
-"""A file is built in memory and then written in one step: on a full disk, HDF5 prints a traceback for every
-open object, which cannot be caught."""
+"""A file is built in memory and then written in one step. On a full disk, HDF5 would otherwise print a
+traceback for every open object. This output cannot be caught."""
 OpenGroup: TypeAlias = "h5py.Group"
 """A group of an open file."""
 COMPRESSED_FROM = 4096
 """A dataset with at least this number of values is compressed."""
 MOST_PACKING = 20
-"""Largest ratio of a file's uncompressed to compressed size. Measurements compress to a half, zeros to a
-thousandth."""
+"""Largest ratio of a file's uncompressed size to its compressed size. Measurements compress to a half, zeros
+to a thousandth."""
 FREELY_UNPACKED = 2**28
-"""Uncompressed size that is allowed for a file of any size [bytes]."""
+"""Uncompressed size that is allowed for any file [bytes]."""
 
 
 class Refused(Exception):
-    """A part of a file cannot be used; the message does not name the file."""
+    """A part of a file cannot be used. The message does not name the file."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """Name and version that a file carries as the attributes `format` and `format_version`."""
+    """Name and version in the attributes `format` and `format_version` of a file."""
 
     name: str
     """Name of the format."""
@@ -70,11 +72,11 @@ class Place:
     largest: int
     """Upper limit of the size that is read from the file [bytes]."""
     sizes: dict[str, int] = field(default_factory=dict)
-    """Sizes of the named dimensions found so far; a dimension of one name has one size."""
+    """Sizes of the named dimensions found so far. A dimension of one name has one size."""
     unit: str = ""
     """Unit of the record it belongs to, see `kolsky.base.hdf5_records.RECORD_UNIT`."""
     taken: list[int] = field(default_factory=lambda: [0])
-    """Bytes read from the file so far, one count for all its places."""
+    """Number of bytes read from the file so far, one count for all its places."""
 
     @property
     def name(self) -> str:
@@ -91,8 +93,9 @@ class Place:
         return replace(self, path=posixpath.normpath(f"{self.path}/{path}"))
 
     def inside(self, path: str = ".") -> Place:
-        """A place with a separate copy of the known dimensions; dimensions added there are not shared with
-        this one.
+        """A place with a separate copy of the known dimensions.
+
+        Dimensions added to the copy are not shared.
         """
         return replace(self.at(path), sizes=dict(self.sizes))
 
@@ -103,7 +106,10 @@ class Place:
 
 @contextmanager
 def creating(path: Path, **attributes: Any) -> Iterator[h5py.File]:
-    """A new file with these attributes, moved to `path` at the end; an older file is kept if that fails."""
+    """A new file with these attributes, moved to `path` at the end.
+
+    If this fails, an older file is kept.
+    """
     import h5py
 
     with replacing(Path(path)) as partial:
@@ -118,7 +124,7 @@ def creating(path: Path, **attributes: Any) -> Iterator[h5py.File]:
 
 @contextmanager
 def writing(path: Path, form: Format, **attributes: Any) -> Iterator[Place]:
-    """The place "entry" of a new file of a format, see `creating`; the group itself is not made yet."""
+    """The place "entry" of a new file of a format, see `creating`. The group is not made yet."""
     head = {"format": form.name, "format_version": form.version, "default": "entry"}
     with creating(path, **head, **attributes) as file:
         yield Place(file, "entry", form.version, form.largest)
@@ -141,8 +147,8 @@ def adding_to(path: Path) -> Iterator[OpenGroup]:
 def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
     """Context with the group "entry" of a file of a format, before any data are read.
 
-    Raises InputError if the file is missing, damaged or of another format or version, or if something inside
-    the block is rejected. The message is one line and ends with `cure`.
+    Raises InputError if the file is missing, damaged or of another format or version, or if a part of it is
+    rejected inside the block. The message is one line and ends with `cure`.
     """
     import h5py
 
@@ -161,13 +167,16 @@ def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
     except Refused as error:
         raise InputError(path, str(error), cure=cure) from None
     except (OSError, RuntimeError, KeyError, TypeError, ValueError, AttributeError) as error:
-        # Exceptions of h5py on damaged files; their messages can have several lines.
+        # Exceptions of h5py on damaged files. Their messages can have several lines.
         cause = " ".join(str(error).split())
         raise InputError(path, f"not a readable HDF5 file ({cause})", cure=cure) from error
 
 
 def stored_attribute(path: Path, form: Format, name: str) -> object:
-    """One attribute of a file; None if there is no such file, format, version or attribute."""
+    """One attribute of a file.
+
+    None if there is no such file, format, version or attribute.
+    """
     import h5py
 
     try:
@@ -200,7 +209,10 @@ def data(parent: OpenGroup, name: str, signal: str, *axes: str) -> OpenGroup:
 def put(
     parent: OpenGroup, name: str, values: Any, unit: str | None, *, kind: str = "f", **attributes: Any
 ) -> None:
-    """Write numbers as a dataset of the kind, with their unit (None: none is written) and attributes."""
+    """Write numbers as a dataset of the kind, with their unit and attributes.
+
+    With the unit None, no unit is written.
+    """
     array = np.asarray(values, dtype=STORED[kind])
     large = array.size > COMPRESSED_FROM
     packing = {"compression": "gzip", "compression_opts": 4, "shuffle": True} if large else {}
@@ -214,7 +226,7 @@ def put(
 def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape: bool = False) -> None:
     """Write a text or several as a dataset of fixed-length UTF-8.
 
-    Raises ValueError if a text has a NUL character or a lone surrogate, unless `escape` writes them as
+    Raises ValueError if a text has a NUL character or a lone surrogate. With `escape`, they are written as
     escapes.
     """
     import h5py
@@ -231,12 +243,14 @@ def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape
 
 
 def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]) -> str:
-    """Compare a shape with named dimensions; return the problem in words, "" if there is none.
+    """Compare a shape with named dimensions.
+
+    Returns the problem in words, "" if there is none.
 
     New named dimensions are added to `sizes`.
 
-    ``shape``: the shape. ``dimensions``: names of its dimensions, "" for a scalar; a number is a size:
-    "frames points 3". ``sizes``: size of every dimension that is known.
+    ``shape``: the shape. ``dimensions``: names of its dimensions, "" for a scalar. A number is a size:
+    "frames points 3". ``sizes``: size of every known dimension.
     """
     names = dimensions.split()
     if len(shape) != len(names):
@@ -281,7 +295,10 @@ def _text(value: Any, where: str) -> str | tuple[str, ...]:
 
 
 def opened(place: Place, kind: type) -> Any:
-    """The object at a place, reached over hard links only (a soft or external link could lead anywhere)."""
+    """The object at a place, reached over hard links.
+
+    A soft or external link could lead to any place.
+    """
     import h5py
 
     here: Any = place.file

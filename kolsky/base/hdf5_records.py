@@ -1,5 +1,6 @@
-"""The stored form of a frozen dataclass: one entry for each field gives its place in HDF5, JSON and tables,
-and its unit.
+"""The stored form of a frozen dataclass.
+
+One entry for each field gives its place in HDF5, JSON and tables, and its unit.
 
 A `Record` lists the fields of one dataclass. Each field has an `Item`: numbers, texts, choices or mappings,
 with their unit and dimensions, the key in JSON and the heading of the column in a table.
@@ -17,7 +18,7 @@ from kolsky.base import hdf5
 from kolsky.base.hdf5 import Place, Refused, opened_group, shape_problem, take
 
 RECORD_UNIT = "unit of the record"
-"""Placeholder for the unit given by the record's field `unit`."""
+"""Placeholder for the unit in the record's field `unit`."""
 
 
 @dataclass(frozen=True)
@@ -49,26 +50,30 @@ class Item:
     at: str = ""
     """Path from the record's group; "" for the field's name."""
     since: int = 1
-    """First version of the format with this field; when an older file is read, the field has its default."""
+    """First version of the format with this field. If an older file is read, the field has its default."""
     optional: bool = False
-    """If True, None is allowed and nothing is written for it."""
+    """True if None is allowed. Nothing is then written for it."""
     derived: bool = False
-    """If True, the field is a property: written for other programs, and not read back."""
+    """True if the field is a property. It is written for other programs and not read back."""
     key: str | None = ""
-    """Key in JSON; "" for the field's name, None if JSON leaves it out."""
+    """Key in JSON. "" uses the field's name, None leaves it out of JSON."""
     heading: str | tuple[str, str] = ""
-    """Heading of its column in a table, without the unit; two headings for a pair of numbers, "" for no
+    """Heading of its column in a table, without the unit. A pair of numbers has two headings; "" means no
     column."""
     parameter: str = ""
-    """Field that names the parameter whose unit the numbers have, or one parameter for each number along the
-    last dimension; "names.1" is the second of its names. "" if the unit is not that of a parameter."""
+    """Field with the name of the parameter that gives the unit of the numbers. It may also name one parameter
+    for each number along the last dimension. "names.1" is the second of its names. "" if the unit is not that
+    of a parameter."""
 
     def json(self, value: Any) -> Any:
         """The value in JSON, see `kolsky.base.files.jsonable`."""
         return value
 
     def columns(self, values: list[Any]) -> dict[str, Any]:
-        """The column of a table, by its heading: two of pairs, none without a heading."""
+        """The column of a table, by its heading.
+
+        Pairs have two columns. Without a heading, there is no column.
+        """
         if isinstance(self.heading, tuple):
             return {name: [pair[end] for pair in values] for end, name in enumerate(self.heading)}
         return {self.heading: self._cells(values)} if self.heading else {}
@@ -77,7 +82,7 @@ class Item:
         return values
 
     def scaled(self, value: Any, record: Any, factor: Callable[[str], float]) -> Any:
-        """The value with numbers in a parameter's unit multiplied by that parameter's factor."""
+        """The value, with numbers in a parameter's unit multiplied by that parameter's factor."""
         if not self.parameter:
             return value
         field_name, _, number = self.parameter.partition(".")
@@ -96,7 +101,7 @@ class Item:
     def read(self, place: Place) -> Any:
         """Read it back.
 
-        Raises kolsky.base.hdf5.Refused if it is missing or not as it was written.
+        Raises kolsky.base.hdf5.Refused if it is missing or differs from the written form.
         """
         raise NotImplementedError
 
@@ -171,7 +176,7 @@ class Text(Item):
     dims: str = ""
     """Name of the dimension, "" for one text."""
     among: tuple[str, ...] = field(default=(), kw_only=True)
-    """The only texts that are accepted; empty for any."""
+    """The only texts that are accepted. Empty: all texts are accepted."""
 
     def write(self, place: Place, value: Any) -> None:
         _checked(place, () if isinstance(value, str) else (len(value),), self.dims)
@@ -188,7 +193,7 @@ class Text(Item):
 
 @dataclass(frozen=True)
 class Choice(Item):
-    """Members of an enum as text: the value of a text enum, else the name."""
+    """Members of an enum as text: the value of a text enum, otherwise the name."""
 
     enum: type[Enum]
     """The enum."""
@@ -265,9 +270,9 @@ class Pairs(Item):
     values: Item
     """The values, in the same form."""
     group: Group | None = None
-    """Group that holds the two; None for the record's own, then `at` is "."."""
+    """Group of the two datasets. None: the group of the record, and `at` is then "."."""
     as_key: Callable[[Any], Any] | None = None
-    """Converts a stored value to a key; None if the stored value is the key."""
+    """Converts a stored value to a key. None if the stored value is the key."""
 
     def write(self, place: Place, value: Any) -> None:
         place = begin(self.group, place)
@@ -283,7 +288,7 @@ class Pairs(Item):
 
 @dataclass(frozen=True)
 class _ByParameter(Pairs):
-    """Numbers by the parameter in whose unit each is."""
+    """Numbers by parameter, each in the unit of its parameter."""
 
     def scaled(self, value: Any, record: Any, factor: Callable[[str], float]) -> Any:
         return {name: one * factor(name) for name, one in value.items()}
@@ -295,7 +300,7 @@ def numbers(unit: str, **where: Any) -> Pairs:
 
 
 def by_parameter(**where: Any) -> Pairs:
-    """Numbers by parameter, each in the parameter's unit; otherwise as `numbers`."""
+    """Numbers by parameter, each in the unit of its parameter; otherwise as `numbers`."""
     return _ByParameter(
         Text("entries", at="names"), Floats("SI", "entries", at="values"), COLLECTION, **where
     )
@@ -325,7 +330,8 @@ class Record(Generic[T]):
     make: Callable[..., T]
     """The dataclass."""
     group: Group | None
-    """Its group; None if its fields are in the group of the enclosing record, whose dimensions it shares."""
+    """Its group. None if its fields are in the group of the enclosing record. It then shares the dimensions
+    of that record."""
     fields: Mapping[str, Item]
     """One entry for each field, in the order of writing and reading."""
     groups: Mapping[str, Group] = field(default_factory=dict, kw_only=True)
@@ -343,7 +349,7 @@ class Record(Generic[T]):
     def write(self, place: Place, value: T) -> None:
         """Write a record as the group `place`.
 
-        Raises ValueError if shapes disagree with each other, or a text cannot be stored.
+        Raises ValueError if shapes disagree with each other, or if a text cannot be stored.
         """
         place = begin(self.group, place)
         for path, made in self.groups.items():
@@ -359,7 +365,8 @@ class Record(Generic[T]):
     def read(self, place: Place) -> T:
         """Read a record back.
 
-        Raises `Refused` if something is missing, not as it was written, or refused by the dataclass itself.
+        Raises `Refused` if something is missing, differs from the written form, or is rejected by the
+        dataclass.
         """
         if self.group is not None:
             opened_group(place)
@@ -397,7 +404,10 @@ class Record(Generic[T]):
         return made
 
     def table(self, value: T, dim: str) -> dict[str, Any]:
-        """A table of the fields along one dimension, those of parts in the record's own group too."""
+        """A table of the fields along one dimension.
+
+        Fields of parts in the record's group are included.
+        """
         made: dict[str, Any] = {}
         for name, item in self.fields.items():
             found = getattr(value, name)
@@ -408,7 +418,7 @@ class Record(Generic[T]):
         return made
 
     def scaled(self, value: T, factor: Callable[[str], float]) -> T:
-        """The record with every number that is in a parameter's unit multiplied by the parameter's factor."""
+        """The record, with every number in a parameter's unit multiplied by that parameter's factor."""
         made = {
             name: item.scaled(found, value, factor)
             for name, item in self.fields.items()
@@ -454,7 +464,7 @@ class Parts(Item):
     record: Record[Any]
     """Their form."""
     by: str = field(default="", kw_only=True)
-    """Field that is the key of each in JSON; "" for a list."""
+    """Field with the key of each record in JSON; "" for a list."""
     only: str = field(default="", kw_only=True)
     """The only field of each record that is written to JSON; "" for the whole record."""
 
@@ -524,7 +534,10 @@ class GroupName(Item):
 
 @dataclass(frozen=True)
 class Pair(Item):
-    """A tuple of two, one dataset or group each, whose names end in `ends`."""
+    """A tuple of two, with one dataset or group each.
+
+    Their names end in `ends`.
+    """
 
     item: Item
     """The form of each."""
@@ -544,11 +557,13 @@ class Pair(Item):
 
 @dataclass(frozen=True)
 class Columns(Item):
-    """A tuple of records as datasets of one length, one for each field, in the group of the enclosing
-    record."""
+    """A tuple of records as datasets of one length, one for each field.
+
+    They are in the group of the enclosing record.
+    """
 
     record: Record[Any]
-    """Their form; every field has the one dimension."""
+    """Their form. Every field has the one dimension."""
     at: str = field(default=".", kw_only=True)
 
     def write(self, place: Place, value: Any) -> None:

@@ -11,9 +11,9 @@ COMMAND_LINE = Path("command line")
 
 @dataclass(frozen=True)
 class Option:
-    """Help and reading of an option, in the annotation of a field or of a command's parameter.
+    """Help and conversion of an option, in the annotation of a field or of a command's parameter.
 
-    The type decides how a text is read, see `kolsky.cli.options.with_settings`.
+    The type determines the conversion of a text, see `kolsky.cli.options.with_settings`.
     """
 
     help: str
@@ -23,23 +23,23 @@ class Option:
     short: str = ""
     """More names with their dashes, e.g. "-p/--parameter"."""
     metavar: str | None = None
-    """Placeholder of the value in the help; the type if None."""
+    """Placeholder of the value in the help. None: the type."""
     min: float | None = None
     """Smallest number."""
     max: float | None = None
     """Largest number."""
     show_default: str | None = None
-    """Default as shown in the help; the field's default if None, no default if empty."""
+    """Default in the help. None: the field's default. Empty: no default."""
     panel: str | None = None
-    """Panel of `--help` that holds it; the first one if None."""
+    """Panel of `--help` that contains it. None: the first one."""
     unit: str = ""
-    """SI unit of a quantity; the text may use another one."""
+    """SI unit of a quantity. The text may use another unit."""
     positive: bool = False
-    """Whether the quantity must be above zero."""
+    """True if the quantity must be above zero."""
     read: Callable[[str, str], Any] | None = None
-    """Reads an option's text, given the option and the text; raises InputError."""
+    """Converts an option's text, given the option and the text. Raises InputError."""
     on: Callable[[], Any] | None = None
-    """Value of a switch when it is given; True if None."""
+    """Value of a switch if it is given. None: True."""
 
 
 NUMERICAL = "Mesh and solver"
@@ -51,4 +51,4 @@ HeaderLine = Annotated[
 ]
 """Line of a table's column names, counted from 1."""
 SheetName = Annotated[str | None, Option("Sheet of a workbook.", metavar="NAME", show_default="found")]
-"""Sheet of a workbook that holds the table."""
+"""Sheet of a workbook that contains the table."""

@@ -32,18 +32,20 @@ __all__ = [
 
 
 WORKER = "WORKER_NUMBER"
-"""Variable of the environment with a worker's number, as `explicit.device` and `dic` read it."""
+"""Environment variable with a worker's number, as `explicit.device` and `dic` read it."""
 GC_THRESHOLD = 100_000
-"""Net number of new objects between two searches for reference cycles; Python's default is some hundred."""
+"""Net number of new objects between two searches for reference cycles. Python's default is some hundred."""
 GC_THRESHOLD_OF_COMMAND = 20_000
-"""The same for other work of a command, where a cycle may hold large arrays."""
+"""The corresponding number for other work of a command, in which a cycle may contain large arrays."""
 
 
 @contextmanager
 def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
-    """Search for reference cycles rarely: each search visits all young objects, and some visit all objects.
+    """Search for reference cycles rarely.
 
-    A page of figures spent an eighth of its time on these searches. Objects outside cycles are freed
+    Each search visits all young objects, and some visit all objects.
+
+    These searches take an eighth of the time of a page of figures. Objects outside cycles are freed
     immediately.
 
     ``threshold``: net number of new objects between two searches.
@@ -58,9 +60,9 @@ def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
 
 @contextmanager
 def last_work() -> Iterator[None]:
-    """For the last work of this process: search for cycles rarely, and not at all afterwards.
+    """For the last work of this process: search for cycles rarely, and not at all at the end.
 
-    Python would search all objects before it exits, to free memory that the system takes back in any case.
+    Python would search all objects before it exits. The memory would be freed by the system in any case.
     """
     with infrequent_gc(GC_THRESHOLD_OF_COMMAND):
         try:
@@ -70,16 +72,18 @@ def last_work() -> Iterator[None]:
 
 
 TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = (-1, 256 * 2**20), (-2, 16 * 2**20), (-3, 32 * 2**20)
-"""Parameters of glibc's `mallopt` by number, and their values here [bytes]. The last is the value that glibc
+"""Parameters of glibc's `mallopt` by number, and their values [bytes]. The last one is the value that glibc
 sets automatically when a program frees a large array."""
 
 
 def keep_freed_memory() -> None:
-    """Make glibc keep freed memory for the next array, up to 256 MB; no effect with another C library.
+    """Make glibc keep freed memory for the next array, up to 256 MB.
 
-    By default it returns every array beyond 128 kB to the system. The next array then needs new pages, which
-    the system fills with zeros. This costs a third of the system time of a correlation of small pictures, and
-    more where forks copy pages that are written to.
+    It has no effect with another C library.
+
+    By default, glibc returns every array beyond 128 kB to the system. The next array then needs new pages,
+    which the system fills with zeros. This takes a third of the system time in a correlation of small
+    pictures. It takes more if forks copy pages that are written to.
     """
     if sys.platform == "linux":
         with suppress(AttributeError, OSError):  # another C library
@@ -89,13 +93,15 @@ def keep_freed_memory() -> None:
 
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Variables of the environment that a BLAS reads when it is loaded."""
+"""Environment variables that a BLAS reads when it is loaded."""
 
 
 def set_blas_threads() -> None:
-    """Use one thread for each later call of BLAS, unless the environment sets another number.
+    """Use one thread for each later call of BLAS.
 
-    It has an effect only before NumPy is loaded. The matrices of an identification are small: several threads
+    A number in the environment takes precedence.
+
+    It has an effect only before NumPy is loaded. The matrices of an identification are small. Several threads
     take longer for them than one, and they wait in busy loops on cores that have other work.
     """
     for name in BLAS_THREADS:
@@ -104,15 +110,19 @@ def set_blas_threads() -> None:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """One thread for each call of BLAS, see `set_blas_threads`; also in a process that has loaded it."""
+    """One thread for each call of BLAS, see `set_blas_threads`.
+
+    It also works in a process that has already loaded BLAS.
+    """
     with threadpool_limits(limits=1, user_api="blas"):
         yield
 
 
 @contextmanager
 def single_threaded_libraries() -> Iterator[None]:
-    """One thread for each call of OpenCV and of BLAS: their thread pools wait in busy loops on cores that
-    have other work.
+    """One thread for each call of OpenCV and of BLAS.
+
+    Their thread pools wait in busy loops on cores that have other work.
     """
     with one_blas_thread():
         if find_spec("cv2") is None:  # see `dic.basics`
@@ -130,11 +140,13 @@ def single_threaded_libraries() -> Iterator[None]:
 
 @contextmanager
 def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes of this machine that end with the block, and with this process however it ends.
+    """Processes of this machine that end with the block.
+
+    They also end with this process, whatever ends it.
 
     If the block ends by an exception, they are stopped at once, because their results are not needed. They
-    are not forked: a copy of a process that has started threads may hang. Each has its number in the
-    environment (`WORKER`); workers with device "cuda" use it to share the GPUs.
+    are not forked, because a copy of a process that has started threads may hang. Each has its number in the
+    environment (`WORKER`). Workers with device "cuda" use it to share the GPUs.
     """
     context = get_context("spawn")
     started = context.Value("i", 0)
@@ -150,11 +162,13 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def run_program(program: Path, *words: str, timeout: float) -> subprocess.CompletedProcess[str]:
-    """Run a Python file in a separate process, which on Linux always ends together with this one.
+    """Run a Python file in a separate process.
 
-    ``program``: the file; it is run as `__main__`, and its imports do not find modules in its folder.
-    ``words``: its arguments in `sys.argv`, after its name. ``timeout``: longest time that it may take [s].
-    Raises subprocess.TimeoutExpired if it takes longer; it is then terminated.
+    On Linux it always ends together with this process.
+
+    ``program``: the file, which is run as `__main__`. Its imports do not find modules in its folder.
+    ``words``: its arguments in `sys.argv`, after its name. ``timeout``: longest allowed time [s]. Raises
+    subprocess.TimeoutExpired if it takes longer. It is then terminated.
     """
     return subprocess.run(
         [sys.executable, "-P", following.__file__, str(os.getpid()), str(program), *words],
@@ -175,7 +189,10 @@ def _start_worker(started: Any) -> None:
 
 
 def _follow_parent() -> None:
-    """End this worker at once when its parent process has ended; the parent handles Ctrl-C."""
+    """End this worker at once when its parent process has ended.
+
+    The parent handles Ctrl-C.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None  # the pool starts it

@@ -25,13 +25,13 @@ class Recording:
     unit: str
     """Unit of `value` as the instrument gives it, e.g. "V"."""
     path: Path
-    """The file it came from."""
+    """The file of the record."""
     sha256: str
     """SHA-256 of that file, hex."""
     file_unit: str | None = None
-    """Unit of the samples as written in the file; None if the file gives none."""
+    """Unit of the samples as written in the file. None if the file gives no unit."""
     note: str = ""
-    """What was done to the samples so that they have uniform times; empty if nothing was."""
+    """Change of the samples to uniform times, in words. Empty if they were not changed."""
     first_line: int | None = None
     """For a text file with one sample per line: line of the first sample, from 1; otherwise None."""
 
@@ -59,13 +59,13 @@ class FlyerMotion:
     sigma: FloatArray
     """Standard deviation of each displacement [m], shape [n]."""
     zero_sigma: float = 0.0
-    """Standard deviation of the position at rest, the zero of all displacements; an error common to all of
-    them [m]."""
+    """Standard deviation of the position at rest, the zero of all displacements [m]. This error is common to
+    all of them."""
     shared_sigma: FloatArray | None = None
     """Standard deviation of an error that successive displacements have in common, e.g. by warm air [m],
-    shape [n]; None if none is known. It is not included in `sigma`."""
+    shape [n]. None if unknown. `sigma` does not include it."""
     shared_memory: float = 0.0
-    """Correlation time: the correlation of that error falls to 1/e [s]."""
+    """Correlation time, in which the correlation of that error falls to 1/e [s]."""
     notes: tuple[str, ...] = ()
     """Warnings about its record, one sentence each."""
 
@@ -75,12 +75,13 @@ class FrontVelocity:
     """The velocity of the incident bar's face toward the specimen, from the waves in the bar."""
 
     time: FloatArray
-    """Sample times on the shot's clock, uniform, starting at the wave's arrival there [s], shape [n]."""
+    """Sample times on the shot's clock [s], shape [n]. They are uniform and begin at the wave's arrival at
+    the face."""
     velocity: FloatArray
     """Velocity toward the specimen [m/s], shape [n]."""
     noise: float
-    """Standard deviation of one sample's noise [m/s]; for slow noise, that of white noise with the same level
-    at low frequencies."""
+    """Standard deviation of one sample's noise [m/s]. For slow noise, it is that of white noise with the same
+    level at low frequencies."""
     sigma_gain: float = 0.0
     """Standard uncertainty of the scale, common to all samples [-]."""
     sigma_zero: float = 0.0
@@ -89,9 +90,11 @@ class FrontVelocity:
 
 @dataclass(frozen=True)
 class CentreLine:
-    """The specimen's outline on the camera side: measured radius Z against height y, frame by frame.
+    """The specimen's outline on the camera side.
 
-    One row is one point of one frame; the number of points may differ between frames.
+    Measured radius Z as a function of height y, frame by frame.
+
+    One row is one point of one frame. The number of points may differ between frames.
     """
 
     time: FloatArray
@@ -105,8 +108,8 @@ class CentreLine:
     sigma: FloatArray
     """Standard deviation of Z, independent from point to point [m], shape [n]."""
     modes: FloatArray | None = None
-    """Errors of Z that points and frames have in common, one standard deviation each [m], shape [n_modes, n];
-    None if none is known."""
+    """Errors of Z that points and frames have in common, one standard deviation each [m], shape [n_modes, n].
+    None if unknown."""
 
     def select(self, points: IntArray | BoolArray) -> "CentreLine":
         """A subset of the points, by number or as a mask."""
@@ -125,16 +128,16 @@ class MaterialCurve:
     sigma: FloatArray
     """Standard deviation of each stress, independent from point to point [Pa], shape [n]."""
     modes: FloatArray | None = None
-    """Standard uncertainties common to all points, one row for each cause [Pa], shape [n_modes, n]; None if
-    none is known."""
+    """Standard uncertainties common to all points, one row per source [Pa], shape [n_modes, n]. None if
+    unknown."""
     conditioned: "MaterialCurve | None" = None
-    """The same material's curve after earlier loading (Mullins), if that is known too."""
+    """The same material's curve after earlier loading (Mullins), if known."""
     law: "explicit.materials.AnyLaw | None" = None
-    """The closed-form law that gives this curve; None for a measured curve."""
+    """The closed-form law of this curve. None for a measured curve."""
 
     @property
     def total_sigma(self) -> FloatArray:
-        """Standard uncertainty of each stress, all causes [Pa], shape [n]."""
+        """Standard uncertainty of each stress from all sources [Pa], shape [n]."""
         if self.modes is None:
             return self.sigma
         return np.asarray(np.sqrt(self.sigma**2 + (self.modes**2).sum(axis=0)))

@@ -1,4 +1,4 @@
-"""Our top-level packages have short names, which another distribution may have too."""
+"""The top-level packages have short names. Another distribution may have the same names."""
 
 import warnings
 from importlib.util import find_spec
@@ -9,7 +9,7 @@ OURS = ("dic", "doe", "explicit")
 
 
 def shadowed(folder: Path | None = None) -> list[str]:
-    """One sentence for each of our packages that Python would import from elsewhere."""
+    """One sentence for each of these packages that Python would import from another place."""
     folder = (folder or Path(__file__).parents[2]).resolve()
     said = []
     for name in OURS:

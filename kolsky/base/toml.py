@@ -1,8 +1,9 @@
-"""Users' TOML files: validation by a schema, blank values, error messages, and edits that keep everything
-else.
+"""Users' TOML files.
 
-A problem that a schema finds is reported with line, key, value, allowed range and cure. An edit replaces
-single values as text; comments and order are kept.
+Validation by a schema, blank values, error messages, and edits that keep everything else.
+
+A problem found by a schema is reported with line, key, value, allowed range and remedy. An edit replaces
+single values as text. Comments and order are kept.
 """
 
 from __future__ import annotations
@@ -24,12 +25,15 @@ from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import decode, read_bytes
 
 BLANK = ""
-"""Placeholder of a value that is not filled in; an empty text is never a valid value in a shot file."""
+"""Placeholder of a value that is not filled in. An empty text is never a valid value in a shot file."""
 FILL_IN = "is not filled in"
 
 
 def blanks(content: Any, key: str = "") -> Iterator[str]:
-    """Dotted keys of the blanks, in the order of the file; a list of blanks is one."""
+    """Dotted keys of the blanks, in the order of the file.
+
+    A list of blanks counts as one.
+    """
     if isinstance(content, dict):
         for name, value in content.items():
             yield from blanks(value, f"{key}.{name}" if key else name)
@@ -38,7 +42,7 @@ def blanks(content: Any, key: str = "") -> Iterator[str]:
 
 
 def _of_blank(location: list[str], found: set[str]) -> str | None:
-    """The blank that caused a problem at a place; None if the problem has another cause."""
+    """The blank that caused a problem at a place. None if the problem has another cause."""
     for end in range(len(location), 0, -1):
         if (key := ".".join(location[:end])) in found:
             return key
@@ -48,14 +52,16 @@ def _of_blank(location: list[str], found: set[str]) -> str | None:
 _SHOULD_BE = "Input should be "
 """Beginning of pydantic's messages on allowed values."""
 _CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-strict)\[")
-"""Parts of pydantic's place of an error that are no keys: the alternatives of a value of several kinds."""
+"""Parts of pydantic's error location that are not keys: the alternatives of a value of several kinds."""
 
 
 def _translate(
     details: Any, model: type[BaseModel], path: Path, lines: dict[str, int], empty: set[str]
 ) -> InputError:
-    """One error of `pydantic.ValidationError.errors` as an `InputError`; `lines` are those of `key_lines`,
-    `empty` the keys that are not filled in."""
+    """One error of `pydantic.ValidationError.errors` as an `InputError`.
+
+    `lines` are those of `key_lines`, `empty` the keys that are not filled in.
+    """
     location = [str(part) for part in details["loc"] if not _CHOICE.match(str(part))]
     context = details.get("ctx", {})
     kind, value = details["type"], details["input"]
@@ -78,7 +84,10 @@ def _translate(
 
 
 def _without_doubles(model: type[BaseModel], errors: list[Any]) -> list[Any]:
-    """Report a misspelt key as one problem, not as an unknown key and a missing one."""
+    """Report a misspelt key as one problem.
+
+    Otherwise it would be an unknown key and a missing one.
+    """
     meant = {(*e["loc"][:-1], _nearest(model, e["loc"])) for e in errors if e["type"] == "extra_forbidden"}
     return [e for e in errors if not (e["type"] == "missing" and e["loc"] in meant)]
 
@@ -92,7 +101,7 @@ def _nearest(model: type[BaseModel], location: Any) -> str | None:
 def _words(
     kind: str, location: list[str], context: dict[str, Any], model: type[BaseModel], fallback: str
 ) -> tuple[str, str | None, str | None]:
-    """Message, allowed values and cure of a pydantic error."""
+    """Message, allowed values and remedy of a pydantic error."""
     if kind == "shot":
         return context["message"], context.get("allowed"), context.get("cure")
     if kind == "missing":
@@ -120,7 +129,10 @@ def _words(
 
 
 def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:
-    """The valid keys of a table of the schema; in a table of named tables, any name is followed."""
+    """The valid keys of a table of the schema.
+
+    In a table of named tables, any name is valid.
+    """
     names = iter(location)
     for name in names:
         annotation = model.model_fields[name].annotation
@@ -135,7 +147,10 @@ def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:
 
 
 def line_of(lines: dict[str, int], key: str) -> int | None:
-    """The line of a key, or of the nearest table around it; None for the file as a whole."""
+    """The line of a key, or of the nearest enclosing table.
+
+    None for the file as a whole.
+    """
     parts = key.split(".")
     for end in range(len(parts), 0, -1):
         line = lines.get(".".join(parts[:end]))
@@ -150,24 +165,27 @@ _ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\
 
 @dataclass(frozen=True)
 class Statement:
-    """A header of a table, or a key with its value, as a file writes it."""
+    """A header of a table, or a key with its value, as written in a file."""
 
     table: str
-    """Dotted name of the table that it begins or belongs to; empty before the first."""
+    """Dotted name of the table that it begins or belongs to. Empty above the first table."""
     key: str
-    """Dotted key in that table; empty for a header."""
+    """Dotted key in that table. Empty for a header."""
     line: int
     """Its first line, counted from 1."""
     start: int
     """Index of the first character of that line."""
     value: int
-    """Index after the equals sign; for a header equal to `end`."""
+    """Index after the equals sign. For a header it equals `end`."""
     end: int
     """Index behind the value, remark not counted."""
 
 
 def statements(text: str) -> Iterator[Statement]:
-    """The statements of a text in their order; the inside of a value has none."""
+    """The statements of a text in their order.
+
+    There are none inside a value.
+    """
     start, line, table = 0, 1, ""
     while start < len(text):
         row = text[start : _next_line(text, start)].rstrip("\r\n")
@@ -197,7 +215,7 @@ def _plain_key(dotted: str) -> str:
 def key_lines(text: str) -> dict[str, int]:
     """Lines of the keys: dotted key -> line, counted from 1.
 
-    A key inside an inline table is not listed; `line_of` then gives the line of that table.
+    A key inside an inline table is not listed. `line_of` then gives the line of that table.
     """
     lines: dict[str, int] = {}
     for s in statements(text):
@@ -209,13 +227,13 @@ TOML_LIMIT = 1_000_000
 """Largest shot.toml that is read [bytes]."""
 
 LONGEST_LINE = 20_000
-"""Largest number of characters of a line: a key of a hundred thousand parts would take a minute to parse."""
+"""Largest number of characters of a line. A key of a hundred thousand parts would take a minute to parse."""
 DEEPEST = 30
 """Largest nesting depth of tables and lists."""
 END = " (at end of document)"
 """Message of `tomllib` for a file that ends inside a value."""
 LINE_SHOWN = 60
-"""Largest number of characters of a line that a message shows."""
+"""Largest number of characters of a line in a message."""
 
 
 Schema = TypeVar("Schema", bound=BaseModel)
@@ -228,7 +246,7 @@ class TomlFile:
     path: Path
     """The file."""
     sha256: str
-    """SHA-256 of it, hex."""
+    """SHA-256 of the file, hex."""
     content: dict[str, Any]
     """Parsed content of the file, before validation."""
     lines: dict[str, int]
@@ -258,7 +276,10 @@ class TomlFile:
 
     @contextmanager
     def refusing(self, key: str, problem: str, *, cure: str | None = None) -> Iterator[None]:
-        """Convert a ValueError in the block to an error about a declared value: problem and reason."""
+        """Convert a ValueError in the block to an error about a declared value.
+
+        It has problem and reason.
+        """
         try:
             yield
         except ValueError as error:
@@ -267,8 +288,8 @@ class TomlFile:
     def validated(self, schema: type[Schema]) -> Schema:
         """Its declarations by a schema, in SI.
 
-        Raises InputError if it declares anything unknown, incomplete or impossible; several problems come as
-        one `InputErrors`.
+        Raises InputError if it declares anything unknown, incomplete or impossible. Several problems are
+        raised as one `InputErrors`.
         """
         empty = set(blanks(self.content))
         try:
@@ -318,7 +339,7 @@ def parse_toml(path: Path) -> TomlFile:
 
 
 def _depth(content: object) -> int:
-    """Nesting depth of tables and lists; counted without recursion."""
+    """Nesting depth of tables and lists. It is counted without recursion."""
     level, depth = [content], 0
     while level := [
         item
@@ -362,17 +383,17 @@ def _syntax_error(path: Path, text: str, message: str) -> InputError:
 
 
 class CannotEdit(ValueError):
-    """The values of a text cannot be replaced individually; the text was not changed."""
+    """The values of a text cannot be replaced individually. The text was not changed."""
 
 
 def with_values(text: str, table: str, values: Mapping[str, str]) -> str:
     """The text with values of one table replaced, or added at its end.
 
-    The result is parsed and compared: it must equal the original except for these values.
+    The result is parsed and compared. It must equal the original except for these values.
 
     ``text``: a valid TOML text. ``table``: name of a table with a header, such as "dic" for ``[dic]``.
-    ``values``: key -> value as TOML text. Raises CannotEdit if the table has no header, or the result would
-    differ elsewhere.
+    ``values``: key -> value as TOML text. Raises CannotEdit if the table has no header, or if the result
+    would differ at another place.
     """
     newline = "\r\n" if "\r\n" in text else "\n"
     wanted = copy.deepcopy(tomllib.loads(text))
@@ -408,7 +429,7 @@ def _with_value(text: str, table: str, key: str, value: str, newline: str) -> st
 
 
 def _without_table(text: str, table: str) -> str:
-    """The text without a table: from its header to the next one."""
+    """The text without a table, from its header to the next header."""
     headers = [s for s in statements(text) if not s.key]
     for number, header in enumerate(headers):
         if header.table == table:
@@ -418,7 +439,10 @@ def _without_table(text: str, table: str) -> str:
 
 
 def value_end(text: str, start: int) -> int:
-    """Index behind the value that begins at `start`, blanks and comment behind it not counted."""
+    """Index behind the value that begins at `start`.
+
+    Blanks and a comment behind it are not counted.
+    """
     depth, k, last = 0, start, start
     while k < len(text):
         c = text[k]

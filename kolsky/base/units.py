@@ -1,4 +1,7 @@
-"""Written-out quantities ("9.5 mm") to SI floats, and times back. Pint is used here and nowhere else."""
+"""Written-out quantities ("9.5 mm") to SI floats, and times back to text.
+
+No other module uses Pint.
+"""
 
 import math
 import re
@@ -46,21 +49,22 @@ USUAL = {
     "N": {"N": 1.0},
     "1": {"": 1.0, "1": 1.0, "%": 1e-2},
 }
-"""SI unit -> common units of shots, with Pint's factors. Loading Pint takes half a second; it is used only
+"""SI unit -> common units of shots, with Pint's factors. Loading Pint takes half a second. It is used only
 for other units."""
 LARGEST = 1e30
-"""Largest accepted magnitude of a number, in any unit; its inverse is the smallest nonzero one. Measured
-values lie far inside, and squares and products of such numbers are finite."""
+"""Largest accepted magnitude of a number, in any unit. Its inverse is the smallest nonzero one. Measured
+values lie far inside. Squares and products of such numbers are finite."""
 LONGEST = 200
 """Longest text that is read as a quantity or a unit [characters]."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
-# Pint evaluates whole expressions, towers of powers included; a unit is names, small powers, "*" and "/".
+# Pint evaluates whole expressions, even towers of powers. A unit consists of names, small powers, "*" and
+# "/".
 _NAME = r"(?:1|[A-Za-zµμΩ%°]+(?:(?:\^|\*\*)[+-]?\d{1,2})?)"
 _UNIT = re.compile(rf"\s*(?:{_NAME}(?:(?:\s*[*/]\s*|\s+){_NAME}){{0,8}})?\s*")
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺−·⋅∙", "0123456789-+-***")
-"""Raised digits, signs and dots between units in plain characters."""
+"""Raised digits, signs and dots between units as plain characters."""
 _POWER = re.compile(r"([A-Za-zµμΩ])([+-]?\d)(?![\w.])")
-"""A power right behind a unit: "cm2", "s-1"."""
+"""A power directly behind a unit: "cm2", "s-1"."""
 _DOT = re.compile(r"(?<=[A-Za-zµμ0-9])\.(?=[A-Za-zµμ])")
 """A dot between two units: "kgf.cm-2"."""
 _SPELLINGS = {
@@ -68,8 +72,8 @@ _SPELLINGS = {
     "psi": "psi", "ksi": "ksi", "bar": "bar", "mbar": "mbar", "kpa": "kPa", "gpa": "GPa",
     "pascal": "Pa", "pascals": "Pa", "strain": "strain",
 }  # fmt: skip
-"""Pint's spelling of units in lower case; only units whose meaning does not depend on the case, so not
-"mpa"."""
+"""Pint's spelling of units in lower case. It contains only units with a meaning that does not depend on the
+case; "mpa" is not one."""
 _CAPITALS = {"MPA": "MPa", "MM": "mm", "ε": "strain", "µε": "microstrain", "με": "microstrain"}
 """Pint's spelling of units that are case-sensitive."""
 _WORD = re.compile(r"[A-Za-zµμε]+")
@@ -98,8 +102,8 @@ def _registry() -> "pint.UnitRegistry":
 def unit_factor(text: str, unit: str) -> float:
     """SI units in one of the written units, e.g. 1e-3 for "mm".
 
-    ``text``: a unit without a number, e.g. "mm", "kg/m^3", "%", "1". ``unit``: the SI unit expected, a key of
-    `DIMENSIONS`. Raises UnitError if the text is no unit, or is one of another dimension.
+    ``text``: a unit without a number, e.g. "mm", "kg/m^3", "%", "1". ``unit``: the expected SI unit, a key of
+    `DIMENSIONS`. Raises UnitError if the text is not a unit, or if its unit has another dimension.
     """
     if text in USUAL.get(unit, {}):
         return USUAL[unit][text]
@@ -128,7 +132,10 @@ def unit_factor(text: str, unit: str) -> float:
 
 
 def _pint_text(text: str) -> str:
-    """A unit as machines print it in the signs that Pint reads: "kgf/cm2", "N·mm⁻²", "kgf.cm-2", "PSI"."""
+    """A unit as machines print it, in the notation that Pint reads.
+
+    Examples: "kgf/cm2", "N·mm⁻²", "kgf.cm-2", "PSI".
+    """
 
     def spelled(match: re.Match[str]) -> str:
         word = match[0]
@@ -143,7 +150,10 @@ SHOT_KINDS = ("s", "m", "V", "Pa", "N", "1")
 
 
 def dimension_of(unit: str, kinds: Iterable[str] = SHOT_KINDS) -> str:
-    """The first of some SI units whose dimension a written unit has; empty if it is none of them."""
+    """The first of some SI units that has the dimension of a written unit.
+
+    Empty if none has it.
+    """
     written, kinds = "1" if unit == "-" else unit, tuple(kinds) if unit else ()
     usual = next((kind for kind in kinds if written in USUAL.get(kind, {})), "")
     for kind in () if usual else kinds:
@@ -158,10 +168,10 @@ def dimension_of(unit: str, kinds: Iterable[str] = SHOT_KINDS) -> str:
 def quantity(text: str, unit: str) -> float:
     """A written-out quantity in SI.
 
-    ``text``: number and unit, e.g. "9.5 mm"; one number and one unit; expressions are not evaluated.
-    ``unit``: the SI unit expected, a key of `DIMENSIONS`. Returns: the value in `unit`. Raises UnitError if
-    the text is not a number with a unit of that dimension, is not finite, or is larger than `LARGEST` or
-    closer to zero than its inverse and not zero.
+    ``text``: number and unit, e.g. "9.5 mm". It has one number and one unit; expressions are not evaluated.
+    ``unit``: the expected SI unit, a key of `DIMENSIONS`. Returns: the value in `unit`. Raises UnitError if
+    the text is not a number with a unit of that dimension, or is not finite. The same error is raised if it
+    is larger than `LARGEST`, or closer to zero than its inverse but not zero.
     """
     if not isinstance(text, str):
         raise UnitError(text, "has no unit", unit)
@@ -185,18 +195,21 @@ def quantity(text: str, unit: str) -> float:
 
 
 def in_us(seconds: float) -> str:
-    """A time [s] as a user writes it, e.g. "25 us"; for large clock readings "58.300025000 s"."""
+    """A time [s] in the form that a user writes, e.g. "25 us".
+
+    Large clock readings have the form "58.300025000 s".
+    """
     return f"{seconds * 1e6:.7g} us" if abs(seconds) < 1.0 else f"{seconds:.9f} s"
 
 
 def _times(number: float, factor: float) -> float:
-    """The product; dividing by 1e6 rounds once where multiplying by 1e-6 rounds twice: 25 us is 2.5e-5 s."""
+    """The product. Division by 1e6 rounds once, multiplication by 1e-6 rounds twice: 25 us is 2.5e-5 s."""
     inverse = round(1.0 / factor) if factor < 1.0 else 0
     return number / inverse if inverse and 1.0 / inverse == factor else number * factor
 
 
 def _in_words(written: "pint.Quantity[float]") -> str:
-    """The dimension of a quantity: its name if known to this package, else base units."""
+    """The dimension of a quantity: its name if this package knows it, otherwise base units."""
     for unit, (words, _) in DIMENSIONS.items():
         if written.is_compatible_with("dimensionless" if unit == "1" else unit):
             return words

@@ -1,1 +1,1 @@
-"""Whole bodies in equilibrium: specimens of slow tests with their fitted constants, and soft actuators."""
+"""Whole bodies in equilibrium: specimens of slow tests with fitted constants, and soft actuators."""

@@ -6,7 +6,7 @@ For one pressure and one angle the sensitivity of the equilibrium gives the step
 
     p <- p - (Theta(p) - Theta_d) / (dTheta/dp),                                               (A.2)
 
-The step stays inside the bracket of the computed angles; bisection replaces a step that would leave it.
+The step stays inside the bracket of the computed angles. A step that would leave it is replaced by bisection.
 Several pressures, or a target position of the tip, are found by SciPy's trust region with bounds (Branch,
 Coleman and Li 1999). Its residuals are (Theta - Theta_d) and (t - t_d) / L, with their exact Jacobian.
 """
@@ -38,9 +38,9 @@ from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import Solid
 
 OVERLAP = 0.1
-"""With contact, a larger overlap of facing points gives a warning; share of the gap at rest [-]."""
+"""With contact, a larger overlap of facing points than this gives a warning; share of the gap at rest [-]."""
 _FILM_STEPS = 8
-"""Smallest number of steps to the largest pressure."""
+"""Smallest number of steps up to the largest pressure."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Direction:
     asked: FloatArray
     """Indices of the steps at the declared pressures, shape [n_pressures]."""
     gap: FloatArray
-    """Smallest distance of neighbouring chambers [m], shape [n]; below 0 they overlap. NaN without gaps."""
+    """Smallest distance of neighbouring chambers [m], shape [n]. Below 0 they overlap. NaN without gaps."""
     path: ArcPath | None = None
     """Equilibria by arc length, if SPEC declares them."""
     touching: Touching | None = None
@@ -68,7 +68,7 @@ class Direction:
     def overlapping(self) -> BoolArray:
         """Steps at which chambers have passed through each other, shape [n].
 
-        With contact, a tenth of the gap at rest is allowed: the facing points that measure the gap may slide
+        With contact, a tenth of the gap at rest is allowed. The facing points that measure the gap may slide
         along the walls.
         """
         allowed = 0.0 if self.touching is None else OVERLAP * self.gap[0]
@@ -130,7 +130,7 @@ def path_angle(path: ArcPath) -> FloatArray:
 
 
 def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Steps from 0 to the largest pressure or suction [Pa], and the indices of the given pressures."""
+    """Steps from 0 to the largest pressure or suction [Pa], with the indices of the given pressures."""
     step = float(pressures[-1]) / _FILM_STEPS
     ends = np.concatenate([[0.0], pressures[pressures != 0.0]])
     parts = [np.array([0.0])]
@@ -155,7 +155,7 @@ class BendInTime:
 
 
 def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
-    """Simulate in time how the pressure rises to its largest value, as [motion] declares.
+    """Simulate in time the rise of the pressure to its largest value, as declared in [motion].
 
     The motion begins at rest under the weight. Raises ValueError with the reason if a step fails.
     """
@@ -195,12 +195,15 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
 
 
 LARGEST_LOAD = 5.0
-"""Largest plausible pressure over the shear modulus [-]. The stress in walls of half the chambers' width is
-about twice the pressure, and rubbers tear at a few shear moduli."""
+"""Largest plausible pressure divided by the shear modulus [-]. If walls have half the chambers' width, their
+stress is about twice the pressure. Rubbers tear at a few shear moduli."""
 
 
 def implausible_load(pressure: float, shear_modulus: float) -> list[str]:
-    """A warning if the pressure [Pa] is too large for a material of this shear modulus [Pa]; else empty."""
+    """A warning if the pressure [Pa] is too large for a material of this shear modulus [Pa].
+
+    Empty otherwise.
+    """
     share = abs(pressure) / shear_modulus
     if share <= LARGEST_LOAD:
         return []
@@ -234,7 +237,7 @@ def warnings_of(directions: list[Direction]) -> list[str]:
 
 
 def relative_bend(one: Direction) -> FloatArray:
-    """Relative change of the bend by healing: healed over pristine, both from rest, minus 1.
+    """Relative change of the bend by healing: ratio of healed to pristine, both from rest, minus 1.
 
     At the declared pressures [-], shape [n_pressures].
     """
@@ -272,9 +275,9 @@ class Inversion:
     pressures: FloatArray
     """Pressure of each cavity [Pa], shape [n_cavities]; NaN without an equilibrium."""
     found: float
-    """The angle there [rad]."""
+    """The angle at these pressures [rad]."""
     slope: FloatArray
-    """dTheta/dp there [rad/Pa], shape [n_cavities]."""
+    """dTheta/dp at these pressures [rad/Pa], shape [n_cavities]."""
     ended: SearchEnd
     equilibria: int
     """Number of computed equilibria."""
@@ -286,8 +289,8 @@ def pressure_for(
     """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
 
     ``gravity``: acceleration of free fall [m/s^2]. ``angle``: target angle [rad]. ``most``: largest pressure,
-    or suction if below 0 [Pa]. Suction bends the other way; the search then reverses the signs of angle and
-    pressure, so that its function increases.
+    or suction if below 0 [Pa]. Suction bends the other way. The search then reverses the signs of angle and
+    pressure, and its function increases.
     """
     rest = actuator.simulate(gravity, np.zeros(1))
     way = -1.0 if most < 0.0 else 1.0
@@ -356,8 +359,8 @@ def pressures_for(
 ) -> Inversion:
     """Find the pressure of each cavity for a target angle and, if given, a target position of the tip.
 
-    ``actuator``, ``gravity``, ``most``: as for `pressure_for`; every pressure is between 0 and most.
-    ``angle``: target angle [rad]. ``tip``: target position of the tip from the origin [m], shape [3]; None:
+    ``actuator``, ``gravity``, ``most``: as for `pressure_for`. Every pressure is between 0 and most.
+    ``angle``: target angle [rad]. ``tip``: target position of the tip from the origin [m], shape [3]. None:
     only the angle is a target.
     """
     count, memory = len(actuator.cavities), _Memory(actuator, gravity)
@@ -398,7 +401,7 @@ class _NoEquilibriumError(Exception):
 
 
 class _Memory:
-    """The last equilibrium, from which the next one is computed."""
+    """The last equilibrium. The next one is computed from it."""
 
     def __init__(self, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> None:
         self.actuator, self.gravity = actuator, gravity

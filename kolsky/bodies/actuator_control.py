@@ -1,12 +1,13 @@
 """Closed loop of an actuator: reduced model, controller, simulated plant, and the stored basis.
 
-The controller converts the measured bend to a pressure by the inverse of the reduced model in milliseconds.
+The controller converts the measured bend to a pressure in milliseconds. It uses the inverse of the reduced
+model.
 
     s <- s + K (Theta_d - Theta_m),   p = Theta_model^-1(Theta_d + s)                           (A.3)
 
-at every tick, with the target angle, the measured angle and the gain K. The sum s estimates the model's error
-and does not grow while the pressure is at a bound. If the plant's slope is gamma times the model's and the
-measurement is delayed by d ticks, the loop is stable for
+at every tick, with the target angle, the measured angle and the gain K. The sum s estimates the model's
+error. It does not grow while the pressure is at a bound. Let the plant's slope be gamma times the model's,
+and the measurement be delayed by d ticks. The loop is stable for
 
     K gamma < 2 sin(pi / (2 (2 d + 1)))                                                        (A.4)
 
@@ -31,10 +32,10 @@ from kolsky.equilibrium.reduction import Basis, ReducedModel, ReducedState, Samp
 from kolsky.equilibrium.solution import Outcome
 
 FINER = 3
-"""How often the tolerance for choosing elements is divided by ten. Below 1e-6 of the forces, the remaining
-error is due to missing modes."""
+"""Maximum number of divisions by ten of the tolerance for choosing elements. Below 1e-6 of the forces, the
+remaining error is due to missing modes."""
 BASIS_PRESSURES = 13
-"""Number of pressures for the basis; there is one check pressure less, between them."""
+"""Number of pressures for the basis. Between two of them, there is one check pressure."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class ReducedBend:
 
     @property
     def ok(self) -> bool:
-        """Whether there is one."""
+        """True if there is one."""
         return self.state.outcome is Outcome.COMPLETED
 
 
@@ -67,7 +68,7 @@ class ReducedActuator:
     def bend(
         self, pressure: float, *, start: FloatArray | None = None, tolerance: float = 1e-9
     ) -> ReducedBend:
-        """The bend under a pressure [Pa], from amplitudes near it."""
+        """The bend under a pressure [Pa]. The search starts from nearby amplitudes."""
         state = self.reduced.equilibrium([pressure], start=start, rows=self._rows, tolerance=tolerance)
         chord = self._rest + self._modes @ state.q
         slope = float(bend_slope(chord) @ (self._modes @ state.slopes[:, 0]))
@@ -83,7 +84,7 @@ class Reduction:
     pressure: FloatArray
     """Check pressures, between the pressures of the basis [Pa], shape [n]."""
     angle: FloatArray
-    """Angle of the full model there [rad], shape [n]."""
+    """Angle of the full model at the check pressures [rad], shape [n]."""
     error: FloatArray
     """Angle of the reduced model minus that of the full model [rad], shape [n]."""
     gap: float
@@ -114,8 +115,8 @@ def reduce_actuator(
     """Reduce an actuator with one cavity for pressures in [0, most].
 
     ``within``: an angle, and the largest allowed error of the bend at check pressures up to it [rad]. The
-    elements are chosen by the error of the forces, to which the bend may contribute little. The tolerance is
-    therefore divided by ten, up to `FINER` times, until the error is small enough.
+    elements are chosen by the error of the forces. The bend may contribute little to this error. The
+    tolerance is therefore divided by ten, up to `FINER` times, until the error is small enough.
     """
     if len(actuator.cavities) != 1:
         raise ValueError("the reduced model and its loop have one pressure: set separate = false")
@@ -179,7 +180,7 @@ def _every(whole: Bending, offset: int) -> Bending:
 
 
 ANGLE_TOLERANCE = 1e-5
-"""Difference from the requested angle at which the inverse ends [rad]."""
+"""Difference from the target angle at which the inverse ends [rad]."""
 _INVERSIONS = 8
 """Maximum number of Newton steps in a tick."""
 _EQUILIBRIUM = 1e-6
@@ -187,7 +188,7 @@ _EQUILIBRIUM = 1e-6
 
 
 def largest_gain(delay: int) -> float:
-    """Bound of K gamma for a delay of whole ticks, Eq. (A.4) [-]."""
+    """Upper limit of K gamma for a delay of whole ticks, Eq. (A.4) [-]."""
     return float(2.0 * np.sin(np.pi / (2.0 * (2.0 * delay + 1.0))))
 
 
@@ -198,13 +199,13 @@ class Tick:
     pressure: float
     """Pressure [Pa], in [0, most]."""
     bounded: bool
-    """Whether it is at a bound."""
+    """True if the pressure is at a bound."""
     held: bool
-    """Whether the model gave no pressure, so that the last one was kept."""
+    """True if the model gave no pressure. The last pressure was kept."""
 
 
 class Controller:
-    """The controller of Eq. (A.3); its state is the sum s and the last equilibrium."""
+    """The controller of Eq. (A.3). Its state is the sum s and the last equilibrium."""
 
     def __init__(self, model: ReducedActuator, *, gain: float, most: float) -> None:
         if not 0.0 < gain <= 2.0:
@@ -241,7 +242,10 @@ class Controller:
         return Tick(self.pressure, False, not found)
 
     def _inverse(self, asked: float) -> bool:
-        """Newton's method for the pressure, from the nearest angle known; False if it does not converge."""
+        """Newton's method for the pressure, from the nearest known angle.
+
+        False if it does not converge.
+        """
         pressure, near = min(
             [(self.pressure, self._last), *(one for one in self._path if one[1].ok)],
             key=lambda one: abs(asked - one[1].angle),
@@ -270,7 +274,7 @@ class Plant:
     pressure: FloatArray
     """Pressures [Pa], increasing, shape [n]."""
     angle: FloatArray
-    """Angle of the full model with the plant's stiffness there [rad], shape [n]."""
+    """Angle of the full model with the plant's stiffness at these pressures [rad], shape [n]."""
     lag: float
     """Time constant of the pressure [s]."""
     delay: int
@@ -280,7 +284,7 @@ class Plant:
 
 
 JUDGED_SHARE = 0.5
-"""The error is evaluated in this last share of the time of each target angle [-]."""
+"""The error is evaluated in this last share of each target's time [-]."""
 
 
 @dataclass(frozen=True)
@@ -300,7 +304,7 @@ class Closed:
     wall: FloatArray
     """Wall time from the beginning of each tick to its pressure [s], shape [n]."""
     processor: FloatArray
-    """Processor time of the controller in each tick [s], independent of other programs, shape [n]."""
+    """Processor time of the controller in each tick [s], shape [n]. Other programs do not affect it."""
     bounded: BoolArray
     """Ticks at a bound of the pressure, shape [n]."""
     held: BoolArray
@@ -308,7 +312,7 @@ class Closed:
     rate: float
     """Ticks a second [1/s]."""
     real_time: bool = False
-    """Whether every tick waited for its scheduled time; its wall time then begins at that time."""
+    """True if every tick waited for its scheduled time. Its wall time then begins at that time."""
 
     @property
     def late(self) -> int:
@@ -316,7 +320,7 @@ class Closed:
         return int((self.wall > 1.0 / self.rate).sum())
 
     def settled_error(self) -> FloatArray:
-        """Root mean square of plant minus target angle, over the last half of each target's time [rad]."""
+        """Root mean square of plant minus target angle [rad], over the last half of each target's time."""
         starts = np.flatnonzero(np.diff(self.wanted, prepend=np.nan) != 0.0)
         ends = [*starts[1:], len(self.wanted)]
         errors = []
@@ -337,9 +341,9 @@ def run_loop(
 ) -> Closed:
     """Run the closed loop for target angles [rad] of shape [n], one per tick.
 
-    The pressure in the actuator follows the requested one with the plant's lag. The camera measures its
-    angle with noise and a delay of some ticks. In real time each tick waits for its scheduled time, and the
-    wake-up delay is part of its wall time. Else the ticks follow one another without waiting.
+    The pressure in the actuator follows the requested one with the plant's lag. The camera measures its angle
+    with noise and a delay of some ticks. In real time, each tick waits for its scheduled time, and the
+    wake-up delay is part of its wall time. Otherwise the ticks follow each other without waiting.
     """
     rng = np.random.default_rng(seed)
     bend = PchipInterpolator(plant.pressure, plant.angle)
@@ -388,11 +392,11 @@ class StoredBasis:
     residual: float
     """Relative residual of the forces [-]."""
     reached: bool
-    """Whether the residual is within the tolerance."""
+    """True if the residual is within the tolerance."""
     pressure: FloatArray
     """Check pressures, which are not in the basis [Pa], shape [k]."""
     angle: FloatArray
-    """Angle of the full model there [rad], shape [k]."""
+    """Angle of the full model at these pressures [rad], shape [k]."""
     error: FloatArray
     """Angle of the reduced model minus that of the full model [rad], shape [k]."""
     gap: float
@@ -400,7 +404,7 @@ class StoredBasis:
     plant_pressure: FloatArray
     """Pressures at which the plant was simulated [Pa], shape [p]."""
     plant_angle: FloatArray
-    """Its angle there [rad], shape [p]."""
+    """Angle of the plant at these pressures [rad], shape [p]."""
 
 
 _BASIS = Record(
@@ -458,7 +462,7 @@ def stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
 
 
 def _read_basis(path: Path, key: str) -> StoredBasis | None:
-    """Read a stored file; None if it is absent or has another key."""
+    """Read a stored file. None if there is no such file, or if it has another key."""
     if not Path(path).exists():
         return None
     with reading(path, FORMAT, cure=CURE) as place:
@@ -490,10 +494,10 @@ def run_control(
     *,
     basis: Path | None = None,
 ) -> tuple[dict[str, Closed], dict[str, Reduction]]:
-    """Reduce the actuator, simulate the plant, and close the loop.
+    """Reduce the actuator, simulate the plant, and run the closed loop.
 
-    ``basis``: folder in which the reductions and the plants' bends are stored. Stored ones are reused if the
-    inputs are equal. None: nothing is stored or reused.
+    ``basis``: folder in which the reductions and the plants' bends are stored. They are reused if the inputs
+    are equal. None: nothing is stored or reused.
     """
     prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
     controllers = {}
@@ -516,7 +520,10 @@ def run_control(
 def _prepared(
     actuator: Actuator, gravity: FloatArray, section: ControlSection, name: str, basis: Path | None
 ) -> tuple[Reduction, Plant]:
-    """The reduction and the plant for a direction of gravity, read from the folder if stored there."""
+    """The reduction and the plant for a direction of gravity.
+
+    They are read from the folder if it contains them.
+    """
     key = basis_key(actuator, gravity, section, _PLANT_STEPS)
     file = None if basis is None else basis / f"{name}.h5"
     found = None if file is None else _read_basis(file, key)
@@ -543,7 +550,9 @@ def _prepared(
 def check_targets(
     name: str, made: Reduction, plant: Plant, section: ControlSection, *, reach: tuple[float, float]
 ) -> None:
-    """Check that model and plant reach the target angles, and that the reduced model is accurate up to them.
+    """Check that model and plant reach the target angles.
+
+    The reduced model must also be accurate up to them.
 
     ``name``: the direction of gravity. ``reach``: angles of the model at pressures 0 and `most` [rad].
 
@@ -582,7 +591,7 @@ def schedule(section: ControlSection) -> FloatArray:
 
 
 def _plant_of(actuator: Actuator, gravity: FloatArray, section: ControlSection) -> Plant:
-    """The plant: the full model with a separate stiffness, a lag, a delay and noise."""
+    """The plant: the full model with another stiffness, a lag, a delay and noise."""
     pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
     run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
     if not run.solution.outcome.ok:

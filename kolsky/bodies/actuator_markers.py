@@ -1,13 +1,14 @@
-"""Measured markers compared with the model: distances, misfit over noise, and the fitted stiffness.
+"""Measured markers compared with the model: distances, misfit, and the fitted stiffness.
 
-Markers sit on the base's middle line at equal shares of its length at rest, the last at the tip. The
-distance of n of them is
+Markers lie on the base's middle line at equal shares of its length at rest. The last one is at the tip. The
+distance of n markers is
 
     RMSE = sqrt(1/n sum |x_measured - x_simulated|^2),                                          (A.5)
 
-Noise of sigma in each coordinate explains them if sum |.|^2 / sigma^2 is below the 99.9 % quantile of
-chi-square with 2 n degrees of freedom. One factor m of all moduli is fitted to all markers, directions and
-pressures, with a fixed Poisson's ratio. The method is Gauss-Newton with the exact du/dm; the interval is
+The sum of |.|^2 / sigma^2 is compared with chi-square of 2 n degrees of freedom. Noise of sigma in each
+coordinate explains the distances if the sum is below the 99.9 % quantile. One factor m of all moduli is
+fitted to all markers, directions and pressures, with a fixed Poisson's ratio. The method is Gauss-Newton with
+the exact du/dm. The interval is
 
     m +- t s_m,  s_m = sigma max(1, sqrt(chi2 / dof)) / |J|,                                    (A.6)
 
@@ -36,7 +37,7 @@ EXPLAINED = 0.999
 ITERATIONS = 12
 """Maximum number of iterations of the fit."""
 RANGE = 0.02, 50.0
-"""Range of the factor in the fit [-]; the fit ends at the last factor inside."""
+"""Range of the factor in the fit [-]. The fit ends at the last factor inside."""
 FIT_TOLERANCE = 1e-3
 """Step of m at which the fit ends, in its standard deviations."""
 PLANE = (0, 2)
@@ -65,7 +66,7 @@ class MarkerComparison:
 
     @property
     def explained(self) -> bool:
-        """Whether noise of `sigma` explains the distances."""
+        """True if noise of `sigma` explains the distances."""
         square = float(((self.measured - self.simulated) ** 2).sum()) / self.sigma**2
         return square <= float(chi2_law.ppf(EXPLAINED, self.measured.size))
 
@@ -89,15 +90,15 @@ class StiffnessFit:
     high: float
     """Upper end of the 95 % interval [-]."""
     chi2: float
-    """Sum of squares over sigma^2 there [-]."""
+    """Sum of squares over sigma^2 at the fitted factor [-]."""
     degrees: int
     """Degrees of freedom."""
     converged: bool
-    """Whether the last step was small."""
+    """True if the last step was small."""
 
     @property
     def explained(self) -> bool:
-        """Whether noise explains the residual."""
+        """True if noise explains the residual."""
         return self.chi2 <= float(chi2_law.ppf(EXPLAINED, self.degrees))
 
 
@@ -123,7 +124,7 @@ def compare(run: Bending, gravity: str, step: int, measured: FloatArray, sigma: 
 
 
 def marker_weights_of(x: FloatArray, count: int) -> FloatArray:
-    """As `marker_weights`, for the increasing coordinates of the points of a line [m]."""
+    """As `marker_weights`, for increasing coordinates of the points of a line [m]."""
     shares = x[0] + (x[-1] - x[0]) * np.arange(1, count + 1) / count
     return np.stack([np.interp(shares, x, unit) for unit in np.eye(len(x))], axis=-1)
 
@@ -131,7 +132,10 @@ def marker_weights_of(x: FloatArray, count: int) -> FloatArray:
 def interval(
     left: FloatArray, J: FloatArray, sigma: float, factor: float, *, converged: bool
 ) -> StiffnessFit:
-    """Interval of a factor by Eq. (A.6), from the residual [m] and dx/dm [m], each of shape [n]."""
+    """Interval of a factor by Eq. (A.6).
+
+    It is computed from the residual [m] and dx/dm [m], each of shape [n].
+    """
     degrees = left.size - 1
     square = float((left**2).sum()) / sigma**2
     deviation = sigma * max(1.0, np.sqrt(square / degrees)) / float(np.linalg.norm(J))
@@ -181,13 +185,16 @@ def fit_stiffness(
 
 
 EQUAL_PRESSURES = 1e-6
-"""Largest difference of pressures that count as equal, as a share of the largest pressure [-]."""
+"""Largest difference of equal pressures, as a share of the largest pressure [-]."""
 
 
 def compared_markers(
     spec: ActuatorSpec, directions: Sequence[Direction]
 ) -> tuple[list[MarkerComparison], StiffnessFit | None, dict[str, str]]:
-    """Compare the markers of a SPEC with the simulation, and fit the stiffness; with their file's hash."""
+    """Compare the markers of a SPEC with the simulation, and fit the stiffness.
+
+    The hash of their file is returned too.
+    """
     section = spec.declared.markers
     if section is None:
         return [], None, {}

@@ -1,12 +1,15 @@
-"""A bending actuator of chambers (Pneunet): mesh, material, weight, wall contact, equilibria under pressure.
+"""A bending actuator of chambers (Pneunet).
 
-The bending angle is the rotation towards the base of the chord from the base's clamped end to its free end,
+Mesh, material, weight, wall contact, equilibria under pressure.
+
+The bending angle is a rotation of the chord from the base's clamped end to its free end. The rotation is
+positive toward the base.
 
     Theta = atan2((t - o) . b, (t - o) . a),                                                   (A.1)
 
 with the positions o and t of these two points, the actuator's axis a at rest and the direction b out of its
-base. An angle from another direction in that plane, such as the vertical through the base, differs by the
-angle between that direction and the axis at rest.
+base. An angle from another direction in that plane, such as the vertical through the base, differs by a
+constant. It is the angle between that direction and the axis at rest.
 
 The actuator lies along x. The origin is the middle of the lower edge of its clamped end. Its base is the side
 z = 0 with the chambers on it. A channel along the base connects them and continues through the inlet to the
@@ -14,10 +17,10 @@ clamped end. Inside, the parts along x are
 
     inlet, wall, chamber, wall, gap, wall, chamber, wall, gap, ... , wall, chamber, wall,
 
-and along z the base, the channel, the rest of the chamber and its roof. Between neighbouring chambers the gap
-is open above the channel's roof. Every part is divided into the number of cells that gives a size nearest to
-the requested one, walls into at least `through_wall`. Without gravity along y the actuator is symmetric about
-the plane y = 0, and half of it is sufficient.
+and along z the base, the channel, the rest of the chamber and its roof. Between neighbouring chambers, the
+gap is open above the channel's roof. Every part is divided into cells with sizes nearest to the requested
+one. Walls have at least `through_wall` cells. Without gravity along y, the actuator is symmetric about the
+plane y = 0, and half of it is enough.
 """
 
 from collections.abc import Sequence
@@ -73,21 +76,21 @@ class Actuator:
 
     mesh: Mesh
     cavities: tuple[str, ...]
-    """Sets of pressurised walls; each has a separate pressure."""
+    """Sets of pressurised walls. Each set has a separate pressure."""
     solid: Solid
     """The material."""
     density: float
     """Mass density at rest [kg/m^3]."""
     mixed: bool = False
-    """Whether volume ratio and pressure are separate fields (for nearly incompressible materials)."""
+    """True if volume ratio and pressure are separate fields (for nearly incompressible materials)."""
     device: str = "cpu"
     """Device of the element kernels."""
     contacts: tuple[SelfContact, ...] = ()
     """Walls of neighbouring chambers that may touch."""
     parts: tuple[Part, ...] = ()
-    """Parts of other materials; a cell in two parts belongs to the later one."""
+    """Parts of other materials. A cell in two parts belongs to the later part."""
     world: tuple[Fixed | RigidSurface, ...] = ()
-    """Point sets fixed from outside, and rigid planes that the actuator may touch."""
+    """Point sets that are fixed, and rigid planes that the actuator may touch."""
 
     @property
     def histories(self) -> tuple[str, ...]:
@@ -112,7 +115,7 @@ class Actuator:
     def constants(self, factor: float = 1.0, *, body: Solid | None = None) -> FloatArray:
         """Constants of each region with all moduli multiplied by a factor, shape [n_regions, n_parameters].
 
-        `body`: a material in place of `solid`.
+        `body`: a material that replaces `solid`.
         """
         solids = (self.solid if body is None else body, *(part.solid for part in self.parts))
         return np.array([one.scaled(factor).parameters() for one in solids])
@@ -152,7 +155,7 @@ class Actuator:
     ) -> "Bending":
         """Equilibria under pressures [Pa] of shape [n] (all cavities alike) or [n, n_cavities].
 
-        `constants`: constants of each region in place of the actuator's; `guess` as for
+        `constants`: constants of each region that replace the actuator's. `guess`: as for
         `kolsky.equilibrium.solve.solve`.
         """
         table = np.asarray(pressures, dtype=float)
@@ -173,10 +176,10 @@ class Actuator:
         longest: float = 4.0,
         constants: FloatArray | None = None,
     ) -> tuple["Bending", ArcPath]:
-        """Equilibria under increasing pressures [Pa] of shape [n], equal in all cavities, past limit points.
+        """Equilibria past limit points under increasing pressures [Pa] of shape [n], equal in all cavities.
 
-        Returns: the equilibria reached if the pressure is raised from 0, and the whole path between them.
-        Raises ValueError with the reason if the path ends before the last pressure.
+        Returns: the equilibria that a pressure rising from 0 reaches, and the whole path between them. Raises
+        ValueError with the reason if the path ends before the last pressure.
         """
         path = follow(
             self.model(gravity),
@@ -249,7 +252,7 @@ def bend_slope(chord: FloatArray) -> FloatArray:
 SOLID, CHANNEL, OUTSIDE = 0, -1, -2
 """Kinds of cells of the grid; chambers are 1, 2, ..."""
 TIGHT = 1e-9
-"""Distance from a plane within which a point lies on it, as a share of the length [-]."""
+"""Tolerance for points on a plane, as a share of the length [-]."""
 
 
 @dataclass(frozen=True)
@@ -277,11 +280,11 @@ class Pneunet:
     element: str = "hex27"
     """Element: "hex27", "hex8", "tet10" or "tet4"."""
     half: bool = True
-    """Whether to model half of it, with y = 0 as the symmetry plane."""
+    """True to model half of it, with y = 0 as the symmetry plane."""
     separate: bool = False
-    """Whether the chambers are separate, without a channel, each with its pressure."""
+    """True if the chambers are separate, without a channel, each with its pressure."""
     heights: tuple[float, ...] = ()
-    """Heights z at which faces of cells lie, such as those of a layer [m]."""
+    """Heights z of additional cell faces, such as those of a layer [m]."""
 
     def __post_init__(self) -> None:
         if self.chambers < 1 or self.through_wall < 1:
@@ -353,7 +356,7 @@ class Pneunet:
         return (x, y, z), cells
 
     def _cut(self, lengths: list[float]) -> tuple[FloatArray, IntArray]:
-        """Lines of parts in a row [m], and the part of each cell."""
+        """Lines of a row of parts [m], and the part of each cell."""
         counts = []
         for length in lengths:
             least = self.through_wall if length in (self.wall, self.base) else 1
@@ -366,9 +369,9 @@ class Pneunet:
     def mesh(self) -> Mesh:
         """The mesh with its sets.
 
-        Sets: "clamp" (x = 0), "end" (the other end), "mirror" (y = 0, of a half), "cavity" or, of separate
-        chambers, "cavity_1" and so on, "origin" and "tip" (ends of the base's middle line), "line" (all of
-        it), and of each gap "gap_1_left", "gap_1_right": the walls that face each other.
+        Sets: "clamp" (x = 0), "end" (the other end), "mirror" (y = 0, of a half), "cavity" or, for separate
+        chambers, "cavity_1" and so on, "origin" and "tip" (ends of the base's middle line), and "line" (all
+        of it). Each gap has the sets "gap_1_left" and "gap_1_right", the walls that face each other.
         """
         lines, cells = self._grid
         solid: BoolArray = cells == SOLID
@@ -404,7 +407,7 @@ class Pneunet:
 
 
 def _touching(points: FloatArray, lines: tuple[FloatArray, ...], hollow: BoolArray, tight: float) -> IntArray:
-    """Points that lie in or on the hollow cells."""
+    """Points of the hollow cells, inside or on their surface."""
     found = np.zeros(len(points), dtype=bool)
     # a point on a line belongs to the cells on both sides of it
     sides = []
@@ -422,7 +425,7 @@ def _touching(points: FloatArray, lines: tuple[FloatArray, ...], hollow: BoolArr
 def smallest_gap(run: Bending) -> FloatArray:
     """Smallest distance of the facing walls of neighbouring chambers [m], shape [n].
 
-    Each pair of facing points is taken along the line between the middles of its two walls; negative where
+    Each pair of facing points is taken along the line between the middles of its two walls. It is negative if
     they have passed each other.
     """
     mesh, u = run.solution.model.mesh, run.solution.displacements
@@ -442,7 +445,10 @@ def smallest_gap(run: Bending) -> FloatArray:
 
 
 def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
-    """Points of boundary faces that are not entirely in one of the sets `apart`, without clamped points."""
+    """Points of boundary faces that are not entirely in one of the sets `apart`.
+
+    Clamped points are left out.
+    """
     everything = mesh.with_set("all", np.arange(len(mesh.points)))
     found = []
     for faces in faces_on(everything, "all"):
@@ -453,9 +459,9 @@ def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
 
 
 def forces_outside(run: Bending) -> dict[str, FloatArray]:
-    """Force of the whole actuator on each fixed set besides the clamp, and on each plane [N], shape [n, 3].
+    """Force of the whole actuator on each fixed set except the clamp, and on each plane [N], shape [n, 3].
 
-    Keys are the names of their point sets.
+    Keys are the names of the point sets.
     """
     solution, found = run.solution, {}
     half = "mirror" in solution.model.mesh.sets
@@ -478,9 +484,11 @@ class Touching:
     """Contact of neighbouring chambers over a history."""
 
     force: FloatArray
-    """Sum of the pressures between all walls over their area [N], of the whole actuator, shape [n]."""
+    """Sum of the pressures between all walls over their area [N], shape [n].
+
+    It is that of the whole actuator."""
     depth: FloatArray
-    """Largest penetration, due to the penalty [m], shape [n]."""
+    """Largest penetration, caused by the penalty method [m], shape [n]."""
 
 
 def touching(run: Bending) -> Touching | None:

@@ -1,4 +1,4 @@
-"""SPEC.toml of an actuator: its tables, and the actuator, gravity directions and pressures made from them."""
+"""SPEC.toml of an actuator: its tables, and the actuator, gravity directions and pressures from them."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -184,7 +184,7 @@ class ControlSection(Section):
 
 
 class MarkersSection(Section):
-    """[markers]: measured centroids of the markers, one row a direction, pressure and marker."""
+    """[markers]: measured centroids of the markers, one row per direction, pressure and marker."""
 
     file: f.FileName
     layout: TextLayoutSection | None = None
@@ -242,7 +242,7 @@ class ActuatorFile(Section):
 
 SIZES = (1e-3, 3.0)
 """Smallest and largest length of a soft actuator [m]. Published ones have some mm to 1 m. Larger ones of
-silicone collapse under their weight, and a unit error is a factor of ten or more."""
+silicone collapse under their weight. A unit error is a factor of ten or more."""
 NEEDED = ("clamp", "origin", "tip")
 """Sets that a mesh from a file must have, in addition to "cavity" or "cavity_1" and so on."""
 
@@ -281,7 +281,7 @@ class ActuatorSpec:
 def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
     """Read a SPEC.toml of an actuator and its mesh, if it names one.
 
-    Raises InputError if it declares anything unknown, incomplete or impossible, or a file cannot be read.
+    Raises InputError if it declares anything unknown, incomplete or impossible, or if a file cannot be read.
     """
     toml, declared = read_toml(Path(path), ActuatorFile)
     inputs = {toml.path.name: toml.sha256}
@@ -340,13 +340,14 @@ def _check_size(toml: TomlFile, size: float) -> None:
 
 
 _OPENINGS = ("clamp", "mirror", "inlet")
-"""Sets at which the surface of a cavity may end: its closure there moves no point of the body."""
+"""Sets at which the surface of a cavity may end. The closure of the cavity at such a set moves no point of
+the body."""
 
 
 def _check_closed(toml: TomlFile, mesh: Mesh, cavities: tuple[str, ...]) -> None:
-    """Check that the surface of a cavity ends only on the clamp, the mirror plane or the inlet.
+    """Check that the surface of a cavity ends at the clamp, the mirror plane or the inlet.
 
-    The pressure on an open surface has a resultant force, which a closed cavity does not have.
+    The pressure on an open surface has a resultant force. That on a closed cavity has none.
     """
     known = [name for name in _OPENINGS if name in mesh.sets]
     for name in cavities:
@@ -398,7 +399,10 @@ def _part(toml: TomlFile, declared: ActuatorFile, name: str, mesh: Mesh, shape: 
 def _world(
     toml: TomlFile, declared: ActuatorFile, mesh: Mesh, cavities: tuple[str, ...]
 ) -> tuple[Mesh, tuple[Fixed | RigidSurface, ...]]:
-    """The fixed set of [blocked] and the planes, and the mesh with their sets, named as their tables."""
+    """The fixed set of [blocked] and the planes, and the mesh with their sets.
+
+    The sets have the names of their tables.
+    """
     world: list[Fixed | RigidSurface] = []
     held: FloatArray | Any = np.zeros(0, dtype=np.int64)
     if declared.blocked is not None:
@@ -447,7 +451,7 @@ def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContac
 
 
 def volume_reading(d1: Any) -> float:
-    """Bulk modulus K [Pa] from a declared D1; its unit defines its meaning.
+    """Bulk modulus K [Pa] from a declared D1. Its unit defines its meaning.
 
     In 1/Pa it belongs to U = (J - 1)^2 / D1, K = 2 / D1 (Abaqus, and Table 1 of the paper). In Pa it belongs
     to U = D1 (J - 1)^2, K = 2 D1.
@@ -465,7 +469,10 @@ def volume_reading(d1: Any) -> float:
 def _solid(
     toml: TomlFile, where: str, law: str, section: ConstantsSection, *, key: str | None = None
 ) -> Solid:
-    """The material of a table; `key`: the key of its constants, if not `constants`."""
+    """The material of a table.
+
+    `key`: the key of its constants, if it is not `constants`.
+    """
     key = f"{where}.constants" if key is None else key
     values = read_constants(toml, key, law, section.constants)
     try:
@@ -473,7 +480,7 @@ def _solid(
             return solid_of(law, {**values, POISSON: section.poisson})
         if law == COUPLED:
             raise toml.error(f"{where}.D1", f"does not belong to {COUPLED}", cure="write poisson = 0.44")
-        # only the bulk modulus is another: any Poisson's ratio makes the shear part
+        # only the bulk modulus differs: any Poisson's ratio makes the shear part
         made = solid_of(law, {**values, POISSON: 0.0})
         assert isinstance(made, Isotropic)
         return replace(made, volumetric=bulk(volume_reading(section.D1)))

@@ -1,24 +1,24 @@
 """Fit constants to forces and displacements that both have errors (Schumacher and others 2020, Eqs. 1-2).
 
-In their objective the force of every sample, f_i, is an unknown; the simulation under it gives the
+In their objective, the force of every sample, f_i, is an unknown. The simulation under this force gives the
 displacement:
 
     g = sum_i 1/2 (d(p, f_i) - d_i)^2 + w_f 1/2 (f_i - F_i)^2,                                  (S.1)
 
-with measured d_i and F_i. Force and displacement in equilibrium correspond one to one. The displacement can
-therefore be the unknown instead, and every simulation is driven by displacements. With the noise sigma_d and
-sigma_f of each, and w_f = (sigma_d / sigma_f)^2,
+with measured d_i and F_i. In equilibrium, each force has one displacement. The displacement can therefore be
+the unknown instead, and every simulation prescribes displacements. With the noise sigma_d and sigma_f of
+each, and w_f = (sigma_d / sigma_f)^2,
 
     chi^2 = sum_i |(x_i - d_i) / sigma_d|^2 + |(f(p, x_i) - F_i) / sigma_f|^2.
 
 Linearised about x_i, with k = df/dx and S = df/dp from one factorisation, the best x_i depends linearly on
-the step dp. Eliminating it gives a least-squares problem in p only,
+the step dp. Its elimination gives a least-squares problem in p alone,
 
     r_i = f(p, x_i) - F_i - k (x_i - d_i),   V_i = sigma_f^2 I + k sigma_d^2 k^T,
     minimise sum_i (r_i + S_i dp)^T V_i^-1 (r_i + S_i dp),    x_i - d_i = -sigma_d^2 k^T V_i^-1 (r_i + S_i
     dp),
 
-solved within the bounds of Table I by Levenberg and Marquardt's steps.
+This is solved within the bounds of Table I by Levenberg and Marquardt's steps.
 """
 
 from collections.abc import Callable
@@ -30,15 +30,15 @@ from scipy.optimize import lsq_linear
 from kolsky.base.arrays import FloatArray
 
 DAMPING, MOST_DAMPING = 1e-3, 1e8
-"""First damping, and the damping above which the search ends without a step that reduces chi-square."""
+"""First damping, and the damping above which the search ends if no step reduces chi-square."""
 STEP_TOLERANCE = 1e-3
-"""The search ends at this length of the next undamped step, in standard deviations of the residuals."""
+"""The search ends if the next undamped step is shorter than this, in standard deviations of the residuals."""
 CHI_SQUARE_TOLERANCE = 1e-9
-"""It also ends below this relative change of chi-square, for data without noise."""
+"""It also ends if the relative change of chi-square is below this, for data without noise."""
 MOST_STEPS = 60
 """Maximum number of simulations in a search."""
 LONGEST = 2.0
-"""Longest step of a constant over its size (its scale, or its value if that is larger)."""
+"""Longest step of a constant divided by its size. The size is its scale, or its value if that is larger."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Samples:
     force: FloatArray
     """[N], shape [n, ends]."""
     sigma_displacement: float
-    """Standard deviation of a displacement [m]; 0 takes them as exact."""
+    """Standard deviation of a displacement [m]. 0 means exact displacements."""
     sigma_force: float
     """Standard deviation of a force [N], > 0."""
 
@@ -68,12 +68,13 @@ class Linearised:
 
 
 Respond = Callable[[FloatArray, tuple[FloatArray, ...]], tuple[Linearised, ...] | str]
-"""Function of the constants and each specimen's displacements; returns their forces, or why it failed."""
+"""Function of the constants and each specimen's displacements. It returns their forces, or the reason of a
+failure."""
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """The least-squares problem in the constants only, for all specimens together."""
+    """The least-squares problem of the constants, for all specimens together."""
 
     residual: FloatArray
     """L^-1 r with V = L L^T, shape [m]."""
@@ -88,17 +89,17 @@ class SearchOptimum:
     constants: FloatArray
     """Shape [p]."""
     displacements: tuple[FloatArray, ...]
-    """x_i of each specimen [m]."""
+    """Displacements x_i of each specimen [m]."""
     linearised: tuple[Linearised, ...]
-    """Forces and slopes there."""
+    """Forces and slopes at these displacements."""
     reduced: Reduced
-    """The problem in the constants there."""
+    """The problem of the constants at these displacements."""
     chi2: float
     """Eq. (S.1) over sigma_d^2 / 2 [-]."""
     at_bound: tuple[bool, ...]
     """Constants at a bound, shape [p]."""
     converged: bool
-    """Whether the search converged."""
+    """True if the search converged."""
     ended: str
     simulations: int
     """Number of trial points, rejected ones included."""
@@ -114,9 +115,9 @@ def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
 
 
 def reduce(samples: Samples, x: FloatArray, there: Linearised) -> Reduced:
-    """Eliminate the displacements, see the top of this module.
+    """Eliminate the displacements, see the start of this module.
 
-    ``x``: displacements at which the specimen was simulated [m], shape [n, ends].
+    ``x``: displacements of the simulation of the specimen [m], shape [n, ends].
     """
     moved = x - samples.displacement
     r = there.force - samples.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
@@ -146,9 +147,9 @@ def search(
 ) -> SearchOptimum:
     """Minimise chi-square over the constants and the displacements of all samples.
 
-    ``respond``: the simulations. ``samples``: data of each specimen; all share one set of constants.
-    ``start``, ``scales``: initial constants and their sizes, shape [p]. ``bounds``: lower and upper bounds,
-    each of shape [p]. Raises ValueError with the reason if the simulation at the start fails.
+    ``respond``: the simulations. ``samples``: data of each specimen. All have the same constants. ``start``,
+    ``scales``: initial constants and their sizes, shape [p]. ``bounds``: lower and upper bounds, each of
+    shape [p]. Raises ValueError with the reason if the simulation at the start fails.
     """
     p = np.clip(start, *bounds)
     x = tuple(own.displacement for own in samples)
@@ -212,7 +213,7 @@ def _optimum_at(
     ended: str,
     runs: int,
 ) -> SearchOptimum:
-    """The record of a search's end point; arguments as for `SearchOptimum` and `search`."""
+    """The record of a search's end point. Arguments are those of `SearchOptimum` and `search`."""
     problem = _joined([reduce(own, at, f) for own, at, f in zip(samples, x, there, strict=True)])
     chi2 = sum(chi_square(own, at, f.force) for own, at, f in zip(samples, x, there, strict=True))
     near = 1e-6 * np.maximum(scales, np.abs(p))
@@ -244,6 +245,6 @@ def _step(
     right = np.concatenate([-problem.residual, np.zeros(len(p))])
     low = np.maximum((bounds[0] - p) / size, -LONGEST)
     high = np.minimum((bounds[1] - p) / size, LONGEST)
-    # At a bound, one side of the step's interval is zero; the two limits must differ.
+    # At a bound, one side of the step's interval is zero. The two limits must differ.
     solved = lsq_linear(matrix, right, (np.minimum(low, -1e-14), np.maximum(high, 1e-14)), method="bvls")
     return np.asarray(solved.x * size)

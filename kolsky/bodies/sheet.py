@@ -1,9 +1,9 @@
 """A sheet pulled between two pads: its model, and the projection of the measured field on its nodes.
 
-The projection is a local quadratic by weighted least squares, after outliers are rejected.
+The projection is a local quadratic by weighted least squares. Outliers are rejected first.
 
 Image correlation gives displacements at the points of a grid. The cost of Sutula and others (2020, Sec. 6)
-needs them at the nodes of the mesh. At a node x0 the nine nearest points are fitted by
+needs them at the nodes of the mesh. At a node x0, the nine nearest points are fitted by
 
     p(x) = a0 + a1 x + a2 y + a3 x^2 + a4 x y + a5 y^2,   x, y from x0,
     weights w = e + (1 - e)(1 - r/r_max)^2
@@ -32,12 +32,12 @@ from kolsky.equilibrium.solution import Solution
 from kolsky.equilibrium.solve import solve
 
 NEIGHBOURS = 9
-"""Number of points of a local fit; at least six are needed."""
+"""Number of points of a local fit. At least six are needed."""
 LEAST_WEIGHT = 1e-4
 """Weight e of the farthest point."""
 _CONDITION = 1e-6
-"""Smallest determinant of the normal matrix over the product of its diagonal. Below it the points lie on a
-conic, and the weighted mean is used instead."""
+"""Smallest determinant of the normal matrix, divided by the product of its diagonal. Below it, the points lie
+on a conic and the weighted mean is used."""
 _GATE_NEIGHBOURS = 20
 """Number of neighbours that predict one point in the outlier test."""
 NOISE_POINTS = _GATE_NEIGHBOURS + 1
@@ -49,11 +49,11 @@ _GATE_PASSES = 5
 
 
 def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
-    """Project point values on targets by local quadratics, shape [n_targets, k].
+    """Project point values to targets by local quadratics, shape [n_targets, k].
 
-    ``points``: positions of the values [m], shape [n, 2]. ``values``: shape [n, k]: any number of fields, in
-    any unit. ``targets``: positions of the results [m], shape [n_targets, 2]. Raises ValueError if there are
-    fewer than `NEIGHBOURS` points, or a value is not finite.
+    ``points``: positions of the values [m], shape [n, 2]. ``values``: any number of fields, in any unit,
+    shape [n, k]. ``targets``: positions of the results [m], shape [n_targets, 2]. Raises ValueError if there
+    are fewer than `NEIGHBOURS` points, or if a value is not finite.
     """
     if len(points) < NEIGHBOURS:
         raise ValueError(f"a quadratic takes at least {NEIGHBOURS} points, got {len(points)}")
@@ -75,9 +75,10 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
     """Find the outliers: points that differ from the prediction of their neighbours.
 
     Each point is predicted by a quadratic through its `_GATE_NEIGHBOURS` nearest neighbours. Its deviation is
-    divided by the noise of the prediction, and by the robust standard deviation of all points of the field
-    (from the median, which outliers do not affect). The result must be at most `gate`. The test is repeated
-    without the rejected points, because an outlier disturbs the predictions of its neighbours.
+    divided by the noise of the prediction, and by the robust standard deviation of all points of the field.
+    The latter comes from the median, which outliers do not affect. The result must be at most `gate`. The
+    test is repeated without the rejected points, because an outlier disturbs the predictions of its
+    neighbours.
 
     ``points``, ``values``: as in `project`; finite. ``gate``: limit in standard deviations, > 0.
     """
@@ -92,7 +93,7 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
         ratio = np.divide(deviation, scale, out=np.zeros_like(deviation), where=scale > 0.0).max(axis=1)
         if not (ratio > gate).any():
             break
-        # Neighbouring outliers disturb each other; the worst one is rejected first.
+        # Neighbouring outliers disturb each other. The worst one is rejected first.
         worst = (ratio > gate) & (ratio >= ratio[near[:, :8]].max(axis=1))
         bad[good[worst]] = True
     return bad
@@ -101,7 +102,7 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
 def point_noise(points: FloatArray, values: FloatArray) -> float:
     """Standard deviation of a value from its prediction by neighbours, for all fields [unit of values].
 
-    A field that is smooth over `_GATE_NEIGHBOURS` points does not contribute; a rough field counts as noise.
+    A field that is smooth over `_GATE_NEIGHBOURS` points does not contribute. A rough field counts as noise.
     """
     return float(MAD * np.median(_deviations(points, values)[1]))
 
@@ -109,8 +110,8 @@ def point_noise(points: FloatArray, values: FloatArray) -> float:
 def _deviations(points: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     """Nearest neighbours of each point, shape [n, k], and its deviation from their prediction.
 
-    The deviation is divided by the noise of the prediction, which is larger at an edge where the prediction
-    extrapolates. Shape [n, fields].
+    The deviation, shape [n, fields], is divided by the noise of the prediction. This noise is larger at an
+    edge, where the prediction extrapolates.
     """
     distance, near = cKDTree(points).query(points, k=_GATE_NEIGHBOURS + 1)
     distance, near = distance[:, 1:], near[:, 1:]
@@ -120,7 +121,7 @@ def _deviations(points: FloatArray, values: FloatArray) -> tuple[NDArray[np.int6
 
 
 def _weights(offsets: FloatArray, distance: FloatArray) -> FloatArray:
-    """Weights c of the local fit, whose value at the target is sum c_k f_k, shape [n, k]."""
+    """Weights c of the local fit, shape [n, k]. Its value at the target is sum c_k f_k."""
     length = np.maximum(distance.max(axis=1), np.finfo(float).tiny)
     x, y = np.moveaxis(offsets / length[:, None, None], -1, 0)
     weight = LEAST_WEIGHT + (1.0 - LEAST_WEIGHT) * (1.0 - distance / length[:, None]) ** 2
@@ -159,11 +160,11 @@ class Sheet:
     regions: IntArray | None = None
     """Region of each cell, the fitted ones first, shape [m]. None: one material."""
     held: Mapping[int, Solid] = field(default_factory=dict)
-    """Materials of the regions whose constants are not fitted."""
+    """Materials of the regions with fixed constants."""
     device: str = "cpu"
     """Device of the element kernels."""
     turned: int = 0
-    """Number of cells with clockwise node order in the mesh file, which was reversed."""
+    """Number of cells with clockwise node order in the mesh file. This order was reversed."""
 
     def model(self, solid: Solid) -> Model:
         """The model of the sheet with given materials."""
@@ -189,7 +190,7 @@ class Sheet:
         """Equilibria at displacements of the moving pad [m], shape [n].
 
         ``solid``: the material of the first region. ``further``: the materials of the other fitted regions.
-        ``near``: a solution with other constants and the same pad displacements; its derivatives predict
+        ``near``: a solution with other constants and the same pad displacements. Its derivatives predict
         these equilibria.
         """
         n = 1 if self.regions is None else int(self.regions.max()) + 1
@@ -227,7 +228,10 @@ class SheetState:
 def sheet_state(
     sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray, near: SheetState | None = None
 ) -> SheetState | str:
-    """Simulate a sheet with derivatives; return the reason if it fails. `near`: as in `Sheet.simulate`."""
+    """Simulate a sheet with derivatives, or return the reason of a failure.
+
+    `near`: as in `Sheet.simulate`.
+    """
     try:
         solids = constants.solids(free)
     except ValueError as error:
@@ -248,7 +252,7 @@ def sheet_state(
 def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_matrix:
     """Integral of products of shape functions over some cells [m^2], shape [nodes, nodes].
 
-    One displacement component; the other has the same.
+    This is for one displacement component. The other component has the same integral.
     """
     element = mesh.element
     points, weights = element.rule(element.gauss + 1)
@@ -264,6 +268,6 @@ def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_matrix:
 
 
 def cells_inside(mesh: Mesh, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Cells whose points all lie inside a rectangle, shape [m]."""
+    """Cells with all points inside a rectangle, shape [m]."""
     inside = np.asarray(((mesh.points > low) & (mesh.points < high)).all(axis=1))
     return np.asarray(inside[mesh.cells].all(axis=1))

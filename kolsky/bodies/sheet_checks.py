@@ -1,9 +1,10 @@
-r"""Checks of a sheet's data against its model: single points, the field, the force, and wrong factors.
+r"""Checks of a sheet's data against its model: points, field, force, and wrong factors.
 
 **Points.** `kolsky.bodies.sheet.outliers` suspects points that differ from their neighbours' prediction. Near
-a hole, a pad or the border of a region the field varies within a few points, and neighbours predict badly.
-A suspected point is therefore an outlier only if the fitted sheet does not predict it either. With u_h the
-field of the mesh, e its error there and s the robust deviation of all points from u_h,
+a hole, a pad or the border of a region, the field varies within a few points, and neighbours predict badly. A
+suspected point is therefore an outlier only if the fitted sheet does not predict it either. Let u_h be the
+field of the mesh, e its error at the point, and s the robust deviation of all points from u_h. The point is
+an outlier if
 
     |u - u_h| > gate s + e,     e = (h / 4) max_a |G_a - G|,                                          (P.1)
 
@@ -11,14 +12,15 @@ Here h is the size of the cell, G its gradient and G_a the gradient averaged ove
 a parabola this is the error of a linear element (Zienkiewicz and Zhu 1987).
 
 **Force and field** are fitted together, and each misfit is checked separately. If one is not explained, the
-constants are fitted to the field only, with the covariance C. With the force f and F = df/dm there
+constants are fitted to the field alone, with the covariance C. With the force f and F = df/dm at these
+constants,
 
     k = (f . f_msr) / (f_msr . f_msr),
     sigma_k^2 = f_msr . (F C F^T + k^2 sigma_f^2) f_msr / |f_msr|^4                                   (P.2)
 
-is the factor missing in the measured force. A common factor k_0 is reported under two conditions: |k - k_0|
-is at most twice sigma_k with the share that counts as explained, and a fit with the force times k_0 explains
-both.
+is the factor missing in the measured force. A common factor k_0 is reported under two conditions. First, |k -
+k_0| is at most twice sigma_k, which here includes the share that counts as explained. Second, a fit with the
+force times k_0 explains both.
 """
 
 from dataclasses import dataclass, replace
@@ -44,9 +46,9 @@ from kolsky.equilibrium.meshes import Mesh
 _CELLS = 16
 """Number of nearest cells, by their centres, in which a point is searched."""
 _INSIDE = 1e-6
-"""Tolerance outside the reference cell within which a point counts as inside, for round-off [-]."""
+"""Tolerance outside the reference cell for a point on its border, because of round-off [-]."""
 _NEWTON_STEPS = 8
-"""Newton steps of the inverse map; a straight cell needs one, a curved one four or five."""
+"""Newton steps of the inverse map. A straight cell needs one, a curved one four or five."""
 _PASSES = 4
 """Maximum number of fits with readmitted points."""
 STANDARD_GRAVITY = 9.80665
@@ -61,17 +63,19 @@ FORCE_FACTORS = {
     1e-3 * STANDARD_GRAVITY: "it is in gf or g, not in N",
     1.0 / STANDARD_GRAVITY: "it was multiplied by the acceleration of gravity once too often",
 }
-"""Factor missing in the measured force -> its error."""
+"""Factor missing in the measured force -> the error that explains it."""
 FIELD_FACTORS = {
     -1.0: "their sign is reversed",
     1e3: "their unit is 1000 times larger, as mm for µm",
     1e-3: "their unit is 1000 times smaller, as µm for mm",
 }
-"""Factor missing in the points' displacements -> their error."""
+"""Factor missing in the points' displacements -> the error that explains it."""
 
 
 def interpolated(mesh: Mesh, values: FloatArray, points: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Nodal values at points, and the cell of each point; NaN and -1 for points outside the mesh.
+    """Nodal values at points, and the cell of each point.
+
+    NaN and -1 for points outside the mesh.
 
     ``values``: shape [nodes, k]. ``points``: shape [n, d].
     """
@@ -137,7 +141,9 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
 def fit_measured(
     measured: MeasuredField, *, gate: float, progress: Progress = SILENT
 ) -> tuple[MeasuredField, FieldFit]:
-    """Fit a measured sheet and readmit suspected points that it predicts; repeat until there are none.
+    """Fit a measured sheet and readmit suspected points that it predicts.
+
+    This is repeated until there are no such points.
 
     ``progress``: see `fit_field`.
 
@@ -167,7 +173,10 @@ class LackingFactor:
     """Its standard uncertainty [-]."""
 
     def near(self, factor: float) -> bool:
-        """Whether a common factor agrees with this one, within uncertainty and the explained share."""
+        """True if a common factor agrees with this factor.
+
+        The uncertainty and the explained share are allowed.
+        """
         return abs(self.value - factor) <= 2.0 * np.hypot(self.sigma, 0.5 * EXPLAINED_SHARE * abs(factor))
 
 
@@ -186,10 +195,12 @@ def lacking_factor(
 
 
 def one_change(measured: MeasuredField, found: FieldFit) -> str:
-    """A single change of the data with which the sheet explains field and force, in words; empty if none.
+    """A single change of the data that lets the sheet explain field and force, in words.
+
+    Empty if there is none.
 
     ``measured``: the field, with the initial constants. ``found``: its fit. Common factors of the force, the
-    displacements and the mesh, and mirrored axes are tried; each is confirmed by a fit.
+    displacements and the mesh, and mirrored axes are tried. Each is confirmed by a fit.
     """
     if found.explained:
         return ""
@@ -221,10 +232,10 @@ def one_change(measured: MeasuredField, found: FieldFit) -> str:
 
 
 def _force_counts(problem: FieldProblem) -> bool:
-    """Whether a positive factor of the force would change more than the moduli.
+    """True if a positive factor of the force would change more than the moduli.
 
-    With prescribed displacements, a common factor of all moduli multiplies the force and changes no
-    displacement. If all moduli are free, only a force of reversed sign contradicts a field.
+    With prescribed displacements, a common factor of all moduli multiplies the force and does not change the
+    displacements. If all moduli are free, only a force of reversed sign contradicts a field.
     """
     constants = problem.constants
     moduli = {spec.name for spec in constants.specs if spec.unit == "Pa"}
@@ -268,8 +279,11 @@ def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
 
 
 def _explains_again(measured: MeasuredField, found: FieldFit | None = None) -> bool:
-    """Whether a sheet with other points or another mesh is explained; after a fit of the same mesh (`found`)
-    a new one is made only if its simulation is closer to these points."""
+    """True if a sheet with other points or another mesh is explained.
+
+    If `found` is a fit of the same mesh, a new fit is made only if its simulation is closer to these
+    points.
+    """
     try:
         problem = keeping(measured, measured.left_out).problem
     except ValueError:
@@ -290,7 +304,7 @@ def _words(what: str, key: str, cause: str, factor: float) -> str:
 
 
 _MUTE = 1e9
-"""Standard deviation that gives a force no weight [N]."""
+"""Standard deviation that removes the force from the fit [N]."""
 
 
 def _field_factor(found: FieldFit) -> float:
@@ -303,7 +317,10 @@ def _field_factor(found: FieldFit) -> float:
 
 
 def _explains(problem: FieldProblem, data: FieldData) -> bool:
-    """Whether a fit to the last frame of changed data explains field and force, no constant at a bound."""
+    """True if a fit to the last frame of changed data explains field and force.
+
+    No constant may be at a bound.
+    """
     try:
         trial = fit_field(FieldProblem(problem.sheet, data, problem.constants).last)
     except (ValueError, np.linalg.LinAlgError):

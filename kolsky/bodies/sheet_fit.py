@@ -1,19 +1,20 @@
 """Fit constants to a displacement field and a pad's force (Sutula and others 2020, Secs. 3 and 4).
 
-The sensitivity of the constants to a measured displacement or force follows from the same derivatives.
+The same derivatives give the sensitivity of the constants to a measured displacement or force.
 
-The search is Newton's method, Eq. (K.17), with the Gauss-Newton curvature and a secant estimate of the
+The search is Newton's method, Eq. (K.17). It uses the Gauss-Newton curvature and a secant estimate of the
 remaining second derivatives (Dennis, Gay and Welsch 1981). The sensitivities of Eq. (K.19) use the exact
 second derivatives. The cost is
 
     J(m) = sum_k 1/2 int |u_k(m) - u_msr,k|^2 dA + w/2 sum_k (f_k(m) - f_msr,k)^2           (K.3-K.6)
 
-of Sutula and others (2020), with its gradient by du/dm, and its second derivatives. They leave the choice of
-w open. Here w weights both parts by their noise. With one independent point per area a and the standard
-deviations sigma_u and sigma_f, w = a sigma_u^2 / sigma_f^2, and 2 J / (a sigma_u^2) is a chi-square.
+of Sutula and others (2020), with its gradient by du/dm, and its second derivatives. Their paper does not fix
+w. Here w weights both parts by their noise. With one independent point per area a and the standard deviations
+sigma_u and sigma_f, w = a sigma_u^2 / sigma_f^2. Then 2 J / (a sigma_u^2) is a chi-square.
 
 If the camera moves and no mark of the fixed pad is measured, each field has an unknown translation t_k. The
-best translation for any m is the mean of u_msr - u over the measured region, so that in all integrals above
+best translation for any m is the mean of u_msr - u over the measured region. In all integrals above,
+therefore,
 
     u_k(m) - u_msr,k  becomes  u_k(m) - u_msr,k - mean(u_k(m) - u_msr,k).                   (F.1)
 
@@ -21,8 +22,8 @@ At the minimum of the cost J(m, v) over the constants m, a change of the measure
 
     dm/dv = -[d2J/dm2]^-1 d2J/dm dv                                                         (K.18, K.19)
 
-which gives variances (K.20-25) and sensitivity fields on the mesh (K.26, K.27). Before a test it gives a map
-of where a displacement would constrain the constants most (K.28-36).
+This gives variances (K.20-25) and sensitivity fields on the mesh (K.26, K.27). Before a test, it gives a map
+that shows where a displacement would constrain the constants most (K.28-36).
 """
 
 from collections.abc import Callable
@@ -42,7 +43,7 @@ from kolsky.equilibrium.sensitivity import second
 
 @dataclass(frozen=True)
 class FieldData:
-    """A measured field on the nodes of a mesh, and the pad's motion and force."""
+    """A measured field at the nodes of a mesh, and the pad's motion and force."""
 
     pad: FloatArray
     """Displacement of the moving pad [m], shape [n]."""
@@ -59,7 +60,7 @@ class FieldData:
     area: float
     """Area of one independent point [m^2]."""
     floating: bool = False
-    """Whether each step's field has an unknown translation."""
+    """True if each step's field has an unknown translation."""
 
     @property
     def weight(self) -> float:
@@ -100,7 +101,7 @@ class Cost:
 
 
 class FieldProblem:
-    """A sheet, its data and its constants, with the free ones."""
+    """A sheet, its data and its constants, some of which are free."""
 
     def __init__(self, sheet: Sheet, data: FieldData, constants: Constants) -> None:
         self.sheet, self.data, self.constants = sheet, data, constants
@@ -131,7 +132,10 @@ class FieldProblem:
         return FieldProblem(self.sheet, self.data.only(len(self.data.pad) - 1), self.constants)
 
     def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or the reason of a failure; `near`: a start state."""
+        """Eqs. (K.3-K.6) with derivatives from du/dm, or the reason of a failure.
+
+        `near`: a start state.
+        """
         state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
         return state if isinstance(state, str) else self._cost_of(state)
 
@@ -173,7 +177,7 @@ class FieldProblem:
         return np.array([np.einsum("ai,ai->", self.mass @ one, one) for one in own])
 
     def misfit(self, state: SheetState) -> FloatArray:
-        """Displacements' misfit over their size, of each step [-], shape [n]."""
+        """Misfit of the displacements divided by their size, for each step [-], shape [n]."""
         apart = state.displacements - self.data.displacements + self.translation(state)
         square = np.array([np.einsum("ai,ai->", self.mass @ one, one) for one in apart])
         return np.asarray(np.sqrt(square / self.sizes(state)))
@@ -181,7 +185,7 @@ class FieldProblem:
     def hessian(self, free: FloatArray, cost: Cost | str | None = None) -> FloatArray:
         """Second derivatives of J, including the second derivatives of u and f, shape [p, p].
 
-        They are exact (`kolsky.equilibrium.sensitivity`). ``cost``: the cost there, if known.
+        They are exact (`kolsky.equilibrium.sensitivity`). ``cost``: the cost at these constants, if known.
 
         Raises ValueError if a simulation fails.
         """
@@ -207,11 +211,11 @@ class FieldProblem:
 
 
 SMALLEST_EIGENVALUE = 1e-9
-"""Smallest nonzero eigenvalue over the largest, for the curvature by relative constants."""
+"""Smallest nonzero eigenvalue divided by the largest, for the curvature by relative constants."""
 
 
 def parameter_change(hessian: FloatArray, mixed: FloatArray) -> FloatArray:
-    """Derivative of the fitted constants by a measurement, Eq. (K.19)."""
+    """Derivative of the fitted constants by a measured value, Eq. (K.19)."""
     size = np.sqrt(np.abs(np.diag(hessian)))
     if not (size > 0.0).all():
         raise ValueError("the cost does not depend on one of the constants: hold it, or measure more")
@@ -233,16 +237,18 @@ def variance(change: FloatArray, sigma: FloatArray | float) -> FloatArray:
 
 
 def relative_deviation(change: FloatArray, sigma: FloatArray | float, constants: FloatArray) -> FloatArray:
-    """Standard deviation of each constant over its size [-], Eqs. (K.24, K.25), shape [p]."""
+    """Standard deviation of each constant divided by its size [-], Eqs. (K.24, K.25), shape [p]."""
     if not (constants != 0.0).all():
         raise ValueError("a constant is zero: a deviation relative to it has no meaning")
     return np.asarray(np.sqrt(variance(change, sigma)) / np.abs(constants))
 
 
 def smoothed(mass: csr_matrix, change: FloatArray) -> FloatArray:
-    """Sensitivity as a field; its integral with a disturbance is the change, Eqs. (K.26, K.27).
+    """Sensitivity as a field, Eqs. (K.26, K.27).
 
-    ``mass``: mass matrix of the region with measurements, sparse, [n, n]; rows without mass belong to nodes
+    Its integral with a disturbance is the change of the constants.
+
+    ``mass``: mass matrix of the region with measurements, sparse, [n, n]. Rows without mass belong to nodes
     outside it. ``change``: dm/dv of the nodal values, shape [p, n].
     """
     inside = np.flatnonzero(mass.diagonal() > 0.0)
@@ -262,17 +268,17 @@ class BeforeTest:
     eigenvalues: FloatArray
     """Eigenvalues of the curvature by relative constants, descending [m^4], shape [p]."""
     change: FloatArray
-    """Change of each by a nodal displacement, Eq. (K.32) or (K.35) [1/m], shape [k, n]."""
+    """Change of each combination by a nodal displacement, Eq. (K.32) or (K.35) [1/m], shape [k, n]."""
     field: FloatArray
-    """The same as a field, Eq. (K.36) [1/m^3], shape [k, n]."""
+    """This change as a field, Eq. (K.36) [1/m^3], shape [k, n]."""
     singular: bool
-    """Whether a combination of constants affects no displacement, so that eigenvectors are used."""
+    """True if a combination of constants affects no displacement. Eigenvectors are then used."""
 
 
 def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> BeforeTest:
-    """Map of where a displacement would constrain the constants most, Eqs. (K.28-36).
+    """Map of the places at which a displacement would constrain the constants most, Eqs. (K.28-36).
 
-    The model is assumed correct, u = u_msr, so that the curvature is that of Eq. (K.30). The constants are
+    The model is assumed correct, u = u_msr. The curvature is then that of Eq. (K.30). The constants are
     relative to their values, because eigenvectors have no meaning for mixed units (Pa and pure numbers).
 
     ``slopes``: du/dm of every nodal displacement, shape [p, n]. ``mass``: mass matrix of the whole domain,
@@ -301,20 +307,20 @@ def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> 
 MOST_RUNS = 40
 """Maximum number of simulations in a search."""
 STEP_TOLERANCE = 1e-4
-"""A search ends at this step of the constants over their sizes [-]. The error of this last step, with exact
-second derivatives and the slopes of the fields, is its square."""
+"""A search ends if the step of the constants, divided by their sizes, is below this [-]. With exact second
+derivatives and the slopes of the fields, the error after this last step is its square."""
 ROUGH_TOLERANCE = 3e-3
-"""The same for a search in the last step only. If the constants drift with the load, it ends some per cent
-away from the result."""
+"""The same limit for a search in the last step alone. If the constants drift with the load, it ends some per
+cent away from the result."""
 LONGEST = 0.5
-"""Longest step of a constant over its size [-]."""
+"""Longest step of a constant divided by its size [-]."""
 LEAST_SIZE = {"1": 0.5, "Pa": 1e-2}
-"""Smallest size of a constant over its scale, by unit [-]. Numbers may pass through 0; a modulus decreases by
-halves, because no sheet has an equilibrium near 0."""
+"""Smallest size of a constant divided by its scale, by unit [-]. Numbers may pass through 0. A modulus
+decreases by halves, because no sheet has an equilibrium near 0."""
 OTHER_PLACES = (0.1, 0.9)
 """Positions of other starts in the range of a constant with two bounds [-]."""
 APART = 0.05
-"""Smallest distance of two different minima over the size of a constant [-]; rough searches scatter by
+"""Smallest distance of two different minima, divided by the size of a constant [-]. Rough searches scatter by
 less."""
 Progress = Callable[[int, int], None]
 """Called with the number of runs done and their maximum."""
@@ -325,9 +331,10 @@ def SILENT(done: int, most: int) -> None:
 
 
 EXPLAINED_SHARE = 0.05
-"""Largest relative misfit of displacements or forces, beyond their noise, that counts as explained [-]."""
+"""Largest relative misfit of displacements or forces, beyond their noise, that is explained [-]."""
 TESTABLE_SHARE = 0.5
-"""Above this noise of the forces over their size, forces test nothing: even their sign is uncertain [-]."""
+"""Noise of the forces divided by their size, above which forces are not a test [-]. Even their sign is then
+uncertain."""
 
 
 @dataclass(frozen=True)
@@ -336,23 +343,23 @@ class FieldFit:
 
     problem: FieldProblem
     constants: Constants
-    """The law with the fitted values in place."""
+    """The law with the fitted values."""
     cost: Cost
-    """The cost there."""
+    """The cost at these constants."""
     hessian: FloatArray
-    """Second derivatives of J there, shape [p, p]."""
+    """Second derivatives of J at the fitted constants, shape [p, p]."""
     by_displacement: FloatArray
     """dm/du_msr of every step, Eq. (K.19), shape [n, p, nodes, 2]."""
     by_force: FloatArray
     """dm/df_msr of every step [1/N], shape [n, p]."""
     converged: bool
-    """Whether Newton's method converged."""
+    """True if Newton's method converged."""
     at_bound: tuple[bool, ...]
-    """Constants at a bound where the cost decreases beyond it; they have no uncertainty."""
+    """Constants at a bound if the cost decreases beyond it. They have no uncertainty."""
     simulations: int
-    """Number of simulations in the search, without those for second derivatives."""
+    """Number of simulations in the search, not counting those for second derivatives."""
     rough: tuple[FloatArray, float]
-    """Constants at the end of the search in the last step only, and its cost there."""
+    """Constants at the end of the search in the last step alone, and their cost."""
     minima: tuple["LocalMinimum", ...] = ()
     """Minima from other starts."""
 
@@ -363,7 +370,7 @@ class FieldFit:
 
     @property
     def misfit(self) -> FloatArray:
-        """Displacements' misfit over their size, of each step [-], shape [n]."""
+        """Misfit of the displacements divided by their size, for each step [-], shape [n]."""
         return self.problem.misfit(self.cost.state)
 
     @property
@@ -373,13 +380,15 @@ class FieldFit:
 
     @property
     def noise(self) -> FloatArray:
-        """The misfit expected from the noise of the points only [-], shape [n]."""
+        """The misfit expected from the noise of the points alone [-], shape [n]."""
         area, sigma = float(self.problem.mass.sum()), self.problem.data.sigma_displacement
         return np.asarray(np.sqrt(2.0 * area) * sigma / np.sqrt(self.problem.sizes(self.cost.state)))
 
     @property
     def scales(self) -> tuple[float, float]:
-        """Variance of the misfit over that of the noise, at least 1, for displacements and for force [-]."""
+        """Variance of the misfit divided by that of the noise, at least 1, for displacements and for force
+        [-].
+        """
         data = self.problem.data
         displacements = 2.0 * len(data.pad) * float(self.problem.mass.sum()) / data.area
         displacements -= 2.0 * len(data.pad) * data.floating
@@ -390,43 +399,43 @@ class FieldFit:
 
     @property
     def force_misfit(self) -> float:
-        """Misfit of the forces of all steps over their size [-]."""
+        """Misfit of the forces of all steps divided by their size [-]."""
         data = self.problem.data
         return _share(self.cost.state.force - data.force, data.force)
 
     @property
     def force_noise(self) -> float:
-        """The misfit expected from the declared noise of the forces only [-]."""
+        """The misfit expected from the declared noise of the forces alone [-]."""
         data = self.problem.data
         return _share(np.full(len(data.force), data.sigma_force), data.force)
 
     @property
     def adequate(self) -> bool:
-        """Whether the model explains the field: its misfit beyond noise is at most `EXPLAINED_SHARE`."""
+        """True if the model explains the field: its misfit beyond noise is at most `EXPLAINED_SHARE`."""
         beyond = np.sqrt(np.maximum(self.misfit**2 - self.noise**2, 0.0))
         return bool(beyond.max() <= EXPLAINED_SHARE)
 
     @property
     def force_testable(self) -> bool:
-        """Whether the forces are larger than their noise, so that they can contradict a model."""
+        """True if the forces exceed their noise. They can then contradict a model."""
         return self.force_noise <= TESTABLE_SHARE
 
     @property
     def force_explained(self) -> bool:
-        """Whether the model explains the forces: their misfit beyond noise is at most `EXPLAINED_SHARE`."""
+        """True if the model explains the forces: their misfit beyond noise is at most `EXPLAINED_SHARE`."""
         return self.force_misfit**2 - self.force_noise**2 <= EXPLAINED_SHARE**2
 
     @property
     def explained(self) -> bool:
-        """Whether the model explains the field and the forces."""
+        """True if the model explains the field and the forces."""
         return self.adequate and self.force_explained
 
     @property
     def covariance(self) -> FloatArray:
         r"""Of the constants, shape [p, p].
 
-        H^-1 a sigma_u^2 (s_u^2 A_u + s_f^2 A_f) H^-1, with the two parts A_u and A_f of the curvature. With
-        s = 1 it is the covariance from noise; a part that the model does not explain is scaled by its misfit.
+        H^-1 a sigma_u^2 (s_u^2 A_u + s_f^2 A_f) H^-1, with the two parts A_u and A_f of the curvature. With s
+        = 1 it is the covariance from noise. A part that the model does not explain is scaled by its misfit.
         Rows of constants at a bound are zero.
         """
         data = self.problem.data
@@ -501,7 +510,7 @@ class FieldFit:
 
 
 def _share(part: FloatArray, whole: FloatArray) -> float:
-    """Norm of a vector over that of another; infinite if the other is zero."""
+    """Norm of a vector divided by that of another; infinite if the other is zero."""
     size = float(np.linalg.norm(whole))
     return float(np.linalg.norm(part)) / size if size > 0.0 else np.inf
 
@@ -513,7 +522,7 @@ class _Search:
     free: FloatArray
     """Constants, shape [p]."""
     cost: Cost
-    """The cost there."""
+    """The cost at these constants."""
     remainder: FloatArray
     """Estimate of the second derivatives without the Gauss-Newton part, shape [p, p]."""
     runs: int = 1
@@ -527,7 +536,7 @@ class _Search:
 
 
 def fit_field(problem: FieldProblem, *, progress: Progress = SILENT) -> FieldFit:
-    """Fit a sheet: first a rough search in the last step only, then a search in all steps.
+    """Fit a sheet: first a rough search in the last step alone, then a search in all steps.
 
     ``progress``: called with the number of the simulation and the maximum number.
 
@@ -554,7 +563,10 @@ def _search(
     remainder: FloatArray | None = None,
     progress: Progress,
 ) -> _Search:
-    """Minimise the cost; `remainder`: of `_Search`, over the first Gauss-Newton second derivative."""
+    """Minimise the cost.
+
+    `remainder`: of `_Search`, divided by the first Gauss-Newton second derivative.
+    """
     low, high = problem.constants.bounds
     begun = problem.cost(start)
     if isinstance(begun, str):
@@ -593,10 +605,10 @@ def _search(
 
 
 def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: FloatArray) -> FloatArray:
-    """Second derivatives updated so that a step changes the gradient by `change`.
+    """Second derivatives updated for a step that changes the gradient by `change`.
 
-    This is the symmetric update of rank one (Davidon 1991), left out if it is unbounded. ``size``: of the
-    constants, shape [p].
+    This is the symmetric update of rank one (Davidon 1991). It is left out if it is unbounded. ``size``: of
+    the constants, shape [p].
     """
     lacking = change - remainder @ step
     along = float(lacking @ step)
@@ -606,7 +618,10 @@ def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: Fl
 
 
 def bounded_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Newton's step within bounds, shape [p]; components stop at their bounds, the others are adjusted."""
+    """Newton's step within bounds, shape [p].
+
+    Components stop at their bounds; the others are adjusted.
+    """
     step = np.zeros_like(gradient)
     free = ~(((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0)))
     while free.any():
@@ -621,7 +636,7 @@ def bounded_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, hig
 
 
 def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[FloatArray, float]) -> FieldFit:
-    """The result at the end of a search after its last step, with second derivatives and sensitivities."""
+    """The result at the end of a search, with second derivatives and sensitivities."""
     free, here, (low, high) = ended.free, ended.cost, problem.constants.bounds
     final = problem.hessian(free, here)
     if ended.converged:
@@ -662,7 +677,7 @@ def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[Float
 
 
 def _at_bounds(free: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Constants at a bound where the cost decreases beyond it, shape [p]."""
+    """Constants at a bound if the cost decreases beyond it, shape [p]."""
     return np.asarray(((free <= low) & (gradient >= 0.0)) | ((free >= high) & (gradient <= 0.0)))
 
 
@@ -675,15 +690,17 @@ class LocalMinimum:
     values: FloatArray
     """Free constants at the end, shape [p]."""
     ratio: float
-    """Cost of the last step over that of the result [-]."""
+    """Cost of the last step divided by that of the result [-]."""
 
 
 def with_other_starts(fit: FieldFit, begun: FloatArray, *, progress: Progress = SILENT) -> FieldFit:
-    """The best fit from several starts, with the other minima; `begun`: where the first fit began.
+    """The best fit from several starts, with the other minima.
 
-    Other starts are tried only if the model does not explain the data or a constant is at its bound. If the
-    model explains the data, the cost at the result is that of noise, and no other minimum can be lower.
-    Constants with two bounds start at `OTHER_PLACES` of their range, others at their fitted values.
+    `begun`: start of the first fit.
+
+    Other starts are tried only if the model does not explain the data, or if a constant is at its bound. If
+    the model explains the data, the cost at the result is that of noise, and no other minimum can be lower.
+    Constants with two bounds start at `OTHER_PLACES` of their range, the others at their fitted values.
     """
     if not any(fit.at_bound) and fit.explained:
         return fit
@@ -723,12 +740,15 @@ def _sizes(constants: Constants, free: FloatArray) -> FloatArray:
 
 
 def _apart(constants: Constants, one: FloatArray, other: FloatArray) -> bool:
-    """Whether two ends of searches are different minima."""
+    """True if the ends of two searches are different minima."""
     return bool((np.abs(one - other) > APART * _sizes(constants, other)).any())
 
 
 def fit_steps(problem: FieldProblem) -> list[FieldFit | str]:
-    """Fit every step separately: constants that drift with the load show that the law is inadequate."""
+    """Fit every step separately.
+
+    If the constants drift with the load, the law is inadequate.
+    """
     fits: list[FieldFit | str] = []
     for step in range(len(problem.data.pad)):
         try:

@@ -94,7 +94,7 @@ def read_field(spec: Specification) -> MeasuredField:
 
 
 def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
-    """Check that there are enough points for the projection on the nodes and the estimate of noise."""
+    """Check the number of points: enough for the projection to the nodes and the estimate of noise."""
     if count < NEIGHBOURS:
         raise toml.error(
             "field.points",
@@ -113,7 +113,10 @@ def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
 
 
 def mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
-    """Common length factor with which the nodes' box contains the points and is at most twice as large."""
+    """Common length factor for which the nodes' box contains the points.
+
+    The box may be at most twice as large as the points' extent.
+    """
     size, wanted = np.ptp(nodes, axis=0), np.ptp(points, axis=0)
     for factor in (1e3, 1e-3, 10.0, 0.1, 25.4, 1.0 / 25.4):
         low, high = factor * nodes.min(axis=0), factor * nodes.max(axis=0)
@@ -149,7 +152,7 @@ def keeping(measured: MeasuredField, left_out: BoolArray) -> MeasuredField:
 def _sheet(
     toml: TomlFile, section: FieldSection, constants: Constants, raw: GmshMesh
 ) -> tuple[Sheet, Constants]:
-    """The sheet, and the constants including those of its other regions."""
+    """The sheet, and the constants with those of its other regions."""
     groups, curves = raw.cell_groups, raw.point_groups
     sets = {}
     for key, names in (("moving", section.moving), ("fixed", section.fixed)):
@@ -193,11 +196,14 @@ MIRRORED = {
     "tri3": (0, 2, 1), "quad4": (0, 3, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad8": (0, 3, 2, 1, 7, 6, 5, 4),
     "quad9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
 }  # fmt: skip
-"""Node order of a cell in the reverse direction, by its element."""
+"""Order of the nodes that reverses a cell, by its element."""
 
 
 def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
-    """Cells with counter-clockwise node order, and how many were reversed; the shapes are unchanged."""
+    """Cells with counter-clockwise node order, and the number of reversed cells.
+
+    The shapes do not change.
+    """
     kind = KINDS[cells.shape[1]]
     corners = points[cells[:, : 3 if kind.startswith("tri") else 4]]
     later = np.roll(corners, -1, axis=1)
@@ -211,7 +217,7 @@ def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int
 def _further(
     toml: TomlFile, section: FieldSection, constants: Constants, names: list[str]
 ) -> tuple[Constants, dict[int, Solid]]:
-    """The constants including the free ones of other regions, and the materials of regions not fitted."""
+    """The constants with the free ones of other regions, and the materials of fixed regions."""
     law, values, free, regions = constants.law, dict(constants.values), list(constants.free), []
     fixed = {}
     for name in names:
@@ -339,7 +345,7 @@ class SimulatedSheet:
 def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> SimulatedSheet:
     """Simulated data of a sheet with the declared constants, at the points and pad positions of its files.
 
-    ``measured``: the sheet; of its data only the positions and the noise are used. ``seed``: seed of the
+    ``measured``: the sheet. Only the positions and the noise of its data are used. ``seed``: seed of the
     noise of displacements and forces; None: no noise.
     """
     problem = measured.problem
@@ -358,8 +364,8 @@ def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> Simul
 def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[Expected]:
     """Expected deviations of the constants from field and force together, and from each separately.
 
-    The information of the field is int du/dm_I . du/dm_J / (a sigma_u^2): Eq. (K.30) over the noise of one
-    point per area a. That of the force is df/dm_I df/dm_J / sigma_f^2.
+    The information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), which is Eq. (K.30) over the noise
+    of one point per area a. That of the force is df/dm_I df/dm_J / sigma_f^2.
     """
     cost, data, constants = _simulated(problem), problem.data, problem.constants
     variance = data.area * data.sigma_displacement**2

@@ -1,19 +1,21 @@
-"""Constants of a compressible law, with Poisson's ratio in place of the bulk modulus; the law as a curve.
+"""Constants of a compressible law with Poisson's ratio instead of the bulk modulus.
 
-The curve is what `identify` reads as [curve] or [law] of a shot.
+The law can also be written as a curve.
 
-A fit of the energy's constants can reach values at which no element is stable. Schumacher and others (2020,
-Table I) therefore take the bulk modulus from linear elasticity,
+`identify` reads this curve as [curve] or [law] of a shot.
+
+A fit of the energy's constants can reach values at which all elements are unstable. Schumacher and others
+(2020, Table I) therefore take the bulk modulus from linear elasticity,
 
     K = 2 mu_0 (1 + nu) / (3 (1 - 2 nu)),   mu_0 the law's shear modulus at rest,               (S.I)
 
-fix nu (or bound it, 0 < nu < 1/2 - eps), and keep every constant that multiplies an energy non-negative.
+They fix nu (or bound it, 0 < nu < 1/2 - eps), and keep every constant that multiplies an energy non-negative.
 Their D1 is K/2. There are three kinds of law:
 
 - every law of `explicit.materials.LAWS` with K/2 (J - 1)^2,
 - "yeoh_d": Yeoh's with D1 (J - 1)^2 + D2 (J - 1)^4 + D3 (J - 1)^6,
-- "neo_hookean_coupled": mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2, fitted in E and nu; in a plane model
-  it is the law of Sutula and others (2020, Eq. 37).
+- "neo_hookean_coupled": mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2, fitted in E and nu. In a plane model it
+  is the law of Sutula and others (2020, Eq. 37).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -54,7 +56,7 @@ class ConstantSpec:
 def constants_of(law: str) -> tuple[ConstantSpec, ...]:
     """Constants of a law by name, Poisson's ratio last.
 
-    Raises ValueError if there is no such law; the message lists the available laws.
+    Raises ValueError if there is no such law. The message lists the available laws.
     """
     poisson = ConstantSpec(POISSON, "1", 0.0, LARGEST_POISSON)
     if law == COUPLED:
@@ -123,7 +125,7 @@ class Constants:
 
     @property
     def free_specs(self) -> tuple[ConstantSpec, ...]:
-        """The free ones, in their order."""
+        """The free constants, in their order."""
         known = {spec.name: spec for spec in self.specs}
         return tuple(known[name] for name in self.free)
 
@@ -168,8 +170,8 @@ class Constants:
         """Derivative of the materials' parameters (region by region) by the free constants.
 
         Shape [n_parameters, n_free]. The derivative of a force by the fitted constants is its derivative by
-        the energy's constants times this matrix. It uses central differences of the closed form, one-sided
-        ones if a point on the other side is invalid.
+        the energy's constants times this matrix. It uses central differences of the closed form. A difference
+        is one-sided if the point on the other side is invalid.
         """
         return self._differences(
             free, DIFFERENCE, lambda at: np.concatenate([solid.parameters() for solid in self.solids(at)])
@@ -178,8 +180,11 @@ class Constants:
     def _differences(
         self, free: Sequence[float] | FloatArray, share: float, value: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Central differences of a value by the free constants with these shares of their sizes as steps,
-        one-sided if a point on the other side is invalid."""
+        """Central differences of a value by the free constants.
+
+        The steps are the given shares of their sizes. A difference is one-sided if the point on the other
+        side is invalid.
+        """
         at = np.asarray(free, dtype=np.float64)
         changes = []
         for j, size in enumerate(self.scales):
@@ -200,21 +205,23 @@ class Constants:
     def chain_changes(self, free: Sequence[float] | FloatArray) -> FloatArray:
         """Derivative of `chain` by the free constants, shape [n_parameters, n_free, n_free].
 
-        Differences of `chain`, one-sided if a point on the other side is invalid.
+        Differences of `chain`.
+
+        A difference is one-sided if the point on the other side is invalid.
         """
         whole = self._differences(free, _SECOND_DIFFERENCE, self.chain)
         return np.asarray(0.5 * (whole + np.swapaxes(whole, 1, 2)))
 
 
 POINTS = 41
-"""Number of points of the curve, rest included."""
+"""Number of points of the curve, with the point at rest."""
 SLOPE_STEP = 1e-5
 """Relative step of the slopes by the constants."""
 
 
 @dataclass(frozen=True)
 class LawCurve:
-    """Nominal stress over nominal strain of a fitted law."""
+    """Nominal stress of a fitted law as a function of nominal strain."""
 
     branch: Literal["tension", "compression"]
     """Tension or compression."""
@@ -232,7 +239,7 @@ class LawCurve:
 
 
 def _incompressible_law(constants: Constants, free: FloatArray) -> AnyLaw:
-    """The law of `explicit.materials` with these constants; the coupled one becomes neo-Hookean."""
+    """The law of `explicit.materials` with these constants. The coupled law becomes neo-Hookean."""
     values = constants.all(free)
     if constants.law == COUPLED:
         return LAWS["neo_hookean"].of([values[YOUNG] / (2.0 * (1.0 + values[POISSON]))])
@@ -255,8 +262,8 @@ def law_curve(
 ) -> LawCurve:
     """The curve of a fitted law with the uncertainty of its constants.
 
-    ``constants``: the fitted law. ``covariance``: of its free constants, SI, shape [p, p]; not finite if
-    unknown, then the curve has no modes. ``branch``, ``largest_strain``: tension or compression, and the
+    ``constants``: the fitted law. ``covariance``: of its free constants, SI, shape [p, p]. It is not finite
+    if unknown; the curve then has no modes. ``branch``, ``largest_strain``: tension or compression, and the
     largest nominal strain, > 0 and in compression < 1.
     """
     end = 1.0 + largest_strain if branch == "tension" else 1.0 - largest_strain

@@ -1,15 +1,16 @@
 """Fit constants to whole specimens: one or several tests, with intervals, correlations and checks.
 
-The checks are whether the law explains the data, and whether a bond peels (the force falls as if the bonded
-length became shorter).
+There are two checks: whether the law explains the data, and whether a bond peels. If a bond peels, the force
+falls as if the bonded length became shorter.
 
-From the whitened Jacobian J of the problem in the constants only, with constants at a bound fixed,
+The covariance comes from the whitened Jacobian J of the problem of the constants. Constants at a bound are
+fixed:
 
     C = s^2 a (J^T J)^-1,   s^2 = max(1, chi^2 / (n - p)),   a = max(1, (1 + rho) / (1 - rho)),
 
-s^2 applies if the residual is larger than the declared noise (Birge 1932), and a if neighbouring residuals
-are correlated. With the correlation rho of neighbours, n residuals have the information of n / a independent
-ones (Bartlett 1946).
+The factor s^2 applies if the residual is larger than the declared noise (Birge 1932). The factor a applies if
+neighbouring residuals are correlated. With the correlation rho of neighbours, n residuals have the
+information of n / a independent ones (Bartlett 1946).
 """
 
 from collections.abc import Sequence
@@ -38,15 +39,17 @@ from kolsky.bodies.specimen_model import SpecimenModel
 LEVEL = 0.95
 """Probability of the intervals."""
 TOGETHER = 0.95
-"""Magnitude of a correlation above which two constants are constrained only in combination [-]."""
+"""Magnitude of a correlation above which only a combination of two constants is constrained [-]."""
 NARROW = 0.1
-"""Up to this half width of its interval over its value, such a constant still counts as identified [-]."""
+"""Such a constant is still identified if the half width of its interval, divided by its value, is at most
+this [-]."""
 _BROAD = 0.5
-"""Above this half width of its interval over its value, a constant counts as hardly determined [-]."""
+"""A constant is hardly determined if the half width of its interval, divided by its value, exceeds this
+[-]."""
 EXPLAINED = 1e-3
 """Below this probability of a larger chi-square, the law does not explain the data."""
 _LARGEST_NEIGHBOUR = 0.9
-"""Upper limit for the correlation of neighbours; the factor would be unbounded above it."""
+"""Upper limit for the correlation of neighbours. Above it, the factor would be unbounded."""
 
 
 class ConstantVerdict(Enum):
@@ -55,11 +58,11 @@ class ConstantVerdict(Enum):
     IDENTIFIED = "identified"
     """An interval inside the bounds."""
     TOGETHER = "known together with another"
-    """So strongly correlated with another constant that only a combination of both is determined."""
+    """The constant is strongly correlated with another one. Only a combination of both is determined."""
     HARDLY = "hardly determined"
     """The interval is wider than the constant."""
     AT_BOUND = "at its bound"
-    """The smallest chi-square is at a bound: the data need a value outside it, and there is no interval."""
+    """The smallest chi-square is at a bound. The data need a value beyond it, and there is no interval."""
     NOT_SEEN = "not seen"
     """A combination of the constants affects no force of these tests."""
 
@@ -73,15 +76,15 @@ class ConstantEstimate:
     value: float
     """Value in SI units."""
     sigma: float | None
-    """Standard uncertainty, SI; None if there is none."""
+    """Standard uncertainty, SI; None if it does not exist."""
     low: float | None
-    """Lower end of the interval, SI; not below the bound."""
+    """Lower end of the interval, SI, limited by the bound."""
     high: float | None
     """Upper end, SI."""
     verdict: ConstantVerdict
-    """How well the data determine it."""
+    """Result of the fit for this constant: how well the data determine it."""
     partner: str
-    """The constant with the strongest correlation to it; empty if it is the only one."""
+    """The constant with the strongest correlation to it; empty if there is no other constant."""
     correlation: float
     """Correlation with that constant [-]."""
 
@@ -110,9 +113,10 @@ class Intervals:
     estimates: tuple[ConstantEstimate, ...]
     """In the order of the free constants."""
     covariance: FloatArray
-    """SI, shape [p, p]; rows of constants at a bound are zero; all NaN if some constants are not seen."""
+    """Covariance, SI, shape [p, p]. Rows of constants at a bound are zero. All entries are NaN if the data do
+    not depend on some constants."""
     scale: float
-    """s^2 a: variance of the residual over that of the declared noise, used in the intervals [-]."""
+    """s^2 a: variance of the residual divided by that of the declared noise, used in the intervals [-]."""
     neighbours: float
     """Correlation of neighbouring residuals [-]."""
     degrees: int
@@ -122,7 +126,7 @@ class Intervals:
 
     @property
     def explained(self) -> bool:
-        """Whether the law explains the data within the declared noise."""
+        """True if the law explains the data within the declared noise."""
         return self.probability >= EXPLAINED
 
     @property
@@ -132,7 +136,7 @@ class Intervals:
 
 
 def correlation_of(covariance: FloatArray) -> FloatArray:
-    """Correlations of a covariance; rows of zero variance have 0 off the diagonal, shape [p, p]."""
+    """Correlations of a covariance, shape [p, p]. Rows of zero variance have 0 off the diagonal."""
     sigma = np.sqrt(np.diag(covariance))
     outer = np.outer(sigma, sigma)
     correlation = np.divide(covariance, outer, out=np.zeros_like(covariance), where=outer > 0.0)
@@ -189,7 +193,7 @@ def intervals(
 
 
 def inflation(alike: float) -> float:
-    """Variance of an estimate with correlated residuals over that with independent ones, >= 1 [-]."""
+    """Variance of an estimate with correlated residuals, divided by that with independent ones, >= 1 [-]."""
     rho = min(max(alike, 0.0), _LARGEST_NEIGHBOUR)
     return (1.0 + rho) / (1.0 - rho)
 
@@ -225,9 +229,9 @@ def _estimate(
 LIMIT = 5.0
 """Smallest z, over all samples, that indicates a peeling bond."""
 LEAST_SHARE = 1e-6
-"""Smallest share of a template that the constants cannot reproduce; below it the check is inconclusive."""
+"""Smallest share of a template that the constants cannot reproduce. Below it, the check is inconclusive."""
 FIRST, LAST = 0.15, 0.85
-"""Range of the series in which an opening is searched, as shares of its length."""
+"""Range of the series in which the start of peeling is searched, as shares of its length."""
 
 
 @dataclass(frozen=True)
@@ -237,17 +241,17 @@ class Debonding:
     sample: int
     """First sample after the opening."""
     length: float
-    """Peeled length of each bond [m]; negative if the specimen seems better bonded."""
+    """Peeled length of each bond [m]. It is negative if the bond seems longer than declared."""
     sigma: float
     """Its standard deviation [m]."""
     z: float
     """Their ratio [-]."""
     searched: int
-    """Number of samples at which an opening was tried."""
+    """Number of samples tried as the start of peeling."""
 
     @property
     def suspected(self) -> bool:
-        """Whether a bond seems to peel."""
+        """True if a bond seems to peel."""
         return self.z > LIMIT
 
 
@@ -259,14 +263,15 @@ def debonding(
     amount: float,
     scale: float,
 ) -> Debonding | None:
-    """Search a series of residuals for the opening of a bond.
+    """Search a series of residuals for the peeling of a bond.
 
-    Returns: None if the constants can reproduce every opening, so that the check is inconclusive.
+    Returns: None if the constants can reproduce the effect of peeling at every sample. The check is then
+    inconclusive.
 
     ``residual``: measured minus simulated force of one end, over sigma [-], shape [n]. ``jacobian``: its
     derivatives by the fitted constants over sigma, shape [n, p]. ``shortened``: force with a bond shorter by
     `amount`, minus the force with the full bond, over sigma, shape [n]. ``amount``: peeled length of each
-    bond in `shortened` [m]. ``scale``: variance of the residuals over that of the declared noise, >= 1.
+    bond in `shortened` [m]. ``scale``: variance of the residuals divided by that of the declared noise, >= 1.
     """
     n = len(residual)
     basis, _ = np.linalg.qr(jacobian)
@@ -317,9 +322,9 @@ class TestFit:
     band: FloatArray
     """Half width of its interval from the constants [N], shape [n, ends]."""
     fitted: bool
-    """Whether the test was fitted; else it is predicted."""
+    """True if the test was fitted, False if it is predicted."""
     debonding: tuple[Debonding | None, ...] = ()
-    """Strongest indication of a peeling bond at each end; empty if this was not checked."""
+    """Strongest indication of a peeling bond at each end. Empty without this check."""
 
     @property
     def rmse(self) -> float:
@@ -334,7 +339,7 @@ class SpecimenFit(ResultViews):
     name: str
     """Name of the group of tests."""
     constants: Constants
-    """The law with the fitted values in place."""
+    """The law with the fitted values."""
     intervals: Intervals
     """Intervals of the free constants."""
     tests: tuple[TestFit, ...]
@@ -389,12 +394,12 @@ def fit(
 ) -> SpecimenFit:
     """Fit one set of constants to tests.
 
-    Raises ValueError if the simulation at the start fails, or there are not more samples than constants.
+    Raises ValueError if the simulation at the start fails, or if there are not more samples than constants.
 
     ``name``: of the fit. ``tests``: the tests. ``constants``: the law, its initial constants, and the free
     ones. ``predicted``: tests that are simulated with the result for comparison. ``starts``, ``seed``: number
-    of starts (the first as declared, the others drawn around it), and the seed of the draws. ``bonds``: check
-    for peeling bonds, with one more simulation per test.
+    of starts, and the seed of the draws. The first start is the declared one, the others are drawn around it.
+    ``bonds``: True to check for peeling bonds, with one more simulation per test.
     """
 
     def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...] | str:
@@ -443,7 +448,10 @@ def fit(
 
 
 def _remote_starts(constants: Constants, count: int, seed: int) -> list[FloatArray]:
-    """The declared start and random others: within `DECADES` for moduli, within the bounds for numbers."""
+    """The declared start and random others.
+
+    They are within `DECADES` for moduli, within the bounds for numbers.
+    """
     first = constants.start
     if count == 1:
         return [first]
@@ -471,7 +479,10 @@ def _test_fit(
 
 
 def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncertainty: Intervals) -> TestFit:
-    """The test with its bonds checked; unchanged if the bond cannot be shortened or a simulation fails."""
+    """The test with its bonds checked.
+
+    It does not change if the bond cannot be shortened or a simulation fails.
+    """
     test = one.test
     try:
         shorter = test.model.shortened()

@@ -1,10 +1,10 @@
-"""A slow test's specimen as a model: mesh, bonds, symmetry, and the forces at its ends with their slopes.
+"""A slow test's specimen as a model: mesh, bonds, symmetry, and forces at its ends with slopes.
 
-A specimen is glued between rigid parts over its whole width and a length at each end, on the top and the
-bottom face (Schumacher and others 2020, Sec. VI). All points of a bond have the same displacement along the
-pull and none across it. This is the coupling of their Eq. (6), whose unknown d is prescribed here. Without
-gravity the specimen is symmetric about three planes. An eighth of it therefore gives the same displacements
-and a quarter of the force.
+A specimen is glued between rigid parts on its top and bottom face, over its whole width and a length at each
+end (Schumacher and others 2020, Sec. VI). All points of a bond have the same displacement along the pull and
+none across it. This is the coupling of their Eq. (6); its unknown d is prescribed here. Without gravity the
+specimen is symmetric about three planes. An eighth of it therefore gives the same displacements and a quarter
+of the force.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ from kolsky.equilibrium.solve import solve
 
 AXES = "xy"
 TIGHT = 1e-9
-"""Distance from a plane, relative to the length, within which a point lies on it."""
+"""Tolerance for points on a plane, relative to the length."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Shape:
     kind: str
     """"strip", "dog_bone", "cross" or "block"."""
     size: tuple[float, float, float]
-    """Length, width (of a cross: both are its whole length), thickness [m]."""
+    """Length, width and thickness [m]. For a cross, length and width are both its whole length."""
     bond: float
-    """Bonded length at each end [m]; of a block 0: its whole end faces are bonded."""
+    """Bonded length at each end [m]. For a block it is 0: its whole end faces are bonded."""
     elements: tuple[int, int, int]
     """Elements along each edge of the whole specimen."""
     arm: float | None = None
@@ -45,33 +45,33 @@ class Shape:
     waist: float | None = None
     """Smallest width of a dog-bone [m]."""
     straight: float | None = None
-    """Length over which it has that width [m]."""
+    """Length over which the arms have this width [m]."""
     element: str = "hex27"
     """Kind of the hexahedral elements."""
     gauss: int | None = None
-    """Gauss points a direction; None: the element's own."""
+    """Gauss points per direction; None: the default of the element."""
     gravity: tuple[float, float, float] | None = None
-    """Acceleration of free fall [m/s^2]; None: left out."""
+    """Acceleration of free fall [m/s^2]; None: no gravity."""
     density: float | None = None
-    """Mass density [kg/m^3], where there is gravity."""
+    """Mass density [kg/m^3]; needed only with gravity."""
     symmetry: bool = True
-    """Whether to simulate an eighth if the symmetry allows it."""
+    """True to simulate an eighth if the symmetry allows it."""
     load: str = "axial"
-    """"axial", or "shear" of a block: its end faces move along y."""
+    """"axial", or "shear" of a block. In shear its end faces move along y."""
 
     @property
     def ends(self) -> int:
-        """Independent moving ends: 2 of a cross, else 1."""
+        """Number of independent moving ends: 2 for a cross, otherwise 1."""
         return 2 if self.kind == "cross" else 1
 
     @property
     def eighth(self) -> bool:
-        """Whether an eighth is simulated: even numbers of elements, and no gravity."""
+        """True if an eighth is simulated: even numbers of elements, and no gravity."""
         even = all(n % 2 == 0 for n in self.elements)
         return self.symmetry and self.gravity is None and self.load == "axial" and even
 
     def along(self, end: int) -> int:
-        """Axis along which an end moves and its force is measured."""
+        """Axis of the motion and of the measured force of an end."""
         return 1 if self.load == "shear" else end
 
     @property
@@ -81,18 +81,18 @@ class Shape:
 
     @property
     def way(self) -> float:
-        """Sign of the displacements at which a test without a file is simulated [-]."""
+        """Sign of the displacements in the simulation of a test without a file [-]."""
         return 1.0
 
     @property
     def multiplicity(self) -> float:
-        """Force of an end over that of its simulated part [-]."""
+        """Force of an end divided by that of its simulated part [-]."""
         return 4.0 if self.eighth else 1.0
 
     def shortened(self) -> "Shape":
         """The specimen with each bond one element shorter.
 
-        Raises ValueError if the bond is only one element long.
+        Raises ValueError if the bond has a length of one element.
         """
         step = self.size[0] / self.elements[0]
         if self.kind == "block":
@@ -106,7 +106,7 @@ class Shape:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh, with its middle in the origin and its bonds as sets "bond_x+" and so on."""
+        """The mesh, with its middle at the origin and its bonds as sets "bond_x+" and so on."""
         n = self.elements
         if self.kind == "cross":
             corner = tuple(
@@ -140,9 +140,11 @@ class Shape:
         return Mesh(points, cells, mesh.kind, sets)
 
     def model(self, solid: Solid, *, device: str = "cpu") -> Model:
-        """The specimen of a material; histories "d_x" (and "d_y") are the displacements of its ends [m].
+        """The specimen of a material.
 
-        A displacement is that of one end relative to the other; each moves by half of it.
+        Histories "d_x" (and "d_y") are the displacements of its ends [m].
+
+        A displacement is that of one end relative to the other. Each end moves by half of it.
         """
         mesh = self.mesh
         conditions: list[Condition] = []
@@ -175,7 +177,10 @@ def shape_of(
     density: float | None,
     body: Mesh | None = None,
 ) -> Shape:
-    """The shape that a test's table describes; `body`: its mesh with its two sets, if it names a file."""
+    """The shape in the table of a test.
+
+    `body`: its mesh with its two sets, if the table names a file.
+    """
     gravity = (
         None if section.gravity is None else (section.gravity[0], section.gravity[1], section.gravity[2])
     )
@@ -219,14 +224,16 @@ def shape_of(
 
 @dataclass(frozen=True)
 class BodyShape(Shape):
-    """A specimen from a mesh file: one group is held, another moves."""
+    """A specimen from a mesh file. One group is held, another moves."""
 
     body: Mesh | None = None
-    """The mesh, with the moving group as the set "bond_x+" and the held one as "bond_x-"."""
+    """The mesh.
+
+    The moving group is the set "bond_x+", the held group "bond_x-"."""
     axis: int = 0
-    """Along which the moving group moves and its force is measured."""
+    """Axis of the motion and of the measured force of the moving group."""
     frictionless: bool = False
-    """Whether the points of the moving group slide across that axis, as under a lubricated punch."""
+    """True if the points of the moving group slide across that axis, as under a lubricated punch."""
     sphere: float | None = None
     """Radius of a rigid sphere that presses on the moving group without friction [m]; None: no sphere."""
     declared_apex: tuple[float, ...] | None = None
@@ -247,12 +254,12 @@ class BodyShape(Shape):
 
     @property
     def free_length(self) -> float:
-        """Of the whole body along the motion [m]."""
+        """Length of the whole body along the motion [m]."""
         return self.size[self.axis]
 
     @property
     def way(self) -> float:
-        """Of a sphere its direction towards the body along the axis, else 1 [-]."""
+        """For a sphere, its direction toward the body along the axis; otherwise 1 [-]."""
         if self.sphere is None:
             return 1.0
         high, low = (
@@ -272,7 +279,7 @@ class BodyShape(Shape):
 
     @property
     def indenter(self) -> RigidSurface | None:
-        """The sphere, whose travel is the displacement; None if there is none."""
+        """The sphere; its travel is the displacement. None without a sphere."""
         if self.sphere is None:
             return None
         normal = tuple(self.way * np.eye(3)[self.axis])
@@ -285,7 +292,7 @@ class BodyShape(Shape):
         return self.body
 
     def model(self, solid: Solid, *, device: str = "cpu") -> Model:
-        """See `Shape.model`; the held group stays, the other moves by all of the displacement."""
+        """See `Shape.model`. The held group stays, and the other group moves by the whole displacement."""
         others = tuple(other for other in range(3) if other != self.axis)
         moving = self.indenter or Prescribed("bond_x+", self.axis, "d_x", 1.0)
         conditions: list[Condition] = [Fixed("bond_x-"), moving]
@@ -337,7 +344,7 @@ class SpecimenModel:
         """Forces and slopes at the displacements, or the reason of a failure.
 
         ``constants``: the law and its free constants. ``free``: values of the free constants, SI, shape [p].
-        ``displacement``: [m], shape [n, ends]; in any order.
+        ``displacement``: displacements in any order [m], shape [n, ends].
         """
         try:
             solid = constants.solid(free)
@@ -383,7 +390,7 @@ def strains(solution: Solution, step: int) -> tuple[FloatArray, FloatArray]:
     strain
         F_ii - 1 [-], shape [m, g, 3].
     volume
-        Of each point in the reference state [m^3], shape [m, g].
+        Volume of each point in the reference state [m^3], shape [m, g].
     """
     model = solution.model
     element = model.mesh.element

@@ -19,7 +19,7 @@ from kolsky.equilibrium.meshes import Mesh
 VERSION = 1
 """Version of the layout of the HDF5 file."""
 _LARGEST_COMPRESSION = 0.6
-"""Largest nominal strain of the written curve in compression, independent of the tests."""
+"""Largest nominal compressive strain of the written curve. It does not depend on the tests."""
 
 
 def fits_json(fits: Sequence[SpecimenFit], inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -134,8 +134,10 @@ def _constant_rows(found: SpecimenFit) -> Iterator[dict[str, Any]]:
 
 
 def largest_strains(found: SpecimenFit) -> tuple[float, float]:
-    """Largest pull and push of the fitted tests over the free length between the bonds, both >= 0 [-]; a
-    shear counts as either."""
+    """Largest pull and push of the fitted tests, divided by the free length between the bonds, both >= 0 [-].
+
+    A shear counts as both.
+    """
     pulls, pushes = [0.0], [0.0]
     for one in found.tests:
         if one.fitted:

@@ -71,8 +71,8 @@ class Specification:
 def read_specification(path: Path, *, device: str = "cpu") -> Specification:
     """Read a SPEC.toml and the files of its tests.
 
-    ``path``: the file. ``device``: where the element kernels run. Raises InputError if it declares anything
-    unknown, incomplete or impossible, or a file cannot be read.
+    ``path``: the file. ``device``: device of the element kernels. Raises InputError if it declares anything
+    unknown, incomplete or impossible, or if a file cannot be read.
     """
     if not Path(path).exists():
         cure = "correct its name; `kolsky specimen new FOLDER` writes a SPEC.toml to fill in"
@@ -113,7 +113,10 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
 
 
 def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]) -> Mesh:
-    """The mesh of a test with its two ends as sets; a side's name means that side of the bounding box."""
+    """The mesh of a test with its two ends as sets.
+
+    A side's name means that side of the bounding box.
+    """
     assert section.mesh is not None  # checked by the schema
     assert section.mesh_unit is not None
     raw = read_body(toml.path.parent / section.mesh)
@@ -148,7 +151,7 @@ def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]
 
 
 def _check_sphere(toml: TomlFile, key: str, shape: BodyShape, samples: Samples | None) -> None:
-    """Refuse a sphere that lies in the body at displacement 0, or that is drawn away from it."""
+    """Reject a sphere that lies in the body at displacement 0, or that moves away from it."""
     if shape.sphere is None or shape.indenter is None:
         return
     centre = shape.apex - shape.sphere * np.asarray(shape.indenter.normal)
@@ -171,7 +174,9 @@ def _check_sphere(toml: TomlFile, key: str, shape: BodyShape, samples: Samples |
 
 
 def read_constants(toml: TomlFile, key: str, law: str, given: dict[str, Any]) -> dict[str, float]:
-    """A law's constants with their units, in SI; Poisson's ratio is not one of them.
+    """A law's constants with their units, in SI.
+
+    Poisson's ratio is not included.
 
     Raises InputError if one is missing, unknown or cannot be read.
     """

@@ -19,7 +19,7 @@ class ForceColumn(ColumnSection):
 
 
 class MaterialSection(Section):
-    """[material]: a law, its constants, and which of them are fitted."""
+    """[material]: a law, its constants, and the names of the fitted ones."""
 
     law: f.Name
     constants: dict[str, Any]
@@ -118,7 +118,7 @@ class TestSection(Section):
         return self
 
     def _of_a_mesh(self) -> "TestSection":
-        """Refuse what belongs to the other shapes."""
+        """Reject keys that belong to other shapes."""
         given = [key for key in ("size", "elements", "bond") if getattr(self, key) is not None]
         if self.load == "shear":
             given.append("load")
@@ -135,7 +135,7 @@ class TestSection(Section):
 
     @property
     def ends(self) -> int:
-        """Independent moving ends: 2 of a cross, else 1."""
+        """Number of independent moving ends: 2 for a cross, otherwise 1."""
         return 2 if self.shape == "cross" else 1
 
     def columns(self, key: str) -> list[ColumnSection]:
@@ -169,7 +169,7 @@ class PadSection(Section):
 
 
 class RegionSection(Section):
-    """[field.regions.NAME]: another material of the sheet: the same law with other constants."""
+    """[field.regions.NAME]: another material of the sheet, with the same law and other constants."""
 
     constants: dict[str, Any]
     poisson: f.Poisson
@@ -224,7 +224,7 @@ class SpecimenFile(Section):
     """A whole SPEC.toml."""
 
     NEW: ClassVar[str] = "kolsky specimen new"
-    """Command that writes one."""
+    """Command that writes such a file."""
     material: MaterialSection
     numerics: NumericsSection = Field(default_factory=NumericsSection)
     tests: dict[str, TestSection] = Field(default_factory=dict)

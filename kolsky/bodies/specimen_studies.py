@@ -1,11 +1,11 @@
-"""Effects of mesh, noise, softening and start on a fit; and the expected intervals of a planned test.
+"""Effects of mesh, noise, softening and start on a fit, and expected intervals of a planned test.
 
 Sections VI-C, VI-D and VI-F of Schumacher and others (2020) as functions of tests.
 
-At expected constants, the derivatives of the forces by the constants give the covariance of a fit,
-C = (sum_tests J^T J)^-1 with J whitened by the noise of the instruments; no data are needed. Shapes are
-compared by the relative deviation of the constants of interest. If all constants are of interest, the
-criterion is the determinant of the relative covariance (D-optimality, Kiefer and Wolfowitz 1960).
+At expected constants, the derivatives of the forces by the constants give the covariance of a fit, C =
+(sum_tests J^T J)^-1. J is whitened by the noise of the instruments. No data are needed. Shapes are compared
+by the relative deviation of the constants of interest. If all constants are of interest, the criterion is the
+determinant of the relative covariance (D-optimality, Kiefer and Wolfowitz 1960).
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,9 +52,9 @@ def resolution_study(
     orders: Sequence[str],
     base: Sequence[int],
 ) -> list[StudyRow]:
-    """Constants over the mesh and the order of its elements (their Fig. 6).
+    """Constants for several meshes and element orders (their Fig. 6).
 
-    ``constants``: the law, its start and what is free. ``factors``: factors of the numbers of elements.
+    ``constants``: the law, its start and the free constants. ``factors``: factors of the numbers of elements.
     ``orders``: elements: "hex8" (linear) and "hex27" (quadratic). ``base``: elements along each edge at the
     factor 1, as 20 x 5 x 1. Raises ValueError if a fit fails.
     """
@@ -102,7 +102,7 @@ def cross_table(fits: Sequence[SpecimenFit], tests: Sequence[str]) -> FloatArray
 
 
 _LEAST_COLUMN = 1e-6
-"""Smallest slope by a relative constant, as a share of the largest, that is not rounding [-]."""
+"""Smallest slope by a relative constant that is not rounding, as a share of the largest [-]."""
 
 
 @dataclass(frozen=True)
@@ -111,12 +111,13 @@ class Expected:
 
     tests: tuple[str, ...]
     relative: FloatArray
-    """Expected standard deviation of each constant over its size [-], shape [p]; infinite if not seen."""
+    """Expected standard deviation of each constant divided by its size [-], shape [p]. Infinite if the data
+    do not depend on it."""
     correlation: FloatArray
     """Expected correlations [-], shape [p, p]."""
     criterion: float
-    """Criterion for comparison, smaller is better [-]: the largest relative deviation of the constants of
-    interest. Without such constants it is the geometric mean of all principal deviations."""
+    """Criterion of the comparison, smaller is better [-]. It is the largest relative deviation of the
+    constants of interest. Without such constants it is the geometric mean of all principal deviations."""
     peak_force: float
     """Largest force in the tests [N]."""
 
@@ -132,7 +133,7 @@ def expected(
 
     ``tests``: their names. ``whitened``: L^-1 df/dp of each test, shape [m, p]. ``forces``: largest force of
     each test [N]. ``constants``: the constants at which the tests are planned. ``wanted``: names of the
-    constants of interest; empty: all.
+    constants of interest. Empty means all.
     """
     sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
     jacobian = np.concatenate([whitened[name] for name in tests]) * sizes

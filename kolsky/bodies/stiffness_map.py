@@ -1,4 +1,6 @@
-r"""A stiffness factor for each block of a sheet, for fields that one set of constants does not explain.
+r"""A stiffness factor for each block of a sheet.
+
+It is for fields that one set of constants does not explain.
 
 If one law with one set of constants does not explain the field, the stiffness may vary over the sheet. Each
 block r of a grid over the sheet has a factor s_r of all its moduli, and
@@ -6,10 +8,10 @@ block r of a grid over the sheet has a factor s_r of all its moduli, and
     minimise  chi^2(s) + tau sum_{r,q neighbours} l_rq sqrt((ln s_r - ln s_q)^2 + e^2)          (H.1)
 
 with the length l_rq of their common side over a block's size. Total variation preserves plateaus and sharp
-borders and suppresses variations that the data do not require (Rudin, Osher and Fatemi 1992). The gradient
+borders. It suppresses variations that the data do not require (Rudin, Osher and Fatemi 1992). The gradient
 needs one adjoint system per step for any number of blocks (Eqs. K.13-K.16). tau is the largest value with
-which the field is explained within its noise (Morozov's discrepancy principle). The map therefore contains
-no variation that noise could cause.
+which the field is explained within its noise (Morozov's discrepancy principle). The map therefore contains no
+variation that noise could cause.
 """
 
 from collections.abc import Sequence
@@ -25,7 +27,7 @@ from kolsky.equilibrium.sensitivity import adjoint
 from kolsky.equilibrium.solve import solve
 
 SMOOTHING = 1e-3
-"""e: differences of ln s below it do not count as a border."""
+"""e: smaller differences of ln s than this are not a border."""
 LARGEST = np.log(30.0)
 """Largest magnitude of ln s."""
 WEIGHTS = (1e4, 1e3, 1e2, 10.0, 1.0)
@@ -33,9 +35,9 @@ WEIGHTS = (1e4, 1e3, 1e2, 10.0, 1.0)
 MOST_STEPS = 60
 """Maximum number of steps of the search at one weight."""
 EXPLAINED = 1.1
-"""Largest chi-square over its degrees of freedom that counts as within the noise."""
+"""Largest chi-square within the noise, divided by its degrees of freedom."""
 FAILED = 1e30
-"""Value of a point whose simulation fails: the line search steps back."""
+"""Value of a point with a failed simulation. The line search then steps back."""
 
 
 @dataclass(frozen=True)
@@ -57,15 +59,15 @@ class StiffnessMap:
 
     @property
     def explained(self) -> bool:
-        """Whether the map explains the data within their noise."""
+        """True if the map explains the data within their noise."""
         return self.chi2 <= EXPLAINED * self.degrees
 
 
 def blocks_of(problem: FieldProblem, counts: tuple[int, int]) -> tuple[IntArray, FloatArray]:
     """Number the cells by blocks of a grid, and find which blocks touch.
 
-    Returns: block of each cell, without gaps in the numbers, shape [m]. Returns: pairs of blocks with the
-    length of their common side over the mean size of a block, shape [n, 3].
+    Returns: block of each cell, numbered without gaps, shape [m]. Returns: pairs of blocks with the length of
+    their common side over the mean size of a block, shape [n, 3].
     """
     mesh = problem.sheet.mesh
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
@@ -129,9 +131,10 @@ def stiffness_map(
 ) -> StiffnessMap:
     """Find the smoothest map of stiffness that explains a sheet's field.
 
-    ``problem``: the sheet with its data; its constants belong to factor 1. All parameters of the law must be
-    moduli. ``counts``: number of blocks along x and y. ``weights``: values of tau to try, largest first. The
-    first that explains the data is used, else the last; `StiffnessMap.explained` is then False.
+    ``problem``: the sheet with its data. Its constants belong to factor 1. All parameters of the law must be
+    moduli. ``counts``: number of blocks along x and y. ``weights``: trial values of tau, largest first. The
+    first value that explains the data is used. If none does, the last value is used and
+    `StiffnessMap.explained` is False.
     """
     regions, touching = blocks_of(problem, counts)
     blocks = _Blocks(problem, regions)

@@ -1,6 +1,6 @@
 """`kolsky actuator simulate`, `invert` and `control`: a pressurised soft actuator.
 
-The bend for a pressure, the pressures for wanted bends, and the closed loop with a simulated plant. Each
+The bend for a pressure, the pressures for target bends, and the closed loop with a simulated plant. Each
 command ends with a page, a JSON file and figures.
 """
 

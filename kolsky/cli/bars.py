@@ -1,7 +1,7 @@
 """`kolsky waves`, `wavespeed` and `repeats`: tests between bars.
 
-The classical reduction of one test, the wave speed and relative gain from a shot with the bars together,
-and the mean curve of repeated tests.
+The classical reduction of one test, the wave speed and relative gain from a test with touching bars, and the
+mean curve of repeated tests.
 """
 
 from pathlib import Path

@@ -71,7 +71,7 @@ COMMANDS: dict[str, Command] = {
     "virtual new": virtual_new,
     "virtual make": virtual_make,
 }
-"""Commands by their words on the command line; the first of two words is a group of `GROUPS`."""
+"""Commands by their words on the command line. The first of two words is a group of `GROUPS`."""
 
 GROUPS = {
     "material": "Quasi-static tests of the material of a shot.",
@@ -99,7 +99,7 @@ BROUGHT_BY = {
 }
 """Name for pip of the distribution, or the extra of this package, that provides a module."""
 FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
-"""Earlier names of commands, which work and are not in `--help`."""
+"""Earlier names of commands. They work but are not in `--help`."""
 
 
 LONGEST_PLACE = 300
@@ -112,7 +112,10 @@ REPEAT_AFTER = 0.05
 
 
 def _ending(received: list[int]) -> Callable[[int, FrameType | None], None]:
-    """Handler of a signal that ends the command: an exception, so that every block cleans up."""
+    """Handler of a signal that ends the command.
+
+    It raises an exception, and every block cleans up.
+    """
 
     def end(number: int, frame: FrameType | None) -> None:
         received.append(number)
@@ -124,7 +127,10 @@ def _ending(received: list[int]) -> Callable[[int, FrameType | None], None]:
 
 
 def _repeat_ignored_signals(received: list[int]) -> None:
-    """Repeat a signal whose exception Python ignores, as in a finaliser, without a message."""
+    """Repeat a signal if Python ignores its exception, as in a finaliser.
+
+    No message is printed.
+    """
     ordinary = sys.unraisablehook
 
     def repeat(event: "sys.UnraisableHookArgs") -> None:
@@ -139,14 +145,16 @@ def _repeat_ignored_signals(received: list[int]) -> None:
 
 
 TIME_TO_END = 3.0
-"""Time for a command to clean up after a signal [s]; then a simulation that does not react to signals is
+"""Time for a command to clean up after a signal [s]. A simulation that does not react to signals is then
 stopped."""
 
 
 def _end_in_time() -> None:
-    """End the process some seconds after SIGTERM, also during a compiled loop, which blocks the handlers.
+    """End the process some seconds after SIGTERM.
 
-    The system writes the signal's number into a pipe at once; a thread waits there.
+    This also works during a compiled loop, which blocks the handlers.
+
+    The system writes the signal's number into a pipe at once. A thread waits for it.
     """
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
@@ -169,7 +177,8 @@ def main() -> None:
     """Entry point of the `kolsky` command."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            # A terminal without a character (± in an old code page) gets its escape, not a traceback.
+            # If a terminal lacks a character (± in an old code page), it gets its escape instead of a
+            # traceback.
             stream.reconfigure(errors="backslashreplace")
     set_blas_threads()
     received: list[int] = []
@@ -185,14 +194,14 @@ def main() -> None:
     except Exception:
         if not received:
             raise
-        # A library that is being loaded may turn the signal's exception into another error.
+        # While a library is loaded, it may turn the signal's exception into another error.
         raise SystemExit(SIGNAL_CODE + received[0]) from None
 
 
 def program(commands: Mapping[str, Command]) -> typer.Typer:
     """The command line of a table of commands such as `COMMANDS`.
 
-    An `InputError` that a command raises ends it with its lines on stderr and exit code 2.
+    If a command raises an `InputError`, the command ends with its lines on stderr and exit code 2.
     """
     made = typer.Typer(
         name="kolsky",
@@ -223,8 +232,10 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Context that turns bad input, a system error or a missing package into lines on stderr and exit code
-    2."""
+    """Context that turns bad input, a system error or a missing package into lines on stderr.
+
+    The exit code is 2.
+    """
     try:
         yield
     except InputError as error:

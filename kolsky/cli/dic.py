@@ -1,4 +1,7 @@
-"""`kolsky dic` and `calibrate`: from the pictures of a shot to surfaces, and from a target to two cameras."""
+"""`kolsky dic` and `calibrate`.
+
+From the pictures of a shot to surfaces, and from a target to two cameras.
+"""
 
 from contextlib import ExitStack
 from pathlib import Path

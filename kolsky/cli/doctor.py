@@ -66,7 +66,7 @@ _TWINS = {
 }
 """Alternative distributions with the same modules."""
 LEAST_SPACE = 1e9
-"""Free space below which a long study may not end [bytes]."""
+"""Free space below which a long study may fail [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -74,19 +74,19 @@ class Installation:
     """Result of the check."""
 
     versions: Mapping[str, str | None]
-    """Versions of this package, Python, the system and every required distribution; None if missing."""
+    """Versions of this package, Python, the system and every required distribution. None if missing."""
     extras: Mapping[str, str | None]
-    """Versions of every optional distribution; None if missing."""
+    """Versions of every optional distribution. None if missing."""
     devices: tuple[str, ...]
     """Devices of the solver, the CPU first."""
     cores: int
     """Cores that this process may use."""
     cache: Path | None
-    """Folder of compiled kernels; None if the solver's library did not start."""
+    """Folder of compiled kernels. None if the solver's library did not start."""
     folder: Path
     """Folder of the results."""
     free: float | None
-    """Free space there [bytes]; None if the folder does not exist."""
+    """Free space in this folder [bytes]. None if the folder does not exist."""
     problems: tuple[str, ...]
     """Missing or defective parts, one sentence each with the remedy."""
 
@@ -105,7 +105,7 @@ class Installation:
         return rows
 
     def as_dict(self) -> dict[str, Any]:
-        """The findings under the names of the fields."""
+        """The findings by the names of the fields."""
         return {
             "versions": dict(self.versions),
             "extras": dict(self.extras),
@@ -171,7 +171,7 @@ def _devices() -> tuple[tuple[str, ...], Path | None, list[str]]:
 
 
 def _unwritable(folder: Path) -> str:
-    """Reason why a folder is not writable; empty if it is."""
+    """Reason why a folder is not writable. Empty if it is writable."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             return ""

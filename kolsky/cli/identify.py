@@ -1,7 +1,7 @@
 """`kolsky identify`: load, identify, write, print.
 
-One shot; several shots together; or, with --each, several shots one by one: in this process, in several, or
-on a Dask cluster.
+One shot, or several shots together. With --each, several shots one by one: in this process, in several
+processes, or on a Dask cluster.
 """
 
 import shutil
@@ -37,7 +37,7 @@ TOGETHER = "Several shots together"
 
 @dataclass(frozen=True)
 class JointOptions:
-    """Options of shots that are identified together; see `kolsky.inverse.joint_result.JointSettings`."""
+    """Options for shots that are identified together. See `kolsky.inverse.joint_result.JointSettings`."""
 
     slow_tests: Annotated[
         Path | None,
@@ -59,7 +59,7 @@ class JointOptions:
 
     @property
     def is_needed(self) -> bool:
-        """Whether an option needs a joint identification, also of one shot."""
+        """True if an option needs a joint identification, even of one shot."""
         return self.slow_tests is not None or self.curve_nodes > 0
 
     def settings(self, settings: "Settings") -> "JointSettings":
@@ -90,8 +90,8 @@ def identify_shots(
 ) -> None:
     """Load the shots, identify them together, write and print.
 
-    Raises InputError if a shot, a slow test or the folder of results cannot be used, or the shots cannot be
-    joined.
+    Raises InputError if a shot, a slow test or the folder of results cannot be used, or if the shots cannot
+    be joined.
     """
     from doe.ledger import LedgerError
     from kolsky import joint_identification
@@ -132,9 +132,9 @@ def identify_shots(
 
 
 def require_one_material(paths: Sequence[Path]) -> None:
-    """Refuse shots that declare different materials.
+    """Reject shots that declare different materials.
 
-    Raises InputError if two shot files name a different `material`, or one cannot be read.
+    Raises InputError if two shot files name a different `material`, or if one cannot be read.
     """
     from kolsky.base.errors import InputError
     from kolsky.studies.rates.rate import declarations
@@ -184,7 +184,7 @@ def answer_lines(result: "JointResult") -> list[str]:
 
 
 def _verdict_line(result: "JointResult") -> str:
-    """The verdict on the whole, with the largest residual over that expected of a correct model."""
+    """The verdict on the whole, with the largest residual divided by that expected of a correct model."""
     fits = [(f"{shot.name}, {fit.channel}", fit) for shot in result.shots for fit in shot.fit]
     fits += [(fit.channel, fit) for fit in result.slow_fit]
     if not fits:
@@ -194,7 +194,10 @@ def _verdict_line(result: "JointResult") -> str:
 
 
 def _excesses(fits: "Sequence[FitQuality]") -> str:
-    """Residuals over the residual of a correct model, whole and slow, of several channels."""
+    """Residuals of several channels divided by those of a correct model.
+
+    Whole and slow residuals are given.
+    """
     return ", ".join(
         f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g})"
         f"{'' if fit.explained else ': NOT EXPLAINED'}"
@@ -237,7 +240,7 @@ def _result_rows(result: "JointResult") -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class SingleShotJob:
-    """The identification of one shot, as given on the command line; it can be pickled."""
+    """The identification of one shot, as given on the command line. It can be pickled."""
 
     shot: Path
     """Its folder, or its shot.toml."""
@@ -246,20 +249,20 @@ class SingleShotJob:
     out: Path | None = None
     """Folder of the results; None for the folder `results` of the shot."""
     relaxation: tuple[RelaxationKind, int] | None = None
-    """Kind and branches of a relaxation; None for the shot's."""
+    """Kind and branches of a relaxation. None: that of the shot."""
     diagnose: bool = False
-    """Whether the likeliest causes of misfit are tested."""
+    """True to test the likeliest causes of misfit."""
     paper: bool = False
-    """Whether the method of Mates et al. is applied too."""
+    """True to apply the method of Mates et al. too."""
     figures: tuple[str, ...] = ()
     """Formats of figures that are saved as files."""
     verbose: bool = False
-    """Whether every value is printed."""
+    """True to print every value."""
 
 
 @dataclass(frozen=True)
 class Printout:
-    """Printed answer of an identification; it can be pickled."""
+    """Printed answer of an identification. It can be pickled."""
 
     shot: str
     lines: tuple[str, ...]
@@ -306,9 +309,11 @@ def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:
 def paper_answer(
     shot: "Shot", settings: "Settings", folder: Path
 ) -> tuple[dict[str, str], dict[str, Any], list[str]]:
-    """Write the paper's answer; its rows to print, keys of the JSON object and warnings.
+    """Write the answer of the paper's method.
 
-    If the method fails, there is only a warning.
+    Returns its rows to print, keys of the JSON object and warnings.
+
+    If the method fails, there is a warning and no error.
     """
     from doe.ledger import LedgerError
     from kolsky.cli.terminal import progress_bars
@@ -343,7 +348,10 @@ _Answer = Printout | InputError
 
 
 def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Workers) -> None:
-    """Identify every shot as in the pattern, write the results of each, print in the order of the shots."""
+    """Identify every shot as in the pattern, and write the results of each.
+
+    They are printed in the order of the shots.
+    """
     from kolsky.cli.terminal import print_result, progress_bars
 
     jobs = [
@@ -351,7 +359,7 @@ def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Worker
         for shot, out in zip(shots, _result_folders(shots, pattern.out), strict=True)
     ]
     if workers.dask or workers.processes is not None:
-        # Workers of a scheduler share their machines: one thread each by default.
+        # Workers of a scheduler share their machines. The default is one thread for each.
         numerics = pattern.settings.numerics
         threads = workers.threads(numerics.threads or (1 if workers.dask else None))
         settings = replace(pattern.settings, numerics=replace(numerics, threads=threads))
@@ -382,7 +390,10 @@ def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Worker
 def run_jobs(
     executor: Callable[[], Any], jobs: Sequence[SingleShotJob], report: Callable[[int], None]
 ) -> list[_Answer]:
-    """Run the jobs by an executor's workers; `report` is called with the number of finished ones."""
+    """Run the jobs by an executor's workers.
+
+    `report` is called with the number of finished jobs.
+    """
     answers: dict[int, _Answer] = {}
     report(0)
     try:
@@ -400,14 +411,14 @@ def run_jobs(
 
 
 def _lost_worker_errors() -> tuple[type[BaseException], ...]:
-    """The errors of a dead worker, of this machine or of Dask if it is in use."""
+    """The errors of a dead worker, of this machine or, if it is used, of Dask."""
     if "distributed" not in sys.modules:
         return BrokenExecutor, CancelledError
     return BrokenExecutor, CancelledError, import_module("distributed").scheduler.KilledWorker
 
 
 def _in_worker(job: SingleShotJob) -> _Answer:
-    """The answer of a worker, which prints nothing."""
+    """The answer of a worker. The worker prints nothing."""
     with printing(quiet=True):
         return _run_or_error(job, processes=1)
 
@@ -428,7 +439,7 @@ def _shot_name(shot: Path) -> str:
 
 
 def _result_folders(shots: Sequence[Path], out: Path | None) -> list[Path | None]:
-    """Folder of each shot's results; None for its own folder `results`."""
+    """Folder of each shot's results. None: the folder `results` of the shot."""
     from kolsky.schema.shot_file import folder_of
 
     places = [folder_of(shot).resolve() if out is None else out / _shot_name(shot) for shot in shots]
@@ -585,9 +596,11 @@ def demo(
 
 
 def demo_files() -> list[Path]:
-    """Files of the shot that comes with the package: of the installation, else of the source tree.
+    """Files of the shot that comes with the package.
 
-    Raises InputError where the installation lacks them.
+    They are those of the installation, otherwise of the source tree.
+
+    Raises InputError if the installation lacks them.
     """
     files = sorted((Path(__file__).parents[2] / "runs" / DEMO).glob("*.*"))
     if not files:

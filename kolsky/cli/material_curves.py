@@ -1,7 +1,7 @@
 """`kolsky material reference-curve` and `relaxation`: the slow behaviour that a shot's stiffness refers to.
 
-The first turns quasi-static tests into the reference curve; the second puts relaxation, oscillation,
-temperature sweeps and shots on one axis of time.
+The first command turns quasi-static tests into the reference curve. The second places relaxation,
+oscillation, temperature sweeps and shots on one axis of time.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ _COLUMN = Option("Column, by name or number.", metavar="COLUMN", show_default=""
 
 @dataclass(frozen=True)
 class CurveColumns:
-    """Columns of a quasi-static test, by name or number; an empty text is not declared."""
+    """Columns of a quasi-static test, by name or number. An empty text is not declared."""
 
     strain: Annotated[str, _COLUMN] = ""
     stress: Annotated[str, _COLUMN] = ""
@@ -43,7 +43,7 @@ class CurveColumns:
     ] = ""
 
     def given(self, size: "Specimen | None") -> dict[str, str]:
-        """Declared columns by quantity; raises InputError if they are not a test."""
+        """Declared columns by quantity. Raises InputError if they are not a test."""
         columns = {name: column for name, column in vars(self).items() if column}
         pair = {"strain", "stress"} if self.stress else {"displacement", "force"}
         if (set(columns) & {"strain", "stress", "displacement", "force"}) != pair:
@@ -60,7 +60,7 @@ class CurveColumns:
 
 
 def _specimen_of(diameter: float | None, length: float | None) -> "Specimen | None":
-    """Undeformed size of the specimen, if it is given."""
+    """Undeformed size of the specimen, if given."""
     from kolsky.base.apparatus import Specimen
 
     if diameter is None and length is None:
@@ -279,7 +279,7 @@ def reference_curve(
 
 
 def _curve_rows(made: "ReferenceCurve", before: str) -> dict[str, Any]:
-    """Printed rows of a curve; `before` begins every name."""
+    """Printed rows of a curve. Every name begins with `before`."""
     modulus, friction = made.modulus, made.friction
     strain = made.band.strain
     rows: dict[str, Any] = {

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 
 _DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin_2", "ogden1")
-"""Laws that are tried if none is named: those that a single compression test may determine."""
+"""Default laws if none is named. A single compression test may determine them."""
 
 _POINTS = 40
-"""Largest number of points of the mean curve that the simulated cylinder is compared with."""
+"""Largest number of points of the mean curve for the comparison with the simulated cylinder."""
 _SAME_SIZE = 1e-3
-"""Relative difference up to which two sizes of one specimen are the same, written with fewer digits [-]."""
+"""Relative difference up to which two sizes of one specimen are equal [-]. One of them has fewer digits."""
 
 
 def size_of(option: str, text: str) -> Specimen:
@@ -45,7 +45,10 @@ def size_of(option: str, text: str) -> Specimen:
 
 
 def with_size(columns: Columns, size: Specimen) -> Columns:
-    """The columns with the size of a cylinder; a size declared with the columns must agree."""
+    """The columns with the size of a cylinder.
+
+    A size declared with the columns must agree.
+    """
     for option, given, declared, unit in (
         ("--length", columns.length, size.length, "m"),
         ("--area or --diameter", columns.section, size.area, "m^2"),
@@ -69,8 +72,9 @@ def _fit_cylinder_with_friction(
     folder: Path,
     taken: Sequence[str],
 ) -> None:
-    """Fit laws to repeats of one compression test with bonded or frictional ends; write and print the
-    constants.
+    """Fit laws to repeats of one compression test with bonded or frictional ends.
+
+    The constants are written and printed.
 
     The tests are apparent nominal stresses, tension-positive.
     """
@@ -178,7 +182,7 @@ def _cylinder_lines(fitted: Sequence["ModelFit"]) -> list[str]:
 
 
 def poisson_of(option: str, text: str) -> float | Literal["free"]:
-    """ "0.44" as a ratio, "free" as one that is fitted."""
+    """ "0.44" as a ratio, "free" as a fitted ratio."""
     if text == "free":
         return "free"
     try:
@@ -193,11 +197,11 @@ def poisson_of(option: str, text: str) -> float | Literal["free"]:
 def read_tests(
     files: Sequence[str], columns: Columns, *, mean: int = 0
 ) -> "tuple[tuple[HomogeneousTest, ...], dict[str, str], tuple[str, ...]]":
-    """The tests, the hashes of their files by path, and which columns were taken where none was named.
+    """The tests, the hashes of their files by path, and the columns that were chosen by default.
 
     ``files``: "MODE:FILE", or a file of a uniaxial test. ``columns``: columns of the files. ``mean``: strains
-    at which the files of a mode are averaged; 0 keeps each as a test with all its points. Raises InputError
-    if a file cannot be read, its columns are not known, or it holds no such test.
+    at which the files of a mode are averaged. 0 keeps each file as a test with all its points. Raises
+    InputError if a file cannot be read, if its columns are unknown, or if it has no such test.
     """
     from kolsky.material.fits.homogeneous_test import (
         means_by_mode,
@@ -223,7 +227,7 @@ def read_tests(
 
 
 def _mode_and_path(text: str) -> "tuple[Mode, Path]":
-    """ "planar:FILE" as a mode and a file; a file without a mode is uniaxial."""
+    """ "planar:FILE" as a mode and a file. A file without a mode is uniaxial."""
     from kolsky.material.fits.homogeneous import Mode, mode_named
 
     head, colon, path = text.partition(":")
@@ -231,7 +235,8 @@ def _mode_and_path(text: str) -> "tuple[Mode, Path]":
         try:
             return mode_named(head), Path(path)
         except ValueError:
-            # A drive of Windows, or a mode that does not exist: only one of them is a file.
+            # The part before the colon is a drive of Windows, or a mode that does not exist. Only a drive
+            # belongs to a file.
             if len(head) > 1 and not Path(text).exists():
                 raise texts.refusal(
                     "is not a mode of deformation",
@@ -243,7 +248,7 @@ def _mode_and_path(text: str) -> "tuple[Mode, Path]":
 
 
 def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
-    """Refuse columns that are not enough for a test, or contradict each other."""
+    """Reject columns that are not enough for a test, or that contradict each other."""
     from kolsky.material.fits.homogeneous import Mode
     from kolsky.material.fits.homogeneous_test import CONVENTIONS
     from kolsky.readers.measured_tables import column_names
@@ -494,7 +499,7 @@ def material_healing(
 
 
 def _json(value: Any) -> Any:
-    """Numbers for JSON; an unknown one is null."""
+    """Numbers for JSON. An unknown number is null."""
     if isinstance(value, dict):
         return {name: _json(part) for name, part in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value

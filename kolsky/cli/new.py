@@ -24,9 +24,11 @@ if TYPE_CHECKING:
 
 @contextmanager
 def beginning(path: Path) -> Iterator[None]:
-    """Make the folder of a new file; the file itself is then opened with the mode "x".
+    """Make the folder of a new file.
 
-    Raises InputError if the file exists, its folder is not a folder, or either cannot be written.
+    The file is then opened with the mode "x".
+
+    Raises InputError if the file exists, if its folder is not a folder, or if either cannot be written.
     """
     folder = path.parent
     try:
@@ -108,7 +110,7 @@ def _pictures(folder: Path, contents: "Survey") -> "PictureSurvey":
 
 
 def _series(contents: "Survey") -> dict[str, str]:
-    """Part of a shot -> pattern and program of the exports that show it."""
+    """Part of a shot -> pattern and program of the exports of this part."""
     both = {"surface": contents.surface.specimen, "surface.flyer": contents.surface.flyer}
     return {part: one.pattern for part, one in both.items() if one is not None}
 
@@ -124,7 +126,7 @@ def _parts(pictures: "PictureSurvey | None") -> dict[str, str]:
 def _found_lines(
     path: Path, text: str, contents: "Survey", *, bars: bool, pictures: "PictureSurvey | None"
 ) -> dict[str, Any]:
-    """Detected values and values to be filled in, as one object."""
+    """Detected values, and values to be filled in, as one object."""
     from kolsky.base.toml import blanks
 
     recordings = [table.path.name for table in contents.recordings] if bars else []
@@ -244,7 +246,7 @@ def channels(
 
 
 def _channel_unit(channel: "ChannelInfo") -> str | None:
-    """The unit that the file states, or that its heading has in brackets."""
+    """The unit that the file declares, or that its heading has in brackets."""
     from kolsky.readers.header import heading_unit
 
     return channel.unit or heading_unit(channel.name)

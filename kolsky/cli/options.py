@@ -1,7 +1,9 @@
-"""Options of the commands, made from the settings that they fill, and the shot that a command is about.
+"""Options of the commands, made from the settings that they fill.
 
-A record, such as `kolsky.inverse.settings.Numerics`, is spread over the signature of a command when the
-program is made, see `with_settings`.
+The shot of a command is also loaded here.
+
+A record, such as `kolsky.inverse.settings.Numerics`, becomes parameters in the signature of a command when
+the program is made. See `with_settings`.
 """
 
 import functools
@@ -49,12 +51,15 @@ READERS: tuple[tuple[Any, Callable[[str, Any], Any]], ...] = (
     (tuple[str, ...], lambda option, given: tuple(given)),
     (tuple[Path, ...], lambda option, given: tuple(given)),
 )
-"""How the text of an option is read, by its type; all but a mesh may be repeated."""
+"""Conversion of the text of an option, by its type. All options but a mesh may be repeated."""
 
 
 @dataclass(frozen=True)
 class _Argument:
-    """One option of a command: its declaration for typer and the conversion of its text."""
+    """One option of a command.
+
+    It has its declaration for typer and the conversion of its text.
+    """
 
     annotation: Any
     """Annotation for typer."""
@@ -65,7 +70,7 @@ class _Argument:
 
 
 def _argument(name: str, hint: Any, default: Any) -> _Argument:
-    """The option of a field or parameter; an annotation for typer is not changed."""
+    """The option of a field or parameter. An annotation for typer does not change."""
     option = _option_of(hint)
     if option is None:
         return _Argument(hint, default, lambda given: given)
@@ -116,7 +121,7 @@ def _option_of(hint: Any) -> Option | None:
 
 
 def _reader(kind: Any, option: Option) -> Callable[[str, Any], Any] | None:
-    """Function that converts the text of an option; None if typer converts it."""
+    """Function that converts the text of an option. None if typer converts it."""
     if option.read is not None:
         return option.read
     if option.unit:
@@ -153,7 +158,7 @@ def _arguments(name: str, hint: Any, default: Any) -> dict[str, _Argument]:
 
 
 def _made(name: str, hint: Any, default: Any, values: Mapping[str, Any]) -> Any:
-    """The value of a parameter: one of the values, or a record of them."""
+    """The value of a parameter: one of the values, or a record of several."""
     kind, chosen = _record(hint)
     if kind is None:
         return values[name]
@@ -167,8 +172,10 @@ def _made(name: str, hint: Any, default: Any, values: Mapping[str, Any]) -> Any:
 
 
 def _record(hint: Any) -> tuple[Any, tuple[str, ...]]:
-    """The dataclass of an annotation and the names of its fields that are options; None if it is not a
-    record."""
+    """The dataclass of an annotation and the names of its fields that are options.
+
+    None if it is not a record.
+    """
     kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     chosen = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, tuple)), ())
     return (kind if is_dataclass(kind) else None), chosen
@@ -184,7 +191,10 @@ def _option_fields(kind: Any, chosen: tuple[str, ...]) -> Iterator[tuple[Field[A
 
 
 def changed(record: Any) -> dict[str, bool]:
-    """Whether each option of a record has another value than its default, by the option's name."""
+    """For each option of a record, True if its value differs from the default.
+
+    Keys are the names of the options.
+    """
     return {
         f"--{_word(field.name, option, field.default)}": getattr(record, field.name) != field.default
         for field, hint in _option_fields(type(record), ())
@@ -193,17 +203,20 @@ def changed(record: Any) -> dict[str, bool]:
 
 
 def _word(name: str, option: Option, default: Any) -> str:
-    """Name of an option without its dashes; a switch that is on by default is turned off by "no-"."""
+    """Name of an option without its dashes.
+
+    A switch that is on by default is turned off by "no-".
+    """
     word = option.name or name.replace("_", "-")
     return f"no-{word}" if default is True else word
 
 
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Make one option of every setting of a command, and add `--json` and `--quiet`.
+    """Make one option from every setting of a command, and add `--json` and `--quiet`.
 
-    ``command``: a function whose parameters are annotated by `typer.Argument`, by an
-    `kolsky.base.options.Option`, or are records with such fields, which take the record's place in the
-    signature. ``Annotated[Record, ("field", ...)]`` takes these fields only. The command is called with the
+    ``command``: a function with annotated parameters. A parameter is annotated by `typer.Argument`, by an
+    `kolsky.base.options.Option`, or is a record with such fields. The fields replace the record in the
+    signature. ``Annotated[Record, ("field", ...)]`` uses only these fields. The command is called with the
     records and the converted values.
     """
     hints = get_type_hints(command, include_extras=True)
@@ -255,11 +268,11 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tuple[Shot, Path]":
-    """The shot and the folder of its results, which is checked before any work.
+    """The shot and the folder of its results. The folder is checked before any work.
 
-    ``shot``: a folder or its shot.toml. ``out``: where results go; by default the folder "results" of the
-    shot. ``inside``: folders inside it. ``forks``: whether several processes may correlate pictures. Raises
-    InputError if the shot or the folder cannot be used.
+    ``shot``: a folder or its shot.toml. ``out``: folder of the results; by default the folder "results" of
+    the shot. ``inside``: folders inside it. ``forks``: True if several processes may correlate pictures.
+    Raises InputError if the shot or the folder cannot be used.
     """
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import progress_bars

@@ -1,5 +1,7 @@
-"""`kolsky plan`, `predict` and `virtual`: information content and prediction of a planned test, and shots
-with a known answer."""
+"""`kolsky plan`, `predict` and `virtual`.
+
+Information content and prediction of a planned test, and shots with a known answer.
+"""
 
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -44,7 +46,7 @@ def _heights(option: str, text: str) -> tuple[int, ...]:
 
 
 def _without_bounds(text: str) -> str:
-    """Name of a free parameter, which has no bounds in a plan."""
+    """Name of a free parameter. It has no bounds in a plan."""
     if "=" in text:
         raise texts.refusal(
             f"--free {text!r}: a plan has no bounds",
@@ -268,7 +270,7 @@ def virtual_new(
 
 
 def template() -> str:
-    """The annotated specification, with every key at its default."""
+    """The annotated specification with every key at its default."""
     return files("kolsky").joinpath("cli", "templates", "virtual.toml").read_text(encoding="utf-8")
 
 

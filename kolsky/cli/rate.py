@@ -1,4 +1,4 @@
-"""`kolsky rate`: several identified shots to their stiffness against strain rate."""
+"""`kolsky rate`: stiffness of several identified shots against strain rate."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -69,7 +69,7 @@ _CURE = "correct the option; `kolsky rate --help` shows each"
 
 
 def _identification_of(progress: Any) -> "Identify":
-    """Identification of a shot without a result; it writes the files of `kolsky identify`."""
+    """Identification of a shot without a result. It writes the files of `kolsky identify`."""
 
     def identify(shot: Path, loaded: "Shot") -> "Identification":
         from kolsky import identification

@@ -145,7 +145,10 @@ def _simulate_slow_test(
     last: float | None,
     error: float,
 ) -> None:
-    """The quasi-static test of a shot's specimen, up to a last strain, with an error of the force."""
+    """The quasi-static test of a shot's specimen.
+
+    It has a last strain and an error of the force.
+    """
     from kolsky.base.files import filling, jsonable
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import print_result

@@ -1,7 +1,7 @@
 """`kolsky specimen fit`, `simulate` and `plan`: whole specimens in slow tests.
 
-Constants of a law fitted to force curves or to a displacement field; force curves with declared
-constants; the tests and shapes that constrain the constants best.
+`fit` finds constants of a law from force curves or a displacement field. `simulate` gives force curves with
+declared constants. `plan` finds the tests and shapes that constrain the constants best.
 """
 
 import functools
@@ -129,7 +129,7 @@ _refuse = functools.partial(texts.refuse, cure="remove it")
 
 
 def _require_drawing() -> None:
-    """Refuse --stills before the fit if nothing can be drawn."""
+    """Reject --stills before the fit if nothing can be drawn."""
     from kolsky.report.scene.drawing import CannotRender, offscreen_pyvista
 
     cure = "leave --stills out, or install what it needs; --vtu is for ParaView"
@@ -249,7 +249,7 @@ def specimen_simulate(
 
 
 def _simulate_sheet(read: "Specification", folder: Path, *, seed: int | None) -> None:
-    """Write points and pad of a simulated sheet, and print where they are."""
+    """Write points and pad of a simulated sheet, and print their files."""
     from kolsky.base.files import filling, write_table
     from kolsky.bodies.sheet_reading import read_field, simulate_sheet
     from kolsky.cli.terminal import print_result

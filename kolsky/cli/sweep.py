@@ -1,7 +1,9 @@
-"""`kolsky sweep` and `budget`: many simulations of one shot, in ledgers; an interrupted command continues.
+"""`kolsky sweep` and `budget`: many simulations of one shot, stored in ledgers.
 
-The design, the ledger and the workers (processes, or a Dask scheduler) are described by the options; the
-workers serve `kolsky identify --each` too.
+An interrupted command continues.
+
+The options describe the design, the ledger and the workers (processes, or a Dask scheduler). `kolsky identify
+--each` uses the same workers.
 """
 
 import asyncio
@@ -107,7 +109,7 @@ def sweep(
 _DEFAULT_BOUNDS = {"friction": (0.0, 2.0), "stiffness_factor": (0.75, 1.25)}
 """Bounds of a sweep without `--vary`."""
 _DEFAULT_LEVELS, _LEVELS_ALONE = 10, 16
-"""Levels of each parameter then, and of one alone, as Mates et al. (2012) have them."""
+"""Levels of each of several parameters, and of a single parameter, as in Mates et al. (2012)."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ class DesignChoice:
             name="design",
         ),
     ] = "factorial"
-    """Name of a `doe.designs.DesignKind` at a command line."""
+    """Name of a `doe.designs.DesignKind` on the command line."""
     runs: Annotated[
         int, Option("Number of points, for a design that takes any number.", min=2, max=1_000_000)
     ] = 64
@@ -161,7 +163,10 @@ class DesignChoice:
         return bounds, [_DEFAULT_LEVELS] * len(bounds) if "levels" in kind.needs else []
 
     def vary_of(self, interface: "Interface") -> tuple[str, ...]:
-        """What to vary; by default no friction if no surface of the shot slides."""
+        """The parameters to vary.
+
+        By default, friction is not varied if no surface of the shot slides.
+        """
         from explicit.contact import contact_law
 
         slides = any(contact_law(law).needs_friction for law in (interface.faces, interface.side))
@@ -175,9 +180,9 @@ class DesignChoice:
     def design(self) -> "Design":
         """The points.
 
-        A point that breaks a constraint is left out and counted; a design that chooses among candidates
-        has only those that meet them. Raises InputError if there is no such design, options do not go
-        together, or the design cannot be made of them.
+        A point that breaks a constraint is left out and counted. A design that chooses among candidates uses
+        only candidates that meet the constraints. Raises InputError if there is no such design, if options do
+        not fit together, or if they do not give a design.
         """
         from doe.designs import DESIGNS, design_kind
         from doe.designs.optimal import keep
@@ -271,14 +276,17 @@ class Records:
 
     @property
     def stem(self) -> str:
-        """Name of this part's files: parts run side by side, each with its own."""
+        """Name of this part's files.
+
+        Parts run in parallel, each with separate files.
+        """
         part, parts = self.shard
         return "sweep" if parts == 1 else f"sweep-{part}of{parts}"
 
     def place(self, folder: Path) -> Path | None:
-        """The ledger's file; None if no ledger is requested.
+        """The ledger's file. None if no ledger is requested.
 
-        Raises InputError if a file is to be merged into itself, or ledgers are to be merged into none.
+        Raises InputError if a file is to be merged into itself, or if there is no ledger to merge into.
         """
         if self.ledger == "none":
             if self.merge:
@@ -305,7 +313,7 @@ class Records:
         return Design(design.points[rows], design.box, design.kind, design.settings)
 
     def usable(self) -> AbstractContextManager[None]:
-        """Make a ledger that cannot be used bad input."""
+        """Report a ledger that cannot be used as bad input."""
         from doe.ledger import LedgerError
 
         cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
@@ -326,9 +334,11 @@ class Workers:
 
     @contextmanager
     def executor(self) -> Iterator[Any]:
-        """The maker of the executor (`doe.ledger.ExecutorFactory`); None where this process does the work.
+        """The maker of the executor (`doe.ledger.ExecutorFactory`).
 
-        Raises InputError if both kinds are asked for, Dask is not installed, or its scheduler does not
+        None if this process does the work.
+
+        Raises InputError if both kinds are requested, if Dask is not installed, or if its scheduler does not
         answer.
         """
         if self.dask and self.processes is not None:
@@ -342,7 +352,7 @@ class Workers:
             yield None
 
     def threads(self, given: int | None) -> int | None:
-        """Threads of each worker: what was given, or the cores shared out among the processes."""
+        """Threads of each worker: the given number, or the cores divided among the processes."""
         if given is not None or self.processes is None:
             return given
         return max(1, cores() // self.processes)
@@ -351,12 +361,15 @@ class Workers:
 SCHEDULER_FILE = 1_000_000
 """Largest scheduler file that is read [bytes]."""
 SCHEDULER_PATIENCE = 5.0
-"""Time that a Dask scheduler has to answer [s]."""
+"""Time within which a Dask scheduler must answer [s]."""
 _SCHEDULER_START = "start one with `dask scheduler` and give its address or its scheduler file"
 
 
 def dask_client(place: str) -> Any:
-    """A client of the scheduler at an address or in a scheduler file, which the caller closes."""
+    """A client of the scheduler at an address or in a scheduler file.
+
+    The caller closes it.
+    """
     try:
         from distributed import Client
     except ImportError:
@@ -364,7 +377,7 @@ def dask_client(place: str) -> Any:
         raise texts.refusal("--dask needs the package distributed", cure=cure) from None
     address = _address_in_file(Path(place)) if _is_scheduler_file(place) else place
     try:
-        # A client of a program that takes connections and never answers would wait for ever.
+        # If a program accepts connections but never answers, its client would wait forever.
         kind = asyncio.run(asyncio.wait_for(_kind(address), SCHEDULER_PATIENCE))
         if kind != "Scheduler":
             raise ValueError(f"a {kind} is there")
@@ -407,7 +420,7 @@ def _address_in_file(path: Path) -> str:
 
 
 def _is_scheduler_file(text: str) -> bool:
-    """Whether a text names a file; an address may be longer than any name."""
+    """True if a text names a file. An address may be longer than any file name."""
     try:
         return Path(text).is_file()
     except (OSError, ValueError):
@@ -415,7 +428,7 @@ def _is_scheduler_file(text: str) -> bool:
 
 
 _SETTINGS = Settings(numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44), replicates=0)
-"""Coarser than of an identification: a budget is a difference of many."""
+"""Coarser than that of an identification, because a budget consists of many differences."""
 
 
 def _rates(option: str, text: str) -> tuple[float, ...]:
@@ -531,7 +544,7 @@ def budget(
 
 
 def _specification(test: Path, folder: Path) -> Path:
-    """The specification's file; one is written for a shot."""
+    """The specification's file. One is written for a shot."""
     if test.suffix == ".toml" and test.name != "shot.toml":
         return test
     if test.is_dir() and not (test / "shot.toml").exists():

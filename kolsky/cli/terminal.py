@@ -1,7 +1,7 @@
 """Output on a terminal: progress of the work on stderr, the answer on stdout.
 
-Standard output contains the result, with `--json` exactly one object; everything else goes to standard error.
-Names come from files and folders of any origin: a control character is shown as its escape sequence.
+Standard output contains the result, with `--json` exactly one object. Everything else goes to standard error.
+Names come from files and folders of any origin. A control character is shown as its escape sequence.
 """
 
 import json
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Printing:
-    """How a command prints, and when it began."""
+    """The print settings of a command, and the time of its start."""
 
     as_json: bool = False
     quiet: bool = False
@@ -34,7 +34,7 @@ class _Printing:
 _OUTSIDE = _Printing()
 _PRINTING: ContextVar[_Printing] = ContextVar("printing", default=_OUTSIDE)
 _EVERY = float(os.environ.get("KOLSKY_PROGRESS_EVERY", "60"))
-"""Smallest time between two lines of progress where the output is no terminal [s]; `kolsky open` uses 1."""
+"""Smallest time between two lines of progress if the output is not a terminal [s]. `kolsky open` uses 1."""
 
 
 def is_quiet() -> bool:
@@ -49,7 +49,7 @@ def as_json() -> bool:
 
 @contextmanager
 def printing(*, as_json: bool = False, quiet: bool = False) -> Iterator[None]:
-    """Context that prints according to `--json` and `--quiet`; its wall time begins on entry."""
+    """Context that prints according to `--json` and `--quiet`. Its wall time begins on entry."""
     token = _PRINTING.set(_Printing(as_json, quiet, time.perf_counter()))
     try:
         yield
@@ -70,11 +70,13 @@ def print_result(
     lines: Iterable[str] = (),
     warnings: Iterable[str] = (),
 ) -> None:
-    """Print the answer on stdout, as lines or with `--json` as one object, and the warnings on stderr.
+    """Print the answer on stdout, as lines or with `--json` as one object.
 
-    ``rows``: the answer by name, for a table. ``answer``: the same as one object for JSON. ``files``: where
-    the results are, printed with the wall time; on stderr where JSON is printed. ``lines``: text before the
-    table. ``warnings``: remarks for the user of the answer.
+    The warnings go to stderr.
+
+    ``rows``: the answer by name, for a table. ``answer``: the same as one object for JSON. ``files``: paths
+    of the results, printed with the wall time. They go to stderr if JSON is printed. ``lines``: text before
+    the table. ``warnings``: remarks for the user of the answer.
     """
     how = _PRINTING.get()
     places = {} if how.quiet else dict(files or {})
@@ -92,8 +94,10 @@ def print_result(
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
-    """One line on stderr, removed at the end: the stage, its runs, its remaining time, and the time since the
-    start. If stderr is not a terminal, one line per minute.
+    """One line on stderr, removed at the end.
+
+    It has the stage, its runs, its remaining time, and the time since the start. If stderr is not a terminal,
+    one line per minute.
 
     Yields: function of the stage's name, the number of finished runs and the total number.
     """
@@ -156,8 +160,9 @@ def counted(progress: Callable[[str, int, int], None], stage: str, total: int) -
 
 @contextmanager
 def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
-    """Progress bar of a sweep on stderr with rate and remaining time; one line per minute if stderr is not a
-    terminal.
+    """Progress bar of a sweep on stderr with rate and remaining time.
+
+    If stderr is not a terminal, one line per minute.
 
     Yields: called with a `doe.ledger.Pace`.
     """

@@ -1,4 +1,7 @@
-"""Conversion of texts of the command line to typed settings; every error message states the expected form."""
+"""Conversion of texts of the command line to typed settings.
+
+Every error message states the expected form.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -34,7 +37,10 @@ def refused(
     place: str | Path = COMMAND_LINE,
     errors: tuple[type[Exception], ...] = (ValueError,),
 ) -> AbstractContextManager[None]:
-    """Make a ValueError inside it, or one of the errors, bad input with a cure; `before` begins its line."""
+    """Make a ValueError inside it, or one of the errors, bad input with a remedy.
+
+    `before` begins its line.
+    """
     return base_errors.refused(place, before, cure=cure, errors=errors)
 
 
@@ -80,8 +86,10 @@ def whole_numbers(option: str, text: str) -> list[int]:
 
 
 def plain_or_text(value: object) -> object:
-    """A number from a text such as "0.3", else the unchanged value ("0.3 %"): the command line has no quotes
-    to mark texts."""
+    """A number from a text such as "0.3". Other texts ("0.3 %") are returned unchanged.
+
+    The command line has no quotes to mark texts.
+    """
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -89,7 +97,10 @@ def plain_or_text(value: object) -> object:
 
 
 def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
-    """ "0.2 um/N" as a number in a unit of SI; above zero if it must be positive."""
+    """ "0.2 um/N" as a number in an SI unit.
+
+    It is above zero if it must be positive.
+    """
     from kolsky.base.units import quantity
 
     with refused(f"{option}: ", cure="write it as `--help` shows"):
@@ -122,7 +133,9 @@ def mesh(option: str, text: str) -> tuple[int, int]:
 
 
 def values(option: str, texts: Sequence[str]) -> dict[str, float]:
-    """["stiffness_factor=1.1", "damping=25 us"] as values in SI, checked against the allowed ranges."""
+    """["stiffness_factor=1.1", "damping=25 us"] as values in SI. They are checked against the allowed
+    ranges.
+    """
     by_name: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -135,7 +148,7 @@ def values(option: str, texts: Sequence[str]) -> dict[str, float]:
 
 
 def holds(option: str, texts: Sequence[str]) -> tuple[dict[str, float], tuple[str, ...]]:
-    """["poisson=0.4985", "damping"] as values in SI, and names to be held at the shot's own values."""
+    """["poisson=0.4985", "damping"] as values in SI, and names held at the values of the shot."""
     without_value = [text for text in texts if "=" not in text]
     for text in without_value:
         _known(option, text, text)
@@ -148,7 +161,7 @@ def holds(option: str, texts: Sequence[str]) -> tuple[dict[str, float], tuple[st
 
 
 def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] | None]:
-    """["stiffness_factor", "friction=0:2"] as bounds by name; None where the default bounds apply."""
+    """["stiffness_factor", "friction=0:2"] as bounds by name. None for default bounds."""
     by_name: dict[str, tuple[float, float] | None] = {}
     for text in texts:
         name, equals, bounds = text.partition("=")
@@ -197,7 +210,7 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def none(option: str, texts: Sequence[str], other: str) -> None:
-    """Refuse an option if another excludes it."""
+    """Reject an option if another option excludes it."""
     if texts:
         raise refusal(f"{option} excludes {other}", cure=f"leave out {option}")
 
@@ -228,7 +241,7 @@ def relaxation(option: str, text: str) -> tuple[RelaxationKind, int]:
 
 
 def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int]) -> None:
-    """Refuse a refined mesh that is not finer than the other one in both directions."""
+    """Reject a refined mesh that is not finer than the other one in both directions."""
     if refined[0] <= mesh[0] or refined[1] <= mesh[1]:
         raise refusal(
             f"is not finer than {than} {mesh[0]}x{mesh[1]} in both directions",
@@ -245,7 +258,7 @@ def apart(option: str, names: Iterable[str], other: str, others: Iterable[str]) 
 
 
 def installed(option: str, package: str, extra: str) -> None:
-    """Reject an option whose package is not installed."""
+    """Reject an option if its package is not installed."""
     from importlib.util import find_spec
 
     if find_spec(package) is None:

@@ -1,1 +1,1 @@
-"""Does the model explain the data: goodness of fit by channel, clocks, and which input is wrong."""
+"""Goodness of fit by channel, clock errors, and the search for a wrong input."""

@@ -1,7 +1,10 @@
-"""Least squares with one input changed, weighted by the residual of a correct model (no simulations).
+"""Least squares with one input changed, weighted by the residual of a correct model.
 
-Value, uncertainty, significance and evidence of a change. The covariance of the expected residual is
-diagonal plus patterns, inverted by Woodbury's identity: the full matrix is never formed.
+No simulations are made.
+
+The results are value, uncertainty, significance and evidence of a change. The covariance of the expected
+residual is the sum of a diagonal matrix and patterns. Woodbury's identity inverts it. The full matrix is
+never formed.
 """
 
 from collections.abc import Sequence
@@ -26,7 +29,7 @@ class ExpectedResidual:
     channel: IntArray
     """Channel of each entry, 0 for force and 1 for outline, shape [k]."""
     block: IntArray
-    """Number of the time of each entry, the same for both channels, shape [k]."""
+    """Number of the time of each entry, common to both channels, shape [k]."""
     tau: FloatArray
     """Discrepancy of each channel, the residual beyond these errors, in its unit, shape [2]."""
 
@@ -37,7 +40,7 @@ class ExpectedResidual:
 
     @cached_property
     def _weights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """1 / (sigma^2 + tau^2) [k], the patterns times that [k, q], and the patterns' own matrix [q, q]."""
+        """1 / (sigma^2 + tau^2) [k], the patterns times this factor [k, q], and their matrix [q, q]."""
         inverse = 1.0 / self.variance
         VN = self.patterns * inverse[:, None]
         core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN
@@ -50,7 +53,7 @@ class ExpectedResidual:
         return np.asarray(plain - VN @ np.linalg.solve(core, self.patterns.T @ plain)).reshape(x.shape)
 
     def independent(self, residual: FloatArray) -> FloatArray:
-        """The residual minus its most likely part by the patterns, shape [k]."""
+        """The residual minus its most likely part due to the patterns, shape [k]."""
         return np.asarray(self.variance * self.weighted(residual))
 
     def of(self, channel: int) -> "ExpectedResidual":
@@ -75,7 +78,7 @@ class ExpectedResidual:
     def misfits(self, residual: FloatArray) -> FloatArray:
         """Mean of r^T C^-1 r over the entries of each channel, separately and without tau, shape [2].
 
-        1 is the residual of a correct model; a channel without entries has 1.
+        1 is the residual of a correct model. A channel without entries has 1.
         """
         found = np.ones(2)
         for channel, alone in enumerate(self._channels):
@@ -85,7 +88,7 @@ class ExpectedResidual:
         return found
 
     def with_tau(self, residual: FloatArray) -> "ExpectedResidual":
-        """The same with the tau of each channel estimated from a residual."""
+        """These errors with each channel's tau estimated from a residual."""
         left = self.independent(residual)
         excess = [
             (left[use] ** 2 - self.sigma[use] ** 2).mean() if (use := self.channel == c).any() else 0.0
@@ -108,7 +111,7 @@ ROUNDS = 3
 
 @dataclass(frozen=True)
 class Allowances:
-    """Inputs that may be wrong within their declared uncertainty."""
+    """Inputs that may be wrong, each within its declared uncertainty."""
 
     columns: FloatArray
     """B: change of the prediction by one standard uncertainty of each, shape [k, q]."""
@@ -137,7 +140,8 @@ class LinearFit(Solution):
     tau: FloatArray
     """Discrepancy of each channel: the residual beyond that of a correct model, shape [2]."""
     inflation: float
-    """Variance of the last entry of z with residuals correlated in time over that without, >= 1 [-]."""
+    """Ratio of two variances of the last entry of z, >= 1 [-]: residuals correlated in time over independent
+    ones."""
 
 
 def fit_linear(
@@ -153,12 +157,12 @@ def fit_linear(
     residual
         Prediction minus data, shape [k].
     columns
-        A: change of the prediction per unit of each entry of z, shape [k, p]; a column of zeros
-        gets a step of zero and an infinite variance.
+        A: change of the prediction per unit of each entry of z, shape [k, p]. A column of zeros gets a step
+        of zero and an infinite variance.
     expected
         The expected residual of a correct model.
     allowed
-        B and the bounds of a; none if left out.
+        B and the bounds of a; none if omitted.
     """
     one = _System.of(columns, expected, allowed)
     z, left, weighted = one.solved(residual, expected)
@@ -182,7 +186,7 @@ def solve_linear(
     expected: ExpectedResidual,
     allowed: Allowances | None = None,
 ) -> Solution:
-    """The step and the residual of `fit_linear`, at half its cost; same parameters."""
+    """The step and the residual of `fit_linear`, with the same parameters, at half its cost."""
     one = _System.of(columns, expected, allowed)
     z, left, _ = one.solved(residual, expected)
     return Solution(one.whole(z)[len(one.seen) - columns.shape[1] :], left)
@@ -190,12 +194,15 @@ def solve_linear(
 
 @dataclass(frozen=True)
 class _System:
-    """The columns that have an effect, scaled by their size, the allowances' first."""
+    """The columns with an effect, scaled by their size.
+
+    Those of the allowances come first.
+    """
 
     A: FloatArray
     """The columns [k, n]."""
     prior: FloatArray
-    """Prior precision: that of an amplitude, 0 for a parameter [n]."""
+    """Prior precision [n]: that of an amplitude, or 0 for a parameter."""
     low: FloatArray
     """Bounds [n]."""
     high: FloatArray
@@ -237,7 +244,10 @@ class _System:
 
 
 def _bounded(H: FloatArray, g: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Minimum of z^T H z / 2 + g^T z between bounds, shape [p]; the shortest where H is singular."""
+    """Minimum of z^T H z / 2 + g^T z between bounds, shape [p].
+
+    If H is singular, the shortest of the minima.
+    """
     z = -np.linalg.pinv(H, rcond=1e-12, hermitian=True) @ g
     if ((low <= z) & (z <= high)).all():
         return np.asarray(z)
@@ -251,7 +261,7 @@ def _bounded(H: FloatArray, g: FloatArray, low: FloatArray, high: FloatArray) ->
 def _sandwich(
     gain: FloatArray, residual: FloatArray, expected: ExpectedResidual
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariance with independent residuals, and with residuals correlated within time blocks."""
+    """Covariance for independent residuals, and for residuals correlated within time blocks."""
     own = (gain * expected.variance) @ gain.T
     score = gain * expected.independent(residual)
     best, p = own, len(gain)
@@ -270,7 +280,7 @@ def _sandwich(
 def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
     """Twice the logarithm of the likelihood ratio, with one residual per time and channel [-].
 
-    A channel whose misfit is at most that of a correct model cannot improve.
+    A channel cannot improve if its misfit is at most that of a correct model.
 
     Parameters
     ----------
@@ -302,8 +312,10 @@ def chance(change: float, sigma: float, *, degrees: float) -> float:
 
 
 def holm(probabilities: Sequence[float]) -> list[float]:
-    """Probabilities adjusted for the number n of tests (Holm 1979): the smallest is multiplied by n, the next
-    by n - 1, and so on; none is less than the one before it."""
+    """Probabilities adjusted for the number n of tests (Holm 1979).
+
+    The smallest is multiplied by n, the next by n - 1, and so on. None is less than the one before it.
+    """
     adjusted, largest, n = [0.0] * len(probabilities), 0.0, len(probabilities)
     for place, i in enumerate(np.argsort(probabilities, kind="stable")):
         largest = max(largest, min(1.0, (n - place) * probabilities[i]))

@@ -1,7 +1,7 @@
-"""Effect of a changed input on a run, whether and how far it may be changed, and the corrected shot.
+"""Effect of a changed input on a run, limits of the change, and the corrected shot.
 
-If a flyer's record is late by L, every prediction is late by L, and no further run is needed. Scales and
-offsets of measurements need no run either.
+If a flyer's record is late by L, every prediction is late by L. No further run is needed. Scales and offsets
+of measurements need no run either.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def changed_vector(
     *,
     known: FloatArray | None = None,
 ) -> FloatArray:
-    """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where a radius is unknown.
+    """Force bins [N], then the radii at all outline points [m], shape [k]; NaN for an unknown radius.
 
-    ``known``: the `radii` of the same run with a change of the same `sight`, if already computed.
+    ``known``: the `radii` of the same run with a change of the same `sight`, if they were already computed.
     """
     force = observations.of_forces(lambda bins, which: _force(change, response, bins.edges, sample, which))
     if not observations.has_shape:
@@ -54,13 +54,13 @@ def changed_vector(
 
 
 def _force(change: Change, response: Response, edges: FloatArray, sample: int, which: str) -> FloatArray:
-    """Means of a changed force between the edges [N]; the incident force has a separate scale and zero."""
+    """Means of a changed force between the edges [N]. The incident force has a separate scale and zero."""
     t = response.force_times
     impulse, force = response.impulse_transmission[sample], response.force_transmission[sample]
     if which == "flyer":
         impulse, force = response.impulse_flyer[sample], response.force_flyer[sample]
     elif change.flyer_share != 0.0:
-        # The channel records a mean of its force and that of the other end, weighted by the share.
+        # The channel records a weighted mean of its force and that of the other end. The weight is the share.
         share = change.flyer_share
         impulse = (1.0 - share) * impulse + share * response.impulse_flyer[sample]
         force = (1.0 - share) * force + share * response.force_flyer[sample]
@@ -76,7 +76,7 @@ def _force(change: Change, response: Response, edges: FloatArray, sample: int, w
 
 
 def _through_amplifier(change: Change, t: FloatArray, impulse: FloatArray) -> FloatArray:
-    """An impulse after a slow amplifier and a charge leak, which are both linear."""
+    """An impulse after a slow amplifier and a charge leak. Both are linear."""
     if change.time_constant > 0.0 or change.leak > 0.0:
         step = (t[-1] - t[0]) / (len(t) - 1)
         if change.time_constant > 0.0:
@@ -87,13 +87,15 @@ def _through_amplifier(change: Change, t: FloatArray, impulse: FloatArray) -> Fl
 
 
 def radii(change: Change, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
-    """Radii at the points without the offset from the axis [m], linear in time between the frames and after
-    the last one; undeformed before the first. Empty for a shot without an outline."""
+    """Radii at the points without the offset from the axis [m]. They are linear in time between the frames
+    and after the last frame. Before the first frame the specimen is undeformed. Empty for a shot without an
+    outline.
+    """
     if not observations.has_shape:
         return np.zeros(0)
     line, times = observations.centre_line, response.surface_times
     r, y = response.surface_r[sample], response.surface_y[sample]
-    # The run begins with the window; the film's times are stretched from the shot's zero on.
+    # The run begins with the window. The times of the frames are scaled about the shot's zero.
     at = times[0] + change.film * (line.time - times[0]) - change.outline_lag
     at = np.maximum(at, times[0])
     row = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
@@ -115,14 +117,17 @@ def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
     """Delays of the strips of a tilted round face, and their shares of its area.
 
     At the distance x from the middle, the chord of the face has the length 2 sqrt(R^2 - x^2). The delays
-    therefore have a semicircular density; its Gauss quadrature is Chebyshev's of the second kind.
+    therefore have a semicircular density. Its Gauss quadrature is Chebyshev's of the second kind.
     """
     angle = np.pi * np.arange(1, SPREAD_NODES + 1) / (SPREAD_NODES + 1)
     return half * np.cos(angle), 2.0 * np.sin(angle) ** 2 / (SPREAD_NODES + 1)
 
 
 def can_be_tried(c: Cause, problem: InverseProblem) -> bool:
-    """True if a cause can be tried on this shot: measured, held, and with an effect."""
+    """True if a cause can be tried on this shot.
+
+    It must be measured, held, and have an effect.
+    """
     shot, settings = problem.shot, problem.settings
     if c.parameter in problem.box.names:
         return False
@@ -155,7 +160,8 @@ def held_value(c: Cause, problem: InverseProblem) -> float:
 
 def declared_sigma(c: Cause, runner: Runner) -> float:
     """Declared standard uncertainty plus the default allowance, in the value's unit; 0 if there is
-    neither."""
+    neither.
+    """
     declared = runner.problem.shot.uncertainty.get(c.declared, 0.0)
     return hypot(declared, c.allowance, runner.front.path.sigma_onset if c.onset else 0.0)
 
@@ -172,7 +178,7 @@ def declared_span(c: Cause, runner: Runner) -> tuple[float, float] | None:
 
 
 MOST_COMPRESSION = 0.8
-"""Values with a larger nominal compression are not tried: elements and time step would collapse."""
+"""Values with a larger nominal compression are not tried, because elements and time step would collapse."""
 
 
 def leaves_length(runner: Runner, change: Change) -> bool:
@@ -194,7 +200,9 @@ WITHOUT_TRACE = (
 
 
 def corrected(shot: Shot, settings: Settings, finding: CauseFinding) -> tuple[Shot, Settings] | None:
-    """The shot and the settings with the found value; None if it cannot be set, as for a flyer's tilt."""
+    """The shot and the settings with the found value. None if the value cannot be set, as for a flyer's
+    tilt.
+    """
     for one in INPUTS.values():
         if one.cause is not None and one.cause.key == finding.key:
             if one.applied is not None:

@@ -23,14 +23,14 @@ from kolsky.shot.corrections import changed_curve
 from kolsky.shot.input_records import UNCHANGED, Cause, Change
 
 MOST_POINTS = 800
-"""Maximum number of compared outline points; neighbours in a frame give the same information."""
+"""Maximum number of compared outline points. Neighbours in a frame give the same information."""
 MOST_KEPT = 128
-"""Number of latest runs kept in memory, since a search returns to the end of its last step."""
+"""Number of latest runs kept in memory, because a search returns to the end of its last step."""
 MOST_STEPS = 12
-"""A run fails if its time steps exceed this multiple of those at the answer. Ten times the stiffness, the
-farthest scanned value, needs six times the steps; a run with more steps crushes the specimen."""
+"""A run fails if it needs this many times the time steps of the run at the answer. Ten times the stiffness,
+the largest scanned value, needs six times the steps. A run with more steps crushes the specimen."""
 SHARES = {"damping": 1e-6, "friction": 0.02}
-"""Steps for differences by a free parameter, in its unit; 1 % of the value for another."""
+"""Steps for differences by a free parameter, in its unit. Other parameters use 1 % of their value."""
 
 
 @dataclass(frozen=True)
@@ -38,18 +38,20 @@ class Point:
     """One simulation: free parameters and a changed input."""
 
     x: FloatArray
-    """Free parameters in SI, then the coordinate of a free input, if there is one, shape [d]."""
+    """Free parameters in SI, then the coordinate of a free input, if any, shape [d]."""
     changed: Change = UNCHANGED
     """The input that is tried."""
 
 
 class CauseModel:
-    """Data vectors at points, on the surrogate's mesh corrected by a run on the refined mesh.
+    """Data vectors at points on the surrogate's mesh.
+
+    A run on the refined mesh corrects them.
 
     ``runner``: of the identification. ``x``: point of the run on the refined mesh, shape [d]. ``refined``:
-    that run, a batch of one. ``first``: an input that is free in addition to the parameters, with its
-    coordinate as the last entry of every x, or None. ``numerics``: another mesh than the surrogate's. Raises
-    ValueError if the run there does not complete on the surrogate's mesh.
+    that run, a batch of one. ``first``: an input that is free in addition to the parameters, or None. Its
+    coordinate is the last entry of every x. ``numerics``: another mesh than the surrogate's. Raises
+    ValueError if the run at `x` does not complete on the surrogate's mesh.
     """
 
     def __init__(
@@ -85,7 +87,7 @@ class CauseModel:
         return np.concatenate([self.observations.force_mean, self.observations.centre_line.Z])
 
     def vectors(self, points: Sequence[Point]) -> FloatArray:
-        """Predictions, shape [n, k]; NaN where a run did not complete or does not reach a point."""
+        """Predictions, shape [n, k]; NaN if a run did not complete or does not reach a point."""
         found = np.full((len(points), len(self.data)), np.nan)
         points = [self.whole(point) for point in points]
         seen: dict[object, FloatArray] = {}
@@ -101,7 +103,10 @@ class CauseModel:
 
     @cached_property
     def screen(self) -> CauseModel:
-        """The same on the mesh of the replicates, to screen values before a few are tried on this mesh."""
+        """This model on the mesh of the replicates.
+
+        It screens values before a few are tried on this mesh.
+        """
         mesh = self.runner.problem.settings.replicate_mesh
         if mesh[0] >= self.numerics.mesh[0]:
             return self
@@ -122,7 +127,7 @@ class CauseModel:
         return response if response.outcomes[0].ok else None
 
     def shift(self, change: Change) -> FloatArray:
-        """Correction by the refined mesh at the answer, with the same change applied, shape [k]."""
+        """Correction by the refined mesh at the answer with the same change, shape [k]."""
         if change.seen not in self._shifts:
             o, both = self.observations, (self.refined, self.reference)
             if change.sight not in self._radii:
@@ -133,10 +138,10 @@ class CauseModel:
         return self._shifts[change.seen]
 
     def respond(self, points: Sequence[Point]) -> list[Response | None]:
-        """One response per point, None if it did not complete.
+        """One response per point; None for a run that did not complete.
 
-        Runs with the same mesh and laws form one launch; all launches run in parallel. Points that differ
-        only in the processing of a run share the run. Recent runs are not repeated.
+        Runs with the same mesh and laws form one launch, and all launches run in parallel. Points share a run
+        if only its processing differs. Recent runs are not repeated.
         """
         points = [self.whole(point) for point in points]
         keys = [_key(self.runner, point) for point in points]
@@ -147,7 +152,7 @@ class CauseModel:
         return [found[key] for key in keys]
 
     def _fresh(self, points: Sequence[Point]) -> list[list[Point]]:
-        """The points without a stored run, each once, in groups of one launch."""
+        """The points without a stored run, without duplicates, in groups of one launch."""
         fresh: dict[object, dict[object, Point]] = {}
         for point in points:
             launch, run = key = _key(self.runner, point)
@@ -187,7 +192,7 @@ class CauseModel:
         return Launch(forward, values, numerics, motion, material)
 
     def slopes(self, x: FloatArray, changed: Change) -> list[Point]:
-        """The neighbours of a point, one step along each free parameter, for `columns`."""
+        """The neighbours of a point for `columns`, one step along each free parameter."""
         return [Point(x + step, changed) for step in np.diag(self.steps(x))]
 
     def steps(self, x: FloatArray) -> FloatArray:
@@ -203,7 +208,7 @@ class CauseModel:
 
 
 def _thinned(o: Observations, offset: FloatArray | None) -> tuple[Observations, FloatArray | None]:
-    """The observations, and a change of their bins and points, with fewer outline points, evenly chosen."""
+    """The observations with fewer outline points, evenly chosen, and a change of their bins and points."""
     n = len(o.centre_line.Z)
     if n <= MOST_POINTS:
         return o, offset
@@ -240,9 +245,9 @@ def _key(runner: Runner, point: Point) -> tuple[object, object]:
 
 
 FIRST_ORDER = 1.0
-"""Order of the mesh error's common part: it is 1, not 2, if the side surface rolls onto a platen."""
+"""Order of the mesh error's common part. It is 1, not 2, if the side surface rolls onto a platen."""
 SECOND_ORDER = 2.0
-"""Order of the ringing part, whose phase differs from mesh to mesh."""
+"""Order of the error of the ringing. Its phase differs from mesh to mesh."""
 AVERAGED_BINS = 7
 """Number of bins over which the size of the mesh error is averaged."""
 
@@ -251,7 +256,7 @@ def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual
     """The expected residual of a correct model at the answer.
 
     ``model``: the data and both meshes' runs at the answer. ``numerics``: the mesh on which the flyer's noise
-    is propagated to the data.
+    is propagated.
     """
     o, n = model.observations, model.observations.n_force
     meshes = model.runner.problem.settings

@@ -1,8 +1,9 @@
-"""The search for the value of one changed input that explains the data best, the free parameters found
-again.
+"""The search for the value of one changed input that explains the data best.
 
-First, every input is tried by one linear step from the answer. If the data are not explained, large changes
-are scanned and the best are refined. If Poisson's ratio is free, its other valleys are tried too.
+The free parameters are fitted again for each value.
+
+First, every input is tried by one linear step from the answer. If this does not explain the data, large
+changes are scanned and the best are refined. If Poisson's ratio is free, its other valleys are tried too.
 """
 
 from __future__ import annotations
@@ -40,15 +41,15 @@ class Trial:
     u: float
     """Coordinate of the input."""
     misfits: FloatArray
-    """`ExpectedResidual.misfits` there, shape [2]."""
+    """`ExpectedResidual.misfits` at this point, shape [2]."""
     residual: FloatArray
-    """Prediction minus data there, shape [k]."""
+    """Prediction minus data at this point, shape [k]."""
     fit: LinearFit | None = None
     """The last linear fit about it."""
     step: float = 0.0
     """Remaining change of the coordinate by that fit."""
     lost: str = ""
-    """Reason why it could not be tried; empty if it was."""
+    """Reason why the input could not be tried; empty if it was tried."""
 
     @property
     def value(self) -> float:
@@ -57,7 +58,7 @@ class Trial:
 
     @property
     def sigma(self) -> float:
-        """Standard uncertainty of the value, NaN if it is not known."""
+        """Standard uncertainty of the value; NaN if it is unknown."""
         if self.fit is None or self.lost:
             return float("nan")
         low, high = self.candidate.lowest, self.candidate.highest
@@ -79,19 +80,18 @@ KEPT = 60.0
 SETTLED = 0.1
 """A start has converged if a step reduces the loss by less than this."""
 DAMPED = (1.0, 0.3, 0.1)
-"""Shares of a step that are tried; the best is used."""
+"""Shares of a step that are tried. The best share is used."""
 
 
 class CauseSearch:
     """All candidates of one identification.
 
-    Whatever is tried, inputs may be wrong within k = 2 of their declared uncertainty: only the remaining
+    In every trial, inputs may be wrong within k = 2 of their declared uncertainty. Only the remaining
     residual is a misfit.
 
-    ``runner``, ``model``, ``expected``: of the identification, data vectors from its runs, the residual of
-    a correct model. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
-    inputs that are tried, or may be off. ``start``: where the search begins; the model's own point if left
-    out.
+    ``runner``: of the identification. ``model``: data vectors from its runs. ``expected``: residual of a
+    correct model. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``: inputs
+    that are tried or may be wrong. ``start``: start of the search; by default the point of the model.
     """
 
     def __init__(
@@ -114,8 +114,9 @@ class CauseSearch:
         self.vector = vectors[0]
         self.slope = self._columns(vectors, model.steps(x))
         self.columns: dict[str, FloatArray] = {}
-        """Change of the prediction per unit of each candidate's coordinate, shape [k]; none for failed
-        runs."""
+        """Change of the prediction per unit of each candidate's coordinate, shape [k].
+
+        A candidate with failed runs has none."""
         for (c, u), vector in zip(steps.values(), vectors[1 + len(slopes) :], strict=True):
             if np.isfinite(vector[: self.n_force]).all():
                 change = np.nan_to_num(vector - self.vector)[use]
@@ -130,16 +131,16 @@ class CauseSearch:
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
 
     def against(self, unchanged: Trial) -> None:
-        """Measure evidence relative to other free parameters without a changed input, if these fit better."""
+        """Measure evidence relative to other free parameters without a changed input, if they fit better."""
         if self.loss(unchanged.misfits) < self.loss(self.before):
             self.at, self.left, self.before = unchanged.x, unchanged.residual, unchanged.misfits
             self.bare_left = self.residual(self.model.vectors([Point(self.at)])[0])
             self.bare = self.expected.misfits(self.bare_left)
 
     def judge(self, answer: CauseSearch) -> None:
-        """Measure evidence relative to another search's answer, if that fits better.
+        """Measure evidence relative to another search's answer, if it fits better.
 
-        ``answer``: the search from the answer, with the same data; it uses all entries that are used here.
+        ``answer``: the search from the answer, with the same data. It uses all entries of this search.
         """
         kept = self.use[answer.use]
         known = self.expected.misfits(answer.left[kept])
@@ -171,7 +172,7 @@ class CauseSearch:
         return solve_linear(residual, none, self.expected, self.allowed(tried)).residual
 
     def alone(self, c: Cause) -> Trial:
-        """A declared input by one linear step, with all other inputs as declared."""
+        """A declared input by one linear step. All other inputs have their declared values."""
         u, own = start_of(c, self.problem), self.columns[c.key]
         fit = fit_linear(self.residual(self.vector), np.column_stack([self.slope, own]), self.expected)
         misfits = self.expected.misfits(fit.residual)
@@ -179,8 +180,10 @@ class CauseSearch:
         return Trial(c, x, u + float(fit.step[-1]), misfits, fit.residual, fit)
 
     def residual(self, vector: FloatArray) -> FloatArray:
-        """Prediction minus data at the counted entries; an unreached outline point keeps the answer's
-        value."""
+        """Prediction minus data at the counted entries.
+
+        An outline point that is not reached keeps the answer's value.
+        """
         whole = np.where(np.isfinite(vector), vector, self.vector)
         return np.asarray((whole - self.model.data)[self.use])
 
@@ -189,7 +192,7 @@ class CauseSearch:
         return evidence(self.before, misfits, self.expected.times)
 
     def loss(self, misfits: FloatArray) -> float:
-        """Loss that a search minimises; it still decreases below the residual of a correct model."""
+        """Loss that a search minimises. It still decreases below the residual of a correct model."""
         return float(self.expected.times @ np.log(np.maximum(misfits, 1e-3)))
 
     def _columns(self, vectors: FloatArray, steps: FloatArray) -> FloatArray:
@@ -198,7 +201,7 @@ class CauseSearch:
         return np.asarray((change / steps[:, None]).T)
 
     def tangents(self, candidates: Sequence[Cause]) -> list[Trial]:
-        """Every candidate by one linear step from the answer, if it has a value there."""
+        """Every candidate by one linear step from the answer, if it has a value at the answer."""
         found, here = [], self.residual(self.vector)
         for c in candidates:
             u = start_of(c, self.problem)
@@ -213,7 +216,7 @@ class CauseSearch:
             to = float(np.clip(u + fit.step[-1], c.lowest, c.highest))
             misfits = self.expected.misfits(fit.residual)
             if to != u + fit.step[-1]:
-                # It ends at the limit of its range; the others are refitted there.
+                # The candidate ends at the limit of its range. The other unknowns are refitted there.
                 at = solve_linear(here + own * (to - u), self.slope, self.expected, allowed)
                 misfits = self.expected.misfits(at.residual)
             x = self.clipped(self.x + fit.step[:-1])
@@ -222,7 +225,7 @@ class CauseSearch:
 
     @property
     def n_force(self) -> int:
-        """Force bins at the head of the data vector."""
+        """Number of force bins at the start of the data vector."""
         return self.model.observations.n_force
 
     def _none(self, c: Cause, why: str) -> Trial:
@@ -233,7 +236,10 @@ class CauseSearch:
         return np.clip(x, self.model.lower[: len(x)], self.model.upper[: len(x)])
 
     def followed(self, starts: Sequence[Trial]) -> list[Trial]:
-        """Gauss-Newton steps from each start with new runs; the answer itself if none is better."""
+        """Gauss-Newton steps from each start with new runs.
+
+        Returns the answer if none is better.
+        """
         trials, done = self.measured(list(starts)), []
         for _ in range(TURNS):
             least = min((self.loss(t.misfits) for t in trials), default=0.0)
@@ -268,7 +274,10 @@ class CauseSearch:
         return [*done, *trials]
 
     def measured(self, trials: list[Trial]) -> list[Trial]:
-        """Trials evaluated by runs at their points; those with failed runs are left out."""
+        """Trials evaluated by runs at their points.
+
+        Trials with failed runs are left out.
+        """
         vectors = self.model.vectors([Point(t.x, t.candidate.changed(t.u)) for t in trials])
         found = []
         for t, vector in zip(trials, vectors, strict=True):
@@ -309,13 +318,16 @@ FINER = 6
 """Number of finer values tried on each side."""
 
 Value = tuple[Cause, float]
-"""An input and a coordinate of it."""
+"""An input and a value of its coordinate."""
 
 
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
-    """Starts: the best large changes of every candidate, with the free parameters by a linear step.
+    """Starts: the best large changes of every candidate.
 
-    All are run in one launch on a coarse mesh; then finer values about the best are run for narrow basins.
+    The free parameters follow by a linear step.
+
+    All large changes are run in one launch on a coarse mesh. Then finer values about the best are run to find
+    narrow minima.
     """
     values = _within_bounds([(c, u) for c in candidates for u in c.scan])
     trials = _trials(search, [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))])
@@ -331,7 +343,10 @@ def _within_bounds(tried: Sequence[Value]) -> list[Value]:
 
 
 def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
-    """Each value with the free parameters by a linear step; those with failed runs are left out."""
+    """Each value with the free parameters by a linear step.
+
+    Values with failed runs are left out.
+    """
     found, points = [], [Point(search.x, c.changed(u)) for c, u in tried]
     for (c, u), vector in zip(tried, search.model.screen.vectors(points), strict=True):
         if not np.isfinite(vector[: search.n_force]).all():
@@ -343,7 +358,7 @@ def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
 
 
 def _best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
-    """The two best local minima of each candidate; ringing causes several."""
+    """The two best local minima of each candidate. Ringing causes several minima."""
     trials: dict[str, list[Trial]] = {}
     for t in tried:
         trials.setdefault(t.candidate.key, []).append(t)
@@ -357,10 +372,11 @@ def _best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
 
 
 REACH = 1.0
-"""Range of the scan on each side of a start, in oscillations over the whole test: up to the next valley of
-the whole force; those of its harmonics lie between."""
+"""Range of the scan on each side of a start, in oscillations over the whole test. It reaches the next valley
+of the whole force. Valleys of its harmonics lie between."""
 PHASE = 0.05
-"""Step of the scan, in oscillations: a fourth-order harmonic stays in phase over a quarter of one."""
+"""Step of the scan, in oscillations. A fourth-order harmonic stays in phase over a quarter of an
+oscillation."""
 FLOORS = 2
 """Maximum number of valley floors refined from a start."""
 
@@ -376,15 +392,17 @@ NO_CHANGE = Cause(
 
 
 def valley_is_free(search: CauseSearch) -> bool:
-    """True if Poisson's ratio is free, so that a change may need another valley."""
+    """True if Poisson's ratio is free. A change may then need another valley."""
     return VALLEY in search.problem.box.names
 
 
 def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
-    """The starts, with the best of each input moved to another valley if a run shows a lower loss there.
+    """The starts, with the best of each input moved to another valley if this reduces the loss.
 
-    ``starts``: inputs at values, with their best free parameters. Returns: the same number; scanned ones are
-    evaluated by a run at their point.
+    The loss is that of a run in this valley.
+
+    ``starts``: inputs at values, with their best free parameters. Returns: the same number of starts. Scanned
+    starts are evaluated by a run at their point.
     """
     best: dict[str, int] = {}
     for n in sorted(range(len(starts)), key=lambda n: search.loss(starts[n].misfits)):
@@ -399,8 +417,10 @@ def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
 
 
 def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
-    """At most `FLOORS` floors about each start on a coarse mesh, the lowest first, the other parameters by a
-    linear step."""
+    """At most `FLOORS` valley floors about each start on a coarse mesh, the lowest first.
+
+    The other parameters follow by a linear step.
+    """
     i = search.problem.box.names.index(VALLEY)
     rows = [(n, x) for n, t in enumerate(starts) for x in _along(search, t.x, i)]
     points = [Point(x, starts[n].candidate.changed(starts[n].u)) for n, x in rows]
@@ -436,7 +456,7 @@ def _along(search: CauseSearch, x: FloatArray, i: int) -> list[FloatArray]:
 
 
 def without_change(search: CauseSearch) -> None:
-    """Measure evidence relative to the best valley reached by the free parameters without a changed input."""
+    """Measure evidence relative to the best valley of the free parameters without a changed input."""
     start = Trial(NO_CHANGE, search.at, 0.0, search.before, search.left)
     for found in search.followed(in_valleys(search, [start])):
         search.against(found)

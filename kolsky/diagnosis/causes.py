@@ -1,4 +1,7 @@
-"""Search for a wrong input: each is changed to give the best fit; ranking and description."""
+"""Search for a wrong input.
+
+Each input is changed to give the best fit. The changes are ranked and described.
+"""
 
 from __future__ import annotations
 
@@ -33,23 +36,27 @@ from kolsky.shot.input_records import SHOWN, Cause
 from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY, causes
 
 LEVEL = 0.01
-"""A change is significant if its probability, adjusted for all inputs tried, is smaller."""
+"""A change is significant if its probability is below this. The probability is adjusted for all inputs
+tried."""
 EVIDENCE = 100.0
-"""Smallest evidence of a cause that is named; see docs/validation/wrong_inputs."""
+"""Smallest evidence of a cause that is reported; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
-"""Inputs whose losses differ by less cannot be distinguished: likelihoods within a factor of exp(5)."""
+"""Inputs cannot be distinguished if their losses differ by less than this: likelihoods within a factor of
+exp(5)."""
 ASSUMED = "model."
 """Prefix of the keys of assumptions: values that were not measured on the specimen."""
 LEAST_SHARE = 0.25
-"""Smallest share of the misfit that a named cause must explain."""
+"""Smallest share of the misfit that a reported cause must explain."""
 FREED_TOGETHER = (POISSON, DAMPING)
-"""Assumptions that an identification frees together by default: if one is refuted, so is the pair."""
+"""Assumptions that an identification frees together by default. If one is refuted, the pair is refuted."""
 
 
 def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -> tuple[CauseFinding, ...]:
-    """The ranked findings, with probabilities adjusted for all tests and indistinguishable inputs.
+    """The ranked findings.
 
-    An input whose best value lies within k = 2 of its declared uncertainty is never a likely cause. It is
+    Probabilities are adjusted for all tests, and indistinguishable inputs are listed.
+
+    An input with its best value within k = 2 of its declared uncertainty is never a likely cause. It is
     listed with the part that it explains separately.
 
     ``search``, ``trials``: the data, and the best value of every input. ``refuted``: key of a likely cause
@@ -61,7 +68,7 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
     for t, probability in zip(trials, adjusted, strict=True):
         gain = search.gain(t.misfits) if not t.lost else 0.0
         share = explained_share(search.before, t.misfits, entries)
-        # With a stiffness beyond its bound, Poisson's ratio and the force may stay in the valley of the
+        # If the stiffness is beyond its bound, Poisson's ratio and the force may stay in the valley of the
         # bound.
         least = 0.0 if t.candidate.key == CURVE_SCALE else LEAST_SHARE
         strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= least
@@ -89,9 +96,9 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
 def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) -> bool:
     """True if the leading input after a refuted one belongs to its pair and is separately significant.
 
-    This is a closed test. The hypothesis that both values are right was refuted by the evidence and share of
-    the first one; those of the pair are at least as large. The hypothesis that this one is right is refuted
-    by its probability with the first one free, if the likelihoods can be distinguished.
+    This is a closed test with two hypotheses. First: both values are correct. Evidence and share of the first
+    input refute it; those of the pair are at least as large. Second: this value is correct. Its probability
+    with the first input free refutes it, if the likelihoods can be distinguished.
     """
     t, probability, gain, _, _ = row
     pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER
@@ -99,10 +106,12 @@ def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) ->
 
 
 def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
-    """Order of inputs by decreasing evidence; among indistinguishable inputs, assumptions come first.
+    """Order of inputs by decreasing evidence.
 
-    Inputs with `ASSUMED` in their key were not measured on the specimen and are more likely to be wrong than
-    a measured length. Inputs whose evidence differs by less than `ALIKE` cannot be distinguished.
+    Among indistinguishable inputs, assumptions come first.
+
+    Inputs with `ASSUMED` in their key were not measured on the specimen. They are more likely to be wrong
+    than a measured length. Inputs with evidence that differs by less than `ALIKE` cannot be distinguished.
     """
     left, order = sorted(range(len(keys)), key=lambda i: -evidences[i]), []
     while left:
@@ -120,7 +129,10 @@ def _within(search: CauseSearch, t: Trial) -> bool:
 
 
 def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
-    """Keys by increasing loss; among indistinguishable ones, the most usual error comes first."""
+    """Keys by increasing loss.
+
+    Among indistinguishable keys, the most usual error comes first.
+    """
     left, order = sorted(trials, key=lambda t: search.loss(t.misfits)), []
     while left:
         first = search.loss(left[0].misfits)
@@ -132,14 +144,16 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 
 
 def without_twin_between(keys: Sequence[str]) -> list[str]:
-    """Keys of equal rank, with the second of gain and density moved to the end. Both are a scale of the
-    force, and would hide a third explanation."""
+    """Keys of equal rank, with the second of gain and density moved to the end.
+
+    Both inputs scale the force and would hide a third explanation.
+    """
     twins = [key for key in keys if key in (SENSITIVITY, DENSITY)]
     return [*(key for key in keys if key not in twins[1:]), *twins[1:]]
 
 
 def _unusual(search: CauseSearch, t: Trial) -> float:
-    """`strangeness` of the change, relative to the declared uncertainty or, if larger, the usual one."""
+    """`strangeness` of the change, relative to the larger of the declared and the usual uncertainty."""
     c, declared = t.candidate, search.problem.shot.uncertainty
     scale = declared_sigma(c, search.runner)
     if not declared.get(c.declared, 0.0) > 0.0:
@@ -148,17 +162,20 @@ def _unusual(search: CauseSearch, t: Trial) -> float:
 
 
 MISTAKE = 2.0
-"""A usual mistake (a factor of two, another definition) counts as this many standard uncertainties: one input
-in twenty."""
+"""A usual mistake (a factor of two, another definition) counts as this many standard uncertainties. Its
+probability is one input in twenty."""
 NEAR = 0.05
-"""A value within this share of a mistake's size counts as that mistake, due to errors of other inputs."""
+"""A value within this share of a mistake's size counts as this mistake. Errors of other inputs cause the
+difference."""
 
 
 def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: float) -> float:
-    """Size of a change over its usual standard uncertainty [-]; at most `MISTAKE` for a usual mistake.
+    """Size of a change divided by its usual standard uncertainty [-].
 
-    ``value``, ``sigma``: the best value and its uncertainty. ``start``: the declared value, NaN if it is not
-    a number. ``scale``: the usual standard uncertainty.
+    It is at most `MISTAKE` for a usual mistake.
+
+    ``value``, ``sigma``: the best value and its uncertainty. ``start``: the declared value; NaN for an input
+    without a number. ``scale``: the usual standard uncertainty.
     """
     known = isfinite(start)
     away = abs(value - start) / scale if known and isfinite(scale) else inf
@@ -179,7 +196,7 @@ def _indistinguishable(search: CauseSearch, one: Trial, likely: Sequence[Trial])
 
 
 def _chance(search: CauseSearch, t: Trial) -> float:
-    """Probability of such a change if the input is right within its declared uncertainty."""
+    """Probability of such a change if the input is correct within its declared uncertainty."""
     if t.lost or t.fit is None:
         return 1.0
     degrees = len(t.residual) / max(t.fit.inflation, 1.0) - len(t.fit.step)
@@ -233,9 +250,9 @@ class CauseAnalysis:
     """All inputs that were tried."""
 
     findings: tuple[CauseFinding, ...]
-    """The likely causes, the most likely first; then the others by their evidence."""
+    """The likely causes, the most likely first. The other inputs follow by their evidence."""
     misfits: FloatArray
-    """Mean squared residual of force and outline over the residual of a correct model, shape [2]."""
+    """Mean squared residual of force and outline, divided by that of a correct model, shape [2]."""
     unchanged: Mapping[str, float] = field(default_factory=dict)
     """The free parameters by the same search without a changed input."""
     lost: str = ""
@@ -254,7 +271,7 @@ class OtherStart:
     x: FloatArray
     """Free parameters in SI, shape [d]."""
     refined: Response
-    """The run there, a batch of one."""
+    """The run at this point, a batch of one."""
 
 
 @dataclass(frozen=True)
@@ -268,10 +285,15 @@ class Best:
     search: CauseSearch
     """The search from this start."""
     model: CauseModel | None = None
-    """The model corrected by a run on the refined mesh at its point; None if none was made."""
+    """The model corrected by a run on the refined mesh at its point.
+
+    None if no run was made."""
 
     def renewed(self, judge: CauseSearch) -> Best:
-        """The same, refined from a run on the refined mesh at its point; unchanged if that run fails."""
+        """The model after a refinement from a run on the refined mesh at its point.
+
+        It does not change if that run fails.
+        """
         t, search = self.own, self.search
         run = search.model.refined_run(Point(t.x, t.candidate.changed(t.u)))
         if run is None:
@@ -301,10 +323,10 @@ def find_causes(
     x
         The answer in SI, shape [d].
     refined
-        The run on the refined mesh there, a batch of one.
+        The run on the refined mesh at the answer, a batch of one.
     other
-        A second start, if the model does not explain the data: a wrong input may have led the free parameters
-        into a valley from which no step leads back after the correction of the input.
+        A second start, used if the model does not explain the data. A wrong input may have led the free
+        parameters into another valley. No step leads back from it after the input is corrected.
     explained
         True if the misfit is small enough for linear steps, see `kolsky.diagnosis.fit_quality.near_right`.
     """
@@ -330,7 +352,7 @@ def _analysed(
     unchanged = dict(zip(runner.problem.box.names, search.at.tolist(), strict=False))
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     if other is not None and not any(solved(t) for t in trials):
-        # At the answer, the meshes are in phase; at the other point, the difference of its two runs is used.
+        # At the answer, the meshes are in phase. At the other point, the difference of its two runs is used.
         model = CauseModel(runner.under(runner.front, {}), other.x, other.refined)
         second = _search_from(model, candidates, counted=search.use)
         second.judge(search)
@@ -342,17 +364,17 @@ def _analysed(
 
 
 SOLVED = 1.5
-"""If a cause reduces the misfit of both channels to this, no other start is searched. 1 is the residual of a
-correct model; 1.5 is an assumption, not chosen on a population."""
+"""No other start is searched if a cause reduces the misfit of both channels to this. 1 is the residual of a
+correct model. 1.5 is an assumption, not chosen on a population."""
 
 
 def solved(t: Trial) -> bool:
-    """True if a cause leaves the residual of a correct model, so that no other valley can fit better."""
+    """True if a cause leaves the residual of a correct model. No other valley can then fit better."""
     return not t.lost and bool((t.misfits <= SOLVED).all())
 
 
 def stiffness_at_bound(box: Box, x: FloatArray) -> bool:
-    """True if the stiffness factor ends at a bound; then the scale of the curve affects the residual."""
+    """True if the stiffness factor ends at a bound. The scale of the curve then affects the residual."""
     ends = dict(zip(box.names, zip(x.tolist(), box.lower, box.upper, strict=False), strict=False))
     value, low, high = ends.get(MOVED, (0.0, -inf, inf))
     return min(value - low, high - value) <= EDGE * (high - low) < inf
@@ -373,7 +395,10 @@ def _search_from(
 
 
 def best_of_each(trials: Sequence[Best], judge: CauseSearch) -> list[Best]:
-    """The trial of each input with the least loss; successful trials come before failed ones."""
+    """The trial of each input with the least loss.
+
+    Successful trials come before failed ones.
+    """
     best: dict[str, Best] = {}
     for one in trials:
         key = one.seen.candidate.key
@@ -387,14 +412,16 @@ def _badness(t: Trial, judge: CauseSearch) -> tuple[bool, float]:
 
 
 CONTENDERS = 4
-"""Maximum number of inputs compared by separate runs on the refined mesh."""
+"""Maximum number of inputs that are compared by separate runs on the refined mesh."""
 
 
 def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
-    """Inputs whose order the mesh error could change: strong, and within `KEPT` of the best.
+    """Inputs with an order that the mesh error could change.
 
-    With a changed input, the correction by the run at the answer is less accurate: far beyond the bound of
-    the stiffness, the phase difference of the meshes is another one.
+    They are strong, and within `KEPT` of the best.
+
+    With a changed input, the correction by the run at the answer is less accurate. Far beyond the bound of
+    the stiffness, the meshes have another phase difference.
     """
     strong = [one for one in trials if not one.seen.lost and judge.gain(one.seen.misfits) >= EVIDENCE]
     strong.sort(key=lambda one: judge.loss(one.seen.misfits))
@@ -406,7 +433,7 @@ def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
 def _findings(
     judge: CauseSearch, trials: Sequence[Best], candidates: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
-    """The ranked findings, the first of them renewed if it is a likely cause."""
+    """The ranked findings. The first one is updated if it is a likely cause."""
     again = {one.own.candidate.key: one.renewed(judge) for one in _contenders(judge, trials)}
     trials = [again.get(one.own.candidate.key, one) for one in trials]
     findings = ranked(judge, [one.seen for one in trials])
@@ -420,12 +447,14 @@ def _findings(
 def _search_beside_leading(
     first: Best, judge: CauseSearch, findings: tuple[CauseFinding, ...], rest: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
-    """The findings with the first one updated on the refined mesh, and with further errors in addition to it.
+    """The findings with the first one updated on the refined mesh.
 
-    The correction by the refined mesh is not valid for a change that needs other runs, or for another valley
-    of a free Poisson's ratio; one run there renews it. Then the first input is free like the parameters, and
-    the others are tried together with it. After the correction of the first input, their separate results are
-    not meaningful.
+    Further errors are tried in addition to it.
+
+    The correction by the refined mesh is not valid for a change that needs other runs. It is also not valid
+    in another valley of a free Poisson's ratio. One run at the changed point updates it. Then the first input
+    is free like the parameters, and the others are tried together with it. After the correction of the first
+    input, their separate results have no meaning.
     """
     search, c = first.search, first.own.candidate
     runner, problem = search.runner, search.problem
@@ -452,7 +481,10 @@ def _search_beside_leading(
 
 
 def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
-    """The list after the first cause: likely ones together with it, likely ones instead of it, the rest."""
+    """The list after the first cause.
+
+    Likely causes together with the first one come first. Likely alternatives to it follow, then the rest.
+    """
     likely = [f for f in more if f.named]
     likely += [f for f in alone if f.named and f.key not in {one.key for one in likely}]
     known = {f.key for f in likely}
@@ -467,9 +499,11 @@ def best_trials(
     *,
     explained: bool = False,
 ) -> list[Trial]:
-    """The best value of every candidate; large changes are tried only if the data are not explained.
+    """The best value of every candidate.
 
-    The search estimates the residual of a correct model from two meshes only; `explained` is more accurate.
+    Large changes are tried only if the data are not explained.
+
+    The search estimates the residual of a correct model from only two meshes. `explained` is more accurate.
     """
     tangents = search.tangents(candidates)
     if not (search.before > UNEXPLAINED).any() or explained:
@@ -488,7 +522,9 @@ def best_trials(
 
 
 def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
-    """A density for each gain of the force: scaling force, density and stress equally keeps the motion."""
+    """A density for each gain of the force. Equal factors on force, density and stress do not change the
+    motion.
+    """
     names = search.problem.box.names
     gains = [t for t in starts if t.candidate.key == SENSITIVITY]
     density = next(c for c in causes() if c.key == DENSITY)
@@ -501,20 +537,23 @@ def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Tri
 
 
 SURE = 1e-6
-"""If the data are explained, a change counts only below this probability, adjusted for all inputs tried."""
+"""If the data are explained, a change counts only below this probability. It is adjusted for all inputs
+tried."""
 
 
 def with_suspects(
     causes: Sequence[CauseFinding], unchanged: Mapping[str, float], sigma: float
 ) -> tuple[CauseFinding, ...]:
-    """The causes of an explained answer; those that would shift it out of its interval are named.
+    """The causes of an explained answer.
 
-    The goodness of fit allows for errors of mesh and inputs, which may hide a wrong input. An input is
-    suspected if the data prefer another value at the level `SURE` and this value shifts the stiffness factor
-    out of its k = 2 interval.
+    Causes that would shift it out of its interval are reported.
 
-    ``causes``: all that were tried, none of them named. ``unchanged``: `CauseAnalysis.unchanged`. ``sigma``:
-    standard uncertainty of the stiffness factor.
+    The goodness of fit allows for errors of mesh and inputs. They may hide a wrong input. An input is
+    suspected under two conditions: the data prefer another value at the level `SURE`, and this value shifts
+    the stiffness factor out of its k = 2 interval.
+
+    ``causes``: all that were tried; none is marked as likely yet. ``unchanged``: `CauseAnalysis.unchanged`.
+    ``sigma``: standard uncertainty of the stiffness factor.
     """
     if MOVED not in unchanged:
         return tuple(causes)
@@ -531,13 +570,15 @@ def with_suspects(
 
 
 def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[CauseFinding, ...]:
-    """The causes of a withheld answer; the leading ones are named even if their evidence is small.
+    """The causes of a withheld answer.
 
-    Something is wrong in this case, so an input needs less evidence: it must be significant and explain
-    `LEAST_SHARE`. At a bound, the data prefer a value beyond it.
+    The leading causes are reported even if their evidence is small.
 
-    ``causes``: all that were tried, by their evidence, none of them named. ``at_bound``: True if the
-    stiffness factor ends at a bound.
+    In this case an error is certain, and an input needs less evidence. It must be significant and explain
+    `LEAST_SHARE`. At a bound, the data prefer a value beyond the bound.
+
+    ``causes``: all that were tried, by their evidence; none is marked as likely yet. ``at_bound``: True if
+    the stiffness factor ends at a bound.
     """
     beyond = [f for f in causes if at_bound and f.key == CURVE_SCALE and not f.status]
     strong = [f for f in causes if f.probability < LEVEL and f.explained >= LEAST_SHARE]
@@ -546,9 +587,9 @@ def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[Cau
 
 
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
-    """Warnings on the inputs that are likely to be wrong, or that no input explains the misfit.
+    """Warnings on inputs that are likely to be wrong, or on a misfit that no input explains.
 
-    ``explained``: True if the model explains force and outline on the refined mesh; then no misfit remains to
+    ``explained``: True if the model explains force and outline on the refined mesh. No misfit then remains to
     be explained.
     """
     if analysis.lost:

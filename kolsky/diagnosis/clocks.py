@@ -1,6 +1,6 @@
-"""Clock lags: the delays of force, outline and flyer recordings, from the residual of the model.
+"""Clock lags: delays of the force, outline and flyer recordings, from the residual of the model.
 
-A force recorded late by d is the model's force at t - d; the same holds for an outline. The lag is fitted
+A force recorded late by d is the model's force at t - d. The same holds for an outline. The lag is fitted
 together with the free parameters. If a lag is large, new runs are made.
 """
 
@@ -30,13 +30,14 @@ STEP = 0.5e-6
 ROUNDS = 15
 """Maximum number of Gauss-Newton steps."""
 LAG_STAYS = 1e-8
-"""A lag has converged if it changes by less [s]: a fiftieth of what can be resolved."""
+"""A lag has converged if it changes by less than this [s]. It is a fiftieth of what the data resolve."""
 AT_REST = 1e-2
-"""Free parameters have converged if they change by less, in standard deviations: 1e-4 in -2 ln L."""
+"""Free parameters have converged if they change by less than this, in standard deviations: 1e-4 in -2 ln
+L."""
 
 Shifted = Callable[[FloatArray], FloatArray]
-"""Predicted data vector, shape [k], of a force and an outline recorded late by two lags [s], shape [2]; or
-its slopes by the free parameters, shape [k, d]."""
+"""Predicted data vector, shape [k], of a force and an outline with late records, or its slopes by the free
+parameters, shape [k, d]. The two lags [s] have shape [2]."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class FittedLag:
 
     @property
     def significance(self) -> float:
-        """Size of the lag over its standard uncertainty [-]; 0 if that is not known."""
+        """Size of the lag divided by its standard uncertainty [-]; 0 if the uncertainty is unknown."""
         return abs(self.lag) / self.sigma if self.settled and self.sigma > 0.0 else 0.0
 
 
@@ -77,7 +78,7 @@ def fit_lag(
     *,
     before: float | None = None,
 ) -> FittedLag:
-    """Fit one lag, and the free parameters with it."""
+    """Fit one lag together with the free parameters."""
     way, h = np.array(direction), STEP
     d = slopes(0.0 * way).shape[1]
     if before is None:
@@ -118,7 +119,7 @@ def fit_lag(
 
 
 def without_lag(objective: Objective, shifted: Shifted, slopes: Shifted) -> float:
-    """-2 ln L without a lag, with the free parameters fitted [-]; arguments as for `fit_lag`."""
+    """-2 ln L without a lag, with the free parameters fitted [-]. Arguments as for `fit_lag`."""
     plain, now = _without_slow_error(objective), np.zeros(2)
     vector, jacobian = shifted(now), slopes(now)
     for _ in range(ROUNDS):
@@ -137,7 +138,9 @@ def _without_slow_error(objective: Objective) -> Objective:
 def first_lag(
     objective: Objective, shifted: Shifted, slopes: Shifted, direction: tuple[float, float]
 ) -> float:
-    """The first lag [s]: the likeliest of a scan over `REACH`, with the free parameters refitted.
+    """The first lag [s]: the likeliest one of a scan over `REACH`.
+
+    The free parameters are refitted at each lag.
 
     In this scan, the front face's noise is part of the discrepancies. Arguments as for `fit_lag`.
     """
@@ -156,10 +159,10 @@ def first_lag(
 
 
 def late_prediction(response: Response, objective: Objective) -> Shifted:
-    """The prediction of a run, as recorded with late clocks.
+    """The prediction of a run, as late clocks would record it.
 
-    A bin's mean is the difference of the impulse at its edges; surfaces between the frames are splines in
-    time. Before the simulation begins, everything is at rest. For a time after its end, the value without a
+    A bin's mean is the difference of the impulse at its edges. Between the frames, surfaces are splines in
+    time. Before the simulation begins, everything is at rest. For times after its end, the value without a
     lag is used.
     """
     observations = objective.observations
@@ -205,16 +208,16 @@ STIFFNESS = "stiffness_factor"
 TURNS = 3
 """Maximum number of iterations with new runs."""
 DIFFERENCE_SHARE = 1e-3
-"""Step of the difference by a parameter, over its range [-]."""
+"""Step of the difference by a parameter, as a share of its range [-]."""
 RIVAL = 0.5
-"""Lags with at least this share of the leading one's evidence are refined too."""
+"""Lags with at least this share of the leading lag's evidence are refined too."""
 PARAMETERS_STAY = 1e-4
-"""No further run is made if all parameters change by less, relative to their size."""
+"""No further run is made if all parameters change by less than this, relative to their size."""
 
 
 @dataclass(frozen=True)
 class Reruns:
-    """The solver, for lags beyond the linear range."""
+    """The solver for lags beyond the linear range."""
 
     x: FloatArray
     """The optimum, shape [d]."""
@@ -229,7 +232,7 @@ class Reruns:
 
     @classmethod
     def of(cls, runner: Runner, x: FloatArray) -> "Reruns":
-        """The runs of an identification whose optimum is x, shape [d]."""
+        """The runs of an identification with the optimum x, shape [d]."""
         problem = runner.problem
         box = problem.box
         return cls(
@@ -266,7 +269,7 @@ def clock_lags(
     *,
     again: Reruns | None = None,
 ) -> tuple[ClockLag, ...]:
-    """Lags of force, outline and flyer, each against the two others.
+    """Lags of force, outline and flyer, each relative to the two others.
 
     Parameters
     ----------
@@ -275,18 +278,18 @@ def clock_lags(
     response
         The run at the optimum.
     objective
-        With the discrepancies of the optimum.
+        The objective with the discrepancies of the optimum.
     jacobian
         Of the data vector by the free parameters, shape [k, d].
     changes
         As for `kolsky.diagnosis.fit_quality.fit_quality`.
     again
-        The solver, for lags beyond the linear range; without it, such lags are not refined.
+        The solver for lags beyond the linear range. Without it, such lags are not refined.
 
     Returns
     -------
     tuple of ClockLag
-        The force's first; without an outline only that.
+        The lag of the force is first. Without an outline it is the only one.
     """
     shifted, found = late_prediction(response, objective), []
     recordings = tuple(DIRECTIONS) if objective.observations.has_shape else (FORCE,)
@@ -319,9 +322,12 @@ def clock_lags(
 
 
 def slopes(points: FloatArray, seen: Sequence[Shifted]) -> Shifted:
-    """Effect of each parameter on late recordings, shape [k, d]; zero at a point that a run does not reach.
+    """Effect of each parameter on late recordings, shape [k, d].
 
-    ``points``: as of `Reruns.beside`, shape [d + 1, d]. ``seen``: the predictions there, length d + 1.
+    It is zero at a point that a run does not reach.
+
+    ``points``: as for `Reruns.beside`, shape [d + 1, d]. ``seen``: the predictions at these points, length d
+    + 1.
     """
     steps = np.diag(points[1:] - points[0])
 
@@ -337,7 +343,9 @@ def follow(
     again: Reruns,
     refit: Callable[[str, FloatArray, Sequence[Response]], FittedLag],
 ) -> dict[str, FittedLag]:
-    """The lags refined with new runs, if the leading one is significant but does not explain the data.
+    """The lags refined with new runs.
+
+    This is done if the leading lag is significant but does not explain the data.
 
     ``fits``: by recording, the lags from the run at the optimum. ``again``: the solver. ``refit``: fits the
     lag of a recording to the runs at the points of `Reruns.beside`, a batch of one each.

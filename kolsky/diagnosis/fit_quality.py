@@ -1,9 +1,9 @@
-"""Goodness of fit by channel, and the verdicts that follow: whether the model explains the data.
+"""Goodness of fit by channel, and verdicts: whether the model explains the data.
 
-The residual of a correct model consists of the measured noise, the effect of the inputs' noise, the mesh
-error and the effect of declared uncertainties. Actual and expected residual are compared point by point and
-in means over time blocks, because a wrong input shifts the residual over a whole block. If the fit is not
-good enough, the verdicts are withheld and the reasons are given.
+The residual of a correct model has four parts: measured noise, effect of the inputs' noise, mesh error, and
+effect of declared uncertainties. Actual and expected residual are compared point by point and in means over
+time blocks. A wrong input shifts the residual over a whole block. If the fit is not good enough, the verdicts
+are withheld and the reasons are given.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,10 +35,11 @@ from kolsky.uncertainty.input_changes import in_quadrature
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, MeshChange
 
 ORDER = 2.0
-"""Order of the mesh error in the data vector: ringing converges more slowly than the parameters."""
+"""Order of the mesh error in the data vector. Ringing converges more slowly than the parameters."""
 BETWEEN = 3.0**0.5
-"""Distance of the two elements' data over the standard uncertainty of one of them. The truth is uniformly
-distributed between them; its root mean square distance from one end is smaller by the factor root 3."""
+"""Distance of the two elements' data, divided by the standard uncertainty of one of them. The truth is taken
+as uniformly distributed between them. Its root mean square distance from one end is smaller by the factor
+root 3."""
 
 
 def residual_sources(sources: Sources) -> dict[str, FloatArray]:
@@ -65,22 +66,24 @@ def mesh_changes(mesh: MeshChange) -> FloatArray:
 
 
 LIMITS = {"force": 3.0, "outline": 2.0}
-"""Largest residual over that expected of a correct model, by channel [-]."""
+"""Largest residual divided by that expected of a correct model, by channel [-]."""
 SLOW_LIMITS = {"force": 3.0, "outline": 3.0}
-"""The same for the means over blocks [-]."""
+"""The same limit for the means over blocks [-]."""
 ALONE = 0.1
-"""A channel with a smaller share of the information on a parameter does not determine its value."""
+"""A channel does not determine the value of a parameter if its share of the information is below this."""
 CHECKS = 2.0
-"""It still confirms the value if its separate uncertainty is at most this many times the answer's."""
+"""Such a channel still confirms the value if its separate uncertainty is at most this many times the
+answer's."""
 CONTRADICTION = 4.0
-"""Force and outline contradict each other beyond this many standard uncertainties of their difference."""
+"""Force and outline contradict each other if they differ by more than this many standard uncertainties of
+their difference."""
 UNEXPLAINED = 2.5
-"""Misfit of a channel above which large changes of inputs are tried; 1 is the residual of a correct model.
-Below this value, a linear step is sufficient."""
+"""Misfit of a channel above which large changes of inputs are tried. 1 is the residual of a correct model.
+Below this value, a linear step is enough."""
 
 
 BLOCKS = 8
-"""Number of time blocks over which residuals are averaged: about 170 us each, a few ringing periods."""
+"""Number of time blocks over which residuals are averaged. Each is about 170 us, a few ringing periods."""
 BANDS = 3
 """Number of height bands in which the outline points of a block are averaged."""
 
@@ -98,17 +101,17 @@ def fit_quality(
     Parameters
     ----------
     objective
-        With the discrepancies of the optimum.
+        The objective with the discrepancies of the optimum.
     vector
         The data vector that the model predicts at the optimum, shape [k].
     jacobian
-        Jacobian of the data vector by the free parameters there, shape [k, d].
+        Jacobian of the data vector by the free parameters at the optimum, shape [k, d].
     changes
-        By source, changes of the predicted data vector by one standard uncertainty of that source: the draws
-        of a noise, shape [n, k], or one change, shape [k]. Not finite at a point that a run does not reach.
-        Without the flyer's noise, no limit is set, because too much is missing.
+        By source, changes of the predicted data vector by one standard uncertainty of that source. They are
+        draws of a noise, shape [n, k], or one change, shape [k]. They are not finite at a point that a run
+        does not reach. Without the flyer's noise, no limit is set, because too much is missing.
     names
-        The free parameters, length d, for their shares of information; a shorter tuple omits the last ones.
+        The free parameters, length d, for their shares of information. A shorter tuple omits the last ones.
 
     Returns
     -------
@@ -133,7 +136,7 @@ def channel_fits(
 ) -> tuple[FitQuality, ...]:
     """Judge the residual of each measured channel against the part expected from each source.
 
-    ``objective``, ``vector``, ``names``: as of `fit_quality`. ``left``: by source, the part of its changes
+    ``objective``, ``vector``, ``names``: as for `fit_quality`. ``left``: by source, the part of its changes
     that the free parameters do not absorb, shape [n, k] or [k]. ``weights``: by channel, its share of the
     information on each parameter. ``judged``: True to set limits.
     """
@@ -174,9 +177,9 @@ def channel_fits(
 
 
 def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> FloatArray:
-    """A change of the prediction minus the part that the free parameters absorb, ``c - J G c``.
+    """A change of the prediction minus the part that the free parameters absorb: ``c - J G c``.
 
-    Shape of `change`; entries that are not finite count as zero.
+    Same shape as `change`. Entries that are not finite count as zero.
     """
     change = np.nan_to_num(np.asarray(change, dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     return np.asarray(change - (change @ gain.T) @ jacobian.T)
@@ -188,8 +191,8 @@ def information_shares(
     """Share of each channel in the information on each parameter, with the other parameters fitted too.
 
     The variance of parameter i is the sum over the data of ``g_ik (C g_i)_k`` with the gain g and the data's
-    covariance C. Each datum has a share, and the shares sum to one. For independent data the term is ``(g_ik
-    sigma_k)^2``. A datum that helps to remove a common error from the others can have a negative share. A
+    covariance C. Each datum has a share, and the shares sum to one. For independent data, the term is ``(g_ik
+    sigma_k)^2``. A datum may help to remove a common error from other data; its share can then be negative. A
     parameter without effect on the data has NaN.
     """
     parts = gain * spread
@@ -199,13 +202,13 @@ def information_shares(
 
 
 def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple[float, float]:
-    """Correlation of neighbours, and the probability of one at least so large in white noise.
+    """Correlation of neighbours, and the probability that white noise has at least this correlation.
 
-    Ljung and Box (1978) with one lag: ``Q = n (n + 2) / (n - 1) r^2`` with n - 1 the number of pairs, against
-    chi-square of one degree of freedom.
+    Ljung and Box (1978) with one lag: ``Q = n (n + 2) / (n - 1) r^2``, where n - 1 is the number of pairs. Q
+    has the chi-square distribution with one degree of freedom.
 
     ``residual``: in units of its noise, shape [k]. Its mean is not subtracted, because it is zero for a
-    correct model. ``first``, ``second``: rows of the neighbours, shape [n_pairs].
+    correct model. ``first``, ``second``: rows of the two neighbours of each pair, shape [n_pairs].
     """
     if first.size < 2:
         return float("nan"), float("nan")
@@ -219,7 +222,7 @@ def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple
 
 
 def blocks(objective: Objective, channel: str) -> IntArray:
-    """Number of the block of each entry of a channel, from 0 without gaps, shape [n].
+    """Number of the block of each entry of a channel, counted from 0 without gaps, shape [n].
 
     Blocks have equal time spans. In each, the lowest, middle and highest third of every frame's points are
     separate blocks.
@@ -245,7 +248,10 @@ def block_means(values: FloatArray, block: IntArray) -> FloatArray:
 
 
 def block_noise(sigma: FloatArray, block: IntArray) -> float:
-    """Standard deviation of a block's mean of independent noise, root mean square over the blocks."""
+    """Standard deviation of a block's mean of independent noise.
+
+    It is the root mean square over the blocks.
+    """
     return float(np.sqrt(np.mean(np.bincount(block, weights=sigma**2) / np.bincount(block) ** 2)))
 
 
@@ -286,19 +292,19 @@ OTHER_CHANNEL = {FORCE: OUTLINE, OUTLINE: FORCE}
 ROUTES = {FORCE: "force only", OUTLINE: "shape only"}
 """The route of each single channel."""
 WITHHELD = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE, Verdict.CONDITIONAL)
-"""Verdicts that a poor fit may replace; the others are negative already."""
+"""Verdicts that a poor fit may replace. The other verdicts are already negative."""
 LEAST_MARGIN = 25.0
-"""Smallest rise of -2 ln L at the next valley of Poisson's ratio [-]: the error of a coarse mesh can be as
-large if the ringing is weak. Of 18 synthetic tests, the one with a wrong valley has 18, the others have 61 to
+"""Smallest rise of -2 ln L at the next valley of Poisson's ratio [-]. If the ringing is weak, the error of a
+coarse mesh can be as large. Of 18 synthetic tests, the one with a wrong valley has 18, the others have 61 to
 690 (docs/validation/coverage.md)."""
 EDGE = 1e-4
-"""A value closer than this share of the searched range to its end lies at that end."""
+"""A value lies at the end of the searched range if its distance is below this share of the range."""
 UNITS = {"N": (1.0, "N"), "m": (1e6, "um"), "1": (1.0, "sigma")}
 """Factor and unit in which a residual is printed."""
 
 
 def with_verdicts(result: Identification) -> Identification:
-    """The result, with its verdicts changed where the fit is not good enough."""
+    """The result with other verdicts if the fit is not good enough."""
     estimates = {name: replace(e, outcome=verdict(result, e)) for name, e in result.estimates.items()}
     return replace(result, estimates=estimates)
 
@@ -330,9 +336,9 @@ def checked(result: Identification, name: str, channel: str) -> bool:
     """True if the other channel separately determines a parameter well enough to contradict this one.
 
     The weights include common errors. A channel may therefore have almost no weight in the answer, although
-    it separately determines the value nearly as well. It confirms the value if its standard uncertainty is at
-    most `kolsky.diagnosis.fit_quality.CHECKS` times the answer's, and its optimum lies inside the searched
-    range.
+    it separately determines the value nearly as well. Such a channel confirms the value under two conditions.
+    Its standard uncertainty is at most `kolsky.diagnosis.fit_quality.CHECKS` times the answer's, and its
+    optimum lies inside the searched range.
     """
     routes = {route.name: route.sigma.get(name, inf) for route in result.routes}
     joint, other = routes.get("joint", 0.0), routes.get(ROUTES[OTHER_CHANNEL[channel]], inf)
@@ -340,16 +346,17 @@ def checked(result: Identification, name: str, channel: str) -> bool:
 
 
 def reaches_bound(result: Identification, e: Estimate) -> bool:
-    """True if the k = 2 interval extends beyond a bound of the parameter's design, where there are no
-    runs."""
+    """True if the k = 2 interval extends beyond a bound of the parameter's design. There are no runs beyond
+    it.
+    """
     i = result.design.names.index(e.name)
-    # The printed interval is cut to the searched range.
+    # The printed interval is limited to the searched range.
     low, high = e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma
     return low < result.design.lower[i] or high > result.design.upper[i]
 
 
 def explained(result: Identification) -> bool:
-    """True if the model explains every channel, and limits were set."""
+    """True if the model explains every channel, and if limits were set."""
     return explains(result.fit)
 
 
@@ -359,16 +366,18 @@ def explains(fit: Sequence[FitQuality]) -> bool:
 
 
 def near_right(fit: Sequence[FitQuality]) -> bool:
-    """True if no channel has a misfit so large that large changes of inputs are tried.
+    """True if no channel has a large misfit.
 
-    Its excess and its slow excess, squared, are at most `kolsky.diagnosis.fit_quality.UNEXPLAINED`, and
+    A large misfit means that large changes of inputs are tried.
+
+    Its squared excess and its squared slow excess are at most `kolsky.diagnosis.fit_quality.UNEXPLAINED`, and
     limits were set.
     """
     return explains(fit) and all(max(f.excess, f.slow_excess) ** 2 <= UNEXPLAINED for f in fit)
 
 
 def routes_apart(result: Identification, name: str) -> float:
-    """Force-only minus outline-only value over the uncertainty of their difference [-]; 0 if unknown."""
+    """Force-only minus outline-only value, divided by the uncertainty of the difference [-]; 0 if unknown."""
     found = result.route_difference
     if found is None or not found.sigma.get(name, 0.0) > 0.0:
         return 0.0
@@ -376,7 +385,10 @@ def routes_apart(result: Identification, name: str) -> float:
 
 
 def route_at_edge(result: Identification, name: str) -> bool:
-    """True if the optimum by force only or by outline only lies at an edge of the searched box."""
+    """True if an optimum by a single channel lies at an edge of the searched box.
+
+    The channel is the force or the outline.
+    """
     routes = {route.name: route for route in result.routes}
     ends = [routes[key].on_mesh(name) for key in ROUTES.values() if key in routes]
     boxes = [(curve.x[0], curve.x[-1]) for curve in result.curves if curve.parameter == name]
@@ -399,7 +411,7 @@ def fit_warnings(result: Identification) -> Iterator[str]:
 
 
 def _uninformative_channels(result: Identification) -> Iterator[str]:
-    """Report values to which one channel does not contribute, if the verdict does not state it already."""
+    """Report values to which one channel does not contribute, unless the verdict already states it."""
     for channel in result.fit:
         names = [
             name
@@ -419,7 +431,10 @@ def _uninformative_channels(result: Identification) -> Iterator[str]:
 
 
 def unexplained(channel: FitQuality) -> str:
-    """The reason for rejecting a fit, in numbers; for a slow test in units of its sigma."""
+    """The reason for rejecting a fit, in numbers.
+
+    For a slow test they are in units of its sigma.
+    """
     factor, unit = UNITS[channel.unit]
     reasons = []
     if not channel.excess <= channel.limit:
@@ -438,7 +453,7 @@ def unexplained(channel: FitQuality) -> str:
 def late_clocks(result: Identification) -> Iterator[str]:
     """Warning on a late recording, if the lag is significant and its correction explains the data.
 
-    If no lag explains the data, another input is wrong, and the best-fitting lag is not reported.
+    If no lag explains the data, another input is wrong. The best-fitting lag is then not reported.
     """
     lag = leading_lag(result.clocks)
     if lag is not None and lag.significance > LATE and lag.explains:

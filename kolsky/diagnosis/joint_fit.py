@@ -1,21 +1,22 @@
-"""Do the shared values explain every shot, channel and slow test, and do the shots agree?
+"""Tests whether the shared values explain every shot, channel and slow test, and whether the shots agree.
 
 Each residual is compared with that expected of a correct model, as for a single shot
-(`kolsky.diagnosis.fit_quality`): the effect of noise, inputs, mesh and declared uncertainties after the
-shared unknowns are refitted. The deviation of a shot by the scatter is removed first.
+(`kolsky.diagnosis.fit_quality`). The expected residual contains noise, inputs, mesh and declared
+uncertainties, after the shared unknowns are refitted. The deviation of a shot by the scatter is removed
+first.
 
 The agreement of the shots is tested with the stiffness estimated from each shot separately. This test is
-linear about the joint optimum. With the residual r = prediction minus data of one shot, and the change u of
-its data by a relative change of its stiffness, it is
+linear about the joint optimum. Let r be the residual, prediction minus data, of one shot. Let u be the change
+of its data by a relative change of its stiffness. Then
 
     a = -u C^-1 r / (u C^-1 u),    Q = sum_k (a_k - mean)^2 / v_k,
 
 where C contains the noise, the patterns and mesh error of the shot, and the discrepancy of the residual after
 the fit of a. If the shots agree, Q has a chi-square distribution with n - 1 degrees of freedom. The bulk
-modulus is fixed: two specimens of one material differ in stiffness, not in compressibility.
+modulus is fixed: two specimens of one material differ in stiffness, but not in compressibility.
 
-The input and shot that explain a misfit are found by the likelihood. One change p of one shot's data has a
-free amplitude c in addition to the shared unknowns; the model is linear, and the discrepancies are estimated
+The likelihood shows which input of which shot explains a misfit. One change p of one shot's data has a free
+amplitude c in addition to the shared unknowns. The model is linear, and the discrepancies are estimated
 again:
 
     Delta = min_x (-2 ln L) - min_x,c (-2 ln L with r + c p).
@@ -56,28 +57,29 @@ from kolsky.uncertainty.budgets import as_drawn
 from kolsky.uncertainty.mesh_error import MeshChange
 
 SLOW_TEST_LIMIT = 3.0
-"""Largest residual of a slow test over the residual of a correct model [-]: that of the force's bins."""
+"""Largest residual of a slow test, divided by that of a correct model [-]. It is the limit of the force's
+bins."""
 UNLIKELY = 2.7e-3
-"""The shots disagree if the probability of their differences is smaller: that of three standard deviations,
-divided among the `TESTS`."""
+"""The shots disagree if the probability of their differences is below this. It is that of three standard
+deviations, divided among the `TESTS`."""
 TESTS = 4
-"""Number of agreement tests: by all data, force, outline, and by the force over the outline."""
+"""Number of agreement tests: all data, force, outline, and the ratio of force to outline."""
 LEAST_RATIO = 1.05
-"""Without a scatter in the interval, two shots can disagree only if their stiffness ratio exceeds this [-]:
-on coarse meshes, correct shots of different speeds differ by up to 3 %."""
+"""Without a scatter in the interval, two shots can disagree only if their stiffness ratio exceeds this [-].
+On coarse meshes, correct shots of different speeds differ by up to 3 %."""
 LARGEST_RATIO = 1.5
-"""With a larger stiffness ratio, two shots are not scattering specimens of one material [-]. Cast specimens
-of one batch differ by a few percent, soft biological ones by some 20 %; a wrong sensitivity, unit or material
-changes a shot by a factor of two or more."""
+"""With a larger stiffness ratio than this, two shots are not scattering specimens of one material [-]. Cast
+specimens of one batch differ by a few percent, soft biological ones by some 20 %. A wrong sensitivity, unit
+or material changes a shot by a factor of two or more."""
 ROUGH_LIMIT = 10.0
-"""Largest residual over that expected of a correct model if the noise of front face and curve was not drawn
-[-]. In correct shots, that noise is at most about seven times that of the instruments; a wrong curve or unit
-gives about a hundred."""
+"""Largest residual, divided by that expected of a correct model, if the noise of front face and curve was not
+drawn [-]. In correct shots, that noise is at most about seven times that of the instruments. A wrong curve or
+unit gives a factor of about a hundred."""
 LEAST_GAIN = 16.0
-"""Smallest decrease of -2 ln L by one input of one shot to name it as a cause [-]: four standard deviations,
-for the likeliest of four inputs of a dozen shots."""
+"""Smallest decrease of -2 ln L by one input of one shot to report it as a cause [-]. It is four standard
+deviations for the likeliest of four inputs in a dozen shots."""
 LEAST_SHARE = 0.5
-"""An input that explains a smaller share of a channel's squared residual is one of several causes [-]."""
+"""An input is one of several causes if it explains a smaller share of a channel's squared residual [-]."""
 
 
 def residual_changes(
@@ -119,7 +121,9 @@ def joint_fits(
     changes: Mapping[str, FloatArray],
     scatters: Sequence[float],
 ) -> tuple[tuple[tuple[FitQuality, ...], ...], tuple[FitQuality, ...]]:
-    """The residual of each shot's channels, and of each slow test, compared with that of a correct model.
+    """The residual of each shot's channels, and of each slow test.
+
+    They are compared with those of a correct model.
 
     ``problem``, ``optimum``: the problem and its optimum. ``gain``: linear map from a change of the data to
     the shift of the optimum, shape [d, k]. ``whitening``, ``objectives``: weights of the whole vector and of
@@ -161,7 +165,7 @@ def joint_fits(
 
 
 def roughly_judged(fit: FitQuality) -> FitQuality:
-    """A channel's fit with the limit used if the noise of front face and curve is not known."""
+    """A channel's fit, with the limit for unknown noise of front face and curve."""
     return replace(fit, limit=ROUGH_LIMIT, slow_limit=ROUGH_LIMIT)
 
 
@@ -189,7 +193,9 @@ def _slow_fit(
 def slow_fit(
     label: str, residual: FloatArray, left: Mapping[str, FloatArray], *, peak: float, judged: bool
 ) -> FitQuality:
-    """Judge a slow test by its residual and the parts expected from each source, in units of its sigma.
+    """Judge a slow test by its residual and the parts expected from each source.
+
+    All are in units of its sigma.
 
     ``label``: its label. ``residual``: measurement minus model, shape [n]. ``left``: the residual of a
     correct model by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-].
@@ -240,7 +246,7 @@ def own_stiffnesses(
 
 
 ROUNDS = 4
-"""Iterations of discrepancy and stiffness; the third changes no printed digit."""
+"""Iterations of discrepancy and stiffness. The third does not change a printed digit."""
 BLANK = 1e6
 """Factor on the standard deviation of excluded data."""
 
@@ -251,7 +257,7 @@ def own_stiffness(
     """Relative stiffness of one shot minus the shared one, and its standard uncertainty [-].
 
     ``residual``: prediction minus data, shape [k]. ``change``: of its data by a relative change of its
-    stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation a row, [n, k].
+    stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation per row, [n, k].
     ``channel``: "joint", "force" or "outline". NaN if the channel was not measured.
     """
     objective, amount, variance = one.objective, 0.0, float("nan")
@@ -275,15 +281,15 @@ def own_stiffness(
 def shot_agreement(
     names: Sequence[str], stiffnesses: Sequence[OwnStiffness], *, scatter: bool
 ) -> ShotAgreement | None:
-    """Test whether the shots agree in stiffness, and which one does not; None for one shot.
+    """Test whether the shots agree in stiffness, and which shot does not; None for one shot.
 
-    All data, the force and the outline are tested separately, because the weights of a fit reduce the
-    influence of a channel that disagrees in one shot. A stiffer specimen changes force and outline together,
-    so the ratio of their stiffnesses does not scatter between specimens. If a shot contradicts, the least
-    likely channel is given.
+    All data, the force and the outline are tested separately. The weights of a fit reduce the influence of a
+    channel that disagrees in one shot. A stiffer specimen changes force and outline together. The ratio of
+    their stiffnesses therefore does not scatter between specimens. If a shot contradicts the others, the
+    least likely channel is given.
 
-    ``stiffnesses``: the stiffness from each shot. ``scatter``: True if a scatter between them is in the
-    interval; then only larger differences contradict.
+    ``stiffnesses``: the stiffness from each shot. ``scatter``: True if the interval includes a scatter
+    between them. Only larger differences are then a contradiction.
     """
     force, outline = (
         np.array([(getattr(one, channel), getattr(one, f"sigma_{channel}")) for one in stiffnesses]).T
@@ -320,20 +326,23 @@ def _agreement(
 
 
 def _chi_square(a: FloatArray, s: FloatArray) -> float:
-    """Sum of squared distances from the weighted mean, each over its variance."""
+    """Sum of squared distances from the weighted mean, each divided by its variance."""
     weight = s**-2.0
     mean = float(weight @ a) / float(weight.sum())
     return float(weight @ (a - mean) ** 2)
 
 
 def _ratio(amounts: FloatArray) -> float:
-    """Stiffness of the stiffest over the softest shot [-]; infinite if one is not positive."""
+    """Stiffness of the stiffest shot divided by that of the softest [-]; infinite if one is not positive."""
     low, high = 1.0 + float(amounts.min()), 1.0 + float(amounts.max())
     return high / low if low > 0.0 else inf
 
 
 def _farthest(a: FloatArray, s: FloatArray) -> int:
-    """The shot without which the others agree best: the largest decrease of chi-square."""
+    """The shot without which the others agree best.
+
+    Its removal gives the largest decrease of chi-square.
+    """
     others = [np.arange(len(a)) != i for i in range(len(a))]
     return int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
 
@@ -348,7 +357,7 @@ def without_scatter(stack: Stack) -> Stack:
 
 
 def shot_causes(problem: JointProblem, optimum: Optimum) -> tuple[ShotCause, ...]:
-    """The part of the misfit explained by each single input of each shot, the likeliest first."""
+    """The part of the misfit that each single input of each shot explains, the likeliest first."""
     stack = problem.stack
     bare = without_scatter(stack)
     residual = optimum.vector - stack.data
@@ -375,7 +384,7 @@ def shot_causes(problem: JointProblem, optimum: Optimum) -> tuple[ShotCause, ...
 def explained_share(before: FloatArray, after: FloatArray, one: ShotData) -> float:
     """Explained share of a channel's squared residual; the larger one of force and outline [-].
 
-    A specimen of another stiffness rings at another frequency, which a linear change cannot explain in the
+    A specimen of another stiffness rings at another frequency. A linear change cannot explain this in the
     force, but it can in the outline.
     """
     n = one.objective.n_force
@@ -384,7 +393,7 @@ def explained_share(before: FloatArray, after: FloatArray, one: ShotData) -> flo
 
 
 LARGEST_LAG = 0.2
-"""Largest clock error of a force record in the search, over the duration of the record [-]."""
+"""Largest clock error of a force record in the search, as a share of the record's duration [-]."""
 
 
 def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> FloatArray:
@@ -400,7 +409,7 @@ def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> Float
 def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
     """The lag at which the predicted force of one shot is nearest to the measured one [s].
 
-    The force rings; lags are therefore scanned in steps of half a bin.
+    The force rings. Lags are therefore scanned in steps of half a bin.
     """
     one, start = stack.shots[k], stack.place(k).start
     force = slice(start, start + one.objective.n_force)
@@ -414,10 +423,13 @@ def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
 def input_changes(
     stack: Stack, k: int, vector: FloatArray, late: FloatArray, stiffer: FloatArray | None
 ) -> dict[str, FloatArray]:
-    """Changes of all data by a unit of each input of a shot that needs no run, shape [k] each.
+    """Changes of all data by a unit of each input of a shot, shape [k] each.
 
-    ``late``: the data with the force at its likely lag, about which the clock effect is linear. ``stiffer``:
-    change of all data by a relative change of the stiffness; None if the stiffness is not shared.
+    These inputs need no run.
+
+    ``late``: the data with the force at its likely lag. The clock effect is linear about this lag.
+    ``stiffer``: change of all data by a relative change of the stiffness; None if the stiffness is not
+    shared.
     """
     one, place = stack.shots[k], stack.place(k)
     start, end, n = place.start, place.stop, one.objective.n_force
@@ -437,7 +449,9 @@ def input_changes(
 def explained_by(
     stack: Stack, residual: FloatArray, patterns: FloatArray
 ) -> tuple[float, float, float, FloatArray]:
-    """Fit patterns of free amplitude to a residual, with weights from the remaining residual.
+    """Fit patterns of free amplitude to a residual.
+
+    The weights come from the remaining residual.
 
     ``residual``: prediction minus data, shape [k]. ``patterns``: changes of the prediction, shape [n, k].
     Returns: amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual, [k].
@@ -457,7 +471,7 @@ def explained_by(
 
 
 def joint_verdict(e: Estimate, fits: Sequence[FitQuality], agreement: ShotAgreement | None) -> Estimate:
-    """A shared value with the verdict that fit and agreement allow, most serious first."""
+    """A shared value with its verdict by fit and agreement, most serious first."""
     if e.outcome not in WITHHELD:
         return e
     if not all(fit.explained for fit in fits):
@@ -494,7 +508,10 @@ def joint_fit_warnings(
 
 
 def cause_sentence(causes: Sequence[ShotCause]) -> str:
-    """The input and shot that explain the misfit best, and the next one; causes as from `shot_causes`."""
+    """The input and shot that explain the misfit best, and the next one.
+
+    Causes are those of `shot_causes`.
+    """
     named = [one for one in causes if one.gain >= LEAST_GAIN]
     if not named:
         return "no single input of one shot explains the misfit: identify the shots one by one"

@@ -23,8 +23,8 @@ from kolsky.uncertainty.budgets import Sources
 from kolsky.uncertainty.warnings import collect_warnings
 
 WHOLE = 0.9
-"""If a likely input explains a larger share of the misfit, no relaxing branch is searched. In seven synthetic
-shots with a branch, the branch explained 0.89 to 0.99 (`kolsky.diagnosis.relaxation.HALF`)."""
+"""If a likely input explains a larger share of the misfit than this, no branch is searched. In seven
+synthetic shots with a branch, the branch explained 0.89 to 0.99 (`kolsky.diagnosis.relaxation.HALF`)."""
 
 
 def judged(
@@ -57,7 +57,7 @@ def judged(
         vector = fine.objective.vectors(fine.check.prediction)[0]
         asked = shot_branch_test(runner, fine.x, fine.objective, fine.jacobian, vector)
         # A strong branch is beyond the linear test and must be searched. It must explain more than a likely
-        # input does; the test of a weak branch cannot show this.
+        # input does. The test of a weak branch cannot show this.
         weak = rate_advice(asked) if not causes.named else ()
         strong = None if weak else branch_fit(runner, fine.x, fine.objective)
         of_fit += weak or rate_advice(None, strong, least=leading)

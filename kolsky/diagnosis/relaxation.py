@@ -1,8 +1,8 @@
 """Tests for relaxation in one or several shots: score test, search for a branch, model choice.
 
-An elastic optimum is tested for a branch by the score of its residuals, compared with synthetic elastic data.
-If the branch may be strong, it is searched. For several shots, both optima are compared by AIC, BIC and the
-same test.
+The residuals of an elastic optimum are tested for a branch by their score. It is compared with the scores of
+synthetic elastic data. If the branch may be strong, it is searched. For several shots, the optima with and
+without branch are compared by AIC, BIC and the same test.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from kolsky.uncertainty.mesh_error import joint_mesh_change, mesh_patterns
 DRAWS = 20000
 """Number of synthetic elastic data sets."""
 MOST_TAKEN = 0.75
-"""A block length is not used for a direction with a larger share in its blocks [-]."""
+"""A block length is not used for a direction if one of its blocks contains a larger share than this [-]."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,18 @@ class BranchTest:
     """Improvement by a weak branch."""
 
     gain: float
-    """Decrease of chi-square by the best branch, or by the given one [-]."""
+    """Decrease of chi-square by the best branch, or by the given branch [-]."""
     time: float
     """Its relaxation time [s]."""
     strength: float
     """Its strength by a linear model [-]."""
     probability: float
-    """Share of synthetic elastic data that improve as much, at least 1 / (draws + 1) [-]."""
+    """Share of synthetic elastic data sets that improve at least as much [-]; the smallest value is 1 /
+    (draws + 1)."""
 
     @property
     def significant(self) -> bool:
-        """True if it is not explained by chance."""
+        """True if chance does not explain the decrease."""
         return self.probability < SIGNIFICANT
 
 
@@ -89,8 +90,9 @@ def branch_test(
 def _block_deviations(unit: FloatArray, left: FloatArray, blocks: Sequence[IntArray]) -> FloatArray:
     """Standard deviation of each score with residuals correlated within a block, >= 1, shape [n].
 
-    It uses block sums of the residual after the direction is fitted. A direction with weights w_b in 1 / sum
-    w_b^2 = n_e effective blocks has removed the share 1 / n_e of them, which is corrected.
+    It uses block sums of the residual after the direction is fitted. A direction has the weights w_b in its
+    blocks. Therefore n_e = 1 / sum w_b^2 blocks are effective. The fit has removed the share 1 / n_e of the
+    sums. This is corrected.
     """
     bare = left - (unit @ left)[:, None] * unit
     scale = np.ones(len(unit))
@@ -110,12 +112,13 @@ SHORTEST_SEARCHED = 2e-5
 STRENGTHS, SCANNED_TIMES = (0.1, 0.4), 6
 """Strengths, and number of times, of the first scan."""
 STARTS, STEPS, STEP, AT_REST = 2, 8, 1e-3, 0.5
-"""Number of starts from the scan, trial points of each, half step of differences in the unit box, and length
-of the next step at convergence, in standard deviations."""
+"""Four settings of the search. They are the number of starts from the scan and the trial points of each. The
+others are the half step of differences in the unit box, and the length of the next step at convergence, in
+standard deviations."""
 HALF = 0.5
 """Smallest share of the elastic model's misfit that a branch must explain [-]. In seven synthetic shots with
-a branch (draws 0 to 6 of seed 41907 of `populations.branch_advice`) it was 0.89 to 0.99; in five elastic ones
-(0 to 4 of seed 50923 of `populations.coverage`) -0.23 to -0.005."""
+a branch, it was 0.89 to 0.99 (draws 0 to 6 of seed 41907 of `populations.branch_advice`). In five elastic
+shots, it was -0.23 to -0.005 (draws 0 to 4 of seed 50923 of `populations.coverage`)."""
 
 
 @dataclass(frozen=True)
@@ -127,9 +130,9 @@ class BranchFit:
     time: float
     """Its relaxation time [s]."""
     aic: float
-    """Akaike's criterion with it minus that without [-]."""
+    """Akaike's criterion with the branch minus that without it [-]."""
     share: float
-    """Share of the elastic model's misfit, beyond noise and clocks, that it explains [-]."""
+    """Share of the elastic model's misfit, beyond noise and clocks, that the branch explains [-]."""
     inside: bool
     """True if strength and time lie inside their ranges."""
 
@@ -142,9 +145,9 @@ class BranchFit:
 def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit | None:
     """Search for a branch from an elastic optimum, with all free parameters refitted.
 
-    ``runner``: runs points of the identification's problem; some 200 runs are added on the surrogate's mesh.
+    ``runner``: runs points of the identification's problem. Some 200 runs are added on the surrogate's mesh.
     ``x``: the optimum, shape [d]. ``objective``: of the optimum. Returns: None if the shot declares a
-    relaxation, or too few runs complete.
+    relaxation, or if too few runs complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
@@ -171,7 +174,7 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
         rows = np.flatnonzero(response.completed)
         if rows.size:
             seen = objective.vectors(predict(response.select(rows), objective.observations))
-            # An outline point that a run does not reach contributes 0.
+            # An outline point that a run does not reach contributes nothing.
             found[rows, :k] = np.where(np.isnan(seen), objective.data, seen)
             if prior is not None:
                 found[rows, k:] = prior.residuals(points[rows, :d])
@@ -220,11 +223,11 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
 
 
 def scan_points(box: Box, at: FloatArray) -> FloatArray:
-    """Points with a branch that have the mean stiffness of an elastic point, shape [n, d + 2].
+    """Points with a branch, with the mean stiffness of an elastic point, shape [n, d + 2].
 
-    A branch of strength c increases the stiffness by a factor of 1 to 1 + c; m is divided by the root of 1 +
-    c. The bulk modulus is proportional to m (1 + c) / (1 - 2 nu) and determines the ringing frequency. It is
-    kept constant if Poisson's ratio is free.
+    A branch of strength c increases the stiffness by a factor of 1 to 1 + c. The factor m is therefore
+    divided by the root of 1 + c. The bulk modulus is proportional to m (1 + c) / (1 - 2 nu) and determines
+    the ringing frequency. It is kept constant if Poisson's ratio is free.
     """
     times = np.geomspace(box.lower[-1], box.upper[-1], SCANNED_TIMES + 2)[1:-1]
     found = []
@@ -241,7 +244,9 @@ def scan_points(box: Box, at: FloatArray) -> FloatArray:
 
 
 def explained_share(objective: Objective, before: FloatArray, after: FloatArray) -> float:
-    """Share of one vector's misfit, beyond noise and patterns, that another vector removes [-].
+    """Share of one vector's misfit that another vector removes [-].
+
+    The misfit is that beyond noise and patterns.
 
     ``objective``: data and noise. ``before``, ``after``: predictions, shape [k].
     """
@@ -257,8 +262,8 @@ def explained_share(objective: Objective, before: FloatArray, after: FloatArray)
 
 
 WEAK_STRENGTH = 1e-3
-"""Strength of the branches used for the directions [-]: small enough to keep the ringing in phase, even if
-Poisson's ratio is held and the bulk modulus increases by this share."""
+"""Strength of the branches used for the directions [-]. It is small enough to keep the ringing in phase. This
+holds even if Poisson's ratio is held and the bulk modulus increases by this share."""
 SHORTEST_TESTED, TESTED_TIMES = 2e-5, 7
 """Shortest relaxation time tried [s], and number of times up to the duration of the window."""
 
@@ -269,9 +274,9 @@ def shot_branch_test(
     """Test the residual of an elastic identification for branches of several relaxation times.
 
     ``runner``: one run per time is added on the surrogate's mesh. ``x``: the optimum, shape [d].
-    ``objective``: with the discrepancies of the optimum. ``slopes``: jacobian there, shape [k, d].
-    ``vector``: data as the refined mesh predicts them there, shape [k]. Returns: None if the shot declares
-    the relaxation, or a run does not complete.
+    ``objective``: with the discrepancies of the optimum. ``slopes``: Jacobian at the optimum, shape [k, d].
+    ``vector``: data that the refined mesh predicts at the optimum, shape [k]. Returns: None if the shot
+    declares the relaxation, or if a run does not complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
@@ -282,7 +287,7 @@ def shot_branch_test(
     relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
     point = runner.at(x, numerics.mesh)
     columns = {name: np.full(TESTED_TIMES + 1, value) for name, value in point.items()}
-    # The first run has no branch but uses the same kernel, so that only the branch differs.
+    # The first run has no branch but uses the same kernel. The runs therefore differ only in the branch.
     columns["prony_strength_1"] = np.append(0.0, np.full(TESTED_TIMES, WEAK_STRENGTH))
     columns["prony_time_1"] = np.append(times[0], times)
     if VALLEY in runner.problem.box.names:
@@ -322,10 +327,12 @@ TRY = (
 def rate_advice(
     test: BranchTest | None, fit: BranchFit | None = None, *, least: float = 0.0
 ) -> tuple[str, ...]:
-    """Advice if a branch would explain the misfit of an elastic material; empty if chance explains it.
+    """Advice if a branch would explain the misfit of an elastic material.
+
+    Empty if chance explains it.
 
     ``test``: of a weak branch at the elastic optimum. ``fit``: of a branch of any strength, if that test is
-    not significant. ``least``: share of the misfit that a likely input explains; the branch must explain
+    not significant. ``least``: share of the misfit that a likely input explains. The branch must explain
     more.
     """
     if test is not None and test.significant:
@@ -344,9 +351,9 @@ def rate_advice(
 
 
 def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
-    """The figures on which the advice is based.
+    """The numbers on which the advice is based.
 
-    ``test``, ``fit``: as of `rate_advice`.
+    ``test``, ``fit``: as for `rate_advice`.
     """
     found = {} if test is None else {"branch_probability": test.probability}
     if fit is not None:
@@ -362,14 +369,17 @@ def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, 
 WEAK_STRENGTHS = 0.05
 """Strength of the branch at the start of a search from the elastic optimum [-]."""
 LINEAR = 1e-3
-"""Strength of the branches used for the directions [-]: small enough to keep the ringing in phase, even if
-Poisson's ratio is held and the bulk modulus increases by this share."""
+"""Strength of the branches used for the directions [-]. It is small enough to keep the ringing in phase. This
+holds even if Poisson's ratio is held and the bulk modulus increases by this share."""
 
 
 def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
-    """The elastic optimum as a point with zero strength; None if the bounds of the strengths exclude zero.
+    """The elastic optimum as a point with zero strength.
 
-    ``problem``: with the relaxation. ``elastic``, ``without``: the same without relaxation, and its optimum.
+    None if the bounds of the strengths exclude zero.
+
+    ``problem``: with the relaxation. ``elastic``: the same problem without relaxation. ``without``: its
+    optimum.
     """
     box = problem.unknowns.box
     bounds = zip(problem.unknowns.names, box.lower, strict=True)
@@ -389,8 +399,8 @@ def weak_branch(
 ) -> FloatArray:
     """A point without relaxation, with a weak branch added.
 
-    ``problem``: with the relaxation. ``elastic``: the same without. ``at``: a point of `elastic`, shape [d].
-    ``strength``: strength of the branch [-].
+    ``problem``: with the relaxation. ``elastic``: the same problem without it. ``at``: a point of `elastic`,
+    shape [d]. ``strength``: strength of the branch [-].
     """
     names, box = list(problem.unknowns.names), problem.unknowns.box
     x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
@@ -403,8 +413,8 @@ def weak_branch(
 
 
 UNREACHED = 1.0
-"""If -2 ln L of a larger model exceeds that of a nested one by more than this, its search has not reached the
-optimum. Searches end within a part of a standard uncertainty, where the rise is smaller."""
+"""The search of a larger model has not reached the optimum if its -2 ln L exceeds that of a nested model by
+more than this. Searches end within a part of a standard uncertainty. The rise there is smaller."""
 
 
 def choose_model(
@@ -412,9 +422,9 @@ def choose_model(
 ) -> ModelChoice:
     """Compare the optima with and without relaxation, both on the refined mesh.
 
-    ``problem``, ``found``: with relaxation, and its optimum. ``elastic``, ``without``: the same shots, slow
-    tests and free parameters without relaxation, and its optimum. Raises ValueError if the other parameters
-    absorb the effect of every weak branch.
+    ``problem``, ``found``: the problem with relaxation and its optimum. ``elastic``, ``without``: the problem
+    without relaxation and its optimum, with the same shots, slow tests and free parameters. Raises ValueError
+    if the other parameters absorb the effect of every weak branch.
     """
     stack, x, vector = elastic.stack, without.x, without.vector
     # The optimum with relaxation, evaluated with the same data, patterns and prior.
@@ -429,7 +439,7 @@ def choose_model(
     missed = 0.0
     nothing = optimum_without_branch(problem, elastic, without)
     if nothing is not None:
-        # Zero strength is part of the relaxing model: its optimum fits at least as well.
+        # Zero strength is part of the model with relaxation. Its optimum therefore fits at least as well.
         lower = min(lower, 0.0)
         above = problem.deviance(found.vector) - problem.deviance(nothing.vector)
         missed = above if above > UNREACHED else 0.0
@@ -479,7 +489,10 @@ def _inside_range(e: Estimate | None) -> bool:
 
 
 def points_in_step(names: Sequence[str], points: FloatArray, strength: float) -> FloatArray:
-    """Points with a branch of given strength; the bulk modulus is kept if possible, shape [n, d]."""
+    """Points with a branch of given strength, shape [n, d].
+
+    The bulk modulus is kept if possible.
+    """
     found = points.copy()
     if VALLEY in names:
         i = names.index(VALLEY)
@@ -488,12 +501,14 @@ def points_in_step(names: Sequence[str], points: FloatArray, strength: float) ->
 
 
 def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
-    """The choice with the strengths' uncertainties: an effect that the mesh error can cause is rejected.
+    """The choice with the strengths' uncertainties.
 
-    A branch whose time ends at a bound of its range is rejected too: a short one is equivalent to damping, a
+    An effect that the mesh error can cause is rejected.
+
+    A branch is rejected too if its time ends at a bound of its range. A short one is equivalent to damping, a
     long one to a stiffer curve.
 
-    ``choice``: by criterion and synthetic data with the noise of these shots. ``shared``: the shared
+    ``choice``: by criterion and by synthetic data with the noise of these shots. ``shared``: the shared
     parameters, corrected for the mesh.
     """
     sizes = [e for name, e in shared.items() if is_strength(name)]
@@ -520,14 +535,17 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
 
 
 def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
-    """-2 ln L of a vector up to a constant; a point that a run does not reach has zero residual."""
+    """-2 ln L of a vector up to a constant.
+
+    A point that a run does not reach has zero residual.
+    """
     residual = np.where(np.isnan(vector), 0.0, vector - stack.data)
     weights = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
     return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
 
 
 def choice_in_words(aic: float, probability: float, *, asked: bool, missed: float = 0.0) -> str:
-    """The choice in words; `missed`: -2 ln L of the larger search above that of the elastic optimum."""
+    """The choice in words. `missed`: -2 ln L of the larger search minus that of the elastic optimum."""
     chance = f"{100.0 * probability:.2g} % of planted elastic data improve as much by a branch"
     if missed > 0.0:
         return (

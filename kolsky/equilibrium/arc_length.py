@@ -4,10 +4,10 @@ The load p and the unknowns u follow from
 
     r(u, p) = 0,   t . (u - u_0) = ds,                                                         (L.1)
 
-with the unit tangent t of the path at u_0 (Riks 1979; the plane normal to the tangent). With f = -dr/dp each
-iteration solves K a = -r and K b = f. The increment is du = a + b dp with
-dp = (ds - t . (u - u_0) - t . a) / t . b. The tangent is b / |b|, with the sign that continues the path. A
-step that fails is halved, and the step length is adapted to the number of iterations.
+Here t is the unit tangent of the path at u_0 (Riks 1979; the plane normal to the tangent). With f = -dr/dp
+each iteration solves K a = -r and K b = f. The increment is du = a + b dp with dp = (ds - t . (u - u_0) - t .
+a) / t . b. The tangent is b / |b|, with the sign that continues the path. A step that fails is halved. The
+step length is adapted to the number of iterations.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,9 +26,9 @@ from kolsky.equilibrium.solve import Iteration, Newton
 ITERATIONS = 12
 """Maximum number of iterations of a step."""
 WANTED = 5
-"""Target number of iterations, to which the step length is adapted."""
+"""Target number of iterations. The step length is adapted to it."""
 SHORTEST = 1e-6
-"""The path ends below this step length, as a share of the first."""
+"""The path ends if the step length is below this, as a share of the first."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class ArcPath:
     model: Model
     """The model."""
     load: FloatArray
-    """Common value of the histories that grow together, shape [n]; the first is 0."""
+    """Common value of the histories that increase together, shape [n]. The first value is 0."""
     displacements: FloatArray
     """Displacements [m], shape [n, n_points, d]."""
     arc: FloatArray
@@ -50,7 +50,7 @@ class ArcPath:
     def limits(self) -> FloatArray:
         """Loads at limit points, in their order, shape [...].
 
-        At a limit point the load has an extremum; it is that of the parabola through three equilibria.
+        At a limit point, the load has an extremum. It is computed from the parabola through three equilibria.
         """
         found = []
         for k in range(1, len(self.load) - 1):
@@ -62,9 +62,12 @@ class ArcPath:
         return np.array(found)
 
     def crossings(self, loads: Sequence[float] | FloatArray) -> FloatArray:
-        """Interpolated displacements at increasing `loads`, near the equilibria, [len(loads), n_points, d].
+        """Interpolated displacements at increasing `loads`, [len(loads), n_points, d].
 
-        Past a limit point an increasing load jumps along the path to where the path first rises to that load.
+        They are close to the equilibria.
+
+        Past a limit point, an increasing load jumps along the path to the point at which the path first
+        reaches this load.
 
         Raises ValueError if the path does not reach a load.
         """
@@ -101,7 +104,8 @@ def follow(
     model : Model
         The body with its supports and loads.
     histories : sequence of str
-        Histories of loads, not of prescribed displacements, that all have the value of the load.
+        Histories of loads that all have the value of the load. Histories of prescribed displacements are not
+        allowed.
     until : float
         Load at which the path ends, > 0.
     first : float
@@ -113,14 +117,14 @@ def follow(
     steps : int
         Maximum number of steps.
     longest : float
-        Largest length of a step over that of the first [-].
+        Largest length of a step divided by that of the first [-].
     tolerance : float
         Largest residual as a share of the internal forces [-].
 
     Raises
     ------
     ValueError
-        If a history is missing, unknown or one of displacements, or a number is not > 0.
+        If a history is missing, unknown or one of displacements, or if a number is not > 0.
     """
     fixed = {} if others is None else dict(others)
     if set(fixed) | set(histories) != set(model.histories) or set(fixed) & set(histories):
@@ -205,14 +209,17 @@ class _Stepper:
         return factors.solve(self._push(state))
 
     def _push(self, state: State) -> FloatArray:
-        """f: change of the external forces per unit of load; they are linear in the load."""
+        """f: change of the external forces per unit of load. They are linear in the load."""
         more = {**state.at, **{name: state.at[name] + 1.0 for name in self.histories}}
         return self.equations.external_change(state, more)
 
     def step(
         self, start: State, load: float, tangent: FloatArray, change: float, length: float
     ) -> tuple[State, float, int] | Outcome:
-        """The equilibrium after an arc length, its load and the iterations; or the outcome if it fails."""
+        """The equilibrium after an arc length, its load and the iterations.
+
+        If the step fails, the outcome.
+        """
         equations = self.equations
         moved, p = length * tangent, load + change
         for number in range(ITERATIONS + 1):

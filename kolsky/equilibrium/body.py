@@ -1,15 +1,15 @@
 """The body of a model: internal forces, stiffness, derivatives by the constants, mixed formulation.
 
-Mixed: volume ratio and pressure are fields that are eliminated in each element. The monomials phi_m of degree
-n in the element's coordinates are 1, or 1 and the coordinates. The functional
-int W(F) + U(theta) + p (J - theta) dV is stationary if theta is the projection of J, and p that of U'(theta)
-(Simo, Taylor and Pister 1985):
+Mixed formulation: volume ratio and pressure are fields. They are eliminated in each element. The monomials
+phi_m of degree n in the element's coordinates are 1, or 1 and the coordinates. The functional int W(F) +
+U(theta) + p (J - theta) dV is stationary if theta is the projection of J, and p that of U'(theta) (Simo,
+Taylor and Pister 1985):
 
     theta = phi . M^-1 int phi J dV,   p = phi . M^-1 int phi U'(theta) dV,   M = int phi phi dV.     (M.1)
 
-Its stiffness in addition to that of P and p d2J/dF2 is C^T M^-1 (int U'' phi phi dV) M^-1 C with
-C = int phi dJ/dF : grad N dV. One constant phi gives the mean dilatation of the 8-node hexahedron. The
-27-node hexahedron with four phi and the 9-node quadrilateral with three are Q2/P1; both are inf-sup stable.
+Its stiffness is that of P and p d2J/dF2, plus C^T M^-1 (int U'' phi phi dV) M^-1 C with C = int phi dJ/dF :
+grad N dV. One constant phi gives the mean dilatation of the 8-node hexahedron. The 27-node hexahedron with
+four phi and the 9-node quadrilateral with three are Q2/P1. Both are inf-sup stable.
 """
 
 from copy import copy
@@ -67,7 +67,7 @@ class MixedField:
         return float((self._by_region("energy", theta) * self.geometry.volumes).sum())
 
     def stiffness(self, H: FloatArray, curvature: FloatArray) -> FloatArray:
-        """The part of the element stiffness that the volume ratio adds [N/m], shape [m, k d, k d]."""
+        """The part of the element stiffness from the volume ratio [N/m], shape [m, k d, k d]."""
         T, m = self.geometry.T, len(H)
         C = np.stack(
             [
@@ -106,12 +106,12 @@ class BodyState:
 
     @property
     def inverted(self) -> bool:
-        """Whether J <= 0 or J is not a number at a Gauss point."""
+        """True if J <= 0 or J is not a number at a Gauss point."""
         return not bool((self.points.J > 0.0).all() and np.isfinite(self.forces).all())
 
 
 class Body:
-    """Evaluates the body of a model; created once per solution."""
+    """Evaluates the body of a model. It is created once per solution."""
 
     def __init__(self, model: Model, parameters: FloatArray) -> None:
         self.model, self.parameters = model, parameters
@@ -123,7 +123,7 @@ class Body:
         self.field = MixedField(self.points, parameters) if self.points.mixed else None
 
     def with_parameters(self, parameters: FloatArray) -> "Body":
-        """The body with other constants; geometry and pattern are shared."""
+        """The body with other constants. Geometry and pattern are shared."""
         changed = copy(self)
         changed.parameters, changed.rows = parameters, self.points.rows(parameters)
         changed.field = MixedField(self.points, parameters) if self.points.mixed else None
@@ -132,7 +132,7 @@ class Body:
     def evaluate(self, u: FloatArray, *, start: BodyState | None = None) -> BodyState:
         """Internal forces at displacements [m] of shape [n d]; `start`: a state near it.
 
-        If the body is inverted at a point, the forces are NaN and `BodyState.inverted` is true.
+        If the body is inverted at a point, the forces are NaN and `BodyState.inverted` is True.
         """
         at = u.reshape(-1, self.model.dimension)
         pressure = None
@@ -148,7 +148,10 @@ class Body:
         return BodyState(u, self.pattern.vector(state.forces), state)
 
     def stiffness(self, state: BodyState, *, single: bool = False) -> FloatArray:
-        """Element stiffness of a state [N/m], shape [m, k d, k d]; `single`: in single precision."""
+        """Element stiffness of a state [N/m], shape [m, k d, k d].
+
+        `single`: in single precision.
+        """
         at = state.u.reshape(-1, self.model.dimension)
         pressure, curvature = None, None
         if self.field is not None:
@@ -182,8 +185,10 @@ class Body:
         return total
 
     def forces_by_parameters(self, state: BodyState) -> FloatArray:
-        """d(internal forces)/d(constants) at fixed displacements [N per unit], region by region, shape
-        [n_regions n_parameters, n d]."""
+        """d(internal forces)/d(constants) at fixed displacements [N per unit], [n_regions n_parameters, n d].
+
+        The rows are ordered by region.
+        """
         model, pattern = self.model, self.pattern
         elements = self.element_forces_by_parameters(state)
         regions = model.cell_regions
@@ -205,7 +210,7 @@ class Body:
         weighted = np.moveaxis(by_parameter * volumes[..., None, None], 3, 2)
         m, _g, _columns, k = T.shape
         count, d = weighted.shape[2], self.model.dimension
-        # constants and components in one array: a single matrix product for all
+        # constants and components are in one array, which needs one matrix product
         found = element_forces(T, weighted.reshape(*weighted.shape[:2], -1)).reshape(m, k, count, d)
         return np.moveaxis(found, 2, 1).reshape(m, count, k * d)
 
@@ -213,7 +218,7 @@ class Body:
         """d(kernels' row)/d(constants) of each region, shape [n_regions, n_row, n_parameters].
 
         The row of most laws consists of their constants. If a law derives other numbers, differences of four
-        points are used; they are exact to 1e-11.
+        points are used. They are exact to 1e-11.
         """
         solid = self.model.solid
         found = []
@@ -242,5 +247,5 @@ def _pairs_of_kinematics(by_row: FloatArray, state: BodyState, kinematics: str) 
         kept = by_row[:, :, [0, 1, 8, 3, 4, 2]].copy()
         kept[:, :, 5] = 0.0
         return kept
-    # Plane stress: the thickness changes so that P_33 remains 0.
+    # Plane stress: the thickness changes, and P_33 remains 0.
     return by_row[:, :, [0, 1, 3, 4]] - state.points.H[..., None] * by_row[:, :, [8]]

@@ -5,7 +5,7 @@
 
 The first scheme is of first order and damps every motion that a step does not resolve. The second is of
 second order without damping (Newmark's with beta = 1/4, gamma = 1/2). S is the second Piola-Kirchhoff stress
-of the law with the constants of slow loading. A Prony series relaxes by
+of the law with the constants of slow loading. With a Prony series, the stress is
 
     S_total = S + sum_i h_i,   h_i <- e^(-dt/tau_i) h_i + beta_i e^(-dt/(2 tau_i)) (S - S_before)    (D.3)
 
@@ -108,7 +108,7 @@ class Relaxing:
         return np.eye(3) + np.einsum("mki,mgkj->mgij", at, self.body.points.geometry.E, optimize=True)
 
     def _known(self) -> FloatArray:
-        """The terms of (D.3) that are known from the last step [Pa], shape [m, g, 3, 3]."""
+        """The terms of (D.3) that follow from the last step [Pa], shape [m, g, 3, 3]."""
         return np.tensordot(self.decay, self.parts, axes=1) - self.gain.sum() * self.stress
 
     def forces(self, state: BodyState) -> FloatArray:
@@ -146,7 +146,7 @@ ITERATIONS = 30
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion; steps that were not reached are NaN, and the outcome gives the reason."""
+    """A motion. Steps that were not reached are NaN, and the outcome gives the reason."""
 
     model: Model
     """The model."""
@@ -157,8 +157,8 @@ class Motion:
     velocities: FloatArray
     """Velocities [m/s], of the same shape."""
     forces: FloatArray
-    """Forces of supports on the points: internal and inertial forces minus weight and pressure [N], of the
-    same shape; 0 at the start."""
+    """Forces of supports on the points [N], of the same shape: internal and inertial forces minus weight and
+    pressure. They are 0 at the start."""
     outcome: Outcome
     """How it ended."""
     reached: int
@@ -197,7 +197,7 @@ def march(
     dt : float
         Length of a step [s].
     density : float or tuple of float
-        Density at rest, one for all or one for each region [kg/m3].
+        Density at rest [kg/m3], one value for all regions or one for each.
     scheme : str
         "backward_euler" or "trapezoidal".
     prony : Prony, optional
@@ -214,7 +214,7 @@ def march(
     Raises
     ------
     ValueError
-        If a history does not fit, dt is not > 0, the scheme is unknown or there is a rigid plane.
+        If a history does not fit, if dt is not > 0, if the scheme is unknown, or if there is a rigid plane.
     """
     table = checked_steps(model, histories)
     n = len(next(iter(table.values()))) if table else (steps or 1)

@@ -1,14 +1,14 @@
 """Reference elements by name: nodes, shape functions, faces, Gauss rules; node order of VTK.
 
-The shape functions are the Lagrange basis of a space of monomials xi^e: with V_am = xi_a^(e_m) at the nodes,
+The shape functions are the Lagrange basis of a space of monomials xi^e. With V_am = xi_a^(e_m) at the nodes,
 N(xi) = V^-T xi^e. They are 1 at their node and 0 at the others, and reproduce all polynomials of the space.
 
 A hypercube uses the product of Gauss-Legendre points. A simplex uses Stroud's conical product of Gauss-Jacobi
-points (Stroud 1971, section 2.4), exact to degree 2 n - 1 with n points in each direction. For n <= 2 it uses
-the smaller symmetric rules of 1 and d + 1 points, exact to degree 1 and 2.
+points (Stroud 1971, section 2.4). It is exact to degree 2 n - 1 with n points in each direction. For n <= 2,
+a simplex uses the smaller symmetric rules of 1 and d + 1 points, exact to degree 1 and 2.
 
-To add an element, write an `Element` (its nodes in reference coordinates and the monomials that its shape
-functions span) and one line in `ELEMENTS`. The patch tests cover the registry.
+To add an element, write an `Element` and one line in `ELEMENTS`. An `Element` has its nodes in reference
+coordinates and the monomials of its shape functions. The patch tests cover the registry.
 """
 
 from dataclasses import dataclass
@@ -63,8 +63,8 @@ Shape = Literal["hypercube", "simplex"]
 class Face:
     """A face as an affine image of the reference face: xi = origin + tangents @ s.
 
-    The normal from the tangents (their cross product; in two dimensions the tangent rotated by -90 degrees)
-    points outwards.
+    The normal from the tangents points outward. It is their cross product; in two dimensions, it is the
+    tangent rotated by -90 degrees.
     """
 
     origin: tuple[float, ...]
@@ -90,7 +90,8 @@ class Element:
     gauss: int
     """Default number of Gauss points in each direction [-]."""
     pressure_degree: int | None
-    """Degree of the discontinuous pressure that is stable in a mixed formulation; None if none is stable."""
+    """Degree of the discontinuous pressure that is stable in a mixed formulation. None if no degree is
+    stable."""
     vtk: int
     """Number of the cell type in VTK."""
 
@@ -106,7 +107,7 @@ class Element:
 
     @cached_property
     def coefficients(self) -> FloatArray:
-        """V^-1: column a holds the factors of the monomials in N_a, shape [k, k]."""
+        """V^-1. Column a contains the factors of the monomials in N_a, shape [k, k]."""
         vandermonde = (self.nodes[:, None, :] ** self.exponents[None]).prod(axis=-1)
         return np.asarray(np.linalg.inv(vandermonde))
 
@@ -265,7 +266,7 @@ ELEMENTS: dict[str, Element] = {
 def element(name: str) -> Element:
     """Return an element by name.
 
-    Raises ValueError for an unknown name; the message lists the elements.
+    Raises ValueError for an unknown name. The message lists the elements.
     """
     if name not in ELEMENTS:
         raise ValueError(f"kind must be one of {sorted(ELEMENTS)}, got {name!r}")

@@ -18,7 +18,7 @@ from kolsky.equilibrium.surface_contact import surface_contacts
 
 @dataclass(frozen=True)
 class State:
-    """A state that need not be an equilibrium."""
+    """A state that may differ from an equilibrium."""
 
     at: dict[str, float]
     """Value of each history."""
@@ -29,7 +29,7 @@ class State:
     carried: FloatArray
     """Weight and pressure forces on the points [N], shape [n d]."""
     external: FloatArray
-    """All external forces of the points, contact included [N], shape [n d]."""
+    """All external forces of the points with contact [N], shape [n d]."""
     residual: FloatArray
     """Internal minus external forces of the unknowns [N], shape [n_unknowns]."""
     multipliers: tuple[FloatArray, ...] = ()
@@ -37,7 +37,7 @@ class State:
 
     @property
     def inverted(self) -> bool:
-        """Whether the body is inverted at a point."""
+        """True if the body is inverted at a point."""
         return self.body.inverted
 
 
@@ -55,21 +55,21 @@ class Equations:
         self.symmetric = not self.pressures
         self.linear = linear
         self.smooth = not (self.contacts or self.surfaces)
-        """Whether a tangent is valid for neighbouring states; with changing contact it is not."""
+        """True if a tangent is valid for neighbouring states. With changing contact it is not valid."""
         size = float(np.ptp(model.mesh.points, axis=0).max())
         depth = model.thickness if model.kinematics.startswith("plane") else size
         self.floor = 1e-13 * model.solid.shear_modulus * size * depth
-        """Residual by round-off at rest, when there are no forces for comparison [N]."""
+        """Residual by round-off at rest [N], used if there are no forces for comparison."""
 
     def with_parameters(self, parameters: FloatArray) -> "Equations":
-        """The equations with other constants; geometry and fronts are shared."""
+        """The equations with other constants. Geometry and fronts are shared."""
         changed = copy(self)
         changed.body = self.body.with_parameters(parameters)
         return changed
 
     @cached_property
     def solver(self) -> LinearSolver:
-        """The linear solver, created at first use; evaluating forces does not need it."""
+        """The linear solver, created at first use. Forces are evaluated without it."""
         mesh = self.model.mesh
         return linear_solver(self.linear, self.body.pattern, mesh.points, mesh.cells)
 
@@ -91,11 +91,11 @@ class Equations:
         return moved
 
     def expanded(self, unknowns: FloatArray) -> FloatArray:
-        """Changes of the unknowns in all components, shape [..., n d]."""
+        """Changes of the unknowns, given in all components, shape [..., n d]."""
         return self.body.pattern.expanded(unknowns)
 
     def reduced(self, full: FloatArray) -> FloatArray:
-        """Forces of all components summed into the unknowns, shape [..., n_unknowns]."""
+        """Forces of all components, summed to those of the unknowns, shape [..., n_unknowns]."""
         return self.body.pattern.reduced(full)
 
     def rest(self) -> State:
@@ -110,7 +110,10 @@ class Equations:
         like: State | None = None,
         multipliers: tuple[FloatArray, ...] | None = None,
     ) -> State:
-        """State at displacements [m] of shape [n d]; `like`: a near state, for multipliers and thickness."""
+        """State at displacements [m] of shape [n d].
+
+        `like`: a near state, for multipliers and thickness.
+        """
         body = self.body.evaluate(u, start=None if like is None else like.body)
         if multipliers is None:
             multipliers = tuple(np.zeros(len(c.nodes)) for c in self.contacts)
@@ -120,16 +123,16 @@ class Equations:
         return State(at, u, body, carried, external, self.reduced(body.forces - external), multipliers)
 
     def excess(self, state: State, tolerance: float) -> float:
-        """The residual over its tolerance [-]."""
+        """The residual divided by its tolerance [-]."""
         scale = max(float(np.linalg.norm(state.body.forces)), float(np.linalg.norm(state.external)))
         return float(np.linalg.norm(state.residual)) / max(tolerance * scale, self.floor)
 
     def converged(self, state: State, tolerance: float) -> bool:
-        """Whether the residual is below its tolerance."""
+        """True if the residual is below its tolerance."""
         return self.excess(state, tolerance) <= 1.0
 
     def augmented(self, state: State) -> tuple[tuple[FloatArray, ...], bool]:
-        """Multipliers increased by the penalty forces, and whether the depth was already within tolerance."""
+        """Multipliers increased by the penalty forces, and True if the depth was already within tolerance."""
         pushes, closed = [], True
         for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
             place = contact.place(state.u, state.at)
@@ -139,7 +142,7 @@ class Equations:
         return tuple(pushes), closed
 
     def carried_stiffness(self, state: State, *, single: bool = False) -> FloatArray:
-        """Tangent of the internal forces minus weight and pressure, element by element [N/m]."""
+        """Tangent of the internal forces minus weight and pressure, for each element [N/m]."""
         elements = self.body.stiffness(state.body, single=single)
         for name, pressure in self.pressures:
             for cells, by in pressure.evaluate(state.u)[1]:
@@ -147,15 +150,18 @@ class Equations:
         return elements
 
     def stiffness(self, state: State, *, held: bool = False, single: bool = False) -> FloatArray:
-        """Tangent of the residual, element by element [N/m], shape [m, k d, k d].
+        """Tangent of the residual, for each element [N/m], shape [m, k d, k d].
 
-        `held` fixes points in contact on their surface, which derivatives of the solution need. `single`:
+        `held` fixes points in contact on their surface. Derivatives of the solution need this. `single`:
         single precision, for factors that only guide an iteration.
         """
         return self.with_contact(self.carried_stiffness(state, single=single), state, held=held)
 
     def with_contact(self, elements: FloatArray, state: State, *, held: bool) -> FloatArray:
-        """Element matrices with the stiffness of the points in contact; the same array if there are none."""
+        """Element matrices with the stiffness of the points in contact.
+
+        Without points in contact, the unchanged array.
+        """
         if self.contacts:
             elements = elements.copy()
         for contact, blocks in zip(self.contacts, self.contact_blocks(state, held=held), strict=True):
@@ -184,11 +190,11 @@ class Equations:
         return self._bridged.factors(elements, *joined, symmetric=self.symmetric)
 
     def closed(self, state: State) -> bool:
-        """Whether the penetration of all surfaces is within the limit."""
+        """True if the penetration of all surfaces is within the limit."""
         return all(contact.deepest(state.u) <= contact.depth for contact in self.surfaces)
 
     def times(self, elements: FloatArray, du: FloatArray) -> FloatArray:
-        """Element matrices times changes [m] of shape [..., n d], summed in all components [N]."""
+        """Element matrices times changes [m] of shape [..., n d], summed over all components [N]."""
         dofs = self.body.pattern.dofs
         rows = np.atleast_2d(du)
         products = np.matmul(elements, np.moveaxis(rows[:, dofs], 0, 2))

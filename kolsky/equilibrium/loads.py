@@ -4,17 +4,17 @@ Pressure: with the tangents t_1, t_2 of the deformed face along its coordinates,
 
     f_a = -p int N_a (t_1 x t_2) ds,                                                           (P.1)
 
-whose derivative by the displacements is not symmetric. In two dimensions n da is the tangent rotated by -90
-degrees, times the thickness or 2 pi r with the deformed radius r.
+The derivative of this force by the displacements is not symmetric. In two dimensions, n da is the tangent
+rotated by -90 degrees, times the thickness or 2 pi r with the deformed radius r.
 
-Contact: on a point at the distance g from a plane or a sphere acts the force p n, p = max(0, lam - k g),
-along the outward normal n (augmented Lagrange multipliers; Simo and Laursen 1992). After each equilibrium lam
-is set to p, until no point is deeper than the tolerance. At the distance r from the centre of a sphere the
+Contact: a point at the distance g from a plane or a sphere has the force p n, p = max(0, lam - k g). The
+normal n points outward (augmented Lagrange multipliers; Simo and Laursen 1992). After each equilibrium lam is
+set to p, until no point is deeper than the tolerance. At the distance r from the centre of a sphere the
 stiffness is
 
     -d(p n)/dx = k n n' - p (1 - n n') / r,                                                    (P.2)
 
-and its product with the direction of travel is the change of the force with the travel.
+Its product with the direction of travel is the change of the force with the travel.
 """
 
 from collections.abc import Mapping
@@ -30,9 +30,9 @@ from kolsky.equilibrium.model import Gravity, Model, NodalForce, RigidSurface, T
 from kolsky.equilibrium.points import Geometry
 
 CONTACT_STIFFNESS = 500.0
-"""Penalty stiffness of a point over shear modulus times mean spacing of the body's points [-]."""
+"""Penalty stiffness of a point, divided by shear modulus times mean spacing of the body's points [-]."""
 DIFFERENTIATION_STIFFNESS = 1e5
-"""Factor of the stiffness that fixes points in contact when the solution is differentiated [-]."""
+"""Factor of the stiffness that fixes points in contact if the solution is differentiated [-]."""
 
 
 class RigidContact:
@@ -69,7 +69,7 @@ class RigidContact:
             return Place(height, np.broadcast_to(self.normal, x.shape), np.zeros(len(x)))
         out = way + of.radius * self.normal
         distance = np.linalg.norm(out, axis=1)
-        # the difference of the squares, since distance - radius loses the digits of a small gap
+        # the difference of the squares, because distance - radius loses the digits of a small gap
         gaps = ((way**2).sum(axis=1) + 2.0 * of.radius * height) / (distance + of.radius)
         return Place(gaps, out / distance[:, None], 1.0 / distance)
 
@@ -91,7 +91,7 @@ class RigidContact:
         return np.where((pushes > 0.0)[:, None, None], stiffness * along - bent, 0.0)
 
     def add_stiffness(self, elements: FloatArray, blocks: FloatArray) -> None:
-        """Add the stiffness of each point to that of a cell of it, in place."""
+        """Add the stiffness of each point to that of one of its cells, in place."""
         d = self.model.dimension
         for point in np.flatnonzero(blocks.any(axis=(1, 2))):
             node, cell, block = self.nodes[point], self.cells[point], blocks[point]
@@ -107,14 +107,14 @@ class RigidContact:
 
 @dataclass(frozen=True)
 class Place:
-    """The points of a contact as seen from its surface."""
+    """The points of a contact relative to its surface."""
 
     gaps: FloatArray
     """Distances from the surface, negative inside [m], shape [p]."""
     normals: FloatArray
     """Outward normals of the surface [-], shape [p, d]."""
     curvature: FloatArray
-    """Of the surface through each point at its distance [1/m], shape [p]."""
+    """Curvature of the surface through each point at its distance [1/m], shape [p]."""
 
 
 def _across(model: Model) -> float:
@@ -135,7 +135,7 @@ def _cell_with(cells: IntArray, nodes: IntArray) -> IntArray:
 
 @dataclass(frozen=True)
 class Faces:
-    """Faces of one local kind (such as all left ones)."""
+    """Faces of one local kind (such as all left faces)."""
 
     cells: IntArray
     """Their cells, shape [f]."""
@@ -150,7 +150,7 @@ class Faces:
 
 
 def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
-    """Faces on the boundary of the mesh with all points in a set.
+    """Faces on the boundary of the mesh that have all their points in a set.
 
     Raises ValueError if there are none.
     """
@@ -163,7 +163,7 @@ def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
         nodes = mesh.cells[:, element.nodes_on(face)]
         keys.append(np.sort(nodes, axis=1))
         found.append(np.flatnonzero(member[nodes].all(axis=1)))
-    # a face of two cells is inside; all its points name it: faces that meet in an edge share its points
+    # a face of two cells is inside; all its points identify it, because faces with a common edge share points
     _, inverse, counts = np.unique(np.concatenate(keys), axis=0, return_inverse=True, return_counts=True)
     outer = (counts[inverse.ravel()] == 1).reshape(len(element.faces), len(mesh.cells))
     result = []
@@ -181,10 +181,12 @@ def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
 
 
 def rim(mesh: Mesh, where: str) -> IntArray:
-    """End points of the edges that bound the surface of a set, shape [n, 2]; empty for a closed surface.
+    """End points of the edges that bound the surface of a set, shape [n, 2].
+
+    Empty for a closed surface.
 
     Every edge of a closed surface belongs to an even number of its faces. ``where``: set of a
-    three-dimensional mesh. Raises ValueError if no face has all its points in it.
+    three-dimensional mesh. Raises ValueError if no face has all its points in the set.
     """
     element, low = mesh.element, -1.0 if mesh.element.shape == "hypercube" else 0.0
     corners = np.flatnonzero(np.isin(element.nodes, (low, 1.0)).all(axis=1))
@@ -200,12 +202,15 @@ def rim(mesh: Mesh, where: str) -> IntArray:
 
 
 def weight(model: Model, geometry: Geometry, at: Mapping[str, float]) -> FloatArray:
-    """Weight of the points [N], shape [n d]; `at` holds the value of each history."""
+    """Weight of the points [N], shape [n d].
+
+    `at` has the value of each history.
+    """
     total = np.zeros(model.mesh.points.shape)
     for condition in model.conditions:
         if isinstance(condition, Gravity):
             factor = 1.0 if condition.history is None else at[condition.history]
-            # Eq. (11): the integral of rho g . u, so every point carries that of its shape function
+            # Eq. (11): the integral of rho g . u; every point has the weight of its shape function
             density = np.broadcast_to(condition.density, model.n_regions)[model.cell_regions]
             share = np.einsum("m,mg,gk->mk", density, geometry.volumes, geometry.values)
             mass = np.bincount(model.mesh.cells.ravel(), weights=share.ravel(), minlength=len(total))
@@ -261,8 +266,9 @@ class FollowerPressure:
         self.faces = faces_on(model.mesh, where, model.gauss)
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, list[tuple[IntArray, FloatArray]]]:
-        """Forces per unit of pressure [m2], shape [n d], and of each group of faces its cells and the
-        derivative of the cells' forces by their displacements [m], shape [f, k d, k d]."""
+        """Forces per unit of pressure [m2], shape [n d]. For each group of faces, its cells and the
+        derivative of the cells' forces by their displacements [m], shape [f, k d, k d].
+        """
         mesh, d = self.model.mesh, self.model.dimension
         x = mesh.points + u.reshape(-1, d)
         total = np.zeros(mesh.points.shape)

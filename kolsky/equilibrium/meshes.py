@@ -18,7 +18,7 @@ class Mesh:
     """Points, cells of one kind, and named sets of points."""
 
     points: FloatArray
-    """Coordinates [m], shape [n, d]; in an axisymmetric model (r, z)."""
+    """Coordinates [m], shape [n, d]; (r, z) in an axisymmetric model."""
     cells: IntArray
     """Points of each cell, in the order of VTK, shape [m, k]."""
     kind: str
@@ -26,7 +26,7 @@ class Mesh:
     sets: Mapping[str, IntArray] = field(default_factory=dict)
     """Points by name, each of shape [...]."""
     numbers: IntArray | None = None
-    """Number of each cell in its source file, for messages, shape [m]; None: its row."""
+    """Number of each cell in its source file, for messages, shape [m]. None: its row."""
 
     def __post_init__(self) -> None:
         shape = self.element.n_nodes, self.element.dimension
@@ -55,7 +55,7 @@ class Mesh:
         Raises
         ------
         ValueError
-            If there is no such set; the message lists the sets.
+            If there is no such set. The message lists the sets.
         """
         if name not in self.sets:
             raise ValueError(f"the mesh has no set {name!r}; it has {sorted(self.sets)}")
@@ -70,14 +70,14 @@ class Mesh:
 
 
 def box(size: Sequence[float], cells: Sequence[int], *, kind: str = "hex27") -> Mesh:
-    """A box (a rectangle in two dimensions) with its corner in the origin.
+    """A box (a rectangle in two dimensions) with its corner at the origin.
 
     Parameters
     ----------
     size : sequence of float
         Edge lengths [m], d of them.
     cells : sequence of int
-        Number of hexahedra or quadrilaterals along each edge. For simplices each is divided into six
+        Number of hexahedra or quadrilaterals along each edge. For simplices, each is divided into six
         tetrahedra or two triangles.
     kind : str
         The element.
@@ -113,7 +113,7 @@ def dog_bone(
 ) -> Mesh:
     """A bar along x with a waist: its width (along y) is ``waist`` [m] over the length ``straight`` [m].
 
-    The waist is in the middle; towards the ends the width increases by a cosine.
+    The waist is in the middle. Toward the ends, the width increases by a cosine.
     """
     if not 0.0 < waist <= size[1]:
         raise ValueError(f"waist must be in (0, {size[1]}] m, got {waist}")
@@ -130,12 +130,12 @@ def dog_bone(
 
 
 def grid(lines: Sequence[FloatArray], keep: BoolArray, *, kind: str = "hex27") -> Mesh:
-    """Cells of a rectangular grid with any spacing; some cells may be left out.
+    """Cells of a rectangular grid with any spacing. Some cells may be left out.
 
     ``lines``: increasing coordinates of the grid lines along each axis [m], d of them. ``keep``: mask of the
     existing cells, shape [n_0, .., n_(d-1)] with n_i one less than the number of lines. ``kind``: the
-    element; with simplices a cell is six tetrahedra or two triangles. Raises ValueError if lines do not
-    increase, or `keep` has another shape or no cell.
+    element; with simplices, a cell is divided into six tetrahedra or two triangles. Raises ValueError if
+    lines do not increase, or if `keep` has another shape or no cell.
     """
     shape = tuple(len(line) - 1 for line in lines)
     if keep.shape != shape or not keep.any():
@@ -173,7 +173,7 @@ def _structured(size: Sequence[float], cells: Sequence[int], kind: str, keep: Bo
 
 
 def _patterns(item: Element) -> FloatArray:
-    """Node coordinates in the unit cell of the elements that fill it, shape [parts, k, d]."""
+    """Node coordinates of the elements that fill the unit cell, shape [parts, k, d]."""
     if item.shape == "hypercube":
         return 0.5 * (item.nodes[None] + 1.0)
     d, parts = item.dimension, []

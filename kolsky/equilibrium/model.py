@@ -1,6 +1,6 @@
-"""A body with its material, supports and loads; it is constant during a solution.
+"""A body with its material, supports and loads. It is constant during a solution.
 
-Histories of supports and loads are given by name to the solver.
+Histories of supports and loads are passed to the solver by name.
 """
 
 from dataclasses import dataclass
@@ -36,20 +36,20 @@ class Prescribed:
     history: str
     """Name of the history [m]."""
     factor: float | FloatArray = 1.0
-    """Factor of the history [-], one for all points of the set or one for each, in its order."""
+    """Factor of the history [-]: one for all points of the set, or one for each, in the order of the set."""
 
 
 @dataclass(frozen=True)
 class Coupled:
     """Points that move together along an axis (a rigid sliding interface), with or without a force.
 
-    This is the coupling of Schumacher and others (2020), Eq. (6): the component is one unknown.
+    This is the coupling of Schumacher and others (2020), Eq. (6). The component is one unknown.
     """
 
     where: str
     """Set of points."""
     axis: int
-    """The component they share."""
+    """The component that the points have in common."""
     force: str | None = None
     """Name of the history of the force on them [N]; None: no force."""
 
@@ -68,7 +68,7 @@ class NodalForce:
 
 @dataclass(frozen=True)
 class Traction:
-    """A dead load on the faces whose points all belong to a set, per undeformed area."""
+    """A dead load per undeformed area on the faces that have all points in a set."""
 
     where: str
     """Set of points."""
@@ -83,11 +83,11 @@ class Gravity:
     """Weight (Schumacher and others 2020, Eq. 11)."""
 
     density: float | tuple[float, ...]
-    """In the reference state [kg/m3], one for all or one for each region."""
+    """Density in the reference state [kg/m3], one value for all regions or one for each."""
     acceleration: tuple[float, ...]
     """Acceleration of free fall [m/s2], shape [d]."""
     history: str | None = None
-    """Name of a history of its factor [-]; None: it acts from the first step on."""
+    """Name of a history of its factor [-]. None: it acts from the first step on."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Pressure:
 
 @dataclass(frozen=True)
 class RigidSurface:
-    """A frictionless rigid plane or sphere that points of a set cannot pass.
+    """A frictionless rigid plane or sphere. Points of a set cannot pass through it.
 
     The contact force of a point is the penalty force stiffness * depth plus a multiplier. Augmentation
     increases the multiplier by the penalty force until no point is deeper than the tolerance.
@@ -111,14 +111,14 @@ class RigidSurface:
     where: str
     """Set of points that may touch."""
     normal: tuple[float, ...]
-    """Direction out of the surface at `position`, towards the body [-], shape [d]; its length does not
-    matter."""
+    """Direction out of the surface at `position`, toward the body [-], shape [d]. Its length has no
+    effect."""
     position: tuple[float, ...]
-    """A point of the surface at history value 0 [m], shape [d]; of a sphere its apex."""
+    """A point of the surface at history value 0 [m], shape [d]. For a sphere, its apex."""
     history: str | None = None
     """Name of the history of the surface's travel along `normal` [m]; None: it does not move."""
     factor: float = 1.0
-    """Travel over the value of the history [-]."""
+    """Travel divided by the value of the history [-]."""
     radius: float | None = None
     """Radius of a sphere [m]; None: a plane."""
     stiffness: float | None = None
@@ -129,7 +129,7 @@ class RigidSurface:
 
 @dataclass(frozen=True)
 class SelfContact:
-    """Two surfaces of the body that cannot pass through each other, without friction.
+    """Two surfaces of the body that cannot pass through each other. They have no friction.
 
     A penalty force acts on the integration points of each surface that penetrate the other. An equilibrium
     with a point deeper than `depth` is not accepted.
@@ -140,11 +140,11 @@ class SelfContact:
     other: str
     """Set of points of the second surface."""
     penalty: float = 500.0
-    """Pressure over depth, in shear moduli over the size of a face [-]."""
+    """Pressure divided by depth, in shear moduli over the size of a face [-]."""
     depth: float | None = None
     """Largest depth of an equilibrium [m]; None: a hundredth of the size of a face."""
     reach: float | None = None
-    """Search distance for the other surface [m], less than the thickness of the body behind it; None: the
+    """Search distance for the other surface [m], less than the thickness of the body behind it. None: the
     size of a face."""
 
     def __post_init__(self) -> None:
@@ -159,7 +159,7 @@ Condition = Fixed | Prescribed | Coupled | RigidSurface | SelfContact | Load
 
 
 def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:
-    """Names of the histories of the conditions, in their order, each once."""
+    """Names of the histories of the conditions, in their order, without duplicates."""
     names: list[str] = []
     for condition in conditions:
         name = condition.force if isinstance(condition, Coupled) else getattr(condition, "history", None)
@@ -189,22 +189,22 @@ class Model:
     solid: Solid
     """Its material, with the default constants of `solve`."""
     conditions: tuple[Condition, ...] = ()
-    """Supports and loads; a later condition on the same displacement is an error."""
+    """Supports and loads. Two conditions on the same displacement are an error."""
     kinematics: Kinematics = "3d"
     """Three-dimensional, or the assumption for the third direction of a plane model."""
     thickness: float = 1.0
-    """Thickness of a plane model [m]; an axisymmetric model is the full revolution."""
+    """Thickness of a plane model [m]. An axisymmetric model is the full revolution."""
     volumetric: Literal["displacement", "mixed"] = "displacement"
-    """ "mixed": the volume ratio and the pressure are separate fields, discontinuous between elements and
-    eliminated in each (Simo, Taylor and Pister 1985), for nearly incompressible materials."""
+    """"mixed": the volume ratio and the pressure are separate fields, for nearly incompressible materials.
+    They are discontinuous between elements and eliminated in each (Simo, Taylor and Pister 1985)."""
     regions: IntArray | None = None
-    """Region of each cell from 0, shape [m]; every region has separate constants. None: one region."""
+    """Region of each cell from 0, shape [m]. Every region has separate constants. None: one region."""
     others: tuple[Solid, ...] = ()
-    """Materials of the regions from 1 on, with the law of `solid`; empty: `solid` for all regions."""
+    """Materials of the regions from 1 on, with the law of `solid`. Empty: `solid` for all regions."""
     gauss: int | None = None
-    """Gauss points a direction; None: the element's own."""
+    """Gauss points per direction. None: the default of the element."""
     device: str = "cpu"
-    """Where the element kernels run: "cpu", "cuda", "cuda:1" …"""
+    """Device of the element kernels: "cpu", "cuda", "cuda:1" …"""
 
     def __post_init__(self) -> None:
         d = 3 if self.kinematics == "3d" else 2
@@ -251,7 +251,7 @@ class Model:
 
     @property
     def n_dofs(self) -> int:
-        """Displacement components of all points, held ones included."""
+        """Displacement components of all points, including held ones."""
         return int(self.mesh.points.size)
 
     @property
@@ -273,19 +273,19 @@ class Model:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the constants; with several regions "name[region]"."""
+        """Names of the constants. With several regions "name[region]"."""
         names = self.solid.parameter_names
         if self.n_regions == 1:
             return names
         return tuple(f"{name}[{r}]" for r in range(self.n_regions) for name in names)
 
     def parameters(self, values: ArrayLike | None = None) -> FloatArray:
-        """Constants of every region, shape [n_regions, n_parameters]; None: those of the materials.
+        """Constants of every region, shape [n_regions, n_parameters]. None: those of the materials.
 
         Raises
         ------
         ValueError
-            If their number is wrong, or the material does not allow them.
+            If their number is wrong, or if the material does not allow them.
         """
         own = self.solid.parameters()
         if values is None:
@@ -314,7 +314,7 @@ class Unknowns:
     """Numbering of the unknown displacements."""
 
     index: IntArray
-    """Unknown of each component (point by point); -1: it is fixed or prescribed, shape [n d]."""
+    """Unknown of each component (point by point), shape [n d]; -1 for a fixed or prescribed one."""
     count: int
     """Number of unknowns."""
     prescribed: tuple[tuple[IntArray, str, FloatArray], ...]

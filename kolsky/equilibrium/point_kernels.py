@@ -1,6 +1,6 @@
 """Warp functions of stress and tangent at a Gauss point, and the kernels over all Gauss points.
 
-An element's gradients E[cell, point, node, column] are dN/dX_J. In an axisymmetric model the third column is
+An element's gradients E[cell, point, node, column] are dN/dX_J. In an axisymmetric model, the third column is
 N / R. The pairs (i, J) of a radial displacement then include the hoop stretch as (0, 2), and the pair (1, 2)
 is empty. The products of P and A with E are therefore the same in every kinematics.
 
@@ -17,8 +17,8 @@ the mean, and K_ij = dtau_i / dln lam_j (Ogden 1984, section 6.1),
     A = sum_ij (K_ij - tau_i delta_ij) / (lam_i lam_j) n_i N_i n_j N_j + sum_(i /= j) B_ij,
     B_ij = g_ij n_i N_j n_i N_j + (b_j g_ij - tau_j) / (lam_i lam_j) n_i N_j n_j N_i,      (I.4)
 
-where g_ij = (tau_i - tau_j) / (b_i - b_j) with b = lam^2; its limit for equal b is (K_ii - K_ij) / (2 b). On
-a GPU element forces and stiffness are also summed here; on a CPU BLAS is faster
+where g_ij = (tau_i - tau_j) / (b_i - b_j) with b = lam^2. Its limit for equal b is (K_ii - K_ij) / (2 b). On
+a GPU, element forces and stiffness are also summed here. On a CPU, BLAS is faster
 (`kolsky.equilibrium.points`).
 """
 
@@ -161,9 +161,9 @@ def invariant_point_functions(law: type) -> tuple[Any, Any, Any]:
 
 
 SWEEPS = 10
-"""Maximum number of sweeps of Jacobi's rotations; they converge quadratically, in 4 or 5."""
+"""Maximum number of sweeps of Jacobi's rotations. They converge quadratically, in 4 or 5."""
 EQUAL = 1e-5
-"""Below this relative difference of two eigenvalues g_ij is its limit; both are then exact to 1e-10."""
+"""Relative difference of two eigenvalues below which g_ij is its limit. Both are then exact to 1e-10."""
 
 
 @wp.func
@@ -349,7 +349,7 @@ def compressible_neo_hookean() -> tuple[Any, Any, Any]:
 
 
 KINEMATICS = {"3d": (3, 3), "plane_strain": (2, 2), "plane_stress": (2, 2), "axisymmetric": (2, 3)}
-"""Displacement components d and columns of the gradients D of each kinematics."""
+"""Displacement components d and gradient columns D of each kinematics."""
 THICKNESS_STEPS = 60
 """Maximum number of iterations for the thickness stretch of plane stress."""
 
@@ -386,7 +386,7 @@ def deformation_function(kinematics: str) -> Any:
 
 @cache
 def place_function(kinematics: str) -> Any:
-    """Number in 0..8 of the pair that component ``m = i D + J`` is; -1 for the empty one."""
+    """Number in 0..8 of the pair of component ``m = i D + J``; -1 for the empty one."""
     columns, hoop = int(KINEMATICS[kinematics][1]), kinematics == "axisymmetric"
 
     @wp.func
@@ -403,11 +403,11 @@ def place_function(kinematics: str) -> Any:
 
 @cache
 def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: bool, single: bool) -> Any:
-    """P, A dV, dJ/dF, J and the energy density at every Gauss point; launched over (cells, points).
+    """P, A dV, dJ/dF, J and the energy density at every Gauss point. Launched over (cells, points).
 
-    A is optionally written in single precision. In a mixed model `pressure` [Pa] is the volumetric part of P
-    and A; otherwise it is not read. In plane stress H is A_iJ33 / A_3333, which gives the change of
-    thickness, in place of dJ/dF.
+    A is optionally written in single precision. In a mixed model, `pressure` [Pa] is the volumetric part of P
+    and A. Otherwise it is not read. In plane stress, H replaces dJ/dF. H is A_iJ33 / A_3333, which gives the
+    change of thickness.
     """
     energy_of, stress_of, tangent_of = functions
     deformation, place = deformation_function(kinematics), place_function(kinematics)
@@ -503,7 +503,7 @@ def volume_kernel(kinematics: str) -> Any:
 
 @cache
 def stress_kernel(stress_of: Any, kinematics: str) -> Any:
-    """P at every Gauss point, each with a separate row; the reverse mode of this kernel gives dP/drow."""
+    """P at every Gauss point, each with a separate row. The reverse mode of this kernel gives dP/drow."""
     deformation = deformation_function(kinematics)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -529,7 +529,7 @@ def stress_kernel(stress_of: Any, kinematics: str) -> Any:
 
 @cache
 def force_kernel(d: int, columns: int) -> Any:
-    """``forces[m, k d]`` from P of the points; launched over (cells, nodes)."""
+    """``forces[m, k d]`` from P of the points. Launched over (cells, nodes)."""
     components, D = int(d), int(columns)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -554,7 +554,7 @@ def force_kernel(d: int, columns: int) -> Any:
 
 @cache
 def stiffness_kernel(d: int, columns: int) -> Any:
-    """``K[m, k d, k d]`` from A dV of the points; launched over (cells, nodes, nodes)."""
+    """``K[m, k d, k d]`` from A dV of the points. Launched over (cells, nodes, nodes)."""
     components, D = int(d), int(columns)
 
     @wp.kernel(module="unique", enable_backward=False)

@@ -1,6 +1,6 @@
 """Stress and tangent at all Gauss points of a model, and their sums over each element.
 
-Gradients and volumes of the points belong to the undeformed mesh. On a CPU the sums are matrix products
+Gradients and volumes of the points belong to the undeformed mesh. On a CPU, the sums are matrix products
 (BLAS).
 """
 
@@ -30,7 +30,7 @@ class Geometry:
     """Data of the undeformed mesh for the integrals over elements."""
 
     E: FloatArray
-    """dN/dX [1/m]; in an axisymmetric model with N / R as a third column, shape [m, g, k, D]."""
+    """dN/dX [1/m], shape [m, g, k, D]. In an axisymmetric model, N / R is the third column."""
     volumes: FloatArray
     """Volume of each Gauss point [m3], shape [m, g]."""
     values: FloatArray
@@ -85,7 +85,7 @@ def geometry(mesh: Mesh, *, kinematics: str, thickness: float, gauss: int | None
 
 
 CHUNK = 60_000
-"""Number of values in an intermediate array, so that it fits in the cache of a core."""
+"""Number of values in an intermediate array. The array must fit into the cache of a core."""
 
 
 def element_forces(T: FloatArray, weighted: FloatArray) -> FloatArray:
@@ -103,8 +103,8 @@ def element_forces(T: FloatArray, weighted: FloatArray) -> FloatArray:
 def element_stiffness(T: FloatArray, weighted: FloatArray) -> FloatArray:
     """Sum over the points of E A dV E: stiffness of each element [N/m], shape [m, k d, k d].
 
-    A is symmetric, so blocks (i, j) with i > j are transposes. `weighted` is A times the point's volume,
-    shape [m, g, d D, d D]; the result has the precision of T, shape [m, g, D, k].
+    A is symmetric. Blocks (i, j) with i > j are therefore transposes. `weighted` is A times the point's
+    volume, shape [m, g, d D, d D]. The result has the precision of T, shape [m, g, D, k].
     """
     m, g, columns, k = T.shape
     d = weighted.shape[-1] // columns
@@ -132,19 +132,19 @@ class PointState:
     """State of the Gauss points."""
 
     P: FloatArray
-    """First Piola-Kirchhoff stress, the pairs (i, J) in rows [Pa], shape [m, g, d D]."""
+    """First Piola-Kirchhoff stress with the pairs (i, J) in rows [Pa], shape [m, g, d D]."""
     forces: FloatArray
-    """Forces of each element [N], shape [m, k d], or [0, 0] if not requested."""
+    """Forces of each element [N], shape [m, k d]; [0, 0] if not requested."""
     stiffness: FloatArray | None
     """Its stiffness at fixed pressures [N/m], shape [m, k d, k d]; None if not requested."""
     H: FloatArray
-    """Mixed: dJ/dF [-]; plane stress: A_iJ33 / A_3333 [-]; shape [m, g, d D], otherwise [0, 0, 0]."""
+    """Mixed: dJ/dF [-]. Plane stress: A_iJ33 / A_3333 [-]. Shape [m, g, d D], otherwise [0, 0, 0]."""
     J: FloatArray
     """Volume ratio [-], shape [m, g]."""
     energy: FloatArray
     """Strain energy density without the volumetric part of a mixed model [Pa], shape [m, g]."""
     thickness: FloatArray
-    """Thickness stretch of plane stress [-], else 1, shape [m, g]."""
+    """Thickness stretch in plane stress [-], otherwise 1, shape [m, g]."""
 
 
 Sums = tuple[FloatArray, FloatArray | None]
@@ -186,7 +186,7 @@ class Points:
         return wp.array(np.ascontiguousarray(values), dtype=wp.float64, device=self.device)
 
     def rows(self, parameters: FloatArray) -> FloatArray:
-        """The kernels' row of each cell, shape [m, n_row]; the constants have shape [n_regions, n]."""
+        """The kernels' row of each cell, shape [m, n_row]. The constants have shape [n_regions, n]."""
         of_region = np.array([self.model.solid.with_parameters(p).row() for p in parameters])
         return of_region[self.model.cell_regions]
 
@@ -210,10 +210,10 @@ class Points:
         pressure: FloatArray | None = None,
         thickness: FloatArray | None = None,
     ) -> PointState:
-        """Evaluate stress and, on demand, tangent, with the elements' forces and stiffness.
+        """Evaluate the stress and, on request, the tangent, with the elements' forces and stiffness.
 
-        ``u``: displacements [m]. ``rows``: the result of `rows`. ``tangent``, ``forces``: whether to compute
-        stiffness and forces. ``single``: whether the stiffness is summed in single precision. ``pressure``:
+        ``u``: displacements [m]. ``rows``: the result of `rows`. ``tangent``, ``forces``: True to compute
+        stiffness and forces. ``single``: True to sum the stiffness in single precision. ``pressure``:
         pressure of a mixed model [Pa]. ``thickness``: initial thickness stretch in plane stress [-].
         """
         (m, g), n = self.shape, self.d * self.columns

@@ -1,16 +1,18 @@
-"""A reduced model: u = V q with few unknowns, forces from few weighted elements, exact loads.
+"""A reduced model: u = V q with few unknowns.
 
-The basis V is the one with the smallest residual of the snapshots U = [u_1 .. u_n] (Sirovich 1987),
+Forces come from few weighted elements; loads are exact.
+
+The basis V has the smallest residual of the snapshots U = [u_1 .. u_n] (Sirovich 1987),
 
     sum_j |u_j - V V^T u_j|^2 = sum_{k > r} s_k^2.                                             (R.1)
 
-The contributions g_e = V_e^T f_e of the elements to the reduced forces of training states are the columns of
-G; their sum is b = G 1. Sought are weights w >= 0, most of them zero, with
+The elements contribute g_e = V_e^T f_e to the reduced forces of training states. These contributions are the
+columns of G, and their sum is b = G 1. The weights w >= 0, most of them zero, satisfy
 
     |G w - b| <= tau |b|                                                                       (R.2)
 
-(energy-conserving sampling and weighting; Farhat, Avery, Chapman and Cortial 2014), by Lawson and Hanson's
-active set. The equilibrium follows from Newton's method with the exact tangent of
+(energy-conserving sampling and weighting; Farhat, Avery, Chapman and Cortial 2014). They are found by Lawson
+and Hanson's active set. The equilibrium follows from Newton's method with the exact tangent of
 
     sum_e w_e V_e^T f_e(V q, c) = sum_k p_k (a_k + B_k q + 1/2 q^T C_k q) + lam V^T f_g          (R.3)
 
@@ -42,7 +44,7 @@ from kolsky.equilibrium.points import Points
 from kolsky.equilibrium.solution import Outcome, Solution
 
 SMALLEST = 1e-14
-"""Square of the smallest used singular value, as a share of that of the largest [-]."""
+"""Square of the smallest used singular value, as a share of the square of the largest [-]."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class Sample:
     residual: float
     """|G w - b| / |b| [-]."""
     reached: bool
-    """Whether the tolerance was reached."""
+    """True if the tolerance was reached."""
 
 
 def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sample:
@@ -131,7 +133,7 @@ def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sampl
                 w[:] = 0.0
                 w[active] = found
                 break
-            # the path to the unconstrained optimum ends where the first weight becomes zero
+            # the path to the unconstrained optimum ends at the first weight that becomes zero
             old = w[active]
             falling = found <= 0.0
             share = float((old[falling] / (old[falling] - found[falling])).min())
@@ -171,7 +173,9 @@ class ReducedModel:
     """A model, its basis, and the sampled elements."""
 
     def __init__(self, model: Model, basis: Basis, sample: Sample, *, gravity: str | None = None) -> None:
-        """Make the reduced model; the conditions of `model` must be supports, weight and pressures.
+        """Make the reduced model.
+
+        The conditions of `model` must be supports, weight and pressures.
 
         `gravity` is the history of the weight's factor.
         """
@@ -220,7 +224,7 @@ class ReducedModel:
         return self._points.rows(self.model.parameters(parameters)[self._present])
 
     def internal(self, q: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
-        """Reduced internal forces [N], their tangent [N/m], and whether an element is inverted."""
+        """Reduced internal forces [N], their tangent [N/m], and True if an element is inverted."""
         u = (self._rows_of @ q).reshape(-1, self.model.dimension)
         state = self._points.evaluate(u, rows, tangent=True)
         assert state.stiffness is not None
@@ -288,9 +292,9 @@ def reduce(
     Parameters
     ----------
     solutions : sequence of Solution
-        Equilibria with the same mesh, conditions and constants; every step that was reached is a snapshot.
+        Equilibria with the same mesh, conditions and constants. Every step that was reached is a snapshot.
     modes : int
-        Maximum number of unknowns; it is also limited by the number of independent snapshots.
+        Maximum number of unknowns. The number of independent snapshots is another limit.
     tolerance : float
         Tolerance for choosing the elements, Eq. (R.2).
     gravity : str, optional
@@ -336,7 +340,7 @@ def _polynomial(
         return V.T @ force, tangent
 
     a, B = at(np.zeros(len(V)))
-    # C_ijk = d2 f_i / dq_j dq_k: the derivative is linear in q, so a unit amplitude gives it exactly
+    # C_ijk = d2 f_i / dq_j dq_k: the derivative is linear in q; a unit amplitude therefore gives it exactly
     C = np.stack([at(V[:, k])[1] - B for k in range(V.shape[1])], axis=-1)
     return a, B, C
 

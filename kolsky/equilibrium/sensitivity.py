@@ -4,18 +4,19 @@ At an equilibrium f_int(u, p) = f_ext the derivatives of the unknowns by the con
 
     K du/dp = -df_int/dp                                                                       (S.1)
 
-(Schumacher and others 2020, Section IV-B), and the forces of the points by dF/dp = df_int/dp + K_F du/dp,
-fixed points included, where K_F is the tangent of F. A cost c(u, F) has the gradient
-dc/dp = (dc/dF - lam) . df_int/dp with
+(Schumacher and others 2020, Section IV-B). The forces of the points have the derivatives dF/dp = df_int/dp +
+K_F du/dp, fixed points included. K_F is the tangent of F. A cost c(u, F) has the gradient dc/dp = (dc/dF -
+lam) . df_int/dp with
 
     K^T lam = dc/du + K_F^T dc/dF                                                              (S.2)
 
-in the unknowns: one system per step for any number of constants. Differentiating r(u, p) = 0 twice gives
+for the unknowns. This is one system per step for any number of constants. The second derivatives follow from
+r(u, p) = 0, differentiated twice:
 
     K u_pq = -G_pq,   G_pq = D_q (K u_p + dr/dp),                                              (S.3)
 
 where D_q is the derivative along (u_q, e_q) at fixed u_p. It is a difference of the exact first derivatives
-at two points, with an error of up to 1e-5 with a follower pressure, 1e-7 without.
+at two points. Its error is up to 1e-5 with a follower pressure, and 1e-7 without.
 """
 
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ from kolsky.equilibrium.solution import Solution
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Derivatives of a solution; steps that were not reached are NaN."""
+    """Derivatives of a solution. Steps that were not reached are NaN."""
 
     names: tuple[str, ...]
     """The constants, region by region, and then the requested histories."""
@@ -42,7 +43,7 @@ class Sensitivities:
     solution: Solution
     """The differentiated solution."""
     factors: tuple[Factors, ...] = ()
-    """Factors of the tangent of each step, if they were kept."""
+    """Factors of the tangent of each step, if kept."""
 
     def reaction(self, where: str) -> FloatArray:
         """Derivatives of `Solution.reaction` [N per unit], shape [n_steps, n_names, d]."""
@@ -54,14 +55,16 @@ class Sensitivities:
 
 
 def direct(solution: Solution, *, histories: tuple[str, ...] = (), keep: bool = False) -> Sensitivities:
-    """Derivatives of all displacements and forces: one factorisation per step, one solution per constant.
+    """Derivatives of all displacements and forces.
+
+    There is one factorisation per step, and one solution per constant.
 
     Parameters
     ----------
     solution : Solution
         Equilibria.
     histories : tuple of str
-        Histories; derivatives by their value at each step are added (such as a force that is fitted).
+        Histories for which derivatives by their value at each step are added (such as a fitted force).
     keep : bool
         Keep the factors of every step for `second`.
     """
@@ -111,7 +114,7 @@ def adjoint(
     Returns
     -------
     array
-        dc/dp, region by region, shape [n_regions, n_parameters]; it sums over the steps that were reached.
+        dc/dp, region by region, shape [n_regions, n_parameters], summed over the steps that were reached.
     """
     model, equations = solution.model, solution.equations
     gradient = np.zeros(solution.parameters.shape)
@@ -160,13 +163,13 @@ def _unit_more(state: State, name: str) -> dict[str, float]:
 
 
 STEP = 1e-4
-"""Relative distance of the two points from the constant [-]. The error of the difference is its square, and
-the round-off of the first derivatives divided by it is 1e-11."""
+"""Relative distance of the two points from the constant [-]. The error of the difference is its square. The
+round-off of the first derivatives divided by it is 1e-11."""
 
 
 @dataclass(frozen=True)
 class SecondDerivatives:
-    """Second derivatives of a solution; steps that were not reached are NaN."""
+    """Second derivatives of a solution. Steps that were not reached are NaN."""
 
     displacements: FloatArray
     """d2u/dp dq [m per unit squared], shape [n_steps, n, n, n_points, d] for n constants."""
@@ -187,7 +190,7 @@ def second(sensitivities: Sensitivities, *, first: int | None = None) -> SecondD
     Raises
     ------
     ValueError
-        If the model has a contact, because its points may change, or `sensitivities` include a history.
+        If the model has a contact, because its points may change, or if `sensitivities` include a history.
     """
     solution = sensitivities.solution
     model, table = solution.model, solution.parameters

@@ -2,7 +2,7 @@
 
 There are two solids. `Isotropic` is any law of `explicit.materials.laws` with a volumetric energy.
 `CompressibleNeoHookean` is the neo-Hookean energy with a shear part that is not isochoric, as in Schumacher
-and others (2020). The functions of both are derived from one definition of the energy.
+and others (2020). One definition of the energy gives all functions of a solid.
 
 Volumetric energies U(J) are
 
@@ -88,7 +88,10 @@ class Volumetric:
         return np.asarray(2.0 * d1 + z * (12.0 * d2 + 30.0 * d3 * z))
 
     def slope_by_constants(self, J: FloatArray) -> tuple[FloatArray, ...]:
-        """Derivatives of U'(J) by the constants, on which it depends linearly [-], each of shape [...]."""
+        """Derivatives of U'(J) by the constants [-], each of shape [...].
+
+        U'(J) is linear in the constants.
+        """
         x = np.asarray(J) - 1.0
         return (x,) if self.form == "quadratic" else (2.0 * x, 4.0 * x**3, 6.0 * x**5)
 
@@ -128,11 +131,17 @@ class Solid(Protocol):
         ...
 
     def isochoric_functions(self) -> tuple[Any, Any, Any]:
-        """The functions without the volumetric energy, for a mixed formulation; ValueError if it has none."""
+        """The functions without the volumetric energy, for a mixed formulation.
+
+        Raises ValueError if the solid has none.
+        """
         ...
 
     def scaled(self, factor: float) -> Self:
-        """The material with every stress multiplied by a factor; pure numbers are unchanged."""
+        """The material with every stress multiplied by a factor.
+
+        Pure numbers do not change.
+        """
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""Result of a history of equilibria, and its outcome: a named cause with its cure."""
+"""Result of a history of equilibria, and its outcome: a named cause with its remedy."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -69,7 +69,10 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class Solution:
-    """A history of equilibria; steps that were not reached are NaN, and the outcome gives the reason."""
+    """A history of equilibria.
+
+    Steps that were not reached are NaN, and the outcome gives the reason.
+    """
 
     model: Model
     """The model."""
@@ -80,8 +83,8 @@ class Solution:
     displacements: FloatArray
     """Displacements [m], shape [n_steps, n, d]."""
     forces: FloatArray
-    """Forces of supports, grips, rigid surfaces and nodal loads on the points: internal forces minus weight
-    and pressure [N], shape [n_steps, n, d]."""
+    """Forces of supports, grips, rigid surfaces and nodal loads on the points [N], shape [n_steps, n, d].
+    They are internal forces minus weight and pressure."""
     energy: FloatArray
     """Strain energy [J], shape [n_steps]."""
     outcome: Outcome

@@ -1,8 +1,8 @@
 """Equilibria of a model along a history: Newton's method with line search and step halving.
 
-A factorised tangent is reused as long as it converges fast enough. It is corrected by the later changes of
-the residual (Matthies and Strang 1979): the two recursions of the BFGS formula start with the inverse of the
-old tangent. An iteration then needs one solution and no factorisation.
+A factorised tangent is reused as long as it converges fast enough. Later changes of the residual correct it
+(Matthies and Strang 1979): the two recursions of the BFGS formula start with the inverse of the old tangent.
+An iteration then needs one solution and no factorisation.
 """
 
 from collections.abc import Mapping
@@ -25,14 +25,17 @@ class QuasiNewtonTangent:
     """An approximate inverse of the tangent."""
 
     def __init__(self, factors: Factors, *, learns: bool) -> None:
-        """Store the factors; only symmetric tangents of smooth problems are updated (`learns`)."""
+        """Store the factors.
+
+        Only symmetric tangents of smooth problems are updated (`learns`).
+        """
         self.factors, self.learns = factors, learns
         self.uses = 0
         """Iterations made with it."""
         self._pairs: list[tuple[FloatArray, FloatArray, float]] = []
 
     def direction(self, residual: FloatArray) -> FloatArray:
-        """Step of an iteration [m]: the negative approximate inverse times the residual [N]."""
+        """Step of an iteration [m]: minus the approximate inverse times the residual [N]."""
         left, shares = residual.copy(), []
         for step, change, work in reversed(self._pairs):
             shares.append(float(step @ left) / work)
@@ -45,7 +48,7 @@ class QuasiNewtonTangent:
     def learn(self, step: FloatArray, change: FloatArray) -> None:
         """Store the change of the residual, `change` [N], along `step` [m].
 
-        A pair with a stiffness that is not positive is not stored, because the formula does not allow it.
+        A pair with a stiffness that is not positive is not stored. The formula does not allow it.
         """
         self.uses += 1
         work = float(step @ change)
@@ -57,10 +60,10 @@ SERVED = 0.2
 """Largest acceptable ratio of successive residuals in the first iteration with a tangent in single precision
 [-]. After two larger ratios in succession, double precision is used."""
 BEYOND = 0.1
-"""Iterations with a reused tangent continue to this share of the tolerance [-]. They converge linearly,
-whereas the last iteration with a new tangent ends far below the tolerance."""
+"""Share of the tolerance at which iterations with a reused tangent end [-]. They converge linearly. With a
+new tangent, the last iteration ends far below the tolerance."""
 ROUNDING = 1e-14
-"""Relative change of the displacements that counts as round-off [-]."""
+"""Relative change of the displacements that is round-off [-]."""
 AUGMENTATIONS = 40
 """Maximum number of augmentations of contact multipliers in a step."""
 
@@ -80,7 +83,7 @@ class Newton:
     linear: str = "auto"
     """The linear solver, see `kolsky.equilibrium.linear.solvers`."""
     single: bool = True
-    """Whether tangents may be factorised in single precision. They only guide the iteration; its residual is
+    """True if tangents may be factorised in single precision. They only guide the iteration; its residual is
     in double precision. If the iteration fails, and in mixed models, double precision is used."""
 
     def __post_init__(self) -> None:
@@ -97,13 +100,18 @@ class Iteration:
         self.equations, self.options = equations, options
         self.iterations = self.factorisations = 0
         self.single = options.single and equations.model.volumetric == "displacement"
-        """Whether factors are in single precision, until they fail to guide the iteration."""
+        """True while factors are in single precision.
+
+        It ends if they fail to guide the iteration."""
         self.kept: QuasiNewtonTangent | None = None
         """The last factorised tangent, possibly from an earlier equilibrium; None if there is none."""
         self._poor = 0
 
     def factorised(self, state: State) -> FloatArray:
-        """Factorise the tangent of a state and keep it; returns the factorised element matrices."""
+        """Factorise the tangent of a state and keep it.
+
+        Returns the factorised element matrices.
+        """
         self.factorisations += 1
         equations = self.equations
         if self.single:
@@ -123,7 +131,10 @@ class Iteration:
         self.kept = QuasiNewtonTangent(factors, learns=self.equations.symmetric and self.equations.smooth)
 
     def equilibrium(self, state: State) -> State | Outcome:
-        """The equilibrium near a state, with contacts within tolerance; or the outcome if it fails."""
+        """The equilibrium near a state, with contacts within tolerance.
+
+        If the iteration fails, the outcome.
+        """
         try:
             for _ in range(AUGMENTATIONS):
                 found = self._converged(state)
@@ -170,7 +181,7 @@ class Iteration:
         return Outcome.NOT_CONVERGED
 
     def _judge(self, state: State, ratio: float) -> None:
-        """Drop the tangent if, with this ratio of successive residuals, a new tangent would be faster."""
+        """Remove the tangent if a new one would be faster at this ratio of successive residuals."""
         assert self.kept is not None
         if self.kept.uses == 1:
             self._poor = 0 if ratio <= SERVED else self._poor + 1
@@ -186,7 +197,7 @@ class Iteration:
             self.kept = None
 
     def _line_search(self, state: State, direction: FloatArray) -> tuple[State, float]:
-        """State and step length at which the residual's work along the direction has decreased enough."""
+        """State and step length at which the residual's work along the direction is small enough."""
         equations = self.equations
         step = equations.expanded(direction)
         initial = float(state.residual @ direction)
@@ -226,10 +237,10 @@ def solve(
     model : Model
         The body with its supports and loads.
     steps : mapping of str to array
-        Value of each of the model's histories at each step, shape [n_steps]; before the first step all are 0.
+        Value of each of the model's histories at each step, shape [n_steps]. Before the first step all are 0.
         None for a model without histories: one step.
     parameters : array, optional
-        Constants of each region, shape [n_regions, n_parameters] or, for one region, [n_parameters]; None:
+        Constants of each region, shape [n_regions, n_parameters] or, for one region, [n_parameters]. None:
         those of the material.
     newton : Newton, optional
         Options.
@@ -237,12 +248,12 @@ def solve(
         Initial displacements for the iteration of each step [m], such as those at other constants. If the
         iteration fails, the step is computed from the previous one.
     like : Solution, optional
-        A solution of the same model at other constants; its geometry and fronts are reused.
+        A solution of the same model at other constants. Its geometry and fronts are reused.
 
     Raises
     ------
     ValueError
-        If a history is missing, unknown, of different length or not finite, or `like` has another model.
+        If a history is missing, unknown, of different length or not finite, or if `like` has another model.
     """
     if like is not None and like.model is not model:
         raise ValueError("like must be a solution of the same model")
@@ -307,7 +318,7 @@ def checked_steps(model: Model, steps: Mapping[str, ArrayLike] | None) -> dict[s
 
 
 class _Path:
-    """The states reached so far, and the steps to the next one."""
+    """The states that were reached, and the steps to the next one."""
 
     def __init__(self, equations: Equations, options: Newton) -> None:
         self.equations, self.options = equations, options
@@ -316,7 +327,10 @@ class _Path:
         self.before: list[State] = []
 
     def to(self, target: dict[str, float], guess: FloatArray | None) -> Outcome:
-        """Go to the target; the step is halved if an iteration fails."""
+        """Go to the target.
+
+        The step is halved if an iteration fails.
+        """
         if guess is not None:
             state = self.equations.evaluate(
                 self.equations.with_prescribed(guess, target), target, like=self.state
@@ -375,7 +389,10 @@ class _Path:
         return equations.evaluate(moved + equations.expanded(change), at, like=last)
 
     def _continued(self, at: dict[str, float]) -> FloatArray | None:
-        """The path extrapolated by a polynomial, if the histories continue straight; else None."""
+        """The path extrapolated by a polynomial.
+
+        None unless the histories continue straight.
+        """
         states = [*self.before, self.state]
         if len(states) < 2:
             return None
@@ -405,8 +422,9 @@ class _Path:
 def continued(places: list[float], states: list[FloatArray]) -> FloatArray:
     """The polynomial through the last states, the latest first, at position 1.
 
-    Its degree is the one that would have predicted the latest state best from the states before it, or one
-    more if that was the highest possible degree. A history with kinks is thus extrapolated from few states.
+    Its degree is the one that would have predicted the latest state best from earlier states. If this is the
+    highest possible degree, the next higher one is used. A history with kinks is thus extrapolated from few
+    states.
     """
     latest, errors = states[0], [np.linalg.norm(states[1] - states[0])]
     for degree in range(1, len(states) - 1):

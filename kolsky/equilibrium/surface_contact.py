@@ -1,19 +1,21 @@
-"""Frictionless contact of two surfaces of a body, by a penalty at points of integration of the first.
+"""Frictionless contact of two surfaces of a body.
 
-A point x of the first surface has its closest point X(s) on the second, where (x - X) . X,a = 0, and the gap
-g = n . (x - X) with the outward normal n there. The potential
+A penalty acts at integration points of the first.
+
+A point x of the first surface has its closest point X(s) on the second. There (x - X) . X,a = 0, and the gap
+is g = n . (x - X) with the outward normal n. The potential
 
     Pi = sum_g w_g eps/2 <-g>^2                                                                (C.1)
 
 with the undeformed areas w gives a pressure t = eps <-g>. The forces are therefore equal and opposite,
-without a moment, and derive from a potential. With dg = D^T n, D = [N_a, -N_b] of both surfaces, the metric
-m_ab = X,a . X,b, the curvature k_ab = n . X,ab, H = m - g k and P_a = (0, n N_b,a) the tangent is
+without a moment, and derive from a potential. Let dg = D^T n and D = [N_a, -N_b] of both surfaces. With the
+metric m_ab = X,a . X,b, the curvature k_ab = n . X,ab, H = m - g k and P_a = (0, n N_b,a), the tangent is
 
     sum_g w_g (eps dg dg^T - t d2g),
     d2g = -D^T X,a (m^-1 k H^-1)^ab X,b^T D - (D^T X,a H^ab P_b^T + transposed) - g P_a H^ab P_b^T   (C.2)
 
 exactly (Laursen and Simo 1993; the closest point's Hessian by the implicit function theorem). A contact is
-evaluated in both directions, each with half of the penalty, because edges of both surfaces may penetrate.
+evaluated in both directions, each with half of the penalty. Edges of both surfaces may penetrate.
 """
 
 from dataclasses import dataclass, replace
@@ -43,10 +45,12 @@ def _face_element(element: Element) -> Element:
 
 
 def _contact_rule(item: Element) -> tuple[FloatArray, FloatArray]:
-    """Points [g, d - 1] and weights [g] on a face, including its corners: walls may touch first at an edge.
+    """Points [g, d - 1] and weights [g] on a face.
 
-    Four points of Lobatto's rule in each coordinate (degree 5); on a triangle corners, mid-points of the
-    edges and centre (degree 3; Zienkiewicz and Taylor 2000, table 5.3).
+    They include its corners, because walls may touch first at an edge.
+
+    In each coordinate, there are four points of Lobatto's rule (degree 5). On a triangle, the points are
+    corners, mid-points of the edges and centre (degree 3; Zienkiewicz and Taylor 2000, table 5.3).
     """
     if item.shape == "simplex" and item.dimension == 2:
         points = [[0, 0], [1, 0], [0, 1], [0.5, 0], [0, 0.5], [0.5, 0.5], [1 / 3, 1 / 3]]
@@ -103,7 +107,7 @@ def areas(
 
 
 def _inside_face(item: Element, places: FloatArray) -> BoolArray:
-    """Whether positions are in a face, or at most `OUTSIDE` outside it, shape [t]."""
+    """True for positions in a face, or at most `OUTSIDE` outside it, shape [t]."""
     if item.shape == "hypercube" or item.dimension == 1:
         low, high = item.nodes.min(), item.nodes.max()
         return np.asarray(((places >= low - OUTSIDE) & (places <= high + OUTSIDE)).all(axis=1))
@@ -115,7 +119,7 @@ STIFFNESS = 500.0
 DEPTH = 0.01
 """Default of the largest penetration at equilibrium, as a share of the size of a face [-]."""
 NEAREST = 12
-"""Number of faces that are tried for a closest point."""
+"""Number of trial faces for a closest point."""
 PROJECTIONS = 12
 """Maximum number of iterations for a closest point."""
 
@@ -127,7 +131,7 @@ class Touch:
     points: IntArray
     """Their numbers, face by face, shape [t]."""
     faces: IntArray
-    """Faces of the second surface on which their closest points lie, shape [t]."""
+    """Faces of the second surface with their closest points, shape [t]."""
     gaps: FloatArray
     """Gaps [m], negative for penetration, shape [t]."""
     places: FloatArray
@@ -196,8 +200,10 @@ class SurfaceContact:
         return total.reshape(-1)
 
     def blocks(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Pairs of faces in contact, numbered by first and second, shape [p, 2], and the stiffness of the
-        points of both [N/m], shape [p, 2 k d, 2 k d]."""
+        """Pairs of faces in contact, numbered by first and second, shape [p, 2].
+
+        The stiffness of the points of both faces [N/m], shape [p, 2 k d, 2 k d], is also returned.
+        """
         near, d, k = self._active(u), self.model.dimension, self.first.shape[1]
         pairs = np.stack([near.points // len(self.values), near.faces], axis=-1)
         unique, which = np.unique(pairs, axis=0, return_inverse=True)
@@ -222,7 +228,8 @@ class SurfaceContact:
         self, u: FloatArray, near: Touch
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Points [t, 2 k], D [t, 2 k], normals [t, d], tangents [t, d - 1, d], curvatures n . X,ab and the
-        slopes of the second faces' shape functions [t, k, d - 1]."""
+        slopes of the second faces' shape functions [t, k, d - 1].
+        """
         x = self.model.mesh.points + u.reshape(-1, self.model.dimension)
         own, g = np.divmod(near.points, len(self.values))
         second = self.second[near.faces]
@@ -277,7 +284,7 @@ class SurfaceContact:
         return Touch(points[best], flat[best], gaps[best], places[best])
 
     def _closest(self, own: FloatArray, corners: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Coordinates in faces of the points nearest to points, and whether the iteration ended."""
+        """Coordinates in faces of the points nearest to points, and True if the iteration ended."""
         item = self.element
         middle = item.nodes.mean(axis=0)
         places = np.repeat(middle[None], len(own), axis=0)
@@ -292,7 +299,7 @@ class SurfaceContact:
             hessian = metric - np.einsum(
                 "tkab,tk->tab", item.curvatures(at), (nodes @ away[..., None])[..., 0]
             )
-            # far from a curved face the Hessian may be indefinite: then use only the metric
+            # far from a curved face the Hessian may be indefinite: then only the metric is used
             wrong = np.linalg.det(hessian) <= 1e-3 * np.linalg.det(metric)
             hessian[wrong] = metric[wrong]
             step = np.linalg.solve(hessian, np.einsum("tad,td->ta", tangents, away)[..., None])[..., 0]
@@ -305,7 +312,7 @@ class SurfaceContact:
 
 
 def surface_contacts(model: Model) -> list[SurfaceContact]:
-    """The contacts of a model's surfaces, both ways."""
+    """The contacts of a model's surfaces, in both directions."""
     found = []
     for c in model.conditions:
         if isinstance(c, SelfContact):

@@ -1,8 +1,10 @@
-"""The optimum on the surrogate's mesh: a design over the whole box, a surrogate, more runs near the optimum.
+"""The optimum on the surrogate's mesh: designs of runs, and a surrogate.
 
-With one parameter a second design of seven levels about the first optimum suffices. With several, runs
-are placed in small batches (`doe.refine`). One parameter is searched by a simplex, several by bounded
-least squares. `CorrectedSurrogate` agrees with a run on another mesh.
+First a design covers the whole box. Then a surrogate is fitted, and more runs are made near the optimum.
+
+With one parameter, a second design of seven levels about the first optimum is enough. With several, runs are
+placed in small batches (`doe.refine`). One parameter is searched by a simplex, several by bounded least
+squares. `CorrectedSurrogate` is corrected to agree with a run on another mesh.
 
 Replicates of the fitted path give the patterns of data changes by the noise of the front face's motion.
 `weigh_front_noise` finds the optimum again with weights that include them.
@@ -32,7 +34,7 @@ Model = Callable[[FloatArray], FloatArray]
 """Predicted data vectors, shape [n, k], of parameter points, shape [n, d] or [d]."""
 
 ON_EDGE = 1e-5
-"""A coordinate closer to a bound than this share of the box edge lies on the bound."""
+"""A coordinate lies on a bound if it is closer to the bound than this share of the box edge."""
 
 
 @dataclass(frozen=True)
@@ -54,18 +56,20 @@ def search(
     start: FloatArray | None = None,
     tolerance: float = 1e-7,
 ) -> Optimum:
-    """Find the optimum and the discrepancies at it (they depend on each other: three rounds).
+    """Find the optimum and the discrepancies at it.
+
+    They depend on each other; three rounds are therefore made.
 
     Parameters
     ----------
     box
         The search range.
     objective
-        The objective to minimise; its discrepancies are replaced.
+        The objective to minimise. Its discrepancies are replaced by those at the optimum.
     model
         Predicts data vectors.
     part
-        The joint objective, or the force's or the outline's part of it.
+        The joint objective, or its part for the force or for the outline.
     start
         Start, shape [d]; default: the middle of the box.
     tolerance
@@ -128,7 +132,7 @@ class CorrectedSurrogate:
     def through(
         self, point: FloatArray, vector: FloatArray, slope: FloatArray | None = None
     ) -> "CorrectedSurrogate":
-        """The surrogate that gives `vector` at `point` and is steeper by `slope`."""
+        """The surrogate with the value `vector` at `point`, and with `slope` added to its slopes."""
         miss = vector - self.surrogate.predict(np.atleast_2d(point), extrapolate=True)[0]
         added = np.zeros((len(vector), len(point))) if slope is None else slope
         return replace(self, anchor=point, shift=miss, slope=added)
@@ -152,16 +156,19 @@ def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
 
 
 def at_inner_face(x: FloatArray, local: Box, whole: Box) -> bool:
-    """True if a point lies on a face of the local box inside the whole box: the optimum may lie beyond."""
+    """True if a point lies on a face of the local box inside the whole box. The optimum may then lie outside
+    the local box.
+    """
     return bool((on_edge(x, local) & ~on_edge(x, whole)).any())
 
 
 SMOOTH, ROUGH = "response", "process"
-"""Surrogates, by their names in `doe.SURROGATES`. The first is for one free parameter, and for several in a
-small box about the optimum of a smooth response. The second is for several in a wide box or with a rough
-response: there some directions matter little, and an isotropic kernel would waste runs."""
+"""Surrogates, by their names in `doe.SURROGATES`. The first is for one free parameter. It is also for several
+parameters in a small box about the optimum of a smooth response. The second is for several parameters in a
+wide box, or with a rough response. In that case some directions matter little, and an isotropic kernel would
+waste runs."""
 LOCAL_FRACTION = 0.05
-"""Box edge of the second design over that of the first."""
+"""Box edge of the second design divided by that of the first."""
 MOST_REFINEMENTS = 3
 """Maximum number of second designs, each around the optimum of the previous one."""
 MOST_ROUNDS = 10
@@ -187,8 +194,8 @@ class CoarseOptimum:
 def surrogate_kind(box: Box, *, smooth: bool = False) -> SurrogateKind:
     """The surrogate for a number of free parameters, from the registry.
 
-    ``box``: its range. ``smooth``: True if the response is smooth there and the box is small about the
-    optimum.
+    ``box``: range of the parameters. ``smooth``: True if the response is smooth in the box and the box is
+    small about the optimum.
     """
     return SURROGATES[SMOOTH if smooth or box.dimension == 1 else ROUGH]
 
@@ -206,7 +213,7 @@ def search_coarse(runner: Runner) -> CoarseOptimum:
 
 
 def second_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
-    """Smaller boxes until the optimum lies inside one."""
+    """Use smaller boxes until the optimum lies inside one."""
     numerics, whole = runner.problem.numerics, runner.problem.box
     objective, surrogate = _fit(runner, whole, wide)
     centre = search(whole, objective, CorrectedSurrogate(surrogate).predict).x
@@ -274,7 +281,9 @@ def _refine(runner: Runner, objective: Objective) -> Refinement:
 
 
 def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
-    """The surrogate over the outline points that its runs reach, which are more than in the first design."""
+    """The surrogate over the outline points that its runs reach. There are more such points than in the first
+    design.
+    """
     points, prediction = _runs_of_surrogate(runner, found.surrogate)
     objective = runner.objective(_points_in_every_run(prediction.inside))
     surrogate = ProcessSurrogate.fit(
@@ -289,10 +298,12 @@ def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
 
 
 def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
-    """Compare the shift of the optimum by the surrogate's error with the allowed share of its interval.
+    """Compare the shift of the optimum by the surrogate's error with its limit.
+
+    The limit is the allowed share of the interval.
 
     ``runner``, ``coarse``: the simulations and the optimum on their mesh. ``gain``: linear map from a change
-    of the data vector to the shift of the optimum over its half width, [d, k].
+    of the data vector to the shift of the optimum over its half width, shape [d, k].
     """
     points, prediction = _runs_of_surrogate(runner, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)
@@ -307,7 +318,7 @@ def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> 
 
 
 def _runs_of_surrogate(runner: Runner, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
-    """The points of the runs used for a surrogate, each once, and their predictions."""
+    """The points of the runs used for a surrogate, without duplicates, and their predictions."""
     points, prediction = runner.on_surrogate_mesh()
     places = {tuple(x): row for row, x in enumerate(points)}
     rows = [places[tuple(x)] for x in surrogate.points]
@@ -332,7 +343,7 @@ def front_with_noise(runner: Runner, replicates: Replicates | None) -> FrontPath
 
 
 def weigh_front_noise(coarse: CoarseOptimum, front: FrontPath) -> CoarseOptimum:
-    """The optimum on the surrogate's mesh with weights that include the front face's noise, if known."""
+    """The optimum on the surrogate's mesh. The weights include the front face's noise if it is known."""
     if front.noise.patterns is None:
         return coarse
     objective = replace(coarse.objective, front=front.noise)

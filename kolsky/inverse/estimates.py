@@ -1,5 +1,4 @@
-"""The parts of a result that follow from the optimum: estimates, routes, curves, comparison, other
-methods."""
+"""The parts of a result computed at the optimum: estimates, routes, curves, comparison, other methods."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -58,21 +57,22 @@ def estimates(
 ) -> dict[str, Estimate]:
     """Every free parameter with its uncertainties and verdict.
 
-    If the roughness of the response shifts a parameter by more than all noise, the misfit is flat within its
-    jumps over that width, and the value is not identified.
+    The response may be rough. If its roughness shifts a parameter by more than all noise, the misfit has no
+    clear minimum within this width. The value is then not identified.
 
-    If a parameter lies at a bound, the data prefer a value beyond it, and the other parameters compensate.
-    Their values hold only if the bound is the true value of that parameter. It would lie at the bound on a
-    finer mesh too and is not corrected. A value that the correction would move past a bound is set to the
-    bound. A parameter that the data do not constrain is not corrected either.
+    If a parameter lies at a bound, the data prefer a value beyond the bound, and the other parameters
+    compensate. Values of the other parameters hold only if the bound is the true value of this parameter. A
+    parameter at a bound is not corrected for the mesh: it would also lie at the bound on a finer mesh. If the
+    correction would move a value past a bound, the value is set to the bound. A parameter that the data do
+    not constrain is not corrected either.
 
     ``box``: the whole range of the design. ``optimum``: values on the refined mesh, shape [d]. ``noise``:
     standard uncertainties by source, shape [d] each; they add in quadrature. ``numerical``: standard
     uncertainties from the numerics by source, shape [d] each; they add in quadrature. ``mesh_shift``: shift
-    of the optimum between the meshes, shape [d]. ``mesh_correction``: added to the values; it is the optimum
-    on an infinitely fine mesh minus that on the refined one, shape [d]; default: none. ``confirmed``: True if
-    the last run on the refined mesh confirmed the optimum. ``outline``: True if an outline was measured;
-    without one, the verdict is "identified by the force alone".
+    of the optimum between the meshes, shape [d]. ``mesh_correction``: optimum on an infinitely fine mesh
+    minus that on the refined mesh, shape [d]; it is added to the values; default: none. ``confirmed``: True
+    if the last run on the refined mesh confirmed the optimum. ``outline``: True if an outline was measured.
+    Otherwise the verdict is "identified by the force alone".
     """
     good = Verdict.IDENTIFIED if outline else Verdict.FORCE_ALONE
     found = {}
@@ -133,7 +133,7 @@ class RouteOptimum:
 def search_routes(local: Box, objective: Objective, model: Model) -> tuple[RouteOptimum, ...]:
     """The optima of the joint data, of the force only and of the outline only.
 
-    Without an outline, there is only the route of the force.
+    Without an outline, only the force is searched.
 
     ``local``, ``objective``, ``model``: the last design's box, the joint objective and the corrected
     surrogate.
@@ -158,8 +158,8 @@ def search_routes(local: Box, objective: Objective, model: Model) -> tuple[Route
 def paper_route(whole: Box, table: RunTable, held: Mapping[str, float] | None = None) -> Route:
     """The optimum of the paper's cost, Eq. (M.5), by a surrogate of that cost over every run.
 
-    ``whole``, ``table``: the first design's box and every run. ``held``: values of free parameters that are
-    held in those runs, as in the paper.
+    ``whole``, ``table``: the first design's box and every run. ``held``: values of the free parameters that
+    the paper holds. They are held in those runs.
     """
     points, cost = table.paper_cost()
     paper = CostSurrogate.fit(whole, points, cost)
@@ -252,7 +252,9 @@ def surrogate_quality(
 
 
 def runs_needed(runner: Runner, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
-    """Number of runs around the optimum needed for a sufficient surrogate; infinite if no number suffices."""
+    """Number of runs around the optimum that a sufficient surrogate needs. Infinite if no number is
+    enough.
+    """
     slope = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x)
     gain = coarse.objective.gain(slope)
     found = fit_for_purpose(runner, coarse, gain / (2.0 * fine.sigma[:, None]))
@@ -264,11 +266,11 @@ def _rms(x: FloatArray) -> float:
 
 
 ANSWER_STAGES = ("design", "refinement", "check")
-"""Stages whose runs the answer uses."""
+"""Stages with runs that the answer uses."""
 
 
 def with_own_method(result: Identification) -> Identification:
-    """The result with the method of its own search as the first of the compared methods."""
+    """The result of a search. The method of the search is the first of the compared methods."""
     routes = {route.name: {p: route.on_mesh(p) for p in route.parameters} for route in result.routes}
     own = routes.get("joint", routes.get("force only"))
     if own is None:

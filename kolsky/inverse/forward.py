@@ -1,12 +1,13 @@
 """Simulation of a shot: numerical choices, batches of runs, elastic parts, force transducers.
 
-`Forward` turns parameter values into a batch of the solver. Parts behind the specimen and of the flyer
-are linear (`explicit.bars.elastic`). Specimen and parts are simulated alternately, each with the forces or
-motions of the other's last pass, until the forces agree (waveform iteration). A transducer at the depth x of
-a uniform bar measures the force at the face with the delay x / c_0, plus the inertia of the mass before it.
+`Forward` converts parameter values to a batch of the solver. Parts behind the specimen and parts of the flyer
+are linear (`explicit.bars.elastic`). Specimen and parts are simulated alternately until their forces agree
+(waveform iteration). Each uses the forces or motions from the last pass of the other. A transducer at the
+depth x of a uniform bar measures the force at the face with the delay x / c_0. The inertia of the mass in
+front of it adds to the force.
 
 Graded meshes have small elements at the edges of the faces. The edge of a bonded face is a stress
-singularity, which causes most of the mesh error in the ringing of a specimen.
+singularity. This singularity causes most of the mesh error in a specimen's ringing.
 """
 
 from __future__ import annotations
@@ -43,7 +44,10 @@ from kolsky.shot.records import Shot, ShotBase
 
 
 def at_transducer(shot: ShotBase, response: Response) -> Response:
-    """A batch with the transmitted force and impulse at the transducer in place of the platen's face."""
+    """A batch with the transmitted force and impulse at the transducer.
+
+    They replace those at the platen's face.
+    """
     bar = shot.transmission_bar
     if shot.transducer_depth == 0.0 or bar is None:
         return response
@@ -63,8 +67,8 @@ def at_transducer(shot: ShotBase, response: Response) -> Response:
 
 
 AGREED = 1e-3
-"""Convergence limit of specimen and parts: root mean square change of the forces between two passes over that
-of the forces [-]."""
+"""Convergence limit of specimen and parts [-]: root mean square change of the forces between two passes,
+divided by the root mean square of the forces."""
 MOST_PASSES = 8
 """Maximum number of passes."""
 
@@ -100,8 +104,10 @@ def in_surroundings(
 def with_moved_faces(
     shot: ShotBase, problem: explicit.Problem, response: explicit.Response
 ) -> explicit.Problem:
-    """A batch whose platens follow the motion of the shot's elastic parts under the forces of the last
-    pass."""
+    """A batch with platens that follow the motion of the shot's elastic parts.
+
+    The motion is that under the forces of the last pass.
+    """
     model, samples = problem.model, problem.samples
     times = _knots(model)
     if shot.behind is not None:
@@ -111,7 +117,8 @@ def with_moved_faces(
     if shot.flyer_body is not None:
         parts = _pulse(shot, shot.flyer_body, times)
         impulse = _impulses_at(response.impulse_flyer, response, times)
-        # The parts between the measured section and the face deform: the face moves by that much less.
+        # The parts between the measured section and the face deform. Their shortening reduces the motion of
+        # the face.
         short = parts.histories(impulse, "path") - parts.histories(impulse, "seen")
         short -= short[:, :1]  # the round-off of the convolution at rest
         measured = problem.model.motions
@@ -130,7 +137,7 @@ def with_moved_faces(
 
 
 def as_recorded(shot: ShotBase, problem: explicit.Problem, response: explicit.Response) -> explicit.Response:
-    """A batch with the forces at the transducers in place of those on the platens' faces."""
+    """A batch in which the forces at the transducers replace those on the platens' faces."""
     times = _knots(problem.model)
     if shot.behind is None:
         response = at_transducer(shot, response)
@@ -151,18 +158,18 @@ def as_recorded(shot: ShotBase, problem: explicit.Problem, response: explicit.Re
     if body is not None:
         if body.transducer_depth == 0.0:
             return response
-        # What pushes the flyer from behind moves it as one: that part is its measured motion less the
-        # specimen's share in it.
+        # The load behind the flyer moves it as a rigid body. This part of the motion is the measured motion
+        # minus the part due to the specimen's force.
         mass, share = mass_before(body), 1.0 / mass_before(body, body.length)
         push, gained = push + share * force, gained + share * impulse
         waves = _pulse(shot, body, times).histories(_impulses_at(impulse, response, times), "section")
         force, impulse = _recorded(times, waves, response, force)
-    # m a = F_transducer - F_specimen, of the mass before the sensing plane.
+    # m a = F_transducer - F_specimen, for the mass in front of the transducer.
     return replace(response, force_flyer=force + mass * push, impulse_flyer=impulse + mass * gained)
 
 
 def mass_before(body: ElasticBody, depth: float | None = None) -> float:
-    """Mass of the parts between the face and a section, that of the transducer if left out [kg]."""
+    """Mass of the parts between the face and a section [kg]. Default: the section of the transducer."""
     rest, mass = body.transducer_depth if depth is None else depth, 0.0
     for part in body.parts:
         mass += part.density * 0.25 * np.pi * part.diameter**2 * min(part.length, max(rest, 0.0))
@@ -175,8 +182,9 @@ def _used(problem: explicit.Problem) -> set[int]:
 
 
 def _apart(before: explicit.Response, now: explicit.Response) -> float:
-    """Root mean square change of the forces over that of the forces; failed runs count up to their
-    failure."""
+    """Root mean square change of the forces, divided by that of the forces. A failed run counts up to its
+    failure.
+    """
     pairs = (
         (before.force_transmission, now.force_transmission),
         (before.force_flyer, now.force_flyer),
@@ -195,14 +203,16 @@ def _knots(model: explicit.Model) -> FloatArray:
 
 
 def _impulses_at(impulse: FloatArray, response: explicit.Response, times: FloatArray) -> FloatArray:
-    """Impulses at other times [N s], starting at zero; NaN after a run has failed."""
+    """Impulses at other times [N s], starting at zero; NaN after the failure of a run."""
     return np.stack([np.interp(times, response.force_times, row, left=0.0) for row in impulse])
 
 
 def _recorded(
     times: FloatArray, force: FloatArray, response: explicit.Response, known: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Force and impulse at the response's times from the force at other times; NaN where a run had failed."""
+    """Force and impulse at the response's times, from the force at other times. NaN after the failure of a
+    run.
+    """
     step = np.diff(times)
     summed = np.cumsum(0.5 * step * (force[:, 1:] + force[:, :-1]), axis=1)
     impulse = np.concatenate([np.zeros((len(force), 1)), summed], axis=1)
@@ -243,11 +253,13 @@ def _pulse_response(body: ElasticBody, radius: float, step: float, n: int) -> Pu
 
 
 MOTION_KNOTS = 2049
-"""Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""
+"""Interval of the knots of the flyer's motion in the solver. It is 0.7 us in a 1.5 ms test, far shorter than
+a camera frame."""
 MESHES = 16
-"""Number of cached meshes with their constants: enough for one identification."""
+"""Number of cached meshes with their constants; enough for one identification."""
 LEDGER_EVERY = 16
-"""Surface times between two entries of the energy ledger of a run that only feeds a surrogate."""
+"""Number of surface times between two entries of the energy ledger, for a run that is only used for a
+surrogate."""
 
 
 @dataclass(frozen=True)
@@ -257,7 +269,7 @@ class Forward:
     shot: Shot
     """The shot."""
     sampling: explicit.Sampling
-    """Output times, those of its instruments."""
+    """Output times of its instruments."""
     paths: tuple[FlyerPath, ...]
     """The fitted flyer path first, then replicates of it."""
     laws: tuple[MaterialLaw, ...]
@@ -280,24 +292,25 @@ class Forward:
         Parameters
         ----------
         points : mapping
-            Parameter name -> values, shape [n] or scalar; the shot's own value where a name is missing.
-            Naming one that `slides` ("friction") makes both the faces and the side surface slide by
-            Coulomb's law. A parameter that a contact law must read needs a shot that declares such a law.
+            Parameter name -> values, shape [n] or scalar. A parameter that is not named has the shot's value.
+            If a parameter that `slides` ("friction") is named, faces and side surface slide by Coulomb's law.
+            A parameter of a contact law needs a shot that declares such a law.
         numerics
             Mesh, precision, device.
         motion, material : int or shape [n]
-            Which flyer path and material law each run takes.
+            Index of the flyer path and of the material law of each run.
         all_nodes : bool
-            Record every node, for pictures, and the energy ledger at every surface time; else at every
-            `LEDGER_EVERY`-th. With `Numerics.compressible` there are no common nodes, and none are recorded.
+            Record every node, for pictures, and the energy ledger at every surface time. Otherwise the ledger
+            is recorded at every `LEDGER_EVERY`-th time. With `Numerics.compressible` the meshes have no
+            common nodes, and no nodes are recorded.
         progress : callable, optional
             Called with the number of runs just finished.
 
         Raises
         ------
         ValueError
-            If a name is unknown, a value is outside its allowed range, also that of `Numerics.compressible`,
-            or a parameter would have no effect.
+            If a name is unknown, a value is outside its allowed range or outside that of
+            `Numerics.compressible`, or a parameter has no effect.
         """
         problem = self.problem(points, numerics, motion=motion, material=material, all_nodes=all_nodes)
         device, threads = numerics.device, numerics.threads
@@ -346,17 +359,17 @@ class Forward:
         material: ArrayLike = 0,
         all_nodes: bool = False,
     ) -> explicit.Problem:
-        """The batch that `run` simulates, for batches of several shots side by side.
+        """The batch that `run` simulates, for callers that run batches of several shots in parallel.
 
         Parameters
         ----------
         points, numerics, motion, material, all_nodes
-            As of `run`.
+            As for `run`.
 
         Raises
         ------
         ValueError
-            As `run`.
+            For the reasons of `run`.
         """
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)
@@ -386,7 +399,7 @@ class Forward:
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
         """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law.
 
-        The relaxation is the declared one; samples that vary it define it themselves, see `run`.
+        The relaxation is the declared one. Samples that vary the relaxation define it themselves, see `run`.
         """
         shot = self.shot
         relaxing = () if shot.relaxation is None else what_relaxes(shot.relaxation.values, shot.relaxation)[1]
@@ -407,7 +420,7 @@ class Forward:
         )
 
     def mesh(self, numerics: Numerics) -> explicit.Mesh:
-        """The specimen's mesh; it is cached, so that its constants are computed once."""
+        """The specimen's mesh. It is cached because its constants are expensive."""
         specimen = self.shot.specimen
         return _cylinder(specimen.radius, specimen.length, *numerics.mesh, numerics.grading)
 
@@ -423,9 +436,11 @@ def material_law(curve: MaterialCurve) -> MaterialLaw:
 
 
 def curve_replicates(curve: MaterialCurve, n: int, rng: np.random.Generator) -> Sequence[MaterialLaw]:
-    """Laws of `n` curves drawn from the curve's noise: independent at each point, and common to all points.
+    """Laws of `n` curves drawn from the noise of the curve.
 
-    A closed-form law is multiplied by a lognormal factor on all its stresses.
+    Part of the noise is independent at each point, part is common to all points.
+
+    All stresses of a closed-form law are multiplied by one lognormal factor.
     """
     if curve.law is not None:
         share = float(curve.total_sigma[-1] / abs(curve.stress[-1]))
@@ -452,7 +467,7 @@ def _support(shot: Shot) -> explicit.CharacteristicBar:
 GRADING = 5.0
 """Largest over smallest element."""
 SHARE = 0.625
-"""Elements across the radius of the coarser graded mesh over those of the finer one [-]."""
+"""Elements across the radius of the coarser graded mesh, divided by those of the finer one [-]."""
 
 
 def graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
@@ -461,6 +476,6 @@ def graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
 
 
 def coarser_graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
-    """A graded mesh at a quarter of the cost, with ringing as accurate as that of the refined mesh."""
+    """A graded mesh at a quarter of the cost. Its ringing is as accurate as that of the refined mesh."""
     across, along = refined
     return graded(numerics, (round(SHARE * across), round(SHARE * along)))

@@ -1,14 +1,14 @@
 """Gauss-Newton steps on the refined mesh, with slopes from the surrogate's mesh or from the refined mesh.
 
-A coarse mesh is too soft and its waves are too slow, so that it fits the data at other parameters. At its
-optimum, however, its oscillations are in phase with the measured ones. Its derivatives there agree with those
-of the refined mesh at the refined mesh's optimum, except for an error that a few steps correct. Slopes are
+A coarse mesh is too soft and its waves are too slow. It therefore fits the data at other parameters. At its
+optimum, however, its oscillations are in phase with the measured ones. There its derivatives nearly equal
+those of the refined mesh at the refined mesh's optimum. A few steps correct the difference. Slopes are
 therefore computed once, about the optimum of the surrogate's mesh. Every step needs one run on the refined
-mesh (chord method). If these steps do not converge, `descend` computes slopes on the refined mesh and halves
-a step that increases the misfit.
+mesh (chord method). If these steps do not converge, `descend` computes slopes on the refined mesh. It halves
+each step that increases the misfit.
 
-The front face's path is then corrected by the amplitudes estimated from the residual on a graded mesh, and
-the optimum is searched again with this path, until both converge.
+The front face's path is then corrected by amplitudes estimated from the residual on a graded mesh. The
+optimum is searched again with this path. Both are repeated until they converge.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Step:
 
     @property
     def moved(self) -> float:
-        """Largest component of the step over its standard deviation [-]."""
+        """Largest component of the step, divided by its standard deviation [-]."""
         return float(np.max(np.abs(self.change) / self.sigma))
 
 
@@ -70,7 +70,7 @@ def gauss_newton_step(
         rows = np.vstack([rows, weighed.prior.rows()])
         right = np.concatenate([right, -weighed.prior.residuals(x)])
     low, high = (np.array(box.lower) - x) / sigma, (np.array(box.upper) - x) / sigma
-    # On a face of the box one bound is zero; the bounds must not coincide.
+    # On a face of the box, one bound is zero. The two bounds must not be equal.
     bounds = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
     found = lsq_linear(rows * sigma, right, bounds, method="bvls").x
     return Step(np.clip(found, low, high) * sigma, sigma, weighed)
@@ -94,7 +94,7 @@ class RefinedRun:
     x: FloatArray
     """Point of the run, shape [d]."""
     vector: FloatArray
-    """Its data vector, shape [k]; the measured value where the run does not reach an outline point."""
+    """Its data vector, shape [k]. An outline point that the run does not reach has the measured value."""
     check: CompletedRuns
     """The run."""
     numerics: Numerics
@@ -119,7 +119,7 @@ def judge_run(
     before: RefinedRun | None,
     check: CompletedRuns | None = None,
 ) -> RefinedRun:
-    """A run and the step computed from it; the run is made unless `check` is given."""
+    """A run and the step computed from it. The run is made only if `check` is not given."""
     check = check or check_run(runner, x, numerics)
     vector = objective.reached(check.prediction)[0]
     missed = np.zeros(len(vector))
@@ -141,12 +141,12 @@ def _box_bounds(box: Box) -> tuple[FloatArray, FloatArray]:
 
 
 MOST_STEPS = 6
-"""Maximum number of points with computed slopes; a converging search needs two or three."""
+"""Maximum number of points at which slopes are computed. A converging search needs two or three."""
 MOST_HALVINGS = 5
 """Maximum number of halvings of a step."""
 OWN_DIFFERENCE_STEP = 0.25
-"""Half step of the central differences for the slopes, in standard deviations of the optimum. It is half that
-of the surrogate's mesh, since the point is nearer to its optimum."""
+"""Half step of the central differences for the slopes, in standard deviations of the optimum. It is half the
+step on the surrogate's mesh, because the point is nearer to its optimum."""
 
 
 def descend(
@@ -154,9 +154,9 @@ def descend(
 ) -> tuple[RefinedRun, FloatArray]:
     """The final run of steps with slopes of the refined mesh, and the slopes used to assess it, [k, d].
 
-    ``runner``: all runs are added to its table. ``objective``: selects the outline points and holds the
-    prior. ``slope``: slopes of the coarser mesh, shape [k, d], kept if a neighbouring run does not complete.
-    ``last``: the run from which to continue.
+    ``runner``: its table receives all runs. ``objective``: selects the outline points and holds the prior.
+    ``slope``: slopes of the coarser mesh, shape [k, d]; they are kept if a neighbouring run does not
+    complete. ``last``: the run from which to continue.
     """
     for _ in range(MOST_STEPS):
         own = refined_slopes(runner, objective, last)
@@ -185,7 +185,7 @@ def refined_slopes(runner: Runner, objective: Objective, run: RefinedRun) -> Flo
 def _downhill_run(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> RefinedRun | None:
-    """A run along the step that completes without increasing the misfit; None if there is none."""
+    """A run along the step that completes without increasing the misfit. None if no such run is found."""
     share = 1.0
     for _ in range(MOST_HALVINGS):
         x = np.clip(last.x + share * last.step.change, *_box_bounds(runner.problem.box))
@@ -200,7 +200,7 @@ def _downhill_run(
 
 
 def difference_points(box: Box, x: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points above and below a point in every coordinate, inside the box, shape [d, d] each."""
+    """Points above and below a point in every coordinate, all inside the box, shape [d, d] each."""
     lower, upper = _box_bounds(box)
     h = np.diag(np.minimum(step, 0.1 * (upper - lower)))
     return np.minimum(x + h, upper), np.maximum(x - h, lower)
@@ -215,8 +215,8 @@ def differences(vectors: FloatArray, up: FloatArray, down: FloatArray) -> FloatA
 MOST_MOVES = 2
 """Maximum number of path corrections: each reduces the path error to the relative error of the patterns."""
 AMPLITUDES_STAY = 0.2
-"""The path has converged if the root mean square change of its amplitudes (prior: standard normal) is smaller
-[-]."""
+"""The path has converged if the root mean square change of its amplitudes is smaller than this [-]. Each
+amplitude has a standard normal prior."""
 
 
 SearchUnderPath = Callable[
@@ -228,9 +228,12 @@ SearchUnderPath = Callable[
 def follow_on_refined(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun, search: SearchUnderPath
 ) -> tuple[RefinedRun, FloatArray, FrontPath]:
-    """The optimum on the refined mesh with the path corrected by its residual; slopes [k, d]; that path.
+    """The optimum on the refined mesh with the corrected path, the slopes [k, d], and that path.
 
-    Nothing changes if the path was not corrected on the surrogate's mesh, or if the search has not converged.
+    The path is corrected by its residual.
+
+    The result does not change if the path was not corrected on the surrogate's mesh, or if the search has not
+    converged.
     """
     path, front = runner.front, runner.front.moved
     if front is None or not last.confirmed:
@@ -257,8 +260,8 @@ def _amplitudes_of_residual(front: MovedFront, objective: Objective, vector: Flo
 
 
 WORSE_STEP = 4.0
-"""A step is too long if -2 ln L rises by more than this [-]: two standard deviations. The slopes of the
-coarser mesh lead to a point near the least misfit, where a good step may cause a smaller rise."""
+"""A step is too long if -2 ln L rises by more than this [-]; it equals two standard deviations. The slopes of
+the coarser mesh lead to a point near the least misfit. There a good step may cause a smaller rise."""
 MOST_RUNS = 8
 """Maximum number of iterations on the refined mesh with the slopes of the coarser one."""
 MISLED = 2
@@ -274,14 +277,15 @@ RUNS_PER_PARAMETER = 6
 def search_by_gauss_newton(
     runner: Runner, optima: Mapping[Mesh, MeshOptimum]
 ) -> tuple[CoarseOptimum, RefinedOptimum]:
-    """Move the optimum of the surrogate's mesh to the refined mesh, and build the surrogate about it.
+    """Move the optimum of the surrogate's mesh to the refined mesh, and build a surrogate about it.
 
-    The steps and the path correction use a coarser graded mesh; one or two runs on the refined mesh follow.
+    The steps and the path correction use a coarser graded mesh. One or two runs on the refined mesh follow.
 
     Parameters
     ----------
     runner, optima
-        Runs with the path from `kolsky.inverse.surrogate_mesh_search.search_meshes`, and its optima.
+        Runs with the path from `kolsky.inverse.surrogate_mesh_search.search_meshes`, and the optima of that
+        search.
 
     Raises
     ------
@@ -316,7 +320,7 @@ def _search_on(
 
 
 def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
-    """Jacobian at the surrogate mesh's optimum, [k, d], the data vector there, [k], and the objective.
+    """Jacobian [k, d] and data vector [k] at the surrogate mesh's optimum, and the objective.
 
     Raises ValueError if one of the runs does not complete.
     """
@@ -379,7 +383,8 @@ def _with_surrogate(
     )
     weighed = objective.with_discrepancy(last.vector[kept])
     x, slope, plain = last.x, slope[kept], CorrectedSurrogate(surrogate)
-    # The answer and its interval use these slopes, which may come from the refined mesh.
+    # The slopes at the answer, which may come from the refined mesh. They determine the answer and its
+    # interval.
     steeper = slope - jacobian(plain.predict, box, x)
     model = plain.through(x, last.vector[kept], steeper)
     on_coarse = coarse.x + linear_step(weighed, slope, centre[kept], coarse.x)

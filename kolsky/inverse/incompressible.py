@@ -1,15 +1,15 @@
-"""The incompressible limit: its Poisson's ratio, and whether the data distinguish a ratio from it.
+"""The incompressible limit: its Poisson's ratio, and a test of a ratio against the limit.
 
 The range of the search ends at K of some hundred MPa; silicone rubbers have 1 to 2 GPa. In this range the
-misfit may have a valley in which the ringing of the model only fits noise. An optimum near the end of the
-range is therefore compared with the limit, and the limit is used unless the data reject it. The rejected
-range is reported: kappa = 1 - 2 nu is increased from the limit, the other parameters are refitted linearly,
-and
+misfit may have a valley where the model's ringing fits only noise. An optimum near the end of the range is
+therefore compared with the limit. The limit is used unless the data reject it. The rejected range is
+reported. To find it, kappa = 1 - 2 nu is increased from the limit and the other parameters are refitted
+linearly:
 
     Q(kappa) = min_x |W (r + J x + c(kappa) - c(0))|^2 - min_x |W (r + J x)|^2
 
-with the residual r and the slopes J at the limit and the data c of a coarse mesh. The least nu that the data
-do not reject is where Q first stays above `RISE`.
+Here r is the residual and J are the slopes, both at the limit; c are the data of a coarse mesh. The least nu
+that the data do not reject is where Q first rises above `RISE` and stays above it.
 """
 
 from __future__ import annotations
@@ -30,25 +30,29 @@ from kolsky.inverse.valleys import VALLEY
 AT_LIMIT = "held at the incompressible limit, from which the data do not distinguish it"
 """Reason to hold Poisson's ratio at `INCOMPRESSIBLE`."""
 NEAR_LIMIT = 0.4996
-"""An optimum with a larger Poisson's ratio is compared with the limit [-]. Below it, the ringing is slow
-enough to be resolved in any test."""
+"""An optimum with a larger Poisson's ratio is compared with the limit [-]. At smaller ratios, the ringing is
+slow enough to be resolved in any test."""
 RISE = 10.8
-"""Rise of -2 ln L up to which a ratio is not rejected [-]. It is 2.71 (one-sided 95 % of one parameter) times
-4, the largest factor of time-correlated residuals on a variance in correct shots."""
+"""Rise of -2 ln L up to which a ratio is not rejected [-]. It is 2.71 times 4. The first number is one-sided
+95 % for one parameter. The second is the largest factor of time-correlated residuals on a variance, found in
+correct shots."""
 LEAST_POISSON, LEVELS = 0.49, 24
 """Smallest ratio tried, and number of levels, evenly spaced in the logarithm of 1 - 2 nu."""
 STEP = 1e-3
-"""Step of a slope, over the edge of the box."""
+"""Step of a slope, as a share of the box edge."""
 
 
 def is_at_limit(runner: Runner, x: FloatArray) -> bool:
-    """True if the data prefer the limit to an optimum on the surrogate's mesh, or do not distinguish them.
+    """True if the data prefer the limit to an optimum on the surrogate's mesh, or distinguish neither.
 
-    The outline of a frame counts as one value: the error of the surrogate's mesh exceeds its noise.
+    The outline of a frame counts as one value, because the error of the surrogate's mesh exceeds the
+    outline's noise.
 
     ``runner``: with the front face's path fitted to its record. A path corrected to the data would explain a
-    part of any ringing. ``x``: the optimum, shape [d]. False for an optimum below `NEAR_LIMIT`, or if the
-    shot declares the ratio with an uncertainty.
+    part of any ringing. ``x``: the optimum, shape [d].
+
+    Returns False for an optimum below `NEAR_LIMIT`, and for a shot that declares the ratio with an
+    uncertainty.
     """
     problem = runner.problem
     names = problem.box.names
@@ -78,14 +82,14 @@ def is_at_limit(runner: Runner, x: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class PoissonLimit:
-    """Bounds on Poisson's ratio from the data of a shot with an answer at or near the limit."""
+    """Bounds on Poisson's ratio from the data of a shot. Its answer is at the limit or near it."""
 
     value: float
     """The held value [-]."""
     least: float
     """The smallest ratio that is not rejected [-]; `LEAST_POISSON` if no ratio is rejected."""
     preferred: float | None
-    """A ratio that fits the data better than the held one; None if there is none."""
+    """A ratio that fits the data better than the held ratio; None if there is none."""
 
     @property
     def sentence(self) -> str:
@@ -102,7 +106,7 @@ class PoissonLimit:
 
 
 def poisson_limit(runner: Runner, fine: RefinedOptimum) -> PoissonLimit | None:
-    """Bounds on a ratio held near the limit; None if it is not held there, or if a run fails."""
+    """Bounds on a ratio held near the limit. None if the ratio is not held there, or if a run fails."""
     problem = runner.problem
     held = problem.settings.held.get(VALLEY, PARAMETERS[VALLEY].held(problem.shot))
     if VALLEY in problem.box.names or held <= PARAMETERS[VALLEY].upper:
@@ -121,7 +125,7 @@ def poisson_limit(runner: Runner, fine: RefinedOptimum) -> PoissonLimit | None:
 
 
 def profiled_rise(residuals: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Sums of squares of whitened residuals [n, p] minus the first, with linear parameters refitted, [n].
+    """Sums of squares of whitened residuals [n, p] with linear parameters refitted, minus the first sum, [n].
 
     ``slopes``: whitened, by the parameters, shape [d, p].
     """

@@ -1,10 +1,10 @@
 """The joint least-squares problem of several shots and slow tests: prediction and weights.
 
 Every shot has the weights of a single identification: noise, a discrepancy of each channel, the patterns of
-its front face's noise (`kolsky.inverse.objective`). The clock and scale of its force and its deviation in
-stiffness add one pattern each, with a standard deviation. They are linear unknowns with Gaussian priors,
-eliminated from the likelihood in closed form. A calibration shared by several shots is one pattern over all
-of them.
+its front face's noise (`kolsky.inverse.objective`). Three linear unknowns of a shot add one pattern each:
+clock and scale of its force, and its deviation in stiffness. Each has a Gaussian prior with a standard
+deviation. These unknowns are eliminated from the likelihood in closed form. A calibration shared by several
+shots is one pattern over all of them.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class ShotData:
     front: FloatArray
     """Patterns of the front face's noise over bins and all points, shape [n, n_bins + Q]."""
     own: Mapping[str, FloatArray] = field(default_factory=dict)
-    """Change of bins and all points by one standard deviation of each shot-wise unknown, [n_bins + Q]."""
+    """Change of bins and all points by one standard deviation of each unknown of the shot, [n_bins + Q]."""
 
     @cached_property
     def objective(self) -> Objective:
@@ -57,7 +57,7 @@ class ShotData:
         return np.concatenate([np.ones(self.observations.n_force, bool), self.counted])
 
     def taken(self, vectors: FloatArray) -> FloatArray:
-        """The counted entries of vectors; an outline point that a run does not reach has zero residual."""
+        """The counted entries of vectors. An outline point that a run does not reach has zero residual."""
         seen = vectors[..., self.kept]
         lost = np.isnan(seen).all(axis=-1, keepdims=True)
         return np.asarray(np.where(np.isnan(seen) & ~lost, self.objective.data, seen))
@@ -78,9 +78,10 @@ class Stack:
     common: FloatArray | None = None
     """Changes of the shots' counted entries by one standard deviation of each shared error, [n, K]."""
     curve: FloatArray | None = None
-    """The same for the noise of the slow curves, shots first, then slow tests, [n, K + s]."""
+    """Changes of all data by the noise of the slow curves, shots first, then slow tests, [n, K + s]."""
     slow_scatter: FloatArray | None = None
-    """The same for the stiffness of each slow test's specimen, which scatters like those of the shots."""
+    """Changes of all data by the stiffness of each slow test's specimen. Between these specimens, the
+    stiffness scatters as between the shots."""
 
     @cached_property
     def ends(self) -> tuple[int, ...]:
@@ -88,7 +89,7 @@ class Stack:
         return tuple(np.cumsum([len(one.objective.data) for one in self.shots]).tolist())
 
     def place(self, k: int) -> slice:
-        """Where one shot lies in the vector."""
+        """Entries of one shot in the vector."""
         return slice(self.ends[k - 1] if k else 0, self.ends[k])
 
     @cached_property
@@ -102,20 +103,22 @@ class Stack:
         return np.split(vector[: self.ends[-1]], self.ends[:-1])
 
     def joined(self, vectors: Sequence[FloatArray], slow: FloatArray, known: FloatArray) -> FloatArray:
-        """One vector of all predictions, shape [n, k], from the shots' own [n, n_bins + Q] each."""
+        """One vector of all predictions, shape [n, k], from those of each shot, shape [n, n_bins + Q]
+        each.
+        """
         taken = [one.taken(v) for one, v in zip(self.shots, vectors, strict=True)]
         return np.concatenate([*taken, slow, known], axis=1)
 
     def weighed(self, residual: FloatArray) -> list[Objective]:
-        """Every shot's weights, with the discrepancies estimated from its part of a residual."""
+        """Every shot's weights. The discrepancies are estimated from the shot's part of a residual."""
         parts = zip(self.shots, self.parts(residual), strict=True)
         return [one.objective.with_discrepancy(one.objective.data + r) for one, r in parts]
 
     def whitening(self, objectives: Sequence[Objective], more: FloatArray | None = None) -> Whitening:
         """The weights of the whole vector.
 
-        ``objectives``: of the shots, with their discrepancies. ``more``: further patterns through the vector,
-        shape [n, k].
+        ``objectives``: of the shots, with their discrepancies. ``more``: further patterns over the whole
+        vector, shape [n, k].
         """
         sigma = np.concatenate([*(o.own_sigma for o in objectives), self.slow_sigma, np.ones(self.known)])
         rows = [np.zeros((0, len(sigma)))]
@@ -134,7 +137,9 @@ class Stack:
         return self.whitening(self.weighed(residual))
 
     def weighed_beside(self, residual: FloatArray, patterns: FloatArray) -> list[Objective]:
-        """Every shot's weights, with discrepancies estimated after some patterns are fitted to the residual.
+        """Every shot's weights.
+
+        The discrepancies are estimated after some patterns are fitted to the residual.
 
         ``residual``: prediction minus data, shape [k]. ``patterns``: changes of free amplitude, shape [n, k].
         """
@@ -143,14 +148,16 @@ class Stack:
         return self.weighed(residual - np.linalg.lstsq(u.T, r, rcond=None)[0] @ patterns)
 
     def of_shot(self, k: int, row: FloatArray) -> FloatArray:
-        """A row of all data, set to zero outside one shot, shape [k]."""
+        """A row of all data; its entries of all other shots are zero, shape [k]."""
         found = np.zeros_like(row)
         found[self.place(k)] = row[self.place(k)]
         return found
 
     @cached_property
     def blocks(self) -> list[IntArray]:
-        """For each length in `BLOCKS`, a label of every entry: residuals of one label may be correlated."""
+        """A label of every entry, for each length in `BLOCKS`. Residuals with the same label may be
+        correlated.
+        """
         found = []
         for length in BLOCKS:
             labels, first = [], 0
@@ -167,16 +174,17 @@ class Stack:
 
 
 BLIND = 0.1
-"""The data do not constrain an unknown if its whole range changes them by less, in standard deviations."""
+"""An unknown is unconstrained if its whole range changes the data by less than this, in standard
+deviations."""
 
 
 def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
-    """Information on the unknowns, shape [d, d]; an unconstrained one keeps the width of its range.
+    """Information on the unknowns, shape [d, d]. An unconstrained unknown keeps the width of its range.
 
     If a branch has zero strength, its time has no effect. If two branches have the same time, only the sum of
     their strengths has an effect. A uniform distribution of width w has the variance w^2 / 12.
 
-    ``rows``: whitened slopes, shape [d, k]. ``widths``: of the unknowns' ranges, shape [d].
+    ``rows``: whitened slopes, shape [d, k]. ``widths``: widths of the ranges of the unknowns, shape [d].
     """
     blind = np.linalg.norm(rows, axis=1) * widths < BLIND
     found = rows @ rows.T + np.diag(np.where(blind, 12.0 / widths**2, 0.0))
@@ -200,12 +208,12 @@ def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, uppe
 def covariance(
     slopes: FloatArray, residual: FloatArray, whitening: Whitening, stack: Stack, widths: FloatArray
 ) -> FloatArray:
-    """Covariance of the unknowns, for residuals with or without time correlation, shape [d, d].
+    """Covariance of the unknowns, with or without time correlation of the residuals, shape [d, d].
 
-    It is the larger of the Gauss-Newton covariance and the block "sandwich", in which the residuals of one
-    shot may be correlated within a time block. Every variance is the largest of all block lengths. The part
-    of the residual that the patterns explain is in the weights, not in the blocks. ``slopes``: by the
-    unknowns, shape [k, d]. ``widths``: of their ranges.
+    It is the larger of the Gauss-Newton covariance and the block "sandwich". In the latter, the residuals of
+    one shot may be correlated within a time block. Every variance is the largest over all block lengths. The
+    patterns explain a part of the residual. This part is in the weights and not in the blocks. ``slopes``: by
+    the unknowns, shape [k, d]. ``widths``: widths of the ranges.
     """
     rows = whitening.apply(slopes.T)
     plain = np.linalg.inv(information(rows, widths))
@@ -227,7 +235,7 @@ AT_REST = 0.3
 NEIGHBOUR = 0.3
 """Half step of the final central differences, in standard deviations."""
 WIDEST = 0.05
-"""Largest value of that half step over the edge of the box."""
+"""Largest allowed value of that half step, as a share of the box edge."""
 
 
 class JointProblem:
@@ -271,8 +279,9 @@ class JointProblem:
     def slow_values(
         self, x: FloatArray, *, curve: int = 0, held: Mapping[str, float] | None = None
     ) -> FloatArray:
-        """Predicted values of the slow tests, shape [s]; `curve`: index of the drawn curve, 0 the fitted
-        one."""
+        """Predicted values of the slow tests, shape [s]. `curve`: index of the drawn curve; 0 is the fitted
+        curve.
+        """
         values = {
             **self.values(x),
             **{k: v for k, v in (held or {}).items() if k not in self.unknowns.bounds},
@@ -281,7 +290,7 @@ class JointProblem:
         return slow_predicted(self.slow, law, self.first.shot.relaxation, values)
 
     def slow_parts(self) -> list[tuple[str, slice]]:
-        """Label of each slow test and its entries of the whole vector."""
+        """Label of each slow test, with its entries in the whole vector."""
         start, found = self.stack.ends[-1], []
         for one in self.slow:
             n = int(np.isfinite(one.sigma).sum())
@@ -295,7 +304,7 @@ class JointProblem:
         return {**self.runs.held, **free}
 
     def known(self, x: FloatArray) -> FloatArray:
-        """Residuals of the prior knowledge: declared values, smoothness of the nodes."""
+        """Residuals of the prior knowledge: declared values, and smoothness of the nodes' factors."""
         n = self.unknowns.n_parameters
         rows = [] if self.prior is None else [self.prior.residuals(x[:n])]
         if self.unknowns.nodes:
@@ -328,7 +337,9 @@ class JointProblem:
         self.stack = replace(self.stack, shots=tuple(shots))
 
     def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
-        """All predictions at a point with the outline points of another stack and no prior, shape [k]."""
+        """All predictions at a point, with the outline points of another stack and without prior, shape
+        [k].
+        """
         vectors = self.runs.vectors("search", x[None], numerics)
         return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
 
@@ -404,7 +415,7 @@ class JointProblem:
         return np.concatenate([drawn_modes(change * entries, noise) for entries in groups.values()])
 
     def _own(self, declared: Mapping[str, float], one: ShotData, vector: FloatArray) -> dict[str, FloatArray]:
-        """Patterns of a shot's own clock and gain over bins and all points."""
+        """Patterns of the clock and the gain of one shot, over bins and all points."""
         seen, found, start = one.observations, {}, 0
         n = len(seen.bins.mean)
         force = np.zeros_like(vector)
@@ -421,7 +432,7 @@ class JointProblem:
         return found
 
     def _calibrations(self) -> FloatArray:
-        """One pattern per transducer: shots with the same sensitivity share its calibration error, [n, K]."""
+        """One pattern per transducer, [n, K]. Shots with the same sensitivity share its calibration error."""
         groups: dict[tuple[float, float], FloatArray] = {}
         for k, (prepared, one) in enumerate(zip(self.runs.prepared, self.stack.shots, strict=True)):
             shot, start = prepared.forward.shot, self.stack.place(k).start

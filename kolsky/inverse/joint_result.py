@@ -1,7 +1,7 @@
-"""Several shots identified together: settings, result, relaxation that the data do not need.
+"""Several shots identified together: settings, result, and relaxation that the data do not need.
 
-If the data do not need a strength, it still has a value and an interval; the upper end is a useful bound. Its
-relaxation time keeps a uniform distribution over its range.
+A strength that the data do not need still has a value and an interval. The upper end of the interval is a
+useful bound. Its relaxation time keeps a uniform distribution over its range.
 """
 
 from __future__ import annotations
@@ -21,13 +21,15 @@ MOST_NODES = 24
 
 @dataclass(frozen=True)
 class JointSettings:
-    """Free and held parameters, shot-wise unknowns and numerical choices of a joint identification."""
+    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerical
+    choices.
+    """
 
     free: Mapping[str, tuple[float, float] | None] | None = None
     """Shared free parameters and their bounds, None for default bounds. Default: the parameters that are free
     in every single shot."""
     held: Mapping[str, float] = field(default_factory=dict)
-    """Parameters held at another value than the shots'."""
+    """Parameters held at values that differ from those of the shots."""
     hold: tuple[str, ...] = ()
     """Parameters held at the shots' values that would be free by default."""
     numerics: Numerics = field(default_factory=lambda: Numerics(mesh=(16, 22)))
@@ -35,9 +37,10 @@ class JointSettings:
     refined_mesh: tuple[int, int] = (32, 43)
     """The mesh of the answer."""
     replicates: int = 24
-    """Random draws of each flyer motion and each curve; 0 omits their noise in weights and intervals."""
+    """Number of random draws of each flyer motion and each curve. With 0, their noise is left out of weights
+    and intervals."""
     curve_nodes: int = 0
-    """Number of free nodes of the curve, which replace the stiffness factor: 0 or 4 to `MOST_NODES`."""
+    """Number of free nodes of the curve: 0 or 4 to `MOST_NODES`. They replace the stiffness factor."""
     curve_roughness: float = 0.1
     """Standard deviation of the second difference of the logarithm of the nodes' factors [-]."""
     scatter: bool = True
@@ -74,7 +77,7 @@ class OwnStiffness:
     """Stiffness estimated from one shot only, relative to the shared one, by one linear step."""
 
     value: float
-    """Value from all data of the shot [-]; 0 means the shared stiffness."""
+    """Value from all data of the shot, relative to the shared stiffness [-]; 0 means equal."""
     sigma: float
     """Standard uncertainty without the errors shared by the shots [-]."""
     force: float
@@ -88,7 +91,7 @@ class OwnStiffness:
 
 
 FORCE_OVER_OUTLINE = "force over the outline"
-"""Name of the test by the force's stiffness over the outline's."""
+"""Name of the test that compares the stiffness from the force with the stiffness from the outline."""
 
 
 @dataclass(frozen=True)
@@ -96,17 +99,17 @@ class ShotAgreement:
     """Test whether the shots agree in stiffness."""
 
     chi2: float
-    """Sum of squared distances from their weighted mean, each over its variance [-]."""
+    """Sum of squared distances from the weighted mean, each divided by its variance [-]."""
     freedom: int
     """Degrees of freedom: number of shots minus one."""
     probability: float
     """Probability of a larger chi-square if the shots agree [-]."""
     ratio: float
-    """Stiffness of the stiffest shot over that of the softest [-]."""
+    """Stiffness of the stiffest shot divided by that of the softest [-]."""
     shots: tuple[str, ...]
-    """The shot that contradicts the others, or both if there are two; empty if none does."""
+    """The shot that contradicts the others. Both shots if there are only two; empty if none does."""
     channel: str
-    """The channel that shows the contradiction; "" if all data together show it, or there is none."""
+    """The channel that shows the contradiction. "" if all data together show it, or if there is none."""
 
     @property
     def apart(self) -> bool:
@@ -151,9 +154,9 @@ class ShotCause:
     key: str
     """The input, a key of `CAUSE_WORDS`."""
     amount: float
-    """Its error: relative, of the clock in s."""
+    """Its error: relative, or in s for a clock."""
     sigma: float
-    """Standard uncertainty of it."""
+    """Standard uncertainty of the strength."""
     gain: float
     """Decrease of -2 ln L with this input corrected [-]."""
     share: float
@@ -182,7 +185,7 @@ class ShotPart:
     factor: float
     """Stiffness factor of this shot: the shared factor and its deviation by the scatter [-]."""
     sigma_factor: float
-    """Standard uncertainty of its deviation from the shared factor [-]; 0 if no scatter was found."""
+    """Standard uncertainty of the shot's deviation from the shared factor [-]; 0 if no scatter was found."""
     gain: float
     """Most likely error of its force scale [-]."""
     sigma_gain: float
@@ -192,27 +195,27 @@ class ShotPart:
     sigma_clock: float
     """Remaining uncertainty of the clock [s]; 0 if none was declared."""
     chi2_force: float
-    """Mean squared residual of the force over its noise [-]."""
+    """Mean squared residual of the force divided by its noise variance [-]."""
     chi2_outline: float
-    """The same of the outline [-]; NaN if none was measured."""
+    """Mean squared residual of the outline divided by its noise variance [-]; NaN if none was measured."""
     discrepancy_force: float
     """Discrepancy tau of the force bins, the residual beyond their noise [N]."""
     discrepancy_outline: float
-    """The same of the outline [m]."""
+    """Discrepancy of the outline [m]."""
     fit: tuple[FitQuality, ...] = ()
-    """Its channels' residuals, compared with those expected of a correct model."""
+    """Residuals of its channels, compared with those expected of a correct model."""
     own: OwnStiffness | None = None
     """Stiffness from this shot only; None if the stiffness is not a shared unknown."""
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Relative scatter of the stiffness between shots, by restricted maximum likelihood."""
+    """Relative scatter of the stiffness between shots, estimated by restricted maximum likelihood."""
 
     value: float
     """Standard deviation [-]."""
     interval: tuple[float, float]
-    """95 % interval: the restricted deviance is at most 3.84 above its minimum [-]."""
+    """95 % interval: the restricted deviance exceeds its minimum by at most 3.84 [-]."""
 
 
 @dataclass(frozen=True)
@@ -222,15 +225,16 @@ class ModelChoice:
     aic: float
     """Akaike's criterion with relaxation minus that without [-]; negative favours relaxation."""
     bic: float
-    """The same for the Bayesian criterion [-]."""
+    """Difference of the Bayesian criterion, with the same sign [-]."""
     elastic: Mapping[str, float]
     """The optimum without relaxation."""
     gain: float
-    """Largest decrease of chi-square at the elastic optimum by a weak branch of any time [-]."""
+    """Largest decrease of chi-square at the elastic optimum, by a weak branch with any relaxation time
+    [-]."""
     time: float
     """Relaxation time of that branch [s]."""
     probability: float
-    """Share of synthetic elastic data, with the noise of these shots, that improve as much [-]."""
+    """Share of synthetic elastic data sets, with the noise of these shots, that improve as much [-]."""
     asked_for: bool
     """True if the criterion is negative and synthetic elastic data rarely improve as much."""
     sentence: str
@@ -244,17 +248,17 @@ class CurveFound:
     strain: FloatArray
     """Nominal strain of the nodes, with the sign of the curve's branch [-], shape [n]."""
     factor: FloatArray
-    """Stress over that of the slow curve [-], shape [n]."""
+    """Identified stress divided by the stress of the slow curve [-], shape [n]."""
     sigma_log: FloatArray
     """Standard uncertainty of the factor's logarithm [-], shape [n]."""
     prior_share: FloatArray
-    """Share of a node's information from the smoothness prior, not the data, 0 to 1 [-], shape [n]."""
+    """Share of a node's information that comes from the smoothness prior, 0 to 1 [-], shape [n]."""
     stretch: FloatArray
     """Stretch of the slow curve [-], shape [p]."""
     stress: FloatArray
     """Nominal stress identified from the impacts [Pa], shape [p]."""
     band: FloatArray
-    """Lower and upper end of its k = 2 band [Pa], shape [2, p]."""
+    """Lower and upper limit of its k = 2 band [Pa], shape [2, p]."""
 
 
 @dataclass(frozen=True)
@@ -266,16 +270,16 @@ class JointResult(ResultViews):
     fixed: Mapping[str, float]
     """The held parameters."""
     correlation: FloatArray
-    """Correlation of the shared parameters in their order, from the data only, shape [d, d]."""
+    """Correlation of the shared parameters in their order, by the data without prior, shape [d, d]."""
     expanded: Mapping[str, float]
-    """Half width of each parameter's 95 % interval, in its unit; by Student's t if the scatter between few
-    shots dominates."""
+    """Half width of each parameter's 95 % interval, in its unit. Student's t is used if the scatter between
+    few shots dominates."""
     shots: tuple[ShotPart, ...]
     """Results of each shot."""
     scatter: Scatter | None
     """Scatter between the shots; None if not requested."""
     slow: Mapping[str, float]
-    """Label of each slow test -> mean squared residual over its noise [-]."""
+    """Label of each slow test -> mean squared residual divided by its noise variance [-]."""
     choice: ModelChoice | None
     """Comparison with and without relaxation; None without relaxation, or if not requested."""
     curve: CurveFound | None
@@ -285,7 +289,7 @@ class JointResult(ResultViews):
     refined_mesh: tuple[int, int]
     """Mesh of the answer."""
     runs: int
-    """Number of simulations, without those found in the ledger."""
+    """Number of simulations, not counting those found in the ledger."""
     warnings: tuple[str, ...] = ()
     """Warnings that a user must read."""
     slow_fit: tuple[FitQuality, ...] = ()
@@ -293,7 +297,7 @@ class JointResult(ResultViews):
     agreement: ShotAgreement | None = None
     """Test whether the shots agree in stiffness; None for one shot."""
     causes: tuple[ShotCause, ...] = ()
-    """If the answer is withheld: the share explained by each input of each shot, the likeliest first."""
+    """If the answer is withheld: the share explained by each input of each shot, in descending order."""
 
     @property
     def explained(self) -> bool:
@@ -316,7 +320,7 @@ Slow = tuple[Evidence, ...]
 STRENGTHS = ("prony_strength", "creep_ratio")
 """Prefixes of the names of strengths."""
 LEAST_STRENGTH = 2.0
-"""A strength is significant above this many standard uncertainties, mesh error included [-]."""
+"""A strength is significant above this many standard uncertainties [-]. They include the mesh error."""
 RANGE = "range of the search"
 """Uncertainty source of a parameter that the data do not constrain."""
 
@@ -327,7 +331,7 @@ def is_strength(name: str) -> bool:
 
 
 def as_not_seen(e: Estimate) -> Estimate:
-    """The estimate of a relaxation constant that the data do not need; other parameters are unchanged."""
+    """The estimate of a relaxation constant that the data do not need. Other parameters are unchanged."""
     if not PARAMETERS[e.name].relaxes:
         return e
     if is_strength(e.name):
@@ -350,14 +354,16 @@ def as_not_seen(e: Estimate) -> Estimate:
 
 
 def interval(e: Estimate, half: float) -> tuple[float, float]:
-    """Interval of a half width, limited to the searched range; the whole range without a half width."""
+    """Interval with a half width, limited to the searched range. Without a half width it is the whole
+    range.
+    """
     return e.searched if RANGE in e.noise_parts else e.within(half)
 
 
 def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
-    """The strength needed to detect constants that were not detected, one sentence per branch.
+    """The strength that the data would detect, one sentence for each branch that was not detected.
 
-    A branch is not reported if its strength is not the reason (its time ends at a bound).
+    A branch is left out if its time ends at a bound, because its strength is then not the reason.
     """
     said = []
     for name, e in estimates.items():

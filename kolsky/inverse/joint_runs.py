@@ -38,12 +38,12 @@ NODE_RANGE = 1.5
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Shared unknowns in one order: parameters, then logarithms of the factors at the curve's nodes."""
+    """Shared unknowns in one order: parameters, then the logarithms of the factors at the curve's nodes."""
 
     bounds: Mapping[str, tuple[float, float] | None]
     """Parameters and their bounds, None for the default ones."""
     nodes: int = 0
-    """Number of free nodes of the curve; if there are any, the stiffness factor is 1 by definition."""
+    """Number of free nodes of the curve. With free nodes, the stiffness factor is 1 by definition."""
 
     def __post_init__(self) -> None:
         if self.nodes and MOVED in self.bounds:
@@ -73,12 +73,12 @@ class Unknowns:
 
     @cached_property
     def box(self) -> Box:
-        """All unknowns in their own units."""
+        """All unknowns in their units."""
         return _joined_box(self.parameters, self.node_names)
 
     @property
     def widths(self) -> FloatArray:
-        """Widths of their ranges, in their own units, shape [d]."""
+        """Widths of the unknowns' ranges, in their units, shape [d]."""
         return np.array(self.box.upper) - np.array(self.box.lower)
 
     @cached_property
@@ -101,10 +101,10 @@ class Unknowns:
         return found
 
     def relative_stiffness(self, slopes: FloatArray, x: FloatArray) -> FloatArray:
-        """Derivative of the data by the logarithm of the shear stiffness, the bulk modulus held, shape [k].
+        """Derivative of the data by the logarithm of the shear modulus at a constant bulk modulus, [k].
 
-        K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2;
-        otherwise a stiffer specimen would ring at another frequency.
+        K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2.
+        Otherwise a stiffer specimen would ring at another frequency.
 
         ``slopes``: by the unknowns, shape [k, d]. ``x``: the point, shape [d].
         """
@@ -125,7 +125,7 @@ def node_strains(curve: MaterialCurve, nodes: int) -> FloatArray:
 
 
 def curve_bytes(curve: MaterialCurve) -> bytes:
-    """The bytes of a curve, equal for all shots with this curve."""
+    """The bytes of a curve. They are equal for all shots with the same curve."""
     return np.concatenate([curve.stretch, curve.stress]).tobytes()
 
 
@@ -139,7 +139,7 @@ def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
 
 
 def smoothness(nodes: int, roughness: float) -> FloatArray:
-    """Rows of the prior: second differences over their standard deviation, shape [nodes - 2, nodes]."""
+    """Rows of the prior: second differences divided by their standard deviation, shape [nodes - 2, nodes]."""
     return np.diff(np.eye(nodes), n=2, axis=0) / roughness
 
 
@@ -161,12 +161,12 @@ ELEMENTS = ("one_point", "fbar")
 class JointRuns:
     """Runs every shot at the same points of the shared unknowns, in one call of the solver.
 
-    On a GPU the shots' batches run in parallel, on a CPU one after the other over its lanes. A run in the
+    On a GPU the batches of the shots run in parallel. On a CPU they run one after the other. A run in the
     ledger is not repeated.
 
-    ``prepared``: the shots. ``unknowns``: shared unknowns. ``held``: parameters held at other values than the
-    shots'. ``ledger``: file that stores the runs; None stores them in memory only. ``replicates``, ``seed``:
-    number of draws of each flyer motion and each curve available to `vectors`; their seed. ``progress``:
+    ``prepared``: the shots. ``unknowns``: shared unknowns. ``held``: parameters held at values that differ
+    from the shots'. ``ledger``: file that stores the runs; None stores them in memory only. ``replicates``,
+    ``seed``: number and seed of the draws of each flyer motion and each curve, see `vectors`. ``progress``:
     called with stage, runs done, runs in the stage.
     """
 
@@ -200,9 +200,9 @@ class JointRuns:
         """Bins and all outline points of every shot at the given points, shape [n, n_bins + Q] each.
 
         ``stage``: of the progress. ``points``: unknowns in their own units, shape [n, d]. ``numerics``: mesh
-        and arithmetic. ``motion``, ``material``: which flyer path and which curve each point takes, 0 the
-        fitted one; [n]. Returns: NaN at an outline point that a run does not reach, and everywhere in a run
-        that did not complete.
+        and arithmetic. ``motion``, ``material``: index of the flyer path and of the curve of each point, [n];
+        0 is the fitted one. Returns: data vectors with NaN at an outline point that a run does not reach, and
+        everywhere in a run that did not complete.
         """
         n = len(points)
         motions = np.zeros(n, int) if motion is None else np.asarray(motion)
@@ -305,9 +305,12 @@ class JointRuns:
 
 
 def kind_of(numerics: Numerics) -> tuple[float, ...]:
-    """Numbers that are equal for two runs only if all numerical choices that affect a result are equal.
+    """Numbers of the numerical choices.
 
-    Mesh, grading and element are stored directly, the rest as 48 bits of a digest, which fit a float.
+    They are equal for two runs only if all choices that affect a result are equal.
+
+    Mesh, grading and element are stored directly. The other choices are stored as 48 bits of a digest, which
+    fit a float.
     """
     rest = replace(numerics, mesh=(0, 0), grading=0.0, element="fbar", device="", threads=None)
     digest = hashlib.sha256(repr(rest).encode()).digest()[:6]
@@ -316,10 +319,10 @@ def kind_of(numerics: Numerics) -> tuple[float, ...]:
 
 
 def _replicated(prepared: PreparedShot, replicates: int, seed: int) -> Forward:
-    """The shot with draws of its motion and its curve; shots of one curve have the same draws of it.
+    """The shot with draws of its motion and its curve. Shots with the same curve have the same draws of it.
 
-    Order of the motions: the fitted one, `replicates` drawn ones and, if the sigma of the scale is known, the
-    fitted one scaled up by it. Order of the curves: the curve, then `replicates` drawn ones.
+    Order of the motions: the fitted one, then `replicates` drawn ones. If the sigma of the scale is known,
+    the fitted one scaled up by it follows. Order of the curves: the fitted one, then `replicates` drawn ones.
     """
     if not replicates:
         return prepared.forward

@@ -1,14 +1,13 @@
-"""The joint optimum: starting points, steps on the refined mesh, noise patterns there, scatter between
-shots.
+"""The joint optimum: starting points, steps and noise patterns on the refined mesh, scatter of shots.
 
 The first steps use the slopes of the search mesh, corrected by each run (Broyden's update). If a step
 increases the misfit, or after `COARSE_SLOPE_RUNS` runs without convergence, slopes are computed on the
 refined mesh. The patterns of the front faces' noise are then computed again at the optimum, on a graded mesh.
 
-The scatter of the stiffness between shots is found by restricted maximum likelihood (Patterson and
-Thompson 1971). Shot k has the stiffness m (1 + s z_k) with z_k standard normal. Linear about the optimum
-the residual is r = -J d + s sum_k u_k z_k + e with u_k the change of shot k's data by a relative change
-of its stiffness,
+The scatter of the stiffness between shots is found by restricted maximum likelihood (Patterson and Thompson
+1971). Shot k has the stiffness m (1 + s z_k) with z_k standard normal. A linear model about the optimum gives
+the residual r = -J d + s sum_k u_k z_k + e. Here u_k is the change of shot k's data by a relative change of
+its stiffness.
 
     -2 ln L(s) = ln det C + ln det (J^T C^-1 J) + r^T (C^-1 - C^-1 J (J^T C^-1 J)^-1 J^T C^-1) r,
 
@@ -77,7 +76,7 @@ def relaxing_points(
     """Points with a branch or network at several strengths and times, other unknowns fixed, shape [n, d].
 
     ``problem``: defines the unknowns. ``x``: a point without it, shape [d]. ``strengths``: strengths [-].
-    ``follow``: True to reduce the stiffness factor so that the mean stiffness of the specimen stays the same.
+    ``follow``: True to reduce the stiffness factor, which keeps the mean stiffness of the specimen.
     """
     names = list(problem.unknowns.bounds)
     ratio = "prony_strength_1" if "prony_strength_1" in names else "creep_ratio"
@@ -121,7 +120,7 @@ def _best_point(problem: JointProblem, points: FloatArray, numerics: Numerics) -
 
 
 def _valleys(problem: JointProblem, x: FloatArray, numerics: Numerics) -> FloatArray:
-    """The floors of the likeliest valleys of Poisson's ratio."""
+    """The minima of the likeliest valleys of Poisson's ratio."""
     names, box = list(problem.unknowns.bounds), problem.unknowns.box
     i = names.index(VALLEY)
     prepared = problem.runs.prepared[0]
@@ -146,7 +145,7 @@ class Optimum:
     vector: FloatArray
     """Prediction of all data on the refined mesh at `x`, shape [k]."""
     slopes: FloatArray
-    """Derivatives there, shape [k, d]."""
+    """Derivatives at `x`, shape [k, d]."""
     scatter: Scatter | None
     """Scatter between the shots; None if not requested."""
     confirmed: bool
@@ -154,11 +153,11 @@ class Optimum:
 
 
 MOST_RUNS = 12
-"""Maximum number of runs on the refined mesh, without those for slopes."""
+"""Maximum number of runs on the refined mesh, not counting those for slopes."""
 COARSE_SLOPE_RUNS = 3
 """Number of runs on the refined mesh that use the slopes of the search mesh."""
 CONFIRMED = 0.25
-"""An optimum is confirmed if the last step there is shorter than this, in standard deviations."""
+"""An optimum is confirmed if the last step to it is shorter than this, in standard deviations."""
 WORSE_STEP = 1.0
 """A step was too long if the deviance rises by more than this."""
 
@@ -170,13 +169,13 @@ class _RefinedRun:
     x: FloatArray
     """The point, shape [d]."""
     vector: FloatArray
-    """All data as predicted there, shape [k]."""
+    """All data as predicted at this point, shape [k]."""
     cost: float
     """The deviance."""
     step: FloatArray
     """Step to the optimum of the linear model inside the bounds, shape [d]."""
     sigma: FloatArray
-    """Standard deviations of the unknowns by it, shape [d]."""
+    """Standard deviations of the unknowns in the linear model, shape [d]."""
 
     @property
     def confirmed(self) -> bool:
@@ -220,7 +219,7 @@ def refined_optimum(problem: JointProblem, x: FloatArray, slopes: FloatArray) ->
             best = _judge_run(problem, best.x, best.vector, best.cost, slopes)
             if best.confirmed:
                 break
-        # If a step hardly reduced the misfit, the next one is halved, because the steps oscillate.
+        # If a step hardly reduces the misfit, the next one is halved, because the steps oscillate.
         x = np.clip(best.x + (best.step if gained > WORSE_STEP else 0.5 * best.step), lower, upper)
     assert best is not None
     assert least is not None
@@ -250,11 +249,13 @@ def secant(
     x: FloatArray,
     vector: FloatArray,
 ) -> FloatArray:
-    """Broyden's update of the slopes from the change between two runs, with unknowns in sigmas, [k, d].
+    """Broyden's update of the slopes from the change between two runs, [k, d].
 
-    ``slopes``: by the unknowns, shape [k, d]. ``before``, ``vector_before``: a point, shape [d], and the data
-    there, shape [k]. ``sigma``: standard deviations of the unknowns, shape [d]. ``x``, ``vector``: another
-    point, and the data there.
+    The unknowns are in units of sigma.
+
+    ``slopes``: by the unknowns, shape [k, d]. ``before``, ``vector_before``: a point, shape [d], and its
+    data, shape [k]. ``sigma``: standard deviations of the unknowns, shape [d]. ``x``, ``vector``: another
+    point, and its data.
     """
     step = (x - before) / sigma
     if not step.any():
@@ -264,10 +265,11 @@ def secant(
 
 
 def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
-    """The optimum on the refined mesh with noise patterns computed on a fine mesh.
+    """The optimum on the refined mesh, with noise patterns computed on a fine mesh.
 
-    Nothing changes if a surface slides (single runs jump), if the search has not converged, or if the run on
-    the graded mesh fails. The last case is reported with the mesh's part of the interval.
+    The result does not change in three cases: a surface slides (single runs jump), the search has not
+    converged, or the run on the graded mesh fails. The last case is reported with the mesh's part of the
+    interval.
     """
     if not (problem.settings.replicates and found.confirmed) or shots_slide(problem):
         return found
@@ -279,7 +281,7 @@ def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
 
 
 def shots_slide(problem: JointProblem) -> bool:
-    """True if a surface of the shots slides, so that single runs jump."""
+    """True if a surface of the shots slides. Single runs then jump."""
     faces = problem.first.shot.interface
     laws = [contact_law(faces.faces), contact_law(faces.side)]
     freed = any_slides([*problem.unknowns.bounds, *problem.runs.held])
@@ -339,10 +341,10 @@ def restricted_scatter(
 
 
 def expanded_scatter(sigma: float, between: float, shots: int) -> float:
-    """Half width of a 95 % interval (k = 2) if part of the variance is a scatter between few shots.
+    """Half width of a 95 % interval (k = 2). Part of the variance is a scatter between few shots.
 
-    Student's t by the degrees of freedom of Welch and Satterthwaite: n - 1 of n shots for the scatter's part
-    ``between``, infinitely many for the rest; the coverage is 95.45 %, as for k = 2.
+    Student's t has the degrees of freedom of Welch and Satterthwaite. The scatter's part ``between`` of n
+    shots has n - 1, the rest has infinitely many. The coverage is 95.45 %, as for k = 2.
     """
     if between <= 0.0 or sigma <= 0.0:
         return COVERAGE * sigma
@@ -355,10 +357,10 @@ def between_variance(
 ) -> FloatArray:
     """Variance by the scatter between shots, shape [d].
 
-    It is large enough that the total variance is not smaller than without a scatter in the weights.
-    ``whole``: variances with the scatter in the weights. ``plain``, ``without``: variances for independent
-    residuals with the same discrepancies, with and without the scatter. ``no_scatter``: variances if the
-    discrepancies explain the residuals instead of the scatter.
+    With it, the total variance is not smaller than with weights without scatter. ``whole``: variances with
+    the scatter in the weights. ``plain``, ``without``: variances for independent residuals with the same
+    discrepancies, with and without the scatter. ``no_scatter``: variances if the discrepancies explain the
+    residuals instead of the scatter.
     """
     return np.asarray(np.maximum(plain - without, 0.0) + np.maximum(no_scatter - whole, 0.0))
 
@@ -375,7 +377,7 @@ def with_patterns_and_scatter(problem: JointProblem, found: Optimum, said: list[
     """The optimum with recomputed patterns, and with the scatter between the shots.
 
     If the search converges only with the old patterns, they are kept and a sentence is added to `said`. On
-    coarse meshes, the frequency of the ringing in the new patterns may differ from that of the slopes' mesh.
+    coarse meshes, the ringing in the new patterns may have another frequency than the ringing in the slopes.
     """
     before = problem.stack
     last = with_scatter(problem, with_refined_patterns(problem, found))
@@ -425,7 +427,9 @@ def _estimate_scatter(problem: JointProblem, found: Optimum) -> Scatter:
 
 
 def slow_stiffness(change: FloatArray, parts: Sequence[slice]) -> FloatArray:
-    """One row per slow test that depends on the stiffness: the data change within its entries, [n, k]."""
+    """Changes of the data by the stiffness, one row per slow test that depends on it, [n, k]. Other entries
+    are zero.
+    """
     rows = np.zeros((len(parts), len(change)))
     for row, part in zip(rows, parts, strict=True):
         row[part] = change[part]

@@ -5,20 +5,20 @@ is
 
     C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O + s^2 S' S,
 
-with the measured noise sigma; a discrepancy tau of each channel, estimated from the residual at the optimum;
-the patterns M, which are the correlated changes of all predictions by noise of the front face's motion; the
-common errors O of outline points (`CentreLine.modes`); and, on the refined mesh, slow patterns S with the
-amplitude s.
+with these terms. The measured noise is sigma. Each channel has a discrepancy tau, estimated from the residual
+at the optimum. The patterns M are the correlated changes of all predictions by noise of the front face's
+motion. O are the common errors of outline points (`CentreLine.modes`). On the refined mesh, there are slow
+patterns S with the amplitude s.
 
 - Without tau, the weight of a channel with a large model error would be too high.
 - Without M, tau would explain the ringing of a noisy onset and reduce the weight of the whole channel.
 - The patterns come from a coarse mesh and have the relative error PATTERN_ERROR. Without this term, the phase
   of every oscillation would dominate the fit.
 
-The slow error is a polynomial of height and time with independent coefficients, e(y, t) = s sum_ij a_ij
-P_i(y) P_j(t), a_ij ~ N(0, 1), i, j < DEGREES, with Legendre polynomials scaled so that s is its root mean
-square over the points. The covariance of an optimum allows residuals that are correlated over blocks of
-time (block "sandwich").
+The slow error is a polynomial of height and time with independent coefficients: e(y, t) = s sum_ij a_ij
+P_i(y) P_j(t), a_ij ~ N(0, 1), i, j < DEGREES. The P are Legendre polynomials. They are scaled, and s is the
+error's root mean square over the points. The covariance of an optimum allows residuals that are correlated
+over blocks of time (block "sandwich").
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ curvature of a measured surface, and their change as the specimen shortens."""
 FEW_PATTERNS = 16
 """Up to this number of patterns, sums are computed without BLAS."""
 LARGEST_AMPLITUDE = 1e6
-"""Largest amplitude searched, over its uncertainty from the independent errors [-]."""
+"""Largest amplitude searched, divided by its uncertainty from the independent errors [-]."""
 TRIAL_AMPLITUDES = np.linspace(-5.0, float(np.log(LARGEST_AMPLITUDE)), 40)
-"""Logarithms of the amplitudes tried first, with the same normalisation."""
+"""Logarithms of the first trial amplitudes, with the same normalisation."""
 
 
 def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
     """Patterns of an error with a root mean square of one over the points, shape [DEGREES^2, n].
 
-    Their squares, summed over the patterns and averaged over the points, are one. Fewer patterns if there are
-    too few heights or times to distinguish them; none without points.
+    The sum of their squares over the patterns has a mean of one over the points. There are fewer patterns if
+    too few heights or times distinguish them, and none without points.
 
     ``height``, ``time``: of the points, in any unit, shape [n].
     """
@@ -64,7 +64,9 @@ def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
 
 
 def _polynomials(x: FloatArray) -> list[FloatArray]:
-    """Legendre polynomials over the range of the values, as many as the values can distinguish."""
+    """Legendre polynomials over the range of the values. Their number is limited by the number of different
+    values.
+    """
     many = min(DEGREES, len(np.unique(x)))
     if many < 2:
         return [np.ones(len(x))][:many]
@@ -106,7 +108,7 @@ def most_likely_amplitude(residual: FloatArray, patterns: FloatArray, other: Whi
 def residual_without_common(
     residual: FloatArray, common: FloatArray, own_sigma: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """A residual minus its most likely part due to common errors, and the variance of that part, [k] each.
+    """A residual minus its most likely part due to common errors, and that part's variance, [k] each.
 
     It is D (D + M' M)^-1 r with the variances D of the independent errors and the common rows M. Woodbury's
     identity reduces the inverse to the number of rows of M.
@@ -154,16 +156,16 @@ def _root_of_mean(excess: FloatArray, weight: FloatArray) -> float:
 
 
 BLOCKS = (2, 4, 8, 16)
-"""Block lengths, in force bins, over which residuals may be correlated in time."""
+"""Block lengths in force bins. Residuals within a block may be correlated in time."""
 
 
 def correlated_in_blocks(
     score: FloatArray, block: IntArray, independent: FloatArray, known: FloatArray
 ) -> FloatArray:
-    """Covariance with residuals of a block of time correlated in any way, or not, shape [d, d].
+    """Covariance of the optimum with or without correlated residuals within blocks of time, shape [d, d].
 
-    The result is the covariance with the largest variances, among the block lengths in `BLOCKS` and
-    independent residuals. Lengths with four or fewer blocks per parameter are not used.
+    The result is the covariance with the largest variances. It is chosen among the block lengths in `BLOCKS`
+    and independent residuals. Lengths with four or fewer blocks per parameter are not used.
     """
     best, d = independent, len(score)
     for length in BLOCKS:
@@ -182,13 +184,13 @@ def correlated_in_blocks(
 class Prior:
     """Independent Gaussian priors of the free parameters, in their order and units.
 
-    Raises ValueError if the shapes differ, a mean is not finite or a standard deviation is not > 0.
+    Raises ValueError if the shapes differ, if a mean is not finite, or if a standard deviation is not > 0.
     """
 
     mean: FloatArray
     """Most likely values before the test, shape [d]; not used where sigma is infinite."""
     sigma: FloatArray
-    """Standard deviations, shape [d]; infinite where nothing is known."""
+    """Standard deviations, shape [d]; infinite without prior knowledge."""
 
     def __post_init__(self) -> None:
         if self.mean.shape != self.sigma.shape or self.mean.ndim != 1:
@@ -200,10 +202,10 @@ class Prior:
 
     @classmethod
     def of(cls, names: Sequence[str], declared: Mapping[str, tuple[float, float]]) -> Prior | None:
-        """From declared values with their standard uncertainties; None if no parameter has one.
+        """The priors of declared values with standard uncertainties; None if no parameter has one.
 
         ``names``: free parameters, in their order. ``declared``: value and standard uncertainty by name;
-        names that are not free are ignored.
+        other names than those of free parameters are ignored.
         """
         known = [declared.get(name, (0.0, np.inf)) for name in names]
         if not any(np.isfinite(sigma) for _, sigma in known):
@@ -234,7 +236,8 @@ class Prior:
 Part = Literal["joint", "force", "shape"]
 
 PATTERN_ERROR = 0.2
-"""Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
+"""Standard uncertainty of the front face's patterns, as a share of their size [-]. It is independent from
+entry to entry."""
 
 
 WITHOUT_DISCREPANCIES = frozenset(
@@ -262,13 +265,15 @@ class FrontNoise:
 
     patterns: FloatArray | None = None
     """Changes by one standard deviation of each independent mode, shape [n_modes, n_bins + Q]; see
-    `kolsky.inverse.coarse_search`. None until they are known."""
+    `kolsky.inverse.coarse_search`. None until they are computed."""
     offset: FloatArray | None = None
-    """Change along those patterns by the path corrected to the data, shape [n_bins + Q]; see
+    """Change of the data along those patterns by the corrected path, shape [n_bins + Q]; see
     `kolsky.inverse.path_noise`. None if the path was not corrected."""
 
     def over(self, entries: Callable[[FloatArray], FloatArray]) -> FrontNoise:
-        """The same over other bins and points; ``entries`` maps rows of shape [..., n_bins + Q] to them."""
+        """The same effect over other bins and points. ``entries`` selects entries in rows of shape [...,
+        n_bins + Q].
+        """
         return FrontNoise(*(None if rows is None else entries(rows) for rows in (self.patterns, self.offset)))
 
 
@@ -279,7 +284,7 @@ class Objective:
     observations: Observations
     """The measurements."""
     counted: NDArray[np.bool_]
-    """Outline points that lie inside the model's range in every run, shape [n_points]."""
+    """Mask of the outline points inside the model's range in every run, shape [n_points]."""
     front: FrontNoise = field(default_factory=FrontNoise)
     """Noise of the front face's motion."""
     force_discrepancy: float = 0.0
@@ -297,7 +302,7 @@ class Objective:
 
     @property
     def n_force(self) -> int:
-        """Number of force bins at the head of the data vector."""
+        """Number of force bins at the start of the data vector."""
         return self.observations.n_force
 
     @cached_property
@@ -313,7 +318,7 @@ class Objective:
 
     @cached_property
     def front_noise(self) -> FloatArray:
-        """Changes of the data by the front face's noise, one standard deviation a mode, [n_modes, k]."""
+        """Changes of the data by the front face's noise, one standard deviation per mode, [n_modes, k]."""
         modes = self.front.patterns
         if modes is None:
             return np.zeros((0, len(self.data)))
@@ -330,7 +335,7 @@ class Objective:
 
     @cached_property
     def outline_errors(self) -> FloatArray:
-        """Errors that outline points have in common, one standard deviation a mode, [n_modes, k]."""
+        """Common errors of outline points, one standard deviation per mode, [n_modes, k]."""
         modes = self.observations.centre_line.modes
         if modes is None:
             return np.zeros((0, len(self.data)))
@@ -361,7 +366,7 @@ class Objective:
 
     @cached_property
     def counts(self) -> FloatArray:
-        """Number of independent values that each entry counts as [-], shape [k]; 1 unless `balanced`."""
+        """Number of independent values that each entry represents [-], shape [k]; 1 unless `balanced`."""
         return np.where(self._of_force | (not self.balanced), 1.0, 1.0 / self.points_per_frame)
 
     @cached_property
@@ -396,13 +401,15 @@ class Objective:
         return np.concatenate([seen.force_times, seen.centre_line.time[self.counted]])
 
     def vectors(self, prediction: Prediction) -> FloatArray:
-        """Predicted data vectors, shape [n_samples, k], for the path fitted to its record only."""
+        """Predicted data vectors, shape [n_samples, k], for the path as fitted to its record."""
         return self.under_fitted_path(
             np.concatenate([prediction.force_bins, prediction.Z[:, self.counted]], axis=1)
         )
 
     def reached(self, prediction: Prediction) -> FloatArray:
-        """The same; an outline point that a run does not reach gets its measured value (zero residual)."""
+        """Predicted data vectors; an outline point that a run does not reach gets its measured value (zero
+        residual).
+        """
         vectors = self.vectors(prediction)
         return np.where(np.isnan(vectors), self.data, vectors)
 
@@ -430,7 +437,9 @@ class Objective:
         return np.asarray((self.whitened(vectors - self.data, part) ** 2).sum(axis=-1))
 
     def with_discrepancy(self, vector: FloatArray) -> Objective:
-        """The objective with discrepancies estimated from this vector's residual beyond noise and front face.
+        """The objective with discrepancies from the residual of this vector.
+
+        They describe the residual beyond noise and front face.
 
         See `kolsky.inverse.objective`.
         """
@@ -458,7 +467,8 @@ class Objective:
     def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
         """Minus twice the log-likelihood of vectors [n, k], with discrepancies estimated for each, shape [n].
 
-        Up to a constant; unlike `chi2` it can be compared between points whose discrepancies differ.
+        The value has an unknown constant. Unlike `chi2` it can be compared between points with different
+        discrepancies.
         """
         found = []
         for vector in vectors:
@@ -471,7 +481,8 @@ class Objective:
         """`deviance`, with the outline of each frame counted as one entry, shape [n].
 
         For vectors from a mesh that is too coarse for the outline's noise. Their residuals are smooth fields,
-        so the points of a frame are not independent and would outweigh the force by their number.
+        and the points of a frame are not independent. If each point counted, the outline would outweigh the
+        force.
         """
         if not self.observations.has_shape:
             return self.deviance(vectors)
@@ -482,8 +493,9 @@ class Objective:
         return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
-        """Contribution of the prior to the normal matrix J^T C^-1 J, shape [d, d]; zero for unknowns after
-        the free parameters, such as a clock lag."""
+        """Contribution of the prior to the normal matrix J^T C^-1 J, shape [d, d]. It is zero for unknowns
+        after the free parameters, such as a clock lag.
+        """
         precision = np.zeros((dimension, dimension))
         if self.prior is not None and part == "joint":
             free = len(self.prior.precision)
@@ -519,8 +531,8 @@ class Objective:
     def scale_error(self) -> FloatArray:
         """Change of the data vector by one standard uncertainty of the transmitted force's scale, shape [k].
 
-        A wrong scale is not noise: it changes the whole force by one factor, and the residuals may not show
-        it.
+        A wrong scale is not noise. It multiplies the whole force by one factor, and the residuals may not
+        show it.
         """
         transmitted = np.arange(len(self.data)) < len(self.observations.bins.mean)
         return np.where(transmitted, self.observations.force_sigma_gain * self.data, 0.0)
@@ -535,11 +547,11 @@ class Objective:
     ) -> FloatArray:
         """Covariance of the optimum from residuals and prior, with or without time correlation, [d, d].
 
-        The part of the residuals due to the front face's noise is excluded; the slow error of the outline is
-        included. It is the larger of the Gauss-Newton covariance for independent residuals and the block
-        "sandwich", in which residuals may be correlated within a time block (`kolsky.inverse.objective`). The
-        variance is never smaller than with uncorrelated weights: the common patterns may improve the
-        estimate, not shrink its interval.
+        The part of the residuals due to the front face's noise is excluded. The slow error of the outline is
+        included. The result is the larger of two covariances: Gauss-Newton with independent residuals, and
+        the block "sandwich" with residuals correlated within a time block (`kolsky.inverse.objective`). The
+        variance is never smaller than with uncorrelated weights: common patterns may improve the estimate but
+        do not shrink its interval.
         """
         gain = self.gain(jacobian, part)
         score = gain * self.unexplained(self.data - vector)

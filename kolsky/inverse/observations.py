@@ -1,4 +1,4 @@
-"""Measurements inside the window, and the same quantities predicted from simulations of the shot.
+"""Measurements inside the window, and predictions of the same quantities from simulations of the shot.
 
 Force samples are averaged over bins; the outline is compared at the measured heights. The side surface of the
 model is a monotone cubic through its nodes, evaluated at these heights.
@@ -19,8 +19,8 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 
 LEAST_STEP = 1e-7
-"""Two neighbouring nodes whose y differ by less lie on one platen [m]. It is above the solver's round-off and
-far below the distance of two free nodes."""
+"""Two neighbouring nodes lie on one platen if their y differ by less than this [m]. It is above the solver's
+round-off and far below the distance of two free nodes."""
 HEIGHT_TOLERANCE = 1e-12
 """Tolerance of y at the measured height [m]."""
 MOST_BISECTIONS = 100
@@ -45,12 +45,12 @@ def radius_at(
     r : ndarray
         Radius [m], shape [n_points]; NaN where `inside` is False.
     inside : ndarray of bool
-        Whether the free surface reaches the point's height, shape [n_points].
+        True if the free surface reaches the point's height, shape [n_points].
 
     Raises
     ------
     ValueError
-        If a node is not finite, or a frame has no free surface at all.
+        If a node is not finite, or if a frame has no free surface.
     """
     if not (np.isfinite(surface_r).all() and np.isfinite(surface_y).all()):
         raise ValueError("the surface has nodes that are not finite; leave out simulations that ended early")
@@ -69,7 +69,7 @@ def radius_at(
 
 
 def free_part(surface_y: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last node of the free surface: the run of increasing y around its widest interval."""
+    """First and last node of the free surface: the nodes of increasing y around its widest interval."""
     step = np.diff(surface_y, axis=1)
     interval = np.arange(step.shape[1])
     widest = step.argmax(axis=1)[:, None]
@@ -85,7 +85,9 @@ def free_part(surface_y: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]
 
 
 def _slopes(f: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
-    """df per node: central inside the free part, a parabola's (or, of 2 nodes, the chord's) at its ends."""
+    """df per node: central differences inside the free part, a parabola's slope at its ends. With 2 nodes,
+    the chord's.
+    """
     slope = np.zeros_like(f)
     slope[:, 1:-1] = 0.5 * (f[:, 2:] - f[:, :-2])
     row = np.arange(len(f))
@@ -102,8 +104,8 @@ def _monotone(
 ) -> FloatArray:
     """Slopes limited to 0 ... 3 times the smaller neighbouring difference (Fritsch and Carlson 1980).
 
-    Without the limit, y would not be monotone near a node that is about to touch a platen, and a height could
-    have three solutions.
+    Without the limit, y would not be monotone near a node that is about to touch a platen. A height could
+    then have three solutions.
     """
     step = np.diff(f, axis=1)
     interval = np.arange(step.shape[1])
@@ -127,7 +129,7 @@ def _value(c: Cubic, x: FloatArray) -> FloatArray:
 
 
 def _solve(c: Cubic, at: FloatArray) -> FloatArray:
-    """x in [0, 1] where the increasing cubic has the value `at`: Newton's method kept in its bracket."""
+    """x in [0, 1] where the increasing cubic has the value `at`, by Newton's method inside a bracket."""
     low, high = np.zeros_like(at), np.ones_like(at)
     x = np.clip((at - c[0]) / (c[1] + c[2] + c[3]), 0.0, 1.0)
     for _ in range(MOST_BISECTIONS):
@@ -144,7 +146,7 @@ def _solve(c: Cubic, at: FloatArray) -> FloatArray:
 
 
 SAME_TIME = 1e-9
-"""Times closer than this count as equal [s]: the platen moves by 5 nm in this time."""
+"""Times closer than this are equal [s]. The platen moves by 5 nm in this time."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,7 @@ class Observations:
     incident: ForceBins | None = None
     """The incident force at the flyer's transducer, in bins of its samples; None if it is not compared."""
     force_sigma_gain: float = 0.0
-    """Standard uncertainty of the scale of the transmitted force [-]; not part of the sigmas above."""
+    """Standard uncertainty of the scale of the transmitted force [-]; the sigmas above do not include it."""
 
     @property
     def has_shape(self) -> bool:
@@ -169,12 +171,12 @@ class Observations:
 
     @property
     def forces(self) -> tuple[ForceBins, ...]:
-        """The forces that are compared: the transmitted one, and the incident one if there is one."""
+        """The forces that are compared: the transmitted one and, if present, the incident one."""
         return (self.bins,) if self.incident is None else (self.bins, self.incident)
 
     @property
     def n_force(self) -> int:
-        """Bins of all forces: the entries of a data vector before the outline."""
+        """Bins of all forces: the entries of a data vector in front of the outline."""
         return sum(len(force.mean) for force in self.forces)
 
     @property
@@ -210,7 +212,7 @@ class Observations:
 
 @dataclass(frozen=True)
 class Prediction:
-    """The measured quantities as each simulation gives them."""
+    """The measured quantities, as each simulation predicts them."""
 
     force: FloatArray
     """Transmitted force at the recorded times [N], shape [n_samples, P]."""
@@ -244,7 +246,8 @@ def observe(
     ``centre_line``: the outline; None if none was measured. ``window``: first and last time, both included
     [s]. ``bin_width``: width of the force bins [s]; the camera's frame interval by default. ``incident``: the
     incident force, if it is compared. Raises ValueError if the window holds no outline point or fewer than 2
-    force samples, the bin width does not fit, or a Z or a sigma inside is not positive.
+    force samples. The same error is raised if the bin width does not fit, or if a Z or a sigma inside is not
+    positive.
     """
     bins = bin_force(force, window=window, width=bin_width)
     first, last = window
@@ -274,22 +277,22 @@ def observe(
 def predict(response: Response, observations: Observations) -> Prediction:
     """Predict the measured quantities from every simulation of a batch.
 
-    The force at the recorded times is interpolated linearly, as for Eq. (M.4). A bin's mean is the
-    difference of the impulse at its edges over its width, which is exact. The radius is interpolated by
+    The force at the recorded times is interpolated linearly, as for Eq. (M.4). A bin's mean is exact: the
+    difference of the impulses at its edges, divided by its width. The radius is interpolated by
     `kolsky.inverse.observations.radius_at`, never beyond the model's range.
 
     Parameters
     ----------
     response : explicit.Response
-        Completed simulations; its `surface_times` contain every frame and its `force_times` every bin
-        edge, and they span the recorded samples.
+        Completed simulations. Their `surface_times` contain every frame, and their `force_times` contain
+        every bin edge. Both cover the recorded samples.
     observations : Observations
         The measurements to predict.
 
     Raises
     ------
     ValueError
-        If a simulation did not complete, or a frame, a bin edge or a recorded sample is not covered.
+        If a simulation did not complete, or if a frame, a bin edge or a recorded sample is outside its times.
     """
     lost = np.flatnonzero(~response.completed)
     if lost.size:
@@ -336,7 +339,7 @@ def _positive(name: str, value: FloatArray) -> None:
 
 
 def _rows(times: FloatArray, wanted: FloatArray, what: str, field: str) -> NDArray[np.intp]:
-    """Index of each wanted time among increasing `times`."""
+    """Index of each requested time among increasing `times`."""
     row = np.minimum(np.searchsorted(times, wanted - SAME_TIME), times.size - 1)
     missing = np.flatnonzero(~(np.abs(times[row] - wanted) <= SAME_TIME))
     if missing.size:

@@ -61,28 +61,30 @@ class Parameter:
     upper: float
     """Upper bound of the default design."""
     allowed: tuple[float, float]
-    """Range outside which a value is refused."""
+    """Range of allowed values; others are rejected."""
     held: Callable[[Shot], float]
     """The value that a shot declares for it."""
     enters: Callable[[Fields, Any], Fields] | None = None
-    """Function that enters a value into the solver's samples; None sets the field of its name."""
+    """Function that enters a value into the solver's samples; with None, the field of its name is set."""
     uncertainty: bool = False
     """True if [uncertainty] of shot.toml has a key of this name."""
     slides: bool = False
-    """True if naming it makes end faces and side surface slide by Coulomb's law, whatever is declared."""
+    """True if naming the parameter makes end faces and side surface slide by Coulomb's law, even with another
+    declared law."""
     read_by: str = ""
-    """Field of `explicit.contact.ContactLaw` that is true if a law reads it; empty if it has an effect
-    without a contact law."""
+    """Field of `explicit.contact.ContactLaw` that is true if a law reads the parameter. Empty if it has an
+    effect without a contact law."""
     without: str = ""
-    """The reason why it has no effect if no contact law reads it, in words."""
+    """The reason, in words, why it has no effect without a contact law that reads it."""
     scale: Callable[[float], float] | None = None
-    """Change from a value that counts as large, in its unit; None: `explicit.model.scale_of`."""
+    """A large change from a value, in its unit; None: `explicit.model.scale_of`."""
     changed: Callable[[Shot, float], Shot] | None = None
-    """The shot with another declared value; needed if naming the parameter does more than that."""
+    """The shot with another declared value. It is needed if naming the parameter does more than changing this
+    value."""
     logarithmic: bool = False
     """True if a search uses its logarithm because its range spans decades."""
     relaxes: bool = False
-    """True if it is a constant of the relaxation; only a shot with such a [relaxation] has it."""
+    """True if it is a constant of the relaxation. Only a shot with such a [relaxation] has the parameter."""
 
     def entered(self, fields: Fields, value: Any) -> Fields:
         """The solver's samples with a value of the parameter."""
@@ -189,7 +191,7 @@ RELAXING: tuple[Parameter, ...] = (
 
 
 MOVED = "stiffness_factor"
-"""The parameter that every search of a shot varies, even if all others are held."""
+"""The parameter that every search of a shot varies. It is free even if all others are held."""
 
 PARAMETERS: dict[str, Parameter] = {
     p.name: p
@@ -314,7 +316,7 @@ def any_slides(names: Iterable[str]) -> bool:
 
 
 def require_declared(names: Iterable[str], shot: Shot) -> None:
-    """Refuse constants of the relaxation that the shot does not have.
+    """Reject constants of the relaxation that the shot does not have.
 
     Raises ValueError if one is named and the shot's [relaxation] has no such constant.
     """
@@ -330,7 +332,8 @@ def require_declared(names: Iterable[str], shot: Shot) -> None:
 
 def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
     """True if one of these contact laws, by name, uses the parameter, or if its effect needs no contact
-    law."""
+    law.
+    """
     if not p.read_by:
         return True
     from explicit.contact import CONTACT_LAWS
@@ -339,10 +342,10 @@ def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
 
 
 def require_effect(names: Iterable[str], faces: str, side: str) -> None:
-    """Refuse parameters that would have no effect with the contact laws of end faces and side surface.
+    """Reject parameters that would have no effect with the contact laws of end faces and side surface.
 
-    Raises ValueError if neither law reads a parameter and no named parameter makes the surfaces slide, or if
-    it is named together with a parameter that does.
+    Raises ValueError if neither law reads a parameter and no named parameter makes the surfaces slide. The
+    same error is raised if the parameter is named together with one that makes them slide.
     """
     given = [parameter(name) for name in names]
     sliding = [p for p in given if p.slides]
@@ -365,9 +368,9 @@ def require_effect(names: Iterable[str], faces: str, side: str) -> None:
 
 
 def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
-    """The box of a design: given bounds, or the default ones where a bound is None.
+    """The box of a design: given bounds, with default ones for None.
 
-    Raises ValueError if a name is unknown, a bound is outside the allowed range or the bounds are not
+    Raises ValueError if a name is unknown, if a bound is outside the allowed range, or if the bounds are not
     ascending.
     """
     from doe import Box
@@ -385,18 +388,17 @@ def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
 START_STRENGTH = 0.2
 """Initial strength of a branch, or ratio of a network, in a search without a declared value [-]."""
 START_SHARES = {1: (0.25,), 2: (0.08, 0.6), 3: (0.04, 0.2, 1.0)}
-"""Initial relaxation times of a search over the duration of the window [-], by number of branches."""
+"""Initial relaxation times of a search, divided by the duration of the window [-], by number of branches."""
 START_STRESS = 0.5
-"""Initial resistance of a network in a search, over the largest stress of the curve [-]."""
+"""Initial resistance of a network in a search, divided by the largest stress of the curve [-]."""
 
 
 def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields, tuple[RateDependence, ...]]:
-    """Replace the constants of the relaxation in the samples' fields by an index into a list of materials.
+    """Replace the constants of the relaxation in the samples' fields by an index of a material.
 
     ``fields``: fields of `explicit.Samples`, and a value, scalar or [n_samples], of every constant of
     `relaxation`. ``relaxation``: that of the shot; None leaves the fields unchanged. Returns: the fields with
-    "relaxation", an index per sample, and the materials to choose from, each once, for
-    `explicit.Model.relaxation`.
+    "relaxation", an index per sample, and the different materials for `explicit.Model.relaxation`.
     """
     if relaxation is None:
         return fields, ()
@@ -421,7 +423,9 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
 
 
 def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:
-    """The shot with a free relaxation that replaces the declared one; initial values from window and curve.
+    """The shot with a free relaxation that replaces the declared one.
+
+    Its initial values come from the window and the curve.
 
     ``shot``: the shot. ``kind``: Prony series or network. ``branches``: of a series, 1 to
     `kolsky.base.apparatus.MOST_BRANCHES`. Raises ValueError if the number of branches is not allowed.
@@ -446,10 +450,10 @@ def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot
 def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
     """Poisson's ratio that keeps the bulk modulus if the instantaneous stiffness increases by a factor [-].
 
-    The bulk modulus is proportional to m (1 + c) / (1 - 2 nu), with c the sum of all strengths, and
+    The bulk modulus is proportional to m (1 + c) / (1 - 2 nu), where c is the sum of all strengths. It
     determines the frequency of the ringing. If a branch changed it by one percent, the ringing would be out
-    of phase within the shot. A free Poisson's ratio compensates this change, so it is not an effect of the
-    branch.
+    of phase within the shot. A free Poisson's ratio compensates this change. The change is therefore no
+    effect of the branch.
 
     ``poisson``: Poisson's ratio [-]. ``stiffer``: factor on the instantaneous stiffness [-].
     """

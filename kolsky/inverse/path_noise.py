@@ -1,12 +1,12 @@
-"""Noise of the front face's path: its modes, their most likely amplitudes, and the path corrected by them.
+"""Noise of the front face's path: its modes, their most likely amplitudes, and the corrected path.
 
-Noise of a flyer's record shifts the onset of its motion, and the ringing of a soft specimen depends on the
-onset. Modes are independent changes of the path with their effect on the data (singular vectors of the
-effects of its noise patterns). They are computed at one point and ring at that point's frequency. If the path
-error is large, an estimate of Poisson's ratio would follow the modes instead of the data. The model is
-therefore run with the path p = p_0 + sum_k c_k d_k that explains the residual, with patterns d_k of the noise
-of the fitted path p_0. The same change in terms of the modes, M' a, is subtracted from its predictions. For a
-linear response nothing changes, the prior of the path included.
+Noise of a flyer's record shifts the onset of its motion. The ringing of a soft specimen depends on the onset.
+Modes are independent changes of the path with their effect on the data (singular vectors of the effects of
+its noise patterns). They are computed at one point and ring at that point's frequency. If the path error is
+large, an estimate of Poisson's ratio would follow the modes instead of the data. The model is therefore run
+with the path p = p_0 + sum_k c_k d_k that explains the residual. Here d_k are the noise patterns of the
+fitted path p_0. The same change in terms of the modes, M' a, is subtracted from its predictions. For a linear
+response nothing changes, not even the prior of the path.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.observations import Observations, Prediction
 
 PATTERNS = 16
-"""Number of noise patterns of the path that are run [-]. They give 0.999 of the variance by all 174 patterns
-in the data of `runs/open-01` and `runs/open-05`; as many random draws are off by a fifth."""
+"""Number of noise patterns of the path that are run [-]. They give 0.999 of the variance that all 174
+patterns cause in the data of `runs/open-01` and `runs/open-05`. The same number of random draws gives the
+variance with an error of a fifth."""
 SMALLEST_MODE = 0.3
-"""A mode that changes the whole data vector by less, in units of its noise, is left out."""
+"""A mode is left out if it changes the whole data vector by less than this, in units of its noise."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class PathModes:
 
 @dataclass(frozen=True)
 class MovedFront:
-    """The front face's path used in the runs: the fitted path, corrected by modes of its noise."""
+    """The front face's path in the runs: the fitted path, corrected by modes of its noise."""
 
     fitted: FlyerPath
     """The path fitted to the record."""
@@ -86,24 +87,24 @@ class MovedFront:
 
     @property
     def offset(self) -> FloatArray:
-        """The same change in terms of the patterns, which is subtracted from predictions, shape [k]."""
+        """The same change in terms of the patterns, shape [k]. It is subtracted from predictions."""
         return np.asarray(self.amplitudes @ self.modes.patterns)
 
 
 @dataclass(frozen=True)
 class FrontPath:
-    """The front face's path used in the runs, and the effect of its noise on the data."""
+    """The front face's path in the runs, and the effect of its noise on the data."""
 
     path: FlyerPath
     """The path."""
     noise: FrontNoise = field(default_factory=FrontNoise)
     """Its patterns, and the change by the path correction along them."""
     moved: MovedFront | None = None
-    """The path correction; None if the path is as fitted to the record."""
+    """The path correction; None if the path is not corrected."""
 
     @classmethod
     def following(cls, moved: MovedFront) -> FrontPath:
-        """A corrected path; its change is subtracted by means of its patterns."""
+        """A corrected path. Its change is subtracted by means of its patterns."""
         return cls(moved.path, FrontNoise(moved.modes.patterns, moved.offset), moved)
 
     def with_noise(self, patterns: FloatArray, offset: FloatArray | None = None) -> FrontPath:
@@ -130,7 +131,7 @@ def data_change(prediction: Prediction) -> FloatArray:
 
 
 def drawn_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
-    """Independent patterns of the data with the mean square of some replicates, shape [n_modes, k].
+    """Independent patterns of the data with the same mean square as some replicates, shape [n_modes, k].
 
     ``change``: data of each replicate minus those of the reference, shape [n, k]. ``noise``: standard
     deviations of the data, shape [k].
@@ -149,19 +150,19 @@ def rms_amplitude(amplitudes: FloatArray) -> float:
 
 
 FOLLOWED = 2.0
-"""Root mean square of the amplitudes (prior: standard normal) up to which the path is not corrected [-]: the
-linear patterns are accurate enough. If Poisson's ratio is free, every path is corrected, because patterns
-that ring at one frequency would fix the ratio at that frequency."""
+"""Root mean square of the amplitudes up to which the path is not corrected [-]; their prior is standard
+normal. Up to this value the linear patterns are accurate enough. If Poisson's ratio is free, every path is
+corrected: patterns that ring at one frequency would fix the ratio at that frequency."""
 CREDIBLE = 4.0
-"""The same beyond which the path is not corrected [-]: such a record is wrong, not noisy, and a correction
-would hide the error."""
+"""Root mean square of the amplitudes beyond which the path is not corrected [-]. Such a record is wrong, not
+noisy, and a correction would hide the error."""
 
 
 def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
     """Most likely amplitudes of the front face's patterns for a residual, shape [q].
 
-    a = M C^-1 r with the patterns M (amplitudes standard normal a priori) and the covariance C of the
-    residual r = data - prediction, patterns included.
+    a = M C^-1 r with the patterns M and the covariance C of the residual r = data - prediction. C includes
+    the patterns; the prior of their amplitudes is standard normal.
 
     ``objective``: with the patterns, and the discrepancies of the residual. ``residual``: shape [k].
     """
@@ -169,5 +170,5 @@ def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
 
 
 def credible(amplitudes: FloatArray) -> bool:
-    """True if there are amplitudes and they are plausible as noise of the record."""
+    """True if there are amplitudes and their size is plausible for noise of the record."""
     return 0.0 < rms_amplitude(amplitudes) <= CREDIBLE

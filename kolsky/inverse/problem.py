@@ -1,15 +1,15 @@
 """The inverse problem of one shot: prepared data, settings, free parameters, provenance.
 
-Stiffness factor, Poisson's ratio and damping are free by default. The ringing of the force constrains the
-last two better than a data sheet, if the specimen sticks to the platens. The table [uncertainty] of shot.toml
-is used as follows:
+Stiffness factor, Poisson's ratio and damping are free by default. If the specimen sticks to the platens, the
+ringing of the force constrains the last two better than a data sheet. The table [uncertainty] of shot.toml is
+used as follows:
 
 - a standard uncertainty makes the declared value a Gaussian prior,
 - an uncertainty of 0 holds the parameter at the declared value,
-- without an entry the parameter is uniform over the range of its design.
+- without an entry, the parameter has a uniform prior over the range of its design.
 
-Constants of relaxation are free if [relaxation] declares them free and an outline was measured. If a surface
-slides or lets go, or without an outline, only the stiffness factor is free.
+Constants of relaxation are free if [relaxation] declares them free and an outline was measured. Only the
+stiffness factor is free without an outline, or if a surface slides or lets go.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from kolsky.shot.recordings import recording_facts
 from kolsky.shot.records import Shot
 
 BINS = 30
-"""Number of force bins if no camera frames define their width. There are about ten per wave transit of a soft
-specimen, and few enough to average the ringing of the mesh."""
+"""Number of force bins if no camera frames define their width. A wave transit of a soft specimen then has
+about ten bins. They are wide enough to average the ringing of the mesh."""
 OUTLINES = 65
 """Number of output times of the simulated outline if none was measured, first and last included."""
 
@@ -54,9 +54,10 @@ class PreparedShot:
     observations: Observations
     """The measurements inside the window."""
     checks: dict[str, Any]
-    """Figures that show whether the declared noise is plausible and how far the curve reaches."""
+    """Numbers that show whether the declared noise is plausible and which strains the curve covers."""
     motion_sigma_gain: float = 0.0
-    """Standard uncertainty of the scale of the front face's motion [-]; not in the path's covariance."""
+    """Standard uncertainty of the scale of the front face's motion [-]; the path's covariance does not
+    include it."""
 
     @property
     def path(self) -> FlyerPath:
@@ -73,7 +74,7 @@ class PreparedShot:
     ) -> Forward:
         """The forward model with more paths (`n`) and curves (`n` or `curves`), drawn from their noise.
 
-        If the scale of the motion is uncertain, the last path is the first one scaled up by its sigma; a
+        If the scale of the motion is uncertain, the last path is the first one scaled up by its sigma; this
         single number needs no draws. ``path``: mean of the drawn paths; default: the fitted path.
         """
         path = path or self.path
@@ -155,7 +156,7 @@ def _bin_width(force: ForceHistory, window: tuple[float, float]) -> float:
 
 
 DEFAULT = ("stiffness_factor", "poisson", "damping")
-"""Parameters that are free if the data of a shot constrain them."""
+"""Parameters that are free by default, if the data of a shot constrain them."""
 ONE_FREE = ("stiffness_factor",)
 """Free parameters if a surface slides or lets go."""
 
@@ -174,7 +175,7 @@ class Freed:
     """Settings in which every parameter is either free or held, and why some are held."""
 
     settings: Settings
-    """With `free` filled in."""
+    """The settings with `free` filled in."""
     by_default: bool
     """True if the free parameters are the default choice; they are held if the data do not constrain them."""
     reasons: Mapping[str, str]
@@ -214,12 +215,12 @@ class Freed:
 
 
 def choose(settings: Settings, shot: Shot) -> Freed:
-    """Choose the free parameters that the settings do not specify.
+    """Choose the free parameters that the settings leave open.
 
     Parameters
     ----------
     settings
-        As the user gave them.
+        Settings from the user.
     shot
         The shot; its declared interface and uncertainties are used.
 
@@ -253,7 +254,7 @@ def choose(settings: Settings, shot: Shot) -> Freed:
 
 
 def rough(shot: Shot, named: Iterable[str]) -> bool:
-    """True if a surface slides or lets go: as declared, or because a named parameter makes it so."""
+    """True if a surface slides or lets go, as declared or because of a named parameter."""
     from explicit.contact import contact_law
 
     laws = [contact_law(shot.interface.faces), contact_law(shot.interface.side)]
@@ -277,7 +278,7 @@ class InverseProblem:
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
         """The problem of a loaded shot.
 
-        Raises ValueError if its recordings cannot be used, a parameter is unknown or a bound out of range.
+        Raises ValueError if recordings cannot be used, a parameter is unknown, or a bound is out of range.
         """
         prepared = prepare_shot(with_pull(shot, settings.pull))
         return cls.freeing(prepared, choose(settings, prepared.forward.shot))
@@ -288,11 +289,16 @@ class InverseProblem:
         return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.forward.shot))
 
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> InverseProblem:
-        """The same with parameters held, each for a reason, at a given value or the shot's value."""
+        """The settings with further parameters held, each for a reason.
+
+        A parameter has a given value or the shot's value.
+        """
         return self.freeing(self.prepared, self.freed.holding(reasons, at))
 
     def of_one(self, name: str) -> InverseProblem:
-        """The same problem with one free parameter and no prior; the others keep the shot's values."""
+        """The same problem with one free parameter and no prior. The other parameters keep the shot's
+        values.
+        """
         i = self.box.names.index(name)
         return replace(self, box=Box.of({name: (self.box.lower[i], self.box.upper[i])}), prior=None)
 
@@ -318,8 +324,9 @@ class InverseProblem:
 
     @property
     def refined(self) -> Numerics:
-        """Numerical choices of the refined mesh. It is graded, with two exceptions: a surface slides, so that
-        single runs jump; or runs are corrected for Poisson's ratio, which uses other meshes."""
+        """Numerical choices of the refined mesh. The mesh is graded, with two exceptions. Single runs jump if
+        a surface slides; runs with a correction for Poisson's ratio use other meshes.
+        """
         if self._is_graded:
             return graded(self.numerics, self.settings.refined_mesh)
         return self.numerics.with_mesh(self.settings.refined_mesh)
@@ -351,7 +358,7 @@ class InverseProblem:
 
 
 def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:
-    """The record that is needed to repeat a result: hashes, settings, versions, machine class.
+    """The record needed to repeat a result: hashes, settings, versions, machine class.
 
     ``shot``, ``prepared``: the shot as loaded and as prepared. ``settings``: the dataclass of settings of the
     result. ``sliding``: whether Coulomb's law replaced the declared interface, see

@@ -1,9 +1,9 @@
-"""The optimum on the refined mesh where the response is rough: a quadratic through many runs.
+"""The optimum on the refined mesh for a rough response, by a quadratic through many runs.
 
 `RefinedOptimum` is the result of every search on the refined mesh. If a surface slides or lets go, a small
-change of a parameter can change whether a node sticks, slips or lifts, and the response jumps. A quadratic
-through more runs than it has terms averages these jumps. Its residual is the roughness of the response, a
-part of the uncertainty. Smooth responses: `kolsky.inverse.gauss_newton`.
+change of a parameter can change whether a node sticks, slips or lifts. The response then jumps. A quadratic
+through more runs than it has terms averages these jumps. Its residual is the roughness of the response, which
+is a part of the uncertainty. Smooth responses: `kolsky.inverse.gauss_newton`.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,8 @@ from kolsky.inverse.settings import Numerics
 CONFIRMED = 0.2
 """An optimum is confirmed if the check run shifts it by less than this share of the residuals' sigma."""
 CONFIRMED_ROUGH = 3.0
-"""It is also confirmed below this many standard deviations of the roughness, which is in the interval."""
+"""It is also confirmed if the shift is below this many standard deviations of the roughness. The interval
+includes the roughness."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class RefinedOptimum:
     """The optimum on the refined mesh, confirmed or not by its last run."""
 
     x: FloatArray
-    """The answer, shape [d]; the last run is there."""
+    """The answer, shape [d]. The last run is at this point."""
     front: FrontPath
     """The front face's path of the runs."""
     box: Box
@@ -70,10 +71,10 @@ class RefinedOptimum:
     roughness: FloatArray | None = None
     """Standard deviation of the optimum from the response's roughness, shape [d]; None if it is smooth."""
     deviations: FloatArray | None = None
-    """Deviation of each run from the model over the square root of the degrees of freedom, shape [n, k]. The
-    sum of squares of a linear map of the rows is a variance. None if the response is smooth."""
+    """Deviation of each run from the model, divided by the square root of the degrees of freedom, shape [n,
+    k]. The sum of squares of a linear map of the rows is a variance. None if the response is smooth."""
     offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
-    """Optimum on each coarser mesh minus the answer, shape [d], for meshes run at shifted points."""
+    """Optimum on each coarser mesh minus the answer, shape [d], for meshes that are run at shifted points."""
 
 
 def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
@@ -103,18 +104,19 @@ def slides(problem: InverseProblem) -> bool:
 
 
 EDGE = 0.2
-"""Edge of the first box in the unit box: wide, so that the jumps are small compared with the response."""
+"""Edge of the first box in the unit box. A wide box makes the jumps small compared with the response."""
 LEFTOVER = 0.3
-"""The box is halved while the deviation of a run from the quadratic shifts the optimum by more than this
-share of the residuals' sigma."""
+"""The box is halved while a run's deviation from the quadratic shifts the optimum by more than this. In
+shares of the residuals' sigma."""
 GAIN = 0.7
-"""A halved box is kept if the residual of the fit decreases to less than this share."""
+"""A halved box is kept if the residual of the fit is below this share of its previous value."""
 PATIENCE = 2
-"""Number of halvings within which it must decrease: a ringing response is fitted only within a period."""
+"""Maximum number of halvings until it decreases. A ringing response is fitted only within a period."""
 SMALLEST = 0.01
-"""Smallest edge of a box to be halved. All of this is done on the surrogate's mesh, where runs are cheap."""
+"""Smallest edge of a box to be halved. The boxes are halved on the surrogate's mesh, where runs are cheap."""
 MOST_MOVES = 4
-"""Maximum number of designs on the refined mesh, each centred at the last optimum, until it lies inside."""
+"""Maximum number of designs on the refined mesh. Each is centred at the last optimum. The search ends when
+the optimum lies inside."""
 REACH = 4.0
 """Largest move of a narrow box by a Gauss-Newton step, in edges of the box."""
 
@@ -134,7 +136,7 @@ class QuadraticFit:
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals, shape [d]."""
     edge: float
-    """Edge of the quadratic's box, in the unit box [-]."""
+    """Edge of the quadratic's box, relative to the unit box [-]."""
 
     def model(self, points: FloatArray) -> FloatArray:
         """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
@@ -147,7 +149,9 @@ class QuadraticFit:
 
     @property
     def leftover(self) -> float:
-        """Root mean square of run minus quadratic over the data's noise, from the degrees of freedom [-]."""
+        """Root mean square of run minus quadratic, divided by the data's noise [-]. It accounts for the
+        degrees of freedom.
+        """
         square = ((self.surrogate.residuals / self.objective.noise) ** 2).mean(axis=1).sum()
         return float(np.sqrt(square / self.surrogate.degrees_of_freedom))
 
@@ -158,7 +162,7 @@ class QuadraticFit:
 
 
 def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum:
-    """Stage 3 of `kolsky.identification.identify` where a surface slides or lets go.
+    """Stage 3 of `kolsky.identification.identify` if a surface slides or lets go.
 
     Parameters
     ----------
@@ -168,7 +172,7 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
     Raises
     ------
     ValueError
-        If the run at the optimum does not complete, or too few of a design do.
+        If the run at the optimum does not complete, or too few runs of a design do.
     """
     found = _moved_to_inside(runner, *_first_box(runner, coarse))
     x = found.x
@@ -199,7 +203,7 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
 def _moved_by_coarse_mesh(runner: Runner, found: QuadraticFit) -> FloatArray | None:
     """Optimum on the surrogate's mesh minus the optimum, shape [d]; None if the run fails.
 
-    From one run at the optimum: a search on that mesh would also follow its roughness.
+    It uses one run at the optimum. A search on that mesh would also follow its roughness.
     """
     runs = runner.run("check", found.x[None], runner.problem.numerics, recorded=False)
     if runs.prediction is None:
@@ -212,8 +216,8 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
     """Middle and edge of the first box on the refined mesh.
 
     If a surface slides, the box stays wide: in a narrow one, a few jumps would determine the slope. Otherwise
-    it covers the range in which the response is quadratic, and its middle is the optimum estimated from one
-    run on the refined mesh.
+    the box covers the range in which the response is quadratic. Its middle is then the optimum estimated from
+    one run on the refined mesh.
     """
     if slides(runner.problem):
         return coarse.x, EDGE
@@ -225,7 +229,7 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
 
 
 def _halved_box(runner: Runner, coarse: CoarseOptimum) -> QuadraticFit:
-    """A quadratic on the surrogate's mesh, with its box halved until the fit is good."""
+    """A quadratic on the surrogate's mesh. Its box is halved until the fit is good."""
     numerics, edge, patience = runner.problem.numerics, EDGE, PATIENCE
     found = last = _fit(runner, coarse.x, edge, numerics)
     while patience and (found.roughness > LEFTOVER * found.sigma).any() and edge > SMALLEST:
@@ -239,7 +243,7 @@ def _halved_box(runner: Runner, coarse: CoarseOptimum) -> QuadraticFit:
 
 
 def _moved_to_inside(runner: Runner, middle: FloatArray, edge: float) -> QuadraticFit:
-    """A quadratic on the refined mesh, with its box moved until the optimum lies inside."""
+    """A quadratic on the refined mesh. Its box is moved until the optimum lies inside."""
     for _ in range(MOST_MOVES):
         found = _fit(runner, middle, edge, runner.problem.refined)
         if not at_inner_face(found.x, found.surrogate.box, runner.problem.box):

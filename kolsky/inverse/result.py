@@ -1,7 +1,7 @@
 """The result of an identification: estimates with intervals, and the records that support them (SI).
 
-`Identification` holds estimates, routes, the check run with the data, goodness of fit, clocks, likely causes,
-profiles, declared inputs, other choices of the analyst and other methods.
+`Identification` contains estimates, routes, the check run with the data, goodness of fit, clocks, likely
+causes, profiles, declared inputs, other choices of the analyst and other methods.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PROFILE = "profile likelihood"
 POSTERIOR = "posterior median"
 
 AGREEMENT = 0.25
-"""Methods agree if each lies within this share of the k = 2 half width from the answer."""
+"""Methods agree if each lies within this share of the k = 2 half width of the answer."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,13 @@ class Method:
     values: dict[str, float]
     """The values it finds, in parameter units."""
     distances: dict[str, float]
-    """Value minus the answer, over the half width of the answer's k = 2 interval [-]; NaN if the method has
-    no value, or if the interval of the answer has no width."""
+    """Value minus the answer, divided by the half width of the answer's k = 2 interval [-]. NaN if the method
+    has no value, or if the answer's interval has no width."""
     runs: int
-    """Number of simulations, including those of the surrogate it uses."""
+    """Number of simulations, including those of its surrogate."""
     shared_runs: int
-    """Number of these that another method made; a method that uses the answer's surrogate makes no new
-    runs."""
+    """Number of these simulations that another method made. A method that uses the answer's surrogate makes
+    no new runs."""
     converged: bool
     """True if its convergence criterion was met."""
     ended: str
@@ -99,7 +99,7 @@ class Method:
 
 
 def disagreements(methods: Iterable[Method]) -> Iterator[tuple[Method, str, float]]:
-    """Method, parameter and distance where the distance exceeds `AGREEMENT` or is not known."""
+    """Method, parameter and distance, for distances above `AGREEMENT` and unknown distances."""
     for method in methods:
         for parameter, distance in method.distances.items():
             if not isfinite(distance) or abs(distance) > AGREEMENT:
@@ -115,9 +115,9 @@ FLYER, CURVE = "flyer motion", "material curve"
 
 
 DECLARED = "declared inputs"
-"""All declarations in [uncertainty] of the shot file."""
+"""All declarations in [uncertainty] of the shot file as one source."""
 LATE = 3.0
-"""A clock is wrong beyond this many standard uncertainties of its lag."""
+"""A clock is wrong if its lag exceeds this many standard uncertainties."""
 
 
 @dataclass(frozen=True)
@@ -139,17 +139,17 @@ class FitQuality:
     """Largest size of the signal, in `unit`: the largest force; the spread of the outline's radii."""
     slow_residual: float
     """Root mean square of the residual's means over an eighth of the window (and a third of the outline's
-    points), in `unit`: noise and ringing average out, the effect of a wrong input does not."""
+    points), in `unit`. In these means noise and ringing average out, but not the effect of a wrong input."""
     slow_expected: float
     """Root mean square of the same means expected of a correct model, from all sources, in `unit`."""
     chi2: float
-    """Mean square of the residual over the noise [-]; 1 if only noise remains."""
+    """Mean square of the residual divided by that of the noise [-]; 1 if only noise remains."""
     discrepancy_share: float
     """Share of the discrepancy tau in the variance of the weights [-]; 0 if only noise remains."""
     correlation: float
     """Correlation of neighbouring residuals (force: in time; outline: along one frame) [-]."""
     whiteness: float
-    """Probability of a correlation at least so large in white noise (Ljung-Box, one lag) [-]."""
+    """Probability that white noise has at least this correlation (Ljung-Box, one lag) [-]."""
     weight: Mapping[str, float] = field(default_factory=dict)
     """Share of the information on each free parameter that comes from this channel [-]."""
     limit: float = inf
@@ -173,28 +173,28 @@ class FitQuality:
 
     @property
     def over_noise(self) -> float:
-        """Residual over the measured noise [-]."""
+        """Residual divided by the measured noise [-]."""
         noise = self.predicted.get(NOISE, nan)
         return self.residual / noise if noise > 0.0 else nan
 
     @property
     def over_peak(self) -> float:
-        """Residual over the largest size of the signal [-]."""
+        """Residual divided by the largest size of the signal [-]."""
         return self.residual / self.peak if self.peak > 0.0 else nan
 
     @property
     def excess(self) -> float:
-        """Residual over the residual expected of a correct model [-]."""
+        """Residual divided by the residual expected of a correct model [-]."""
         return self.residual / self.expected if self.expected > 0.0 else nan
 
     @property
     def slow_excess(self) -> float:
-        """Slow residual over the slow residual expected of a correct model [-]."""
+        """Slow residual divided by the slow residual expected of a correct model [-]."""
         return self.slow_residual / self.slow_expected if self.slow_expected > 0.0 else nan
 
     @property
     def explained(self) -> bool:
-        """True if a correct model could leave this residual; False if the residual is not known."""
+        """True if a correct model could have this residual. False if the residual is unknown."""
         return self.excess <= self.limit and self.slow_excess <= self.slow_limit
 
     @property
@@ -212,9 +212,9 @@ class FitQuality:
     def testable(self) -> bool:
         """False if the check passes only because of declared uncertainties.
 
-        Then both the expected residual and the residual exceed the limit of the check without declared
-        uncertainties. A misfit that noise, flyer and mesh exclude would still pass, since every input may be
-        wrong by its declared uncertainty.
+        In that case the expected residual and the residual both exceed the limit of the check without
+        declared uncertainties. Otherwise a misfit that noise, flyer and mesh exclude would pass, because
+        every input may be wrong by its declared uncertainty.
         """
         bare = self.noticed_without_declared
         return self.expected <= bare or self.residual <= bare
@@ -222,7 +222,7 @@ class FitQuality:
 
 @dataclass(frozen=True)
 class ClockLag:
-    """Delay of one recording relative to the other two, from the residual of the model."""
+    """Delay of one recording relative to the other two, estimated from the residual of the model."""
 
     recording: str
     """The delayed recording: "force", "outline" or "flyer"."""
@@ -231,17 +231,17 @@ class ClockLag:
     sigma: float
     """Standard uncertainty of `lag` [s]; NaN if its search did not converge."""
     evidence: float
-    """Decrease of -2 ln L by this lag only, with the free parameters refitted [-]."""
+    """Decrease of -2 ln L by this lag alone, with the free parameters refitted [-]."""
     explains: bool
     """True if the model explains force and outline after the correction of this lag."""
     file: str
-    """The file that holds its times."""
+    """The file with its times."""
     key: str
     """The key of shot.toml that corrects it."""
 
     @property
     def significance(self) -> float:
-        """Size of the lag over its standard uncertainty [-]; 0 if that is not known."""
+        """Size of the lag divided by its standard uncertainty [-]; 0 if the uncertainty is unknown."""
         return abs(self.lag) / self.sigma if self.sigma > 0.0 else 0.0
 
     @property
@@ -251,32 +251,34 @@ class ClockLag:
 
 
 COVERAGE = 2.0
-"""An input is not wrong if its change is within this many declared standard uncertainties."""
+"""An input is not wrong if its change is within this many of its declared standard uncertainties."""
 
 
 @dataclass(frozen=True)
 class CauseFinding:
-    """One input, changed to give the best fit, with the free parameters identified again."""
+    """One input with its best-fitting change, and the free parameters identified again."""
 
     key: str
-    """Key of shot.toml to be checked, or a name of another cause; unique."""
+    """Key of the input in shot.toml, or a name of another cause; unique."""
     words: str
     """The changed input, in words."""
     unit: str
     """Unit of `exact` and `value`; "1" for a factor or a plain number."""
     exact: float
-    """Declared value: 1 for a factor, 0 for an offset; NaN if it has no number."""
+    """Declared value: 1 for a factor, 0 for an offset; NaN for an input without a number."""
     value: float
     """Value that fits the data best; NaN if it could not be tried."""
     sigma: float
-    """Standard uncertainty of `value`; NaN where it has none."""
+    """Standard uncertainty of `value`; NaN if it has none."""
     explained: float
-    """Share of the excess misfit that the change removes; the excess is over that of a correct model [-]."""
+    """Share of the excess misfit that the change removes [-]. The excess is the misfit beyond that of a
+    correct model."""
     evidence: float
-    """Twice the logarithm of the likelihood ratio, with one residual per time and channel [-]; 0 if the data
-    are explained without a change."""
+    """Twice the logarithm of the likelihood ratio, with one residual per time and channel [-]. 0 if the model
+    explains the data without a change."""
     probability: float
-    """Probability of such a change by chance, corrected for the number of inputs tried (Holm 1979) [-]."""
+    """Probability that such a change occurs by chance [-], corrected for the number of inputs tried (Holm
+    1979)."""
     parameters: Mapping[str, float]
     """The free parameters with this change, on the surrogate's mesh, corrected to the refined mesh."""
     sigmas: Mapping[str, float]
@@ -284,11 +286,11 @@ class CauseFinding:
     named: bool
     """True if it is listed as a likely cause."""
     alike: tuple[str, ...] = ()
-    """Keys of other inputs that the data cannot distinguish from this one."""
+    """Keys of other inputs with an effect that the data cannot distinguish from this one."""
     beside: str = ""
     """Key of the likelier cause that was free at the same time; empty if only this one was free."""
     status: str = ""
-    """Reason why it could not be tried; empty if it was."""
+    """Reason why the input could not be tried; empty if it was tried."""
     declared_sigma: float | None = None
     """Its declared standard uncertainty, in its unit; None if none is declared."""
     solved: Mapping[str, float] = field(default_factory=dict)
@@ -303,40 +305,43 @@ class CauseFinding:
 
     @property
     def within(self) -> bool:
-        """True if the change is within k = 2 of the declared uncertainty: then the input is not in error."""
+        """True if the change is within k = 2 of the declared uncertainty. The input is then not in error."""
         return self.declared_sigma is not None and abs(self.change) <= COVERAGE * self.declared_sigma
 
 
 Interval = tuple[float, float]
-"""Lower and upper end in the parameter's unit; NaN where it is open."""
+"""Lower and upper end in the parameter's unit; NaN at an open end."""
 
 
 @dataclass(frozen=True)
 class ParameterProfile:
-    """The profile likelihood of one parameter, from the noise of force and outline only."""
+    """The profile likelihood of one parameter, from the noise of force and outline.
+
+    Other sources of uncertainty are not included.
+    """
 
     name: str
     """The parameter."""
     values: FloatArray
     """The fixed values of the parameter, ascending, in its unit, shape [n]."""
     rise: FloatArray
-    """Rise of -2 ln L over its smallest value, the other parameters re-optimised [-], shape [n]."""
+    """Rise of -2 ln L above its smallest value, with the other parameters re-optimised [-], shape [n]."""
     points: FloatArray
     """The most likely points at these values, in SI, shape [n, d], in the order of the free parameters."""
     level: float
     """Rise at the ends of the 95 % interval [-]: 3.84 times `correlation`."""
     correlation: float
-    """Factor on this parameter's variance due to the time correlation of the residuals, >= 1 [-]."""
+    """Factor on this parameter's variance by the time correlation of the residuals, >= 1 [-]."""
     interval: Interval
     """95 % interval from the profile."""
     alone: Interval
-    """The same with the other parameters held at their optimum."""
+    """Another profile, with the other parameters held at their optimum."""
     verdict: str
     """Value of a `doe.uncertainty.VerdictKind`."""
     text: str
     """The verdict in a sentence, with the direction of a ridge."""
     error: float
-    """Largest error of the rise against runs on the surrogate's mesh along the profile [-]."""
+    """Largest difference of the rise from that of runs on the surrogate's mesh along the profile [-]."""
 
 
 @dataclass(frozen=True)
@@ -350,7 +355,7 @@ class PairMap:
     y: FloatArray
     """Values of the second, in SI, shape [ny]."""
     rise: FloatArray
-    """Rise of -2 ln L over its smallest value [-], shape [ny, nx]."""
+    """Rise of -2 ln L above its smallest value [-], shape [ny, nx]."""
 
 
 @dataclass(frozen=True)
@@ -366,22 +371,26 @@ class Declaration:
     shifts: Mapping[str, float]
     """Shift of each free parameter if the input increases by `sigma`, in SI; empty if it was not varied."""
     status: str
-    """What was done: "varied", "not declared, counted as exact", or why it does not apply."""
+    """The treatment of the input: "varied", "not declared, counted as exact", or the reason why it does not
+    apply."""
     amount: float = float("nan")
     """A reference change: 1 % of a scale, 1 us of a clock, 10 um of a position, in `unit`. NaN if it does not
-    apply, or if the file does not hold it."""
+    apply, or if the file does not contain it."""
     moves: Mapping[str, float] = field(default_factory=dict)
     """Shift of each free parameter if the input increases by `amount`, in SI; empty if `amount` is NaN."""
     visible: float = float("nan")
     """Share of the change of "prediction minus data" that remains in the residual after the parameters are
-    refitted, 0 to 1 [-]. Near zero, the data cannot reveal an error of the input. NaN if `amount` is NaN."""
+    refitted [-], 0 to 1. If it is near zero, the data cannot reveal an error of the input. NaN if `amount` is
+    NaN."""
     alike: tuple[str, ...] = ()
-    """Keys of the inputs with the same effect on the residual: the data cannot distinguish them."""
+    """Keys of inputs with the same effect on the residual. The data cannot distinguish them."""
 
 
 @dataclass(frozen=True)
 class Variation:
-    """An alternative choice of the analyst, with the same data and runs, searched again on the surrogate."""
+    """Another choice of the analyst with the same data and runs. The optimum is searched again on the
+    surrogate.
+    """
 
     key: str
     """The choice: "window_end" or "force_bins"."""
@@ -396,7 +405,10 @@ class Variation:
 
 @dataclass(frozen=True)
 class PosteriorSummary:
-    """The posterior by Markov chains, from the noise of force and outline only."""
+    """The posterior by Markov chains, from the noise of force and outline.
+
+    Other sources of uncertainty are not included.
+    """
 
     names: tuple[str, ...]
     """Free parameters, then the sampled discrepancies, length n."""
@@ -409,7 +421,7 @@ class PosteriorSummary:
     upper: FloatArray
     """97.5 % quantile of all samples, shape [n]."""
     converged: bool
-    """True if the chains are long compared with their autocorrelation time, and that time is steady."""
+    """True if the chains are much longer than their autocorrelation time, and this time is steady."""
     autocorrelation: float
     """Longest integrated autocorrelation time [steps]."""
     steps: int
@@ -417,7 +429,7 @@ class PosteriorSummary:
     acceptance: float
     """Share of accepted moves [-]."""
     power: float
-    """Power of the likelihood, 1 over the mean `ParameterProfile.correlation` [-]."""
+    """Power of the likelihood, 1 divided by the mean `ParameterProfile.correlation` [-]."""
     prior: str
     """The priors, in words."""
 
@@ -442,7 +454,7 @@ class Verdict(StrEnum):
 
     @classmethod
     def _missing_(cls, value: object) -> Self | None:
-        """The words of files written before version 0.1.0."""
+        """The words of result files from versions before 0.1.0."""
         words = str(value).replace("not told from", "not distinguished from")
         return next((one for one in cls if one.value == words), None)
 
@@ -453,7 +465,9 @@ class Verdict(StrEnum):
 
     @property
     def identified(self) -> bool:
-        """True if the value is valid: inside the design, confirmed, and the model explains the data."""
+        """True if the value is valid: it lies inside the design, is confirmed, and the model explains the
+        data.
+        """
         return self in (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE)
 
 
@@ -475,25 +489,26 @@ class Estimate:
     mesh_shift: float
     """Value on the refined mesh minus value on the surrogate's mesh."""
     noise_parts: dict[str, float]
-    """The share of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer
-    motion" (the noise of the measured front-face motion), "material curve"."""
+    """Parts of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer motion" (the
+    noise of the measured front-face motion), "material curve"."""
     outcome: Verdict
     """How the search ended."""
     sigma_systematic: float = 0.0
     """Standard uncertainty from the inputs declared in [uncertainty] of shot.toml, 0 if none is declared."""
     numerical_parts: dict[str, float] = field(default_factory=dict)
-    """The share of `sigma_numerical` by source: "mesh" (the error of mesh, step and element that remains
-    after the correction) and "roughness" of the response (if surfaces slide or several parameters are
-    free)."""
+    """Parts of `sigma_numerical` by source. "mesh" is the error of mesh, step and element that remains after
+    the correction. "roughness" is that of the response, if surfaces slide or several parameters are free."""
     mesh_correction: float = 0.0
-    """Extrapolation from the refined mesh to an infinitely fine one, which `value` contains; its standard
-    uncertainty is the part "mesh" of `numerical_parts`. 0 in results that were not corrected."""
+    """Extrapolation from the refined mesh to an infinitely fine one. `value` includes it. Its standard
+    uncertainty is the part "mesh" of `numerical_parts`. 0 in results without this correction."""
     searched: tuple[float, float] = (-np.inf, np.inf)
-    """Range of the search; infinite in results that did not record it."""
+    """Range of the search; infinite in result files without it."""
 
     @property
     def on_mesh(self) -> float:
-        """Optimum on the refined mesh, on which check run, profiles and method comparison are made."""
+        """Optimum on the refined mesh. The check run, the profiles and the comparison of methods use this
+        point.
+        """
         return self.value - self.mesh_correction
 
     @property
@@ -507,7 +522,7 @@ class Estimate:
         return self.within(2.0 * self.sigma)
 
     def within(self, half: float) -> tuple[float, float]:
-        """The interval of this half width about the value, cut to the range of the search."""
+        """The interval of this half width about the value, limited to the range of the search."""
         low, high = self.searched
         return max(self.value - half, low), min(self.value + half, high)
 
@@ -520,12 +535,12 @@ class Contribution:
     """ "force and shape", "flyer motion", "material curve", "force scale", "motion scale", "mesh",
     "roughness", "declared inputs"."""
     sigma: dict[str, float]
-    """Standard uncertainty of each parameter from it, in parameter units."""
+    """Standard uncertainty of each parameter due to this source, in parameter units."""
 
 
 @dataclass(frozen=True)
 class Route:
-    """The optimum by one part of the data only."""
+    """The optimum for one part of the data."""
 
     name: str
     """ "joint", "force only", "shape only", "paper" (the cost Phi of Eq. (M.5))."""
@@ -534,7 +549,7 @@ class Route:
     cost: float
     """Cost at the optimum."""
     sigma: dict[str, float]
-    """Combined standard uncertainty from the budget of this route; empty for the paper's cost."""
+    """Combined standard uncertainty of this route by its budget; empty for the paper's cost."""
     correction: dict[str, float] = field(default_factory=dict)
     """Correction by extrapolation to an infinitely fine mesh, included in `parameters`; empty if none."""
     budget: tuple[Contribution, ...] = ()
@@ -550,9 +565,9 @@ class RouteDifference:
     """Parameters from the force only minus parameters from the outline only."""
 
     values: dict[str, float]
-    """Difference in parameter units, of the optima corrected for the error of the refined mesh."""
+    """Difference in parameter units. Both optima are corrected for the error of the refined mesh."""
     sigma: dict[str, float]
-    """Its combined standard uncertainty; a source that shifts both equally does not contribute."""
+    """Its combined standard uncertainty. A source that shifts both optima equally does not contribute."""
     budget: tuple[Contribution, ...]
     """`sigma` by source."""
 
@@ -581,7 +596,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class SurrogateCurve:
-    """The surrogate along one parameter, the others at their optimum."""
+    """The surrogate along one parameter, with the others at their optimum."""
 
     parameter: str
     """The parameter that varies."""
@@ -606,17 +621,18 @@ class Identification(ResultViews):
     fixed: dict[str, float]
     """The parameters held fixed, in SI."""
     routes: tuple[Route, ...]
-    """Joint, force-only, outline-only and the paper's optimum; only the force's without an outline."""
+    """Optima of the joint data, the force, the outline and the paper's cost. Without an outline, only that of
+    the force."""
     terms: Terms
     """Misfit terms of the check run at the optimum."""
     comparison: Comparison
     """The check run, compared with the data."""
     response: Response
-    """The check run itself: a batch of one on the refined mesh, with all nodes."""
+    """The check run: a batch of one on the refined mesh, with all nodes."""
     mesh: tuple[int, int]
-    """Elements across the radius and along the length, the surrogate's mesh."""
+    """Elements of the surrogate's mesh across the radius and along the length."""
     refined_mesh: tuple[int, int]
-    """The refined mesh, used for the check runs and the answer."""
+    """Elements of the refined mesh, which gives the check runs and the answer."""
     design: DesignTable
     """Every run."""
     curves: tuple[SurrogateCurve, ...]
@@ -635,19 +651,19 @@ class Identification(ResultViews):
     profiles: tuple[ParameterProfile, ...] = ()
     """The profile likelihood of each free parameter."""
     ridge: PairMap | None = None
-    """The likelihood over the plane of two free parameters; None for another number of them."""
+    """The likelihood over the plane of two free parameters. None for one parameter, or for more than two."""
     posterior: PosteriorSummary | None = None
     """The posterior; None if not requested."""
     variations: tuple[Variation, ...] = ()
     """Effect of other choices of the analyst on the answer."""
     fit: tuple[FitQuality, ...] = ()
-    """Goodness of fit of force and outline; empty if it was not recorded (files before version 3)."""
+    """Goodness of fit of force and outline; empty if not recorded (files before version 3)."""
     clocks: tuple[ClockLag, ...] = ()
-    """Clock lags of the recordings, from the residual of the model; empty if they were not recorded."""
+    """Clock lags of the recordings, from the residual of the model; empty if not recorded."""
     causes: tuple[CauseFinding, ...] = ()
-    """Inputs whose change reduces the misfit, likely causes first; empty if none was tried."""
+    """Inputs that reduce the misfit when they are changed, likely causes first. Empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)
-    """Figures of the image processing of the shot's surfaces, see `kolsky.pictures.summary.numbers`."""
+    """Results of the image processing of the shot's surfaces, see `kolsky.pictures.summary.numbers`."""
     route_difference: RouteDifference | None = None
     """Force-only minus outline-only result; None without an outline, or if it was not recorded."""
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -657,7 +673,7 @@ class Identification(ResultViews):
         """Standard deviation of the residual of a correct model at each force bin or outline point, in N or
         m.
 
-        Only the noise if the goodness of fit was not recorded.
+        If the goodness of fit was not recorded, it is the noise.
         """
         c = self.comparison
         noise = c.force_sigma if channel == FORCE else c.centre_line.sigma
@@ -665,10 +681,10 @@ class Identification(ResultViews):
         return noise if fit is None else fit.spread(noise)
 
     def lag_that_matters(self, recording: str) -> float:
-        """Smallest lag of a recording that matters to the answer [s]; infinite if none is known.
+        """Smallest lag of a recording that changes the answer noticeably [s]; infinite if none is known.
 
-        For the force, the lag that shifts a free parameter by its k = 2 uncertainty, if known. Otherwise one
-        frame, the smallest possible error of a frame number.
+        For the force, it is the lag that shifts a free parameter by its k = 2 uncertainty, if known.
+        Otherwise it is one frame, the smallest possible error of a frame number.
         """
         found = [
             abs(part.amount) * 2.0 * self.estimates[name].sigma / abs(move)
@@ -690,9 +706,9 @@ class Identification(ResultViews):
 
 
 def worst_imbalance(response: Response) -> float:
-    """Largest |energy residual| of the batch's first simulation over its largest external work [-].
+    """Largest |energy residual| of the batch's first simulation, divided by its largest external work [-].
 
-    NaN if it has no ledger, as when no simulation of a design completed.
+    NaN without a ledger, for example if no simulation of a design completed.
     """
     if not np.isfinite(response.energy.external[0]).any():
         return float("nan")

@@ -2,8 +2,8 @@
 
 (M.n) is equation n of Mates et al. (2012). The paper's cost sums absolute residuals. Chi-square weights each
 residual by its measured noise: the force in bins, the outline point by point. The noise of a point's height
-would enter Z through the slope, sigma_Z,eff^2 = sigma_Z^2 + (dr/dy)^2 sigma_y^2. That term is NOT used:
-`CentreLine` has no sigma_y, and the slope is small except near the platens.
+would enter Z through the slope, sigma_Z,eff^2 = sigma_Z^2 + (dr/dy)^2 sigma_y^2. This term is NOT used:
+`CentreLine` has no sigma_y. The slope is small except near the platens.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SCALE_SHAPE = 0.001
 class Terms:
     """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square.
 
-    Without an outline, the terms that need one are NaN.
+    Terms that need an outline are NaN without one.
     """
 
     phi_shape: float
@@ -54,11 +54,11 @@ class Terms:
     n_shape: int
     """Number of outline points counted."""
     n_outside: int
-    """Number of outline points outside the model's range, not counted."""
+    """Number of outline points outside the model's range; they are not counted."""
 
     @property
     def chi2(self) -> float:
-        """Joint chi-square [-]; the force's where no outline was measured."""
+        """Joint chi-square [-]; that of the force without an outline."""
         return self.chi2_force + (self.chi2_shape if self.has_shape else 0.0)
 
     @property
@@ -70,14 +70,14 @@ class Terms:
 def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
     """Misfit terms of simulation `i`.
 
-    Phi_S is the mean over frames of the mean over a frame's counted points, Eq. (M.3); a frame without
-    a counted point is left out of the mean. Its uncertainty, Eq. (M.6), is Z_FEA sigma_Z / Z_DIC^2 of each
-    counted point, averaged in the same way. As in the paper, the errors of the points are treated as common
-    to all: the uncertainty does not decrease with their number. Phi_F is a sum over samples, Eq. (M.4), and
-    its uncertainty the sum of their sigmas, P delta F in Eq. (M.7). Chi-square takes the force from the bins,
-    with the bins' sigma, and the outline point by point, with sigma_Z.
+    Phi_S, Eq. (M.3), is a mean over the counted points of each frame, then over frames. A frame without a
+    counted point is left out. Its uncertainty, Eq. (M.6), is the same mean of Z_FEA sigma_Z / Z_DIC^2. As in
+    the paper, the errors are treated as common to all points. The uncertainty therefore does not decrease
+    with the number of points. Phi_F is a sum over samples, Eq. (M.4). Its uncertainty is the sum of their
+    sigmas, P delta F in Eq. (M.7). Chi-square takes the force from the bins, with the bins' sigma, and the
+    outline point by point, with sigma_Z.
 
-    Without an outline, every term that needs one is NaN (not zero), including Phi of Eq. (M.5).
+    Terms that need an outline are NaN without one (not zero). They include Phi of Eq. (M.5).
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
 def residuals(
     prediction: Prediction, observations: Observations, i: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Model minus measurement over sigma, of simulation `i`.
+    """Model minus measurement, divided by sigma, of simulation `i`.
 
     Returns: residual of each force bin [-], shape [n_bins]. Returns: residual of each outline point inside
     the model's range [-], shape [n_counted]. Returns: bin centres [s], shape [n_bins]. Returns: frame times
@@ -160,17 +160,17 @@ class DesignTable:
     end_times: FloatArray
     """Time each run reached [s], shape [n_runs]."""
     failed_elements: NDArray[np.int64]
-    """Element where it failed, numbered in the mesh of the run; -1 if it completed, shape [n_runs]."""
+    """Element where the run failed, numbered in the run's mesh; -1 if it completed, shape [n_runs]."""
     failed_places: FloatArray
     """Centre (R, Y) of that element in the undeformed mesh [m], shape [n_runs, 2]; NaN if it completed."""
     stage: tuple[str, ...]
-    """Reason why the run was made: "design", "refinement" or "check", length n_runs."""
+    """Purpose of the run: "design", "refinement" or "check", length n_runs."""
     phi_shape: FloatArray
     """Phi_S of each run [-], shape [n_runs]; NaN for a run that did not complete, or without an outline."""
     phi_force: FloatArray
     """Phi_F of each run [N], shape [n_runs]; NaN for a run that did not complete."""
     chi2_shape: FloatArray
-    """Shape chi-square of each run [-], shape [n_runs]; NaN likewise."""
+    """Shape chi-square of each run [-], shape [n_runs]; NaN as for Phi_S."""
     chi2_force: FloatArray
     """Force chi-square of each run [-], shape [n_runs]; NaN for a run that did not complete."""
 
@@ -203,12 +203,12 @@ class CompletedRuns:
     response: Response
     """The solver's complete response."""
     lost: str
-    """The failed runs in words, the first of them in full; empty if there are none."""
+    """The failed runs in words, with details of the first one; empty if there are none."""
 
 
 @dataclass(frozen=True)
 class Runs:
-    """Runs of one batch, whether they completed or not."""
+    """Runs of one batch, completed or failed."""
 
     names: tuple[str, ...]
     """Free parameters."""
@@ -232,7 +232,7 @@ class Runs:
 
     @property
     def first_lost(self) -> str:
-        """The first run that did not complete in words: its parameters and its ending."""
+        """The first failed run in words: its parameters and its ending."""
         first = int(np.argmin(self.response.completed))
         values = zip(self.names, self.points[first].tolist(), strict=True)
         point = ", ".join(f"{name} = {value:.4g}" for name, value in values)
@@ -240,7 +240,7 @@ class Runs:
 
     @property
     def lost(self) -> str:
-        """Failed runs in words: their number and the first one's ending; empty if all completed."""
+        """Failed runs in words: their number, and the ending of the first one. Empty if all completed."""
         n, lost = len(self.points), len(self.points) - len(self.rows)
         return f"{lost} of {n} runs did not complete; {self.first_lost}" if lost else ""
 
@@ -252,7 +252,7 @@ class Runs:
         return CompletedRuns(self.points[self.rows], self.rows, self.prediction, response, self.lost)
 
     def apart(self) -> list[CompletedRuns]:
-        """Each run as a separate record; all must have completed."""
+        """Each run as a separate record. All runs must have completed."""
         assert self.prediction is not None
         return [
             CompletedRuns(
@@ -271,7 +271,7 @@ Place = tuple[tuple[int, int], FlyerPath, FloatArray]
 
 
 class RunTable:
-    """Runs in the order they were made, with their ending and misfit terms; it only grows."""
+    """Runs in the order they were made, with their ending and misfit terms. Runs are never removed."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self.names = names
@@ -286,7 +286,7 @@ class RunTable:
     ) -> None:
         """Append a batch.
 
-        ``values``: parameter values of the runs on this mesh, shape [n, d]; the points of `runs` refer to the
+        ``values``: parameter values of the runs on this mesh, shape [n, d]. The points of `runs` refer to the
         refined mesh.
         """
         self._batches.append((on, runs))
@@ -315,7 +315,9 @@ class RunTable:
         return np.concatenate(points), Prediction.joined(predictions)
 
     def take(self, other: RunTable, held: Mapping[str, float]) -> None:
-        """Append the runs of another table that has a subset of the parameters, with the others held.
+        """Append the runs of another table with a subset of the parameters.
+
+        The other parameters were held.
 
         ``other``: table with a subset of the parameters. ``held``: value of each missing parameter, by name.
         """
@@ -334,7 +336,7 @@ class RunTable:
             if t is not None and stage != "check"
         ]
         points, cost = np.array([point for point, _ in kept]), np.array([phi for _, phi in kept])
-        # Two second designs can share a point; the same point gives the same run, bit for bit.
+        # Two second designs can share a point. The same point gives exactly the same run.
         _, first = np.unique(points.round(12), axis=0, return_index=True)
         return points[first], cost[first]
 
@@ -370,10 +372,11 @@ class Replicates:
     flyer: NDArray[np.bool_]
     """Mask of the rows with another motion."""
     lesson: NDArray[np.bool_]
-    """Mask of the rows with further motions, used for the weights, so that `flyer` stays independent."""
+    """Mask of the rows with further motions. They are used for the weights, and `flyer` stays independent."""
     curve: NDArray[np.bool_]
     """Mask of the rows with another curve."""
     scale: NDArray[np.bool_]
-    """Mask of the row with the motion scaled up by one standard uncertainty of its scale; at most one."""
+    """Mask of the row with the motion scaled up by one standard uncertainty of its scale. There is at most
+    one such row."""
     lost: int
     """Number of failed runs."""

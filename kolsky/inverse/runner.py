@@ -31,7 +31,7 @@ Mesh = tuple[int, int]
 class Runner:
     """Runs points of a problem under a path of the front face.
 
-    A coarse mesh is too soft, and its waves are too slow: it responds like the refined mesh at other
+    A coarse mesh is too soft, and its waves are too slow. It responds like the refined mesh at other
     parameters. All points passed in and out refer to the refined mesh.
     """
 
@@ -40,13 +40,14 @@ class Runner:
     front: FrontPath
     """The front-face path of the runs."""
     table: RunTable
-    """Table of every run, shared with the runners made by `under`."""
+    """Table of every run. Runners made by `under` use the same table."""
     work: Work
     """Notified of the stages."""
     rng: np.random.Generator
     """Random generator of designs and replicates, used in the order of the calls."""
     offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
-    """Offset of a point per mesh, [d]: with it, the run on the mesh resembles that on the refined mesh."""
+    """Offset of a point for each mesh, [d]. With this offset, a run on the mesh resembles a run on the
+    refined mesh."""
 
     @classmethod
     def of(cls, problem: InverseProblem, work: Work) -> Runner:
@@ -55,7 +56,7 @@ class Runner:
         return cls(problem, FrontPath(problem.prepared.path), RunTable(problem.box.names), work, rng)
 
     def under(self, front: FrontPath, offsets: Mapping[Mesh, FloatArray] | None = None) -> Runner:
-        """The same with another path and, if given, other offsets; the table is shared."""
+        """The same runner with another path and, if given, other offsets. The table is shared."""
         return replace(self, front=front, offsets=self.offsets if offsets is None else offsets)
 
     @property
@@ -93,7 +94,9 @@ class Runner:
         return self.front.path.noise_patterns(PATTERNS)
 
     def design(self, box: Box) -> Design:
-        """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
+        """Seven levels for one parameter. For several parameters, a Latin hypercube of twelve points for
+        each.
+        """
         if box.dimension == 1:
             return full_factorial(box, 7)
         return latin_hypercube(box, 12 * box.dimension, rng=self.rng, optimise=True)
@@ -111,8 +114,8 @@ class Runner:
     ) -> Response:
         """Run points as part of a stage, without recording them in the table.
 
-        ``points``: may lie outside the box, shape [n, d]. ``forward``: replaces that of the path; holds the
-        paths and laws that ``motion`` and ``material`` index.
+        ``points``: may lie outside the box, shape [n, d]. ``forward``: replaces that of the path. It holds
+        the paths and laws to which ``motion`` and ``material`` refer.
         """
         values = self.problem.point(self.solver_values(points, numerics.mesh))
         with self.work.stage(stage, len(points)) as report:
@@ -134,8 +137,10 @@ class Runner:
         all_nodes: bool = False,
         recorded: bool = True,
     ) -> Runs:
-        """Run points of shape [n, d], which may lie outside the box; with `recorded`, add them to the
-        table."""
+        """Run points of shape [n, d]; with `recorded`, add them to the table.
+
+        The points may lie outside the box.
+        """
         problem, mesh = self.problem, numerics.mesh
         response = self.respond(stage, points, numerics, all_nodes=all_nodes)
         runs = Runs.of(problem.box.names, points, response, problem.observations)
@@ -171,14 +176,14 @@ class Runner:
         return self.table.on(mesh, self.front.path, self.offset(mesh))
 
     def replicate(self, x: FloatArray, *, lesson: bool = True) -> PendingResult[Replicates]:
-        """Run a point with `settings.replicates` other curves and as many other motions.
+        """Run a point with `settings.replicates` other curves and the same number of other motions.
 
-        They are drawn immediately and run when the result is requested. If the patterns of the path are
-        known, no motion is drawn.
+        They are drawn immediately, and run when the result is requested. No motion is drawn if the patterns
+        of the path are known.
 
-        ``x``: in parameter units, shape [d]. ``lesson``: whether to run as many further motions for the
-        weights. Returns: pending result that gives the replicates; raises ValueError if the reference run did
-        not complete.
+        ``x``: in parameter units, shape [d]. ``lesson``: True to run the same number of further motions for
+        the weights. Returns: pending result that gives the replicates. It raises ValueError if the reference
+        run did not complete.
         """
         settings = self.problem.settings
         n = settings.replicates
@@ -214,7 +219,7 @@ class Runner:
     ) -> list[Prediction | None]:
         """Run each point with the path of the front face (row 0) and with other paths.
 
-        None for a point whose run under the path itself did not complete.
+        None for a point with a failed run under the path.
 
         ``points``: in parameter units, shape [p, d]. ``jerks``: jerk of each other path minus that of the
         path [m/s^3], shape [n, n_spans], see `front_jerks`.
@@ -235,13 +240,13 @@ class Runner:
 
 
 RUNS_OF_A_DESIGN = 64
-"""Number of runs of a design: these are run in vector lanes, a few runs one by one."""
+"""Number of runs of a design. Designs run in vector lanes; a few runs are made one by one."""
 
 
 def compile_for(problem: InverseProblem, work: Work) -> None:
     """Compile the solver in parallel for single runs, for a design and for the other element.
 
-    It takes some seconds once on a machine (stage "compile"); after that, nothing is done.
+    The first call on a machine takes some seconds (stage "compile"). Later calls do nothing.
     """
     numerics = problem.numerics
 

@@ -39,19 +39,19 @@ from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Work
 
 LEAST_RESOLUTION = 4.0
-"""A parameter is not constrained by the data if its standard deviation times this exceeds its range."""
+"""The data do not constrain a parameter if its standard deviation times this exceeds its range."""
 
 
 @dataclass(frozen=True)
 class HeldSearch:
-    """The search for the stiffness factor only, with all other parameters at the shot's values."""
+    """The search for the stiffness factor alone, with all other parameters at the shot's values."""
 
     values: Mapping[str, float]
     """Held values of the parameters that are free in the full search, in SI."""
     runner: Runner
     """Its runs on the surrogate's mesh."""
     coarse: CoarseOptimum
-    """Its optimum there."""
+    """Its optimum on this mesh."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ class Search:
     fine: RefinedOptimum
     """The optimum on the refined mesh."""
     replication: Callable[[], Replicates] | None = None
-    """Gives the runs with other motions and curves; None if none were requested."""
+    """Gives the runs with other motions and curves; None if not requested."""
     held: HeldSearch | None = None
-    """Result with the stiffness factor only; None if it was the only free parameter."""
+    """Result with the stiffness factor as the only free parameter. None if that is the full search."""
     designs: RunTable | None = None
     """The runs of designs over the whole range, used for the paper's cost; None if all runs are used."""
     valley_margin: float = np.inf
@@ -84,9 +84,9 @@ class Search:
         return None if self.replication is None else self.replication()
 
     def held_run(self) -> tuple[FloatArray, Response] | None:
-        """The optimum of the stiffness factor only, moved to the refined mesh, [d], and its run.
+        """The optimum of the stiffness factor alone on the refined mesh, [d], and its run.
 
-        None if the stiffness factor was the only free parameter, or the run fails.
+        None if the full search has no other free parameter, or if the run fails.
         """
         if self.held is None:
             return None
@@ -97,9 +97,12 @@ class Search:
         return (x, response) if response.outcomes[0].ok else None
 
     def paper_route(self) -> Route | None:
-        """The optimum of the paper's cost; from the stiffness-only search, as in the paper, if it was made.
+        """The optimum of the paper's cost.
 
-        None if no surrogate can be fitted to that cost; this comparison must not stop an identification.
+        As in the paper, it is that of the stiffness-only search, if one was made.
+
+        None if no surrogate can be fitted to that cost, because this comparison must not stop an
+        identification.
         """
         try:
             if self.held is None:
@@ -110,7 +113,9 @@ class Search:
 
 
 def search_shot(problem: InverseProblem, work: Work) -> Search:
-    """Find the optimum on the refined mesh; by default, hold parameters that the data do not constrain.
+    """Find the optimum on the refined mesh.
+
+    By default, parameters that the data do not constrain are held.
 
     ``work``: notified of the stages. Raises ValueError if too few runs complete.
     """
@@ -129,7 +134,7 @@ def search_shot(problem: InverseProblem, work: Work) -> Search:
 
 
 def _search_rough(runner: Runner) -> Search:
-    """Parameters of a surface that slides or lets go."""
+    """Search the parameters of a surface that slides or lets go."""
     coarse = search_coarse(runner)
     designs = _designs_so_far(runner)
     replication = runner.replicate(coarse.x) if runner.problem.settings.replicates else None
@@ -139,7 +144,10 @@ def _search_rough(runner: Runner) -> Search:
 
 
 def _search_one(runner: Runner) -> Search:
-    """One smooth parameter: as for several, but with the first optimum from designs over the whole range."""
+    """Search one smooth parameter.
+
+    The steps are those for several parameters, but the first optimum comes from designs over the whole range.
+    """
     wide = search_coarse(runner)
     designs = _designs_so_far(runner)
     meshes = search_meshes_for_one(runner, wide)
@@ -148,14 +156,14 @@ def _search_one(runner: Runner) -> Search:
 
 
 def _designs_so_far(runner: Runner) -> RunTable:
-    """The runs of designs over the whole range; those on the refined mesh are too close to each other."""
+    """The runs of designs over the whole range. Those on the refined mesh are too close to each other."""
     designs = RunTable(runner.problem.box.names)
     designs.take(runner.table, {})
     return designs
 
 
 def _search_several(runner: Runner) -> Search | dict[str, str]:
-    """Search several smooth parameters; or return, by default, why some of them must be held."""
+    """Search several smooth parameters, or return why some of them must be held (by default)."""
     problem = runner.problem
     box, by_default = problem.box, problem.freed.by_default
     held = _search_held(runner) if MOVED in box.names else None
@@ -181,7 +189,9 @@ def _search_several(runner: Runner) -> Search | dict[str, str]:
 
 
 def _search_held(runner: Runner) -> HeldSearch:
-    """The search of the stiffness factor only, on the surrogate's mesh; the others keep the shot's values."""
+    """The search of the stiffness factor on the surrogate's mesh. The other parameters keep the shot's
+    values.
+    """
     problem = runner.problem
     values = {name: PARAMETERS[name].held(problem.shot) for name in problem.box.names if name != MOVED}
     alone = Runner.of(problem.of_one(MOVED), runner.work)
@@ -189,7 +199,7 @@ def _search_held(runner: Runner) -> HeldSearch:
 
 
 def not_identifiable(box: Box, x: FloatArray, sigma: FloatArray) -> dict[str, str]:
-    """Parameters that the data do not constrain, with the reason; the stiffness factor is never listed."""
+    """Parameters that the data do not constrain, with the reason. The stiffness factor is never listed."""
     found, edge = {}, on_edge(x, box)
     for i, name in enumerate(box.names):
         if name == MOVED:

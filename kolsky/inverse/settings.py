@@ -1,6 +1,6 @@
 """Settings of an identification and of its runs: free parameters, numerical choices, options of a command.
 
-The command line makes its options from these fields; the module therefore imports no solver.
+The command line makes its options from these fields. The module therefore does not import a solver.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ FreeParameters = Mapping[str, tuple[float, float] | None]
 
 
 def _usable_device(option: str, text: str) -> str:
-    """The device, if this machine has it; raises InputError if not."""
+    """The device if this machine has it. Raises InputError otherwise."""
     from explicit.device import select_device
 
     try:
@@ -56,9 +56,10 @@ class Numerics:
 
     mesh: Mesh = (20, 27)
     grading: float = 2.0
-    """Largest over smallest element; the small ones lie at the surface, where the specimen rolls over."""
+    """Size of the largest element divided by that of the smallest. The small elements lie at the surface,
+    where the specimen rolls over."""
     safety: float = 0.9
-    """Time step over the stability limit [-]."""
+    """Time step divided by the stability limit [-]."""
     precision: Annotated[
         Literal["fp64", "fp32"], Option("Arithmetic of the solver: fp64 or fp32.", panel=NUMERICAL)
     ] = "fp64"
@@ -89,9 +90,9 @@ class Numerics:
             panel=NUMERICAL,
         ),
     ] = None
-    """Poisson's ratio of the runs; coarser meshes give the correction to the wanted ratio, see
-    `explicit.run_nearly_incompressible`. None runs the wanted ratio directly. Every wanted ratio must be
-    larger."""
+    """Poisson's ratio of the runs. Coarser meshes give the correction to the requested ratio, see
+    `explicit.run_nearly_incompressible`. None runs the requested ratio directly. Every requested ratio must
+    be larger."""
 
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
@@ -131,9 +132,9 @@ class Settings:
             show_default="stiffness_factor, and poisson and damping if the data constrain them",
         ),
     ] = None
-    """Free parameters; all others are held. The default is `kolsky.inverse.problem.choose`'s."""
+    """Free parameters; all others are held. Default: the choice of `kolsky.inverse.problem.choose`."""
     held: Mapping[str, float] = field(default_factory=dict)
-    """Parameters held at another value than the shot's."""
+    """Parameters held at values that differ from the shot's."""
     hold: tuple[str, ...] = ()
     """Parameters held at the shot's values that would be free by default."""
     numerics: Numerics = field(default_factory=Numerics)
@@ -150,7 +151,7 @@ class Settings:
         ),
     ] = 32
     replicate_mesh: tuple[int, int] = (16, 22)
-    """The mesh of the replicates: a difference of two runs needs no fine one."""
+    """The mesh of the replicates. The difference of two runs does not need a fine mesh."""
     bayes: Annotated[bool, Option("Sample the posterior too; needs emcee.", panel=ADVANCED)] = False
     pull: Annotated[
         Literal["first", "conditioned"],

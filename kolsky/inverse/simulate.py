@@ -45,7 +45,7 @@ def simulate(
     numerics: Numerics | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Simulation:
-    """Simulate a shot with given parameters; those not named keep the shot's values.
+    """Simulate a shot with given parameters; other parameters keep the shot's values.
 
     A run that does not complete is returned too; `Simulation.response.describe(0)` gives the reason.
 
@@ -56,7 +56,7 @@ def simulate(
     parameters
         Values by name, of `kolsky.inverse.parameters.PARAMETERS`, SI.
     numerics
-        Mesh, precision, device, element; the defaults if left out.
+        Mesh, precision, device, element; None uses the defaults.
     progress
         Called with the number of runs just finished.
 
@@ -86,7 +86,7 @@ def simulate(
 def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
     """Write force.csv and, if an outline was measured, profile.csv, with measured and simulated values.
 
-    Files are written atomically. If a run did not complete, the tables end where it ended.
+    Files are written atomically. The tables of a failed run end at its failure.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
 
 
 def _force_so_far(response: Response, recorded: FloatArray) -> tuple[slice, FloatArray]:
-    """The recorded samples before the run's end, and the simulated force there [N]."""
+    """The recorded samples before the run's end, and the simulated force at these times [N]."""
     known = np.isfinite(response.force_transmission[0])
     time, force = response.force_times[known], response.force_transmission[0, known]
     count = int(np.searchsorted(recorded, time[-1], side="right")) if known.any() else 0
@@ -141,7 +141,7 @@ def _force_so_far(response: Response, recorded: FloatArray) -> tuple[slice, Floa
 
 
 def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatArray, NDArray[np.bool_]]:
-    """The outline points before the run's end, the simulated radius there [m] and where it reaches them."""
+    """The outline points before the run's end, their simulated radius [m] and a mask of reached points."""
     known = np.isfinite(response.surface_r[0]).all(axis=1)
     times = response.surface_times[known]
     count = int(np.searchsorted(line.time, times[-1], side="right")) if known.any() else 0
@@ -159,7 +159,8 @@ def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatA
 SLOW_POINTS = 60
 """Number of strains in the table."""
 INERTIA = 0.01
-"""Kinetic over elastic energy, or difference of the faces over their force, above which it is reported."""
+"""Limit of two ratios, above which they are reported: kinetic over elastic energy, and difference of the
+forces of the faces over their force."""
 
 
 def slow_test_of(
@@ -174,10 +175,10 @@ def slow_test_of(
     """Compress the specimen of a shot slowly.
 
     ``parameters``: "stiffness_factor", "friction" or "poisson" at another value than the shot's. ``last``:
-    last nominal compressive strain [-]; default: that at the end of the window. ``error``: wanted relative
+    last nominal compressive strain [-]; default: that at the end of the window. ``error``: requested relative
     error of the force, see `kolsky.material.slow_compression.slow_compression`. ``mesh``, ``threads``:
     elements across the radius and along the length, CPU threads. Raises ValueError if a parameter is not
-    allowed or has no effect, the strain is not in (0, 1), or as
+    allowed or has no effect, or if the strain is not in (0, 1). Other errors are those of
     `kolsky.material.slow_compression.slow_compression`.
     """
     given = {name: checked_value(name, value) for name, value in (parameters or {}).items()}

@@ -83,7 +83,7 @@ class TemperatureColumn(ColumnSection):
 
 
 class SlowTest(Section):
-    """[test.NAME]: one slow test of the material; its file is in the folder of the list."""
+    """[test.NAME]: one slow test of the material. Its file is in the folder of the list."""
 
     kind: Literal["relaxation", "history", "oscillation", "sweep"]
     file: f.FileName
@@ -144,7 +144,7 @@ class SlowList:
     """Slow tests as read."""
 
     tests: Slow
-    """The tests; a sweep is given as its master curve at the reference temperature."""
+    """The tests. A sweep is given as its master curve at the reference temperature."""
     sweeps: Mapping[str, Superposition]
     """Temperature sweeps by name, including those with undetermined shifts."""
     files: Mapping[str, str]
@@ -156,7 +156,7 @@ class SlowList:
 def read_slow_tests(path: Path) -> Slow:
     """Read a list of slow tests and their files, for use with shots that declare the law.
 
-    Raises InputError if the list or a file cannot be used; the message names file, line, key and cure.
+    Raises InputError if the list or a file cannot be used. The message names file, line, key and remedy.
     """
     toml = parse_toml(path)
     if "law" in toml.content:
@@ -174,7 +174,8 @@ def read_slow_tests(path: Path) -> Slow:
 def read_slow_list(source: Path | TomlFile) -> SlowList:
     """Read a list of slow tests and their files, its law, and the superposition of its sweeps.
 
-    Raises InputError as of `read_slow_tests`; a sweep with undetermined shifts is not among the tests.
+    Raises InputError for the reasons of `read_slow_tests`. A sweep with undetermined shifts is not among the
+    tests.
     """
     toml = source if isinstance(source, TomlFile) else parse_toml(source)
     declared = toml.validated(SlowFile)
@@ -218,7 +219,7 @@ def _history(name: str, test: SlowTest, table: Table) -> HistoryTest:
         made = HistoryTest.relaxation(time, stress, sigma, stretch=stretch, rise=test.rise)
         return replace(made, label=name)
     strain = sign * table.values(_column(test.strain_column))
-    # samples at zero strain give no information on the law: they only define the history
+    # samples at zero strain give no information on the law; they only define the history
     told = np.where(stress == 0.0, np.inf, sigma) if test.sigma_floor == 0.0 else sigma
     return HistoryTest(time, 1.0 + strain, stress, told, label=name)
 
@@ -246,8 +247,10 @@ def _sweep(name: str, test: SlowTest, table: Table) -> Superposition:
 
 
 def slow_measured(slow: Slow) -> tuple[FloatArray, FloatArray]:
-    """Values of all tests in one vector, and their standard uncertainties; samples without one are left
-    out."""
+    """Values of all tests in one vector, and their standard uncertainties.
+
+    Samples without an uncertainty are left out.
+    """
     if not slow:
         return np.zeros(0), np.zeros(0)
     known = [np.isfinite(one.sigma) for one in slow]
@@ -259,7 +262,7 @@ def slow_measured(slow: Slow) -> tuple[FloatArray, FloatArray]:
 def slow_predicted(
     slow: Slow, law: MaterialLaw, relaxation: Relaxation | None, values: Mapping[str, float]
 ) -> FloatArray:
-    """The same values for a material, shape [n].
+    """The predicted values for a material, shape [n].
 
     ``slow``: the tests. ``law``: the long-term law at factor 1. ``relaxation``: the declared relaxation; None
     if there is none. ``values``: constants by parameter name; a missing constant keeps its declared value, a

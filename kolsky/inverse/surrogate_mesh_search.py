@@ -1,12 +1,12 @@
-"""Several parameters on the coarse meshes: the right valley first, then least squares on the solver.
+"""Several parameters on the coarse meshes: first the correct valley, then least squares on the solver.
 
 A scan of Poisson's ratio on the mesh of the replicates finds the valleys of the misfit
-(`kolsky.inverse.valleys`). From the floors of the likeliest valleys, least-squares searches run in parallel
-directly on the solver, without a surrogate (`doe.least_squares`). From the likeliest result, the summit of
-the likelihood is searched (`kolsky.inverse.valleys`); the search on the surrogate's mesh starts there. In all
-of them the points of a frame count as one value, because the outline's error on a coarse mesh is a smooth
-field, which would lead least squares out of the valley in which model and force are in phase. The search
-coordinate of Poisson's ratio is the logarithm of 1 - 2 nu: a valley is a few percent of 1 - 2 nu wide
+(`kolsky.inverse.valleys`). Least-squares searches start in the likeliest valleys and run in parallel. They
+use the solver directly, without a surrogate (`doe.least_squares`). From the likeliest result, the maximum of
+the likelihood is searched (`kolsky.inverse.valleys`). The search on the surrogate's mesh starts there. In all
+searches, the points of a frame count as one value. The outline's error on a coarse mesh is a smooth field.
+Point by point, it would lead least squares out of the valley in which model and force are in phase. The
+search coordinate of Poisson's ratio is the logarithm of 1 - 2 nu: a valley is a few percent of 1 - 2 nu wide
 for any nu. A single parameter is found with a surrogate; its path is corrected as for several.
 """
 
@@ -48,20 +48,21 @@ from kolsky.inverse.valleys import (
 )
 
 BEST = 3
-"""Number of starts if Poisson's ratio is held: the best points of a design."""
+"""Number of starts with Poisson's ratio held: the best points of a design."""
 FIRST_STEPS, MOST_STEPS = 4, 8
-"""Trial points of each search before only the best one continues, and of that one on each mesh."""
+"""Maximum number of trial points: of each search before only the best one continues, and of that one on each
+mesh."""
 AT_REST = 0.5
 """A search has converged if its next step is shorter than this, in standard deviations. The refined mesh's
-optimum is about ten of them away."""
+optimum is about ten standard deviations away."""
 MOST_MOVES = 4
-"""Maximum number of corrections of the front face's path, each with recomputed patterns."""
+"""Maximum number of corrections of the front face's path. Patterns are recomputed for each."""
 STILL = 1.0
-"""The patterns are not recomputed if the optimum shifts by less, in standard deviations. Their phase error is
-then within that of the uncertainty of the answer."""
+"""The patterns are not recomputed if the optimum shifts by less than this, in standard deviations. Their
+phase error is then within that of the answer's uncertainty."""
 STILL_HELD = 8.0
-"""The same if Poisson's ratio is held and the path is not corrected. The frequency is proportional to the
-square root of m, and eight standard deviations of half a per mille shift thirty oscillations by 0.06 of
+"""The same limit if Poisson's ratio is held and the path is not corrected. The frequency is proportional to
+the square root of m. Eight standard deviations of half a per mille shift thirty oscillations by 0.06 of
 one."""
 STEP = 1e-3
 """Half step of the central differences, in the unit box of the search."""
@@ -74,14 +75,14 @@ class MeshOptimum:
     x: FloatArray
     """Point in parameter units, shape [d]."""
     sigma: FloatArray
-    """Standard deviation with a frame's points as one value, shape [d]; infinite where no entry varies."""
+    """Standard deviation with a frame's points as one value, shape [d]; infinite if no entry varies."""
     least_sigma: FloatArray
-    """The same if every value were as many independent values as a frame has points, shape [d]."""
+    """Standard deviation if every value counted as often as a frame has points, shape [d]."""
 
 
 @dataclass(frozen=True)
 class MeshOptima:
-    """Optima on the coarse meshes, with the path and replicates used."""
+    """Optima on the coarse meshes, with their path and replicates."""
 
     optima: Mapping[Mesh, MeshOptimum]
     """Optima on the mesh of the replicates and on the surrogate's mesh."""
@@ -94,10 +95,12 @@ class MeshOptima:
 
 
 def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
-    """Optima on the replicates' mesh and, starting from there, on the surrogate's mesh.
+    """Optima on the replicates' mesh and on the surrogate's mesh.
 
-    ``start``: a first guess in parameter units, shape [d]. Raises ValueError if no run of the scan completes,
-    or no search can start.
+    The second search starts from the first optimum.
+
+    ``start``: initial values in parameter units, shape [d]. Raises ValueError if no run of the scan
+    completes, or no search can start.
     """
     problem = runner.problem
     surrogate, first = problem.numerics, problem.first
@@ -108,7 +111,7 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
         summit = likeliest_summit(runner, np.array([end.x for end in ends]), first, objective.counted)
         begin, margin = summit.x, summit.margin
         if problem.settings.replicates:
-            # Without them, least squares would return to the floor.
+            # Without these patterns, least squares would return to the minimum.
             runner = runner.under(runner.front.with_noise(summit.patterns))
             objective = replace(objective, front=runner.front.noise)
     (best,) = _least_squares_on(runner, objective, first, begin[None], MOST_STEPS)
@@ -119,7 +122,9 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
 
 
 def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
-    """Optima of one parameter on both coarse meshes, starting from that of a surrogate.
+    """Optima of one parameter on both coarse meshes.
+
+    The search starts from the optimum of a surrogate.
 
     ``coarse``: the optimum on the surrogate's mesh with the path fitted to the record.
     """
@@ -132,7 +137,7 @@ def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
 
 
 def follow_meshes(runner: Runner, objective: Objective, fine: MeshOptimum, shift: FloatArray) -> MeshOptima:
-    """Optima on both coarse meshes with the front face's path corrected to the data, and its replicates."""
+    """Optima on both coarse meshes with the corrected path of the front face, and its replicates."""
     problem, replicates = runner.problem, None
     surrogate, first, box = problem.numerics, problem.first, problem.box
     if problem.settings.replicates:
@@ -151,7 +156,7 @@ def follow_meshes(runner: Runner, objective: Objective, fine: MeshOptimum, shift
 def follow_front(
     runner: Runner, objective: Objective, numerics: Numerics, best: MeshOptimum
 ) -> tuple[MeshOptimum, FrontPath]:
-    """The optimum on a mesh with the front face's path corrected to the data, and its patterns.
+    """The optimum on a mesh with the corrected path of the front face, and its patterns.
 
     The patterns ring at the frequency of the point at which they are computed. They are recomputed until the
     optimum converges. If they explain only a small residual, the path is not corrected.
@@ -160,7 +165,7 @@ def follow_front(
     fitted, first = front.path, best
     jerks = runner.front_jerks
     shares = np.zeros(len(jerks))
-    # Patterns that ring at another frequency than the model would bias Poisson's ratio to their point.
+    # Patterns that ring at another frequency than the model would bias Poisson's ratio toward their point.
     followed = 0.0 if VALLEY in runner.problem.box.names else FOLLOWED
     for _ in range(MOST_MOVES):
         runs = runner.under(front).under_other_motions(best.x[None], jerks, numerics)[0]
@@ -174,7 +179,7 @@ def follow_front(
         weighed = weighed.with_discrepancy(vector)
         amplitudes = likely_amplitudes(weighed, weighed.data - vector)
         if not credible(amplitudes):
-            # A new path object: no earlier run can be used for a surrogate with it.
+            # A new path object: no surrogate with it can use earlier runs.
             return first, FrontPath(replace(fitted), FrontNoise(modes.patterns))
         if shares.any() or rms_amplitude(amplitudes) > followed:
             shares = amplitudes @ modes.shares
@@ -189,9 +194,11 @@ def follow_front(
 
 
 def starts(runner: Runner, start: FloatArray, numerics: Numerics) -> tuple[FloatArray, Objective]:
-    """Search starts, the most likely first, [n, d], and the objective over the points the first one reaches.
+    """Search starts, the most likely first, [n, d], and the objective.
 
-    ``runner``: runs points of the identification's problem. ``start``: a first guess in parameter units,
+    It covers the outline points that the first start reaches.
+
+    ``runner``: runs points of the identification's problem. ``start``: initial values in parameter units,
     shape [d]. ``numerics``: numerical choices of the scan. Raises ValueError if no run of the scan completes.
     """
     box = runner.problem.box
@@ -223,7 +230,10 @@ def _least_squares_on(
     points: FloatArray,
     steps: int,
 ) -> list[MeshOptimum]:
-    """Least squares on a mesh from several starts, the most likely result first; the prior counts as data."""
+    """Least squares on a mesh from several starts, the most likely result first.
+
+    The prior counts as data.
+    """
     box, prior = runner.problem.box, objective.prior
     inner, k = search_box(box), len(objective.data)
     known = np.zeros(0) if prior is None else np.zeros(len(prior.rows()))

@@ -1,4 +1,4 @@
-"""Valleys of the misfit along Poisson's ratio: scan, floors, summit, search coordinates.
+"""Valleys of the misfit along Poisson's ratio: scan, minima, maximum of the likelihood, coordinates.
 
 The force rings at the period of the pressure waves, some ten to sixty times in a test. Poisson's ratio sets
 that period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)). The misfit has a valley wherever the model's
@@ -7,10 +7,10 @@ in the number of oscillations, N = T c / (2 L), with the window T, the length L 
 4 G / 3) / rho. The scan takes equal steps of N.
 
 On a coarse mesh the outline's error is a smooth field, many times its noise. The points of a frame therefore
-count as one value when valleys are compared. At each floor, some runs with other motions of the flyer are
-made, because its noise may explain ringing. From the likeliest floor, the maximum of the likelihood (the
-summit) is searched in steps of half an oscillation. The search coordinate of Poisson's ratio is log(1 - 2
-nu): a valley is a few percent of it wide.
+count as one value when valleys are compared. At the floor of each valley, some runs with other motions of the
+flyer are made, because noise of the motion may explain ringing. From the likeliest floor, the maximum of the
+likelihood (the summit) is searched in steps of half an oscillation. The search coordinate of Poisson's ratio
+is log(1 - 2 nu). A valley is a few percent of 1 - 2 nu wide.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
 
 VALLEY = "poisson"
-"""The parameter whose misfit has many valleys."""
+"""The parameter that causes many valleys of the misfit."""
 PHASE = 0.4
-"""Step of the scan, in oscillations over the whole test: a run in phase is at most half a step away."""
+"""Step of the scan, in oscillations over the whole test. A run in phase is then at most half a step away."""
 MOST_LEVELS = 240
 """Maximum number of values of Poisson's ratio in a scan."""
 SMALL_STRAIN = 0.05
@@ -48,7 +48,7 @@ entry, by the force only. The one nearest to the declared value is searched too.
 def small_strain_modulus(curve: MaterialCurve) -> float:
     """Slope of a curve's stress by its nominal strain through the origin, up to `SMALL_STRAIN` [Pa].
 
-    At least the three points next to the origin are used.
+    At least the three points nearest to the origin are used.
     """
     strain = curve.stretch - 1.0
     order = np.argsort(np.abs(strain))
@@ -62,9 +62,9 @@ def oscillations(
 ) -> FloatArray:
     """Number of round trips of a pressure wave, T c / (2 L) [-], shape of `poisson`.
 
-    ``poisson``: poisson's ratio [-], < 1/2. ``modulus``: young's modulus of the incompressible material [Pa]:
-    G is a third of it. ``density``, ``length``, ``window``: of the specimen [kg/m^3], [m]; duration of the
-    test [s].
+    ``poisson``: Poisson's ratio [-], < 1/2. ``modulus``: Young's modulus of the incompressible material [Pa];
+    G is a third of it. ``density``: of the specimen [kg/m^3]. ``length``: of the specimen [m]. ``window``:
+    duration of the test [s].
     """
     shear = modulus / 3.0
     bulk = shear * 2.0 * (1.0 + poisson) / (3.0 * (1.0 - 2.0 * poisson))
@@ -84,7 +84,7 @@ def oscillation_table(
 ) -> tuple[FloatArray, FloatArray]:
     """Poisson's ratio between two bounds [-] and its number of oscillations [-], both rising, shape [n].
 
-    ``factor``, ``bounds``: as of `valley_levels`.
+    ``factor``, ``bounds``: as for `valley_levels`.
     """
     shot, edges = prepared.forward.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
@@ -99,21 +99,22 @@ def oscillation_table(
 
 
 def equal_steps(values: FloatArray, number: FloatArray) -> FloatArray:
-    """Values at equal steps (at most `PHASE`) of the tabulated increasing function `number`, both ends
-    included. The step is larger if there would be more than `MOST_LEVELS` values."""
+    """Values at equal steps (at most `PHASE`) of the tabulated increasing function `number`. Both ends are
+    included. The step is larger if there would be more than `MOST_LEVELS` values.
+    """
     n = min(max(ceil((number[-1] - number[0]) / PHASE) + 1, 2), MOST_LEVELS)
     return np.asarray(np.interp(np.linspace(number[0], number[-1], n), number, values))
 
 
 def local_minima(values: FloatArray) -> list[int]:
-    """Indices of the values below both neighbours, the lowest first; NaN is no minimum."""
+    """Indices of the values that are lower than both neighbours, the lowest first. NaN is no minimum."""
     padded = np.concatenate([[np.inf], np.where(np.isnan(values), np.inf, values), [np.inf]])
     found = np.flatnonzero((padded[1:-1] < padded[:-2]) & (padded[1:-1] <= padded[2:]))
     return sorted(found.tolist(), key=lambda i: float(values[i]))
 
 
 def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArray) -> list[int]:
-    """Rows of a scan at valley floors from which to search, the likeliest first.
+    """Rows of a scan at valley floors, used as starts, the likeliest first.
 
     ``objective``: objective over the outline points that every run reaches. ``vectors``: predicted data along
     the scan, shape [n, k]. ``distance``: distance of each run from the declared value, in any unit, shape
@@ -133,12 +134,15 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
 def deviance_with_path_noise(
     runner: Runner, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
 ) -> FloatArray:
-    """-2 ln of likelihood and prior at points, each with the noise of the flyer's motion there, shape [n].
+    """-2 ln of likelihood and prior at points, shape [n].
 
-    Up to a constant, with a frame's points as one entry; infinite if the run did not complete.
+    The noise of the flyer's motion is included.
+
+    The value has an unknown constant. A frame's points count as one entry. It is infinite if the run did not
+    complete.
     """
     found = np.full(len(points), np.inf)
-    # The same outline points for all: likelihoods of different data cannot be compared.
+    # All points use the same outline points, because likelihoods of different data cannot be compared.
     counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
     for row, prediction in enumerate(runs):
         if prediction is not None:
@@ -161,9 +165,9 @@ half an oscillation apart."""
 AHEAD = 2
 """Number of positions run in parallel on each side: one oscillation."""
 OTHER_VALLEY = 2.0
-"""A floor farther from a summit than this belongs to another valley [oscillations]."""
+"""A floor farther than this from a summit belongs to another valley [oscillations]."""
 FARTHEST = 8
-"""Largest number of steps from the floor: about the distance of the next valleys found by the scan."""
+"""Largest number of steps from the floor. It is about the distance to the next valley of the scan."""
 
 
 @dataclass(frozen=True)
@@ -173,20 +177,21 @@ class Summit:
     x: FloatArray
     """Point in parameter units, shape [d]."""
     patterns: FloatArray
-    """Patterns of the flyer's noise there, one standard deviation per mode, shape [q, n_bins + n_points]."""
+    """Patterns of the flyer's noise at this point, one standard deviation per mode, shape [q, n_bins +
+    n_points]."""
     strides: int
     """Number of steps from the floor, positive toward a higher Poisson's ratio."""
     runs: Prediction
-    """Runs there with other motions, the fitted one first."""
+    """Runs at this point with other motions, the fitted one first."""
     margin: float = np.inf
-    """-2 ln of likelihood and prior at the next valley's floor minus that at the summit [-]; infinite if the
+    """-2 ln of likelihood and prior at the next valley's floor minus that at the summit [-]. Infinite if the
     scan found no other valley."""
 
 
 def climb_summit(
     runner: Runner, floor: FloatArray, runs: Prediction, numerics: Numerics, inside: BoolArray
 ) -> Summit:
-    """The summit reached from a floor, with all other parameters fixed at their values there."""
+    """The summit reached from a floor. All other parameters keep their values at the floor."""
     box = runner.problem.box
     i = box.names.index(VALLEY)
     factor = float(floor[box.names.index(MOVED)]) if MOVED in box.names else 1.0
@@ -215,10 +220,10 @@ def climb_summit(
 
 
 def likeliest_summit(runner: Runner, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Summit:
-    """The summit from the likeliest valley floor, and its margin over the next valley.
+    """The summit of the likeliest valley, and its margin over the next valley.
 
-    ``runner``, ``numerics``, ``inside``: as of `climb`. ``floors``: in parameter units, shape [n, d]. Raises
-    ValueError if the run at no floor completes.
+    ``runner``, ``numerics``, ``inside``: as for `climb`. ``floors``: in parameter units, shape [n, d]. Raises
+    ValueError if no run at a floor completes.
     """
     runs = runner.under_other_motions(floors, runner.front_jerks, numerics)
     first = int(np.argmin(deviance_with_path_noise(runner, floors, runs, inside)))
@@ -233,7 +238,7 @@ def likeliest_summit(runner: Runner, floors: FloatArray, numerics: Numerics, ins
 
 
 def margin(values: FloatArray, apart: FloatArray) -> float:
-    """Margin of a summit over the likeliest other valley [-].
+    """Margin of a summit relative to the likeliest other valley [-].
 
     ``values``: -2 ln of likelihood and prior, the summit's first, shape [n]. ``apart``: oscillations from the
     summit [-], shape [n]; a floor within `OTHER_VALLEY` belongs to the same valley.
@@ -244,7 +249,8 @@ def margin(values: FloatArray, apart: FloatArray) -> float:
 
 def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
     """Oscillations over the whole test at points of shape [n, d], shape [n], with the stiffness of the first
-    point."""
+    point.
+    """
     box = runner.problem.box
     i = box.names.index(VALLEY)
     factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
@@ -253,7 +259,7 @@ def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
 
 
 def strides_beside(best: int, known: set[int]) -> list[int]:
-    """Positions to run next: `AHEAD` on each side of the best one where its neighbour is not yet known."""
+    """Positions of the next runs: `AHEAD` on each side of the best one, if its neighbour is not yet known."""
     found = []
     for side in (-1, 1):
         if best + side not in known:
@@ -262,7 +268,7 @@ def strides_beside(best: int, known: set[int]) -> list[int]:
 
 
 def search_box(box: Box) -> Box:
-    """The box in the coordinates of the search: 1 - 2 nu, logarithmic, in place of Poisson's ratio.
+    """The box in the coordinates of the search: the logarithm of 1 - 2 nu replaces Poisson's ratio.
 
     Parameters that span decades are logarithmic too.
     """

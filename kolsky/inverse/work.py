@@ -70,12 +70,13 @@ class Launch:
 def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:
     """Run several models in parallel; each result is bit-identical to that of `Forward.run`.
 
-    Runs with a correction for Poisson's ratio are made one after the other: each already uses three meshes.
+    Runs with a correction for Poisson's ratio are made one after the other, because each already uses three
+    meshes.
 
     Raises
     ------
     ValueError
-        As `Forward.run`.
+        For the reasons of `Forward.run`.
     """
     if len(launches) < 2 or any(one.numerics.compressible is not None for one in launches):
         return [

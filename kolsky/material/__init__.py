@@ -1,1 +1,1 @@
-"""Quasi-static tests: the material behaviour with which an impact test is compared."""
+"""Quasi-static tests: the material behaviour that is compared with an impact test."""

@@ -37,21 +37,21 @@ from kolsky.readers.measured_tables import WantedColumn, read_columns
 Pull = Literal["first", "conditioned"]
 
 PAST_DATA = 0.25
-"""Share of the specimen strained beyond the curve's end above which it is reported."""
+"""A share of the specimen that is strained beyond the curve's end is reported if it exceeds this."""
 FEWEST_POINTS = 8
-"""Smallest number of points of a curve; a law needs 5 away from rest."""
+"""Smallest number of points of a curve. A law needs 5 points away from rest."""
 
 
 @dataclass(frozen=True)
 class Treatment:
-    """Declared treatment of the tests; none of it is derived from the data."""
+    """Declared treatment of the tests. No part of it is derived from the data."""
 
     toe: Toe = field(default_factory=Toe)
-    """Method by which the zero of the strain is found."""
+    """Method for the zero of the strain."""
     compliance: float = 0.0
     """Compliance of the machine [m/N]; needs `specimen`."""
     scale_sigma: float = 0.0
-    """Relative standard uncertainty that all tests share, of load cell and cross-section [-]."""
+    """Relative standard uncertainty that all tests have in common, of load cell and cross-section [-]."""
     specimen: Specimen | None = None
     """Undeformed size, for the compliance and for the friction."""
     ends: EndFriction | None = None
@@ -61,7 +61,7 @@ class Treatment:
     points: int = 60
     """Points of the curve."""
     last: float | None = None
-    """Strain at which the curve ends [-]; None: where the first of the tests does."""
+    """Strain at which the curve ends [-]. None: the curve ends at the end of the shortest test."""
     numerics: CorrectionNumerics | None = None
     """Numerical choices of the friction correction."""
 
@@ -85,9 +85,9 @@ class ReferenceCurve(ResultViews):
     tests: tuple[ZeroedTest, ...]
     """Every test's ramp after compliance and toe."""
     apparent: CurveBand
-    """Mean of the tests as if the ends had slid freely."""
+    """Mean of the tests, as for ends that slide freely."""
     band: CurveBand
-    """The material's curve: `apparent`, or without the friction where that is declared."""
+    """The material's curve: `apparent`, or the curve without friction if friction is declared."""
     modulus: ApparentModulus
     """E_a of the material's curve, Eq. (M.9)."""
     friction: FrictionCorrection | None
@@ -100,11 +100,11 @@ def reference_curve(
 ) -> ReferenceCurve:
     """Average repeats and remove effects of machine and friction.
 
-    Compliance, choice of the ramp, toe, mean with its band, end friction: in this order.
+    The order is: compliance, choice of the ramp, toe, mean with its band, end friction.
 
-    Raises ValueError if the tests differ in branch, a record has no such ramp, a toe cannot be found, the
-    tests have no range of strain in common, friction is declared for a tension test, or friction cannot be
-    removed.
+    Raises ValueError if the tests differ in branch, if a record has no such ramp, or if a toe cannot be
+    found. The same error is raised if the tests have no range of strain in common, if friction is declared
+    for a tension test, or if friction cannot be removed.
 
     Parameters
     ----------
@@ -113,8 +113,8 @@ def reference_curve(
     treatment
         Declared treatment of the tests.
     pull
-        "first": the first loading ramp of each record. "conditioned": the last of two or more, with strains
-        relative to the length before the first pull; a permanent set is part of its toe's offset.
+        "first": the first loading ramp of each record. "conditioned": the last of two or more ramps, with
+        strains relative to the length before the first pull. A permanent set is part of its toe's offset.
     """
     if not tests:
         raise ValueError("a reference curve needs at least one test")
@@ -163,11 +163,11 @@ def reference_curve(
 
 
 def softening(first: ReferenceCurve, conditioned: ReferenceCurve) -> tuple[float, float]:
-    """Ratio of the stress of the conditioned pull to that of the first pull, specimen by specimen.
+    """Ratio of the stress of the conditioned pull to that of the first pull, for each specimen.
 
-    Returns the mean over the strains of both curves and over the specimens [-], and its standard uncertainty,
-    widened for the degrees of freedom; that is NaN with one specimen. Raises ValueError if the curves share
-    no strain.
+    Returns the mean over the strains of both curves and over the specimens [-], and its standard uncertainty.
+    The latter is widened for the degrees of freedom; with one specimen it is NaN. Raises ValueError if the
+    curves have no strain in common.
     """
     axis, other = first.apparent.strain, conditioned.apparent.strain
     axis = axis[(axis >= other[0]) & (axis <= other[-1])]
@@ -185,7 +185,7 @@ def softening(first: ReferenceCurve, conditioned: ReferenceCurve) -> tuple[float
 
 
 def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> tuple[UniaxialTest, Hold | None]:
-    """The ramp that is used, up to its final strain, and the hold after it."""
+    """The selected ramp, up to its final strain, and the hold after it."""
     if treatment.compliance > 0.0:
         size = treatment.specimen
         assert size is not None
@@ -200,8 +200,9 @@ def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> tuple[Uniaxia
 
 
 def _axis(tests: Sequence[UniaxialTest], treatment: Treatment) -> FloatArray:
-    """Equal steps from rest to the end reached by all tests, without the part in which a test is in its
-    toe.
+    """Equal steps from rest to the end that all tests reach.
+
+    The part in which a test is in its toe is left out.
     """
     low, high = max(t.strain.min() for t in tests), min(t.strain.max() for t in tests)
     if treatment.last is not None:
@@ -249,7 +250,7 @@ def _mean(
 def _mean_time_and_bulge(
     begun: Sequence[ZeroedTest], axis: FloatArray
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Mean time since the strain was zero, and mean radius at mid-height, where all tests have them."""
+    """Mean time since the strain was zero, and mean radius at mid-height, if all tests have them."""
     tests = [one.test for one in begun]
     times, radii = [], []
     for test in tests:
@@ -286,7 +287,7 @@ def read_uniaxial_test(
 ) -> tuple[UniaxialTest, str]:
     """Read a quasi-static test, positive along its branch, and the SHA-256 of its file.
 
-    Raises InputError if the file cannot be read, or its columns are not such a test.
+    Raises InputError if the file cannot be read, or if its columns are not such a test.
 
     Parameters
     ----------
@@ -301,7 +302,7 @@ def read_uniaxial_test(
     units
         Column -> unit, if the file does not give it.
     layout
-        Declared layout of the file; the rest is detected.
+        Declared layout of the file. Undeclared properties are detected.
     specimen
         Undeformed size; needed for displacement and force.
     """

@@ -14,16 +14,16 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 
 DENSITY = 1000.0
-"""Mass density used in all slow tests [kg/m^3]; the duration is given in passages of a wave."""
+"""Mass density used in all slow tests [kg/m^3]. The duration is given in passages of a wave."""
 DRAG = 0.15
 """Mass-proportional damping times one passage of a wave [-]."""
 _VISCOSITY = 0.03
 """Stiffness-proportional damping of the deviator over one passage of a wave [-]. Without it, sliding by
 Coulomb's law oscillates."""
 RISE = 0.5
-"""Share of the duration in which the platen picks up speed [-]."""
+"""Share of the duration in which the platen accelerates [-]."""
 LEAST_COMPARED_STRAIN = 0.02
-"""Strain below which kinetic energy and face forces are not compared: both energies begin at zero [-]."""
+"""Strain below which kinetic energy and face forces are not compared [-]. Both energies begin at zero."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class SlowNumerics:
     mesh: tuple[int, int] = (16, 22)
     """Elements across the radius and along the length."""
     grading: float = 2.0
-    """Largest over smallest element; the small ones lie at faces and side."""
+    """Size of the largest element divided by that of the smallest. The small ones lie at faces and side."""
     passages: float = 250.0
     """Duration in passages of a bar wave along the specimen at rest [-]."""
     poisson: float = 0.499
-    """Poisson's ratio of the initial state [-]; that of the shot for which the curve is used."""
+    """Poisson's ratio of the initial state [-]. It is that of the shot for which the curve is used."""
     threads: int | None = None
-    """CPU threads; all cores if left out."""
+    """CPU threads; default: all cores."""
 
     def __post_init__(self) -> None:
         if not self.passages >= 20.0:
@@ -48,18 +48,18 @@ class SlowNumerics:
 
 @dataclass(frozen=True)
 class SlowTests:
-    """Simulated tests at chosen strains; one row a test."""
+    """Simulated tests at chosen strains, one row per test."""
 
     stress: FloatArray
     """Mean force of both faces over the undeformed cross-section [Pa], shape [n_tests, n]."""
     bulge: FloatArray
     """Radius at mid-height [m], shape [n_tests, n]."""
     kinetic_share: float
-    """Largest kinetic over elastic energy from `OUTSET` on, any test [-]."""
+    """Largest ratio of kinetic to elastic energy of any test, from `OUTSET` on [-]."""
     face_difference: float
-    """Largest difference of the face forces over their mean from `OUTSET` on, any test [-]."""
+    """Largest difference of the face forces divided by their mean, of any test, from `OUTSET` on [-]."""
     past_data: float
-    """Largest share of the specimen's volume that was strained past the curve, any test [-]."""
+    """Largest share of the specimen's volume that was strained past the curve, of any test [-]."""
 
 
 def slow_tests(
@@ -74,14 +74,14 @@ def slow_tests(
 ) -> SlowTests:
     """Compress one specimen of several materials slowly, in one batch.
 
-    Raises ValueError if the strains are not ascending inside (0, 1), or a simulation does not complete; the
-    message gives outcome, time and place of its end.
+    Raises ValueError if the strains are not ascending inside (0, 1), or if a simulation does not complete.
+    The message gives outcome, time and place of its end.
 
     ``laws``: a material for each test, all of one class, shape [n_tests]. ``specimen``: its undeformed size;
     the density is not used. ``strain``: nominal compressive strains to record, ascending, > 0 [-], shape [n].
     ``faces``: contact law of the faces, a name of `explicit.contact.CONTACT_LAWS`. ``side``: contact law of
-    the side surface; that of the faces if left out. ``friction``: coulomb's coefficient where the law is
-    "coulomb" [-], scalar or shape [n_tests]. ``numerics``: mesh and duration.
+    the side surface; default: that of the faces. ``friction``: Coulomb's coefficient for the law "coulomb"
+    [-], scalar or shape [n_tests]. ``numerics``: mesh and duration.
     """
     numerics = numerics or SlowNumerics()
     if strain.size < 2 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
@@ -160,7 +160,7 @@ FIRST = 60.0
 LONGEST = 8000.0
 """Largest duration of a run [passages]."""
 MARGIN = 1.2
-"""Safety factor on the duration at which the error is predicted to reach the wanted value."""
+"""Safety factor on the predicted duration for the requested error."""
 
 
 @dataclass(frozen=True)
@@ -178,10 +178,10 @@ class SlowCompression:
     error: FloatArray
     """Relative error of the force from inertia, drag and damping [-], shape [n]."""
     durations: tuple[float, ...]
-    """Durations of the runs [passages of a wave]; the last one is that of the result."""
+    """Durations of the runs [passages of a wave]. The last one is that of the result."""
     errors: tuple[float, ...]
-    """Largest error from `OUTSET` on at each of them [-]; infinite for the first, which has no earlier run
-    for comparison."""
+    """Largest error from `OUTSET` on in each run [-]. It is infinite for the first run, which has no earlier
+    run for comparison."""
     test: SlowTests
     """The last run: kinetic energy, difference of the faces, share past the data."""
 
@@ -199,28 +199,30 @@ def slow_compression(
     numerics: SlowNumerics | None = None,
     progress: Callable[[float, float], None] = lambda duration, error: None,
 ) -> SlowCompression:
-    """Compress a specimen slowly, with ramp, drag and duration chosen for a wanted error of the force.
+    """Compress a specimen slowly.
 
-    Raises ValueError if an argument is outside its range, a run does not complete, or the error is not
+    Ramp, drag and duration are chosen for the requested error of the force.
+
+    Raises ValueError if an argument is outside its range, if a run does not complete, or if the error is not
     reached with `LONGEST`.
 
     Parameters
     ----------
     law
-        Any material law; relaxation is not included in a slow test.
+        Any material law. A slow test does not include relaxation.
     specimen
-        Its undeformed size; the density is not used.
+        Its undeformed size. The density is not used.
     strain
         Nominal compressive strains to record, ascending inside (0, 1) [-], shape [n].
     faces, side, friction
-        Contact laws, that of the side as the faces' if left out, and Coulomb's coefficient [-].
+        Contact laws, and Coulomb's coefficient [-]. Default of the side: that of the faces.
     stiffness_factor
-        Factor m on the law [-]: a static force is proportional to it.
+        Factor m on the law [-]. A static force is proportional to it.
     error
-        Wanted relative error of the force from a strain of `OUTSET` on, in [1e-4, 0.1]. It does not include
-        the error of the mesh.
+        Requested relative error of the force from a strain of `OUTSET` on, in [1e-4, 0.1]. The error of the
+        mesh is not included.
     numerics
-        Mesh, Poisson's ratio and threads; its duration is the start of the search, `FIRST` if left out.
+        Mesh, Poisson's ratio and threads. Its duration is the start of the search; default: `FIRST`.
     progress
         Called with duration and largest error after each run.
     """

@@ -1,4 +1,6 @@
-"""Quasi-static uniaxial tests: nominal stress over strain, ramps, holds, toe, mean of repeats with its band.
+"""Quasi-static uniaxial tests: nominal stress over strain.
+
+Ramps, holds, toe, and the mean of repeats with its band.
 
 The band of a curve separates common uncertainty from noise, because errors are correlated along the curve.
 
@@ -32,12 +34,12 @@ from scipy.stats import t as student
 from kolsky.base.arrays import FloatArray
 
 REVERSAL = 0.05
-"""The strain counts as reversed when it has decreased by this share of the test's range."""
+"""The strain has reversed if it has decreased by this share of the test's range."""
 
 
 @dataclass(frozen=True)
 class UniaxialTest:
-    """One test, positive along its own branch: shortening in compression, lengthening in tension."""
+    """One test, positive along its branch: shortening in compression, lengthening in tension."""
 
     name: str
     """Name of the test, for messages."""
@@ -48,9 +50,9 @@ class UniaxialTest:
     compression: bool
     """True if the branch is compression."""
     time: FloatArray | None = None
-    """Time of the samples [s], shape [n]; None if it was not recorded."""
+    """Time of the samples [s], shape [n]; None if not recorded."""
     bulge: FloatArray | None = None
-    """Radius at mid-height [m], shape [n]; None if it was not measured."""
+    """Radius at mid-height [m], shape [n]; None if not measured."""
 
     def __post_init__(self) -> None:
         columns = [self.strain, self.stress, self.time, self.bulge]
@@ -90,10 +92,11 @@ class UniaxialTest:
 
 
 def loading_ramps(test: UniaxialTest) -> list[slice]:
-    """The stretches of samples in which the strain rises, in the order in which they were run.
+    """The stretches of samples with increasing strain, in the order of the test.
 
-    A reversal counts when the strain has decreased by `REVERSAL` of the test's range, so noise causes none.
-    The first ramp is the first pull; the last of several belongs to the conditioned material (Mullins).
+    A reversal counts if the strain has decreased by `REVERSAL` of the test's range. Noise therefore causes
+    none. The first ramp is the first pull. The last of several ramps belongs to the conditioned material
+    (Mullins).
     """
     strain = test.strain
     least = REVERSAL * float(np.ptp(strain))
@@ -115,7 +118,10 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
 
 
 def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
-    """|lam - lam^-2| [-]: by Gaussian rubber elasticity the stress is E_a / 3 times it, Eq. (M.9)."""
+    """lam - lam^-2 as a magnitude [-].
+
+    By Gaussian rubber elasticity, the stress is E_a / 3 times this, Eq. (M.9).
+    """
     lam = 1.0 - strain if compression else 1.0 + strain
     return np.asarray(np.abs(lam - lam**-2))
 
@@ -126,16 +132,16 @@ FEWEST = 5
 
 @dataclass(frozen=True)
 class Toe:
-    """Method by which the zero of the strain is found."""
+    """Method for the zero of the strain."""
 
     kind: Literal["none", "line", "gaussian"] = "none"
-    """ "none": the recorded strain is used. "line": a straight line is continued to zero stress (toe
-    compensation of ASTM D695). "gaussian": the curve of Gaussian rubber elasticity, Eq. (M.9), bent as soft
-    solids are."""
+    """"none": the recorded strain is used. "line": a straight line is continued to zero stress (toe
+    compensation of ASTM D695). "gaussian": the curve of Gaussian rubber elasticity, Eq. (M.9), is continued.
+    It has the curvature of soft solids."""
     low: float = 0.02
     """Recorded strain above which the faces are in full contact [-]."""
     high: float = 0.10
-    """Upper strain of the range from which the curve is extrapolated [-]."""
+    """Upper strain of the range for the extrapolation of the curve [-]."""
 
     def __post_init__(self) -> None:
         if self.kind not in ("none", "line", "gaussian"):
@@ -148,10 +154,10 @@ class Toe:
 
 @dataclass(frozen=True)
 class ZeroedTest:
-    """A test whose strain is zero at the specimen's first full contact, by its toe."""
+    """A test with zero strain at the specimen's first full contact, by its toe."""
 
     test: UniaxialTest
-    """The test, from the end of its toe on."""
+    """The test from the end of its toe on."""
     offset: float
     """Strain that was subtracted [-]."""
     sigma: float
@@ -195,10 +201,10 @@ def correct_toe(test: UniaxialTest, toe: Toe) -> ZeroedTest:
 
 
 NEAR = 0.005
-"""A strain within this share of the ramp's range from its end counts as held [-]."""
+"""A strain is held if its distance from the ramp's end is within this share of the ramp's range [-]."""
 LONG = 0.05
-"""Share of the ramp's duration (of its samples where no time was recorded) beyond which a strain that stays
-near the end is held: a steady ramp spends `NEAR` of its duration there [-]."""
+"""Share of the ramp's duration (of its samples if no time was recorded) [-]. A strain that stays near the end
+for longer is held. A steady ramp spends `NEAR` of its duration there."""
 LOSS = 0.01
 """Share of the stress that must relax for a hold to be reported [-]."""
 
@@ -216,7 +222,7 @@ class Hold:
     first: float
     """Nominal stress at its beginning [Pa]."""
     last: float
-    """And at its end [Pa]."""
+    """Nominal stress at its end [Pa]."""
 
     def remark(self, name: str) -> str:
         """The remark on a curve without the hold."""
@@ -229,13 +235,13 @@ class Hold:
 
 
 def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold | None]:
-    """A ramp that ends where its strain is reached, and the hold after it.
+    """A ramp that ends when its strain is reached, and the hold after it.
 
-    With noise the largest strain of a record lies somewhere in the hold, and the ramp up to it would include
+    With noise, the largest strain of a record lies somewhere in the hold. The ramp up to it would include
     relaxed stresses.
 
     ``ramp``: one of its loading ramps. Returns: the ramp to its first strain near the end if it is held
-    there, else the unchanged ramp.
+    there. Otherwise, the unchanged ramp.
     """
     strain = test.strain
     begin, stop = int(ramp.start), int(ramp.stop)
@@ -272,7 +278,7 @@ def remarks_of(name: str, hold: Hold | None) -> tuple[str, ...]:
 
 
 COVERAGE = 2.0
-"""Coverage factor k of an interval; the modes between tests are widened so that it is Student's 95.45 %."""
+"""Coverage factor k of an interval. The modes between tests are widened to give Student's 95.45 %."""
 
 
 @dataclass(frozen=True)
@@ -319,11 +325,11 @@ class CurveBand:
         )
 
     def with_mode(self, name: str, mode: FloatArray) -> "CurveBand":
-        """The band with one more cause: its standard uncertainty along the curve [Pa], shape [n]."""
+        """The band with one more source: its standard uncertainty along the curve [Pa], shape [n]."""
         return replace(self, modes=np.vstack([self.modes, mode]), names=(*self.names, name))
 
     def parts(self) -> dict[str, FloatArray]:
-        """Standard uncertainty by cause, modes of one name in quadrature [Pa], shape [n] each."""
+        """Standard uncertainty by source, modes of one name in quadrature [Pa], shape [n] each."""
         found = {"noise": self.noise}
         for name in dict.fromkeys(self.names):
             rows = self.modes[[other == name for other in self.names]]
@@ -339,10 +345,12 @@ def student_factor(freedom: int) -> float:
 
 
 def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
-    """Mean of repeated tests; their scatter as modes of the mean, widened for its degrees of freedom.
+    """Mean of repeated tests.
 
-    The covariance of the mean is that of the tests over their number, S / n. Its modes come from the singular
-    values of the tests' deviations; n - 1 modes reproduce it exactly.
+    Their scatter gives modes of the mean, widened for its degrees of freedom.
+
+    The covariance of the mean is that of the tests divided by their number, S / n. Its modes come from the
+    singular values of the tests' deviations. The n - 1 modes reproduce it exactly.
 
     ``strain``: common axis [-], shape [n_points]. ``values``: every test on it [Pa], shape [n_tests,
     n_points], at least two tests. Raises ValueError if there are fewer than two tests.
@@ -358,11 +366,13 @@ def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
 
 
 def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[FloatArray, float]:
-    """A test's values on an axis, and the standard deviation of one of its samples about a smooth curve.
+    """A test's values on an axis, and the noise of its samples.
 
-    At each position a straight line is fitted to the samples within half the axis' spacing; with fewer than
-    four samples it is replaced by interpolation between neighbours. The noise is estimated from second
-    differences of neighbouring samples, which are small for a smooth curve.
+    The noise is the standard deviation of one sample about a smooth curve.
+
+    At each position, a straight line is fitted to the samples within half the axis' spacing. With fewer than
+    four samples, neighbours are interpolated. The noise is estimated from second differences of neighbouring
+    samples, which are small for a smooth curve.
 
     ``strain``, ``value``: samples in any order [-] and [Pa], shape [n], at least three. ``axis``: ascending
     places inside their range, shape [m], at least two.
@@ -382,7 +392,10 @@ def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[F
 
 
 def _noise(x: FloatArray, y: FloatArray) -> float:
-    """Noise from the distance of each sample to the line between its neighbours, robust against a kink."""
+    """Noise from the distance of each sample to the line between its neighbours.
+
+    A kink has little effect on it.
+    """
     left, right = x[1:-1] - x[:-2], x[2:] - x[1:-1]
     apart = (left + right) > 0.0
     if not apart.any():
@@ -394,12 +407,14 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
 
 
 def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -> FloatArray:
-    """Standard deviation of a reading of a test with few of them, about a smooth curve, shape of `axis`.
+    """Standard deviation of a reading about a smooth curve, shape of `axis`.
 
-    Between few readings a smooth curve bends by more than their noise, and second differences contain the
-    bend. They are therefore taken of the residuals of a polynomial, of the fifth order with twenty readings
-    or more. Few readings do not show whether noise grows with the reading: the larger of a constant and a
-    proportional noise is taken.
+    The test has few readings.
+
+    Between few readings, a smooth curve bends by more than their noise, and second differences contain the
+    bend. They are therefore taken from the residuals of a polynomial, of the fifth order with twenty readings
+    or more. Few readings do not show whether noise grows with the reading. The larger of a constant and a
+    proportional noise is therefore taken.
 
     ``strain``, ``value``: readings in any order [-] and [Pa], shape [n], at least four. ``axis``: places [-].
     """
@@ -407,7 +422,7 @@ def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -
     x, y = strain[order], value[order]
     smooth = np.polynomial.Polynomial.fit(x, y, min(5, x.size // 4))
     left, curve = y - smooth(x), smooth(axis)
-    # Near zero stress a ratio is meaningless: stresses below a thousandth of the largest are replaced by that
+    # Near zero stress a ratio has no meaning. Stresses below a thousandth of the largest are replaced by that
     # thousandth.
     share = _noise(x, left / np.maximum(np.abs(smooth(x)), 1e-3 * np.abs(y).max()))
     return np.asarray(np.maximum(_noise(x, left), share * np.abs(curve)))
@@ -420,7 +435,7 @@ class ApparentModulus:
     strain: FloatArray
     """Nominal strain, positive along the branch [-], shape [n]."""
     time: FloatArray | None
-    """Time since the strain was zero, mean of the tests [s], shape [n]; None if one has no times."""
+    """Time since the strain was zero, mean of the tests [s], shape [n]; None if a test has no times."""
     modulus: FloatArray
     """Apparent modulus [Pa], shape [n]."""
     sigma: FloatArray
@@ -428,7 +443,7 @@ class ApparentModulus:
     mean: float
     """Mean over the curve, with equal weight for each strain [Pa]."""
     mean_sigma: float
-    """Its standard uncertainty, including the correlation of errors common to all points [Pa]."""
+    """Its standard uncertainty with the correlation of errors common to all points [Pa]."""
 
     def interval(self, k: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
         """Both ends of the interval at each strain [Pa], shape [n] each."""
@@ -442,7 +457,7 @@ def apparent_modulus(
 
     ``band``: nominal stress over nominal strain, both positive along the branch, no point at rest.
     ``compression``: True if the branch is compression. ``time``: time of each point since the strain was zero
-    [s], shape [n]. Raises ValueError if a strain is not > 0, where the quotient has no value.
+    [s], shape [n]. Raises ValueError if a strain is not > 0, because the quotient then has no value.
     """
     if (band.strain <= 0.0).any():
         raise ValueError(f"E_a needs strains > 0, got {band.strain.min():.6g}: leave out the point at rest")

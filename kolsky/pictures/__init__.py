@@ -1,2 +1,4 @@
-"""Pictures of a shot: reading, calibration, correlation, storage in dic.h5, frame times, regions drawn by
-hand."""
+"""Pictures of a shot.
+
+Reading, calibration, correlation, storage in dic.h5, frame times, regions drawn by hand.
+"""

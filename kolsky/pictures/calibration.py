@@ -1,4 +1,7 @@
-"""Calibration of the cameras from pictures of a target: declared target, solution, tables and JSON output."""
+"""Calibration of the cameras from pictures of a target.
+
+Declared target, solution, tables and JSON output.
+"""
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
@@ -36,7 +39,7 @@ EXAMPLES = {
 def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
     """The target described in a file, for the detection by camera 0 and by camera 1.
 
-    Raises InputError if its kind is unknown, or a dimension is missing, has no effect or is impossible.
+    Raises InputError if its kind is unknown, or if a dimension is missing, has no effect or is impossible.
     """
     from dic.calibration.targets import TARGETS
 
@@ -89,7 +92,7 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
 
 Progress = Callable[[str, int, int], None]
 LARGEST_RMS = 1.0
-"""Largest accepted residual of a calibration [px]; even a blurred target gives only a tenth of it."""
+"""Largest accepted residual of a calibration [px]. Even a blurred target gives only a tenth of it."""
 
 
 def calibration_of(
@@ -97,9 +100,10 @@ def calibration_of(
 ) -> "Calibration":
     """The calibration from the pictures named in a file.
 
-    ``toml``, ``section``: the file and its table. ``progress``: called with the pictures done. ``predict``:
-    as for `dic.calibrate`; False if only the cameras are needed. Raises InputError if the pictures cannot be
-    read or do not match, the target is impossible, or its points do not determine the cameras.
+    ``toml``, ``section``: the file and its table. ``progress``: called with the number of pictures done.
+    ``predict``: as for `dic.calibrate`; False if only the cameras are needed. Raises InputError if the
+    pictures cannot be read or do not match. The same error is raised if the target is impossible, or if its
+    points do not determine the cameras.
     """
     with calibration_in_background(toml, section, predict=predict) as solved:
         return solved(progress)
@@ -111,7 +115,7 @@ def calibration_in_background(
 ) -> "Iterator[Callable[[Progress], Calibration]]":
     """Start the detection of the target in the background, for pictures of the whole sensors.
 
-    Yields: a function that returns the result of `calibration_of`, or raises its errors.
+    Yields: a function that returns the result of `calibration_of` or raises its errors.
     """
     from dic.calibration.views import detect_in_background
 
@@ -199,7 +203,10 @@ def _solve(
 
 
 def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
-    """Pictures without a partner, in words, if this is more informative than the ranges of numbers."""
+    """Pictures without a partner, in words.
+
+    This is used if it is more informative than the ranges of numbers.
+    """
     said = [
         f"camera {1 - camera} has none numbered {', '.join(map(str, alone[:6]))}"
         + (f" and {len(alone) - 6} more" if len(alone) > 6 else "")
@@ -210,7 +217,10 @@ def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
 
 
 def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence[Sequence[Any]]) -> None:
-    """Reject a series whose first picture, which defines the size, differs in size from most others."""
+    """Reject a series if its first picture differs in size from most others.
+
+    The first picture defines the size.
+    """
     for name, pictures, own in zip(CAMERAS, series, views, strict=True):
         other = sum(isinstance(view, PictureSizeError) for view in own)
         same = sum(not isinstance(view, PictureError) for view in own)
@@ -255,8 +265,8 @@ def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
     """Read the description of calibration pictures and their target.
 
     ``source``: a calibration.toml, a shot.toml, or a folder with one of them. Raises InputError if there is
-    none, it declares anything unknown, incomplete or impossible, or it names a finished calibration instead
-    of pictures.
+    none, or if it declares anything unknown, incomplete or impossible. The same error is raised if it names a
+    finished calibration instead of pictures.
     """
     path = Path(source)
     if path.is_dir():
@@ -285,7 +295,7 @@ def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
 
 
 def has_calibration_pictures(folder: Path) -> bool:
-    """Whether a folder's shot.toml or calibration.toml names pictures of a target."""
+    """True if a folder's shot.toml or calibration.toml names pictures of a target."""
     try:
         read_calibration_toml(folder)
     except InputError:
@@ -324,7 +334,7 @@ def calibration_json(found: Calibration) -> dict[str, Any]:
 
 
 def _json_number(value: float) -> float | None:
-    """The number, or None for NaN, which JSON cannot represent."""
+    """The number. None for NaN, which JSON cannot represent."""
     return value if value == value else None
 
 

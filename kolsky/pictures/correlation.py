@@ -1,4 +1,6 @@
-"""Correlation of a shot's pictures as declared in its file: regions, settings, and the call of `dic.chain`.
+"""Correlation of a shot's pictures as declared in its file.
+
+Regions, settings, and the call of `dic.chain`.
 
 Before the correlation, the declared length of the specimen is compared with the scale of the calibrated
 pictures.
@@ -31,11 +33,12 @@ from kolsky.schema.pictures import DicSection, RegionSection
 from kolsky.schema.shot_file import ShotToml
 
 LEAST_SHARE = 0.2
-"""Smallest share of the specimen's length that its region must show; the same as for an exported outline."""
+"""Smallest visible share of the specimen's length in its region. It is the same as for an exported
+outline."""
 LARGEST_SHARE = 1.5
-"""Largest extent of the region over the specimen's length: a region may extend onto the platens."""
+"""Largest extent of the region divided by the specimen's length. A region may extend onto the platens."""
 DISTANCES = 20_001
-"""Number of distances along a ray that are examined, in geometric progression."""
+"""Number of trial distances along a ray, in geometric progression."""
 NEAREST, FURTHEST = 1e-3, 1e3
 """Smallest and largest distance of a specimen from the camera [m]."""
 
@@ -60,7 +63,7 @@ def visible_lengths(
 
 
 def visible_distances(first: Camera, second: Camera, pixel: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Distances along the ray of a pixel of camera 0 that camera 1 sees [m], shape [n]."""
+    """Distances along the ray of a pixel of camera 0 that are visible in camera 1 [m], shape [n]."""
     distances = np.geomspace(NEAREST, FURTHEST, DISTANCES)
     ray = np.append(first.undistort(pixel), 1.0)
     points = (distances[:, None] * ray - first.translation) @ first.rotation
@@ -71,14 +74,14 @@ def visible_distances(first: Camera, second: Camera, pixel: FloatArray, shape: t
 
 
 def length_contradicts(length: float, seen: tuple[float, float] | None) -> bool:
-    """Whether the length of a region in the pictures contradicts the specimen's length; both in m."""
+    """True if the length of a region in the pictures contradicts the specimen's length; both in m."""
     if seen is None:
         return False
     return seen[1] < LEAST_SHARE * length or seen[0] > LARGEST_SHARE * length
 
 
 def check_length(toml: ShotToml, seen: tuple[float, float] | None) -> None:
-    """Reject a declared length that the pictures contradict.
+    """Reject a declared length that contradicts the pictures.
 
     ``seen``: smallest and largest length of the specimen's region, by `visible_lengths`. Raises InputError if
     `length_contradicts`.
@@ -125,13 +128,13 @@ class Places:
     edge: tuple[float, float]
     """End of the specimen at the transmission platen [px]."""
     found: tuple[str, ...]
-    """Keys of [dic] that were not declared but found in the pictures."""
+    """Keys of [dic] that were found in the pictures because they were not declared."""
     why: str = ""
-    """How the flyer was distinguished from the specimen, if regions were found."""
+    """Method that distinguished the flyer from the specimen, if regions were found."""
 
     @property
     def words(self) -> dict[str, Any]:
-        """The regions for the facts of a result, in JSON types."""
+        """The regions as facts of a result, in JSON types."""
         return {
             "specimen": [list(corner) for corner in self.specimen.corners],
             "specimen_frame": self.specimen.frame,
@@ -144,9 +147,11 @@ class Places:
 
 
 def places_of(pictures: PictureSet) -> Places:
-    """The regions declared in the shot file; regions that are not declared are detected in the pictures.
+    """The regions declared in the shot file.
 
-    Raises InputError if one is neither declared nor found.
+    Undeclared regions are detected in the pictures.
+
+    Raises InputError if a region is neither declared nor found.
     """
     section = pictures.toml.declared.dic
     assert section is not None  # shots with pictures have it
@@ -190,8 +195,10 @@ def _chain_settings(
     device: str = "cpu",
     length_sigma: float = 0.0,
 ) -> ChainSettings:
-    """The settings of `dic.chain` declared in a shot file, with the specimen's end [px] and the standard
-    deviation of its length [m]."""
+    """The settings of `dic.chain` in a shot file.
+
+    They include the specimen's end [px] and the standard deviation of its length [m].
+    """
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )
@@ -240,8 +247,8 @@ def correlate(
 ) -> StereoResult:
     """The stereo result of a shot.
 
-    ``pictures``, ``device``, ``progress``, ``cameras``: as of `kolsky.shot.optical_data.surfaces`.
-    Raises InputError as `kolsky.shot.optical_data.surfaces`.
+    ``pictures``, ``device``, ``progress``, ``cameras``: as for `kolsky.shot.optical_data.surfaces`. Raises
+    InputError for the same reasons.
     """
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic

@@ -1,6 +1,6 @@
-"""The file dic.h5, of a stereo result and of a measurement by image correlation only.
+"""The file dic.h5 of a stereo result, and of a measurement by image correlation without a shot.
 
-The file is written completely or not at all; every value is checked when it is read.
+The file is written completely or not at all. Every value is checked when it is read.
 """
 
 from pathlib import Path
@@ -36,7 +36,7 @@ STEREO_FORMAT = Format("dic stereo result", version=3, readable=(2, 3), largest=
 
 
 def _surface(unit: str, group: Group | None = None) -> Record[SurfaceHistory]:
-    """A surface whose lengths have a unit."""
+    """A surface with a unit of its lengths."""
     return Record(
         SurfaceHistory,
         group,
@@ -51,7 +51,7 @@ def _surface(unit: str, group: Group | None = None) -> Record[SurfaceHistory]:
 
 
 def _strain(time: str) -> Record[SurfaceStrain]:
-    """Strains of a surface, with the place of their times."""
+    """Strains of a surface, with the location of their times."""
     return Record(
         SurfaceStrain,
         nxdata("value", time, "points", "."),
@@ -211,11 +211,11 @@ STEREO_RESULT = Record(
 def write_stereo_result(path: Path, result: StereoResult, *, key: str = "") -> None:
     """Write a stereo result to one HDF5 file, atomically.
 
-    ``path``: the file, replaced if it exists; its folder must exist. ``result``: the result; its `facts` are
-    stored as JSON. ``key``: identifies the input of the result, e.g. a hash of inputs and settings;
-    `stored_key` reads it without the result. Raises ValueError if shapes of the result disagree, or `facts`
-    contain a value that JSON cannot represent. Raises OSError if the file cannot be written; an existing file
-    is then unchanged.
+    ``path``: the file, which is replaced if it exists. Its folder must exist. ``result``: the result. Its
+    `facts` are stored as JSON. ``key``: identifies the input of the result, e.g. a hash of inputs and
+    settings. `stored_key` reads it without the result. Raises ValueError if shapes of the result disagree, or
+    if `facts` contain a value that JSON cannot represent. Raises OSError if the file cannot be written. An
+    existing file is then unchanged.
     """
     with writing(path, STEREO_FORMAT, key=key) as place:
         STEREO_RESULT.write(place, result)
@@ -233,8 +233,8 @@ def stored_key(path: Path) -> str | None:
 def read_stereo_result(path: Path) -> StereoResult:
     """Read a stereo result from a file.
 
-    Raises InputError if the file is not a stereo result, or an entry is missing, a link, too large, of wrong
-    type, shape or unit, or inconsistent. The message is one line.
+    Raises InputError if the file is not a stereo result. The same error is raised for an entry that is
+    missing, a link, too large, inconsistent, or of wrong type, shape or unit. The message is one line.
     """
     with reading(path, STEREO_FORMAT, cure="run `kolsky dic` again") as place:
         return STEREO_RESULT.read(place)
@@ -296,8 +296,8 @@ FULL_FIELD_RESULT = Record(
 def write_full_field(path: Path, result: FullField) -> None:
     """Write a full-field result to one HDF5 file, atomically.
 
-    ``path``: the file, replaced if it exists; its folder must exist. ``result``: the result. Raises OSError
-    if the file cannot be written; an existing file is then unchanged.
+    ``path``: the file, which is replaced if it exists. Its folder must exist. ``result``: the result. Raises
+    OSError if the file cannot be written. An existing file is then unchanged.
     """
     with writing(path, FULL_FIELD_FORMAT) as place:
         FULL_FIELD_RESULT.write(place, result)

@@ -1,6 +1,6 @@
 """[frames] and [flyer]: times of the frames and displacement of the flyer, read and checked.
 
-Single displacements that are impossible for a flyer (exchanged frames, lost digits) are detected.
+Impossible displacements of a flyer (exchanged frames, lost digits) are detected.
 """
 
 from collections.abc import Callable
@@ -19,20 +19,20 @@ from kolsky.schema.measured import FlyerSection
 from kolsky.schema.shot_file import ShotToml
 
 STRAY_SIGMAS = 20.0
-"""A displacement is an outlier if it differs from the value predicted by its neighbours by more than this
-many standard deviations, and also by more than `STRAY_STEPS`."""
+"""A displacement is an outlier under two conditions. It differs from the value predicted by its neighbours by
+more than this many standard deviations, and by more than `STRAY_STEPS`."""
 STRAY_STEPS = 3.0
-"""The same limit in units of the flyer's largest step from frame to frame. The start of the motion curves the
+"""The same limit in units of the flyer's largest step between two frames. The start of the motion curves the
 path by less than one step."""
 MOST_STRAY = 0.03
-"""Largest share of outliers among the frames; a larger share indicates another kind of noise."""
+"""Largest share of outliers among the frames. A larger share indicates another kind of noise."""
 MOST_AT_REST = 0.25
 """Largest share of outliers among the static frames."""
 LAST_AT_REST = 3
-"""Number of last static frames without outliers: a displacement in them may be the real start of the
+"""Number of last static frames without outliers. A displacement in these frames may be the real start of the
 motion."""
 STRAY_NEIGHBOURS = 6
-"""Number of frames in the cubic fit that predicts a displacement; with four, the outlier could not be
+"""Number of frames in the cubic fit that predicts a displacement. With four, the outlier could not be
 identified among the five frames."""
 
 
@@ -59,8 +59,10 @@ def stray_frames(
 
 
 def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) -> BoolArray:
-    """Find outliers among static frames: displacements that vanish in later static frames, because a flyer
-    does not return."""
+    """Find outliers among static frames.
+
+    They are displacements that vanish in later static frames, because a flyer does not return.
+    """
     off = np.abs(displacement - np.median(displacement)) > limit * sigma
     if off[-LAST_AT_REST:].any() or off.sum() > MOST_AT_REST * off.size:
         return np.zeros(off.size, dtype=bool)
@@ -70,8 +72,10 @@ def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) ->
 def _distance_to_neighbours(
     time: FloatArray, displacement: FloatArray, sound: np.ndarray, row: int
 ) -> tuple[float, float]:
-    """A displacement minus the cubic fit of the nearest frames without outliers [m], and the standard
-    deviation of this difference for displacements with standard deviation 1."""
+    """A displacement minus the cubic fit of the nearest frames without outliers [m].
+
+    The standard deviation of this difference, for displacements with standard deviation 1, is also returned.
+    """
     others = sound[sound != row]
     first = int(
         np.clip(np.searchsorted(others, row) - STRAY_NEIGHBOURS // 2, 0, others.size - STRAY_NEIGHBOURS)
@@ -85,13 +89,13 @@ def _distance_to_neighbours(
 
 
 MOTION_SIGMAS = 6.0
-"""A displacement of more than this many sigmas is motion: noise exceeds it once in 5e8 frames."""
+"""A displacement of more than this many sigmas is motion. Noise exceeds it once in 5e8 frames."""
 
 
 def read_frames(toml: ShotToml) -> FrameTable:
     """Read [frames]: frame numbers and their times on the clock of the file.
 
-    Raises InputError if the file cannot be read, or all frames are static.
+    Raises InputError if the file cannot be read, or if all frames are static.
     """
     section = toml.declared.frames
     frames = read_frame_table(
@@ -116,7 +120,7 @@ def flyer_motion(
     """Read [flyer]: the flyer's displacement toward the specimen at the frames, and the hash of its file.
 
     ``check``: called with the motion before its rest and travel are checked. Raises InputError if the file
-    cannot be read, its frames and times differ from those of [frames], or the flyer does not move.
+    cannot be read, if its frames and times differ from those of [frames], or if the flyer does not move.
     """
     table = read_frame_table(
         folder / section.file,
@@ -154,7 +158,7 @@ def _stray_note(table: FrameTable, row: int, off: float) -> str:
 
 
 def frames_agree(table: FrameTable, frames: FrameTable) -> None:
-    """Check that every frame number exists in [frames] and that the file's times equal those of [frames].
+    """Check that every frame number exists in [frames], with the same time.
 
     Times agree if they differ by no more than half of the last printed digit of each file.
     """
@@ -172,7 +176,7 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
         return
     expected = frames.time[index]
     tolerance = 0.5 * (table.digit + frames.digit)
-    # The sum of the half digits and the times are rounded binary numbers.
+    # Both the sum of the half digits and the times are rounded binary numbers.
     slack = 1e-6 * tolerance + 4.0 * np.finfo(float).eps * np.abs(expected).max()
     apart = np.flatnonzero(np.abs(table.time - expected) > tolerance + slack)
     if apart.size:
@@ -187,12 +191,14 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
 
 
 def _time_cure(time: FloatArray, expected: FloatArray) -> str:
-    """Cure for times [s], shape [n], that differ from those of the frames: another unit, a shift of the
-    clock, or another column."""
+    """Remedy for times [s], shape [n], that differ from those of the frames.
+
+    It proposes another unit, a shift of the clock, or another column.
+    """
     spans = float(np.ptp(time)), float(np.ptp(expected))
     ratio = spans[0] / spans[1] if min(spans) > 0.0 else 1.0
     power = round(float(np.log10(ratio)) / 3.0)
-    # Rounding changes the span of the times a little; times of another test have a different span.
+    # Rounding changes the span of the times slightly. Times of another test have a different span.
     if power != 0 and abs(ratio / 10.0 ** (3 * power) - 1.0) < 1e-2:
         return f"its times are {10.0 ** (3 * power):g} times those: correct the unit of one column"
     shift = float(np.median(time - expected))
@@ -245,8 +251,10 @@ def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
 def flyer_moves(
     table: FrameTable, flyer: FlyerMotion, sigma: float, toml: ShotToml, *, stray: BoolArray | None = None
 ) -> None:
-    """Check the flyer's motion, without outliers: at rest in the static frames, then toward the specimen by
-    less than the specimen's length."""
+    """Check the flyer's motion, without outliers.
+
+    It is at rest in the static frames, then moves toward the specimen by less than the specimen's length.
+    """
     n_static = toml.declared.frames.static
     length = toml.declared.specimen.length
     sound = np.ones(flyer.time.size, dtype=bool) if stray is None or stray[:n_static].all() else ~stray
@@ -287,7 +295,9 @@ def flyer_moves(
 
 
 def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
-    """The motion with outliers among its static frames listed, and their uncertainty set to their deviation.
+    """The motion with a list of outliers in its static frames.
+
+    The uncertainty of an outlier is set to its deviation.
 
     ``flyer``: its motion, from pictures. ``rest``: time of the last static frame on the shot's clock [s].
     """
@@ -311,7 +321,9 @@ def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
 
 
 def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
-    """Check a flyer tracked in pictures: at rest in the static frames, then moving toward the specimen.
+    """Check the motion of a flyer in pictures.
+
+    It is at rest in the static frames, then moves toward the specimen.
 
     ``flyer``: its motion; lost frames have no row. ``rest``: time of the last static frame on the shot's
     clock [s]. ``source``: the file named in an error message.

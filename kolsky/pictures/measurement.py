@@ -24,7 +24,7 @@ from kolsky.pictures.rig import refine_rig, rig_of
 from kolsky.schema.pictures import MeasuredSeries, MeasurementFile
 
 FLYER_TEST = "flyer test"
-"""The kind of measurement that must be declared in a shot.toml instead."""
+"""A kind of measurement that must be declared in a shot.toml."""
 Progress = Callable[[str, int, int], None]
 
 
@@ -50,7 +50,7 @@ class Measurement:
 def read_measurement(path: Path) -> Measurement:
     """Read a dic.toml and open its pictures.
 
-    ``path``: the file. Raises InputError if it declares anything unknown, incomplete or impossible, or a
+    ``path``: the file. Raises InputError if it declares anything unknown, incomplete or impossible, or if a
     series cannot be opened.
     """
     toml = parse_toml(path)
@@ -88,7 +88,7 @@ def read_measurement(path: Path) -> Measurement:
 
 
 def _open(toml: TomlFile, name: str, section: MeasuredSeries, bits: int | None) -> Pictures | InputError:
-    """The series of a camera, or why there is none."""
+    """The series of a camera, or the reason why there is none."""
     from dic.images import declared, open_pictures
 
     kind, source = section.source
@@ -116,9 +116,9 @@ def measure_file(
 ) -> FullField:
     """Correlate the pictures of a measurement.
 
-    ``device``: device of the correlation, "cpu" or a CUDA device. ``progress``: called with the frames done,
-    stage by stage. Raises InputError if region, mask, calibration or settings do not match the pictures, or
-    nothing can be measured.
+    ``device``: device of the correlation, "cpu" or a CUDA device. ``progress``: called with the number of
+    frames done in each stage. Raises InputError if region, mask, calibration or settings do not match the
+    pictures, or if nothing can be measured.
     """
     result = _measure(measurement, device=device, progress=progress)
     return replace(result, remarks=(*result.remarks, *of_colours(measurement.series)))
@@ -194,7 +194,10 @@ def _settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSett
 
 
 def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
-    """Pixels that are measured: in the region, white in the mask, and not excluded; shape [rows, columns]."""
+    """Pixels of the measurement: in the region, white in the mask, and not excluded.
+
+    Shape [rows, columns].
+    """
     toml, section = measurement.toml, measurement.declared.dic
     shape = measurement.series[0].shape
     mask = np.ones(shape, dtype=bool)

@@ -1,4 +1,7 @@
-"""The pictures of a shot: opened, counted, compared with the shot file, and searched for the first change."""
+"""The pictures of a shot.
+
+They are opened, counted, compared with the shot file, and searched for the first change.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,8 @@ if TYPE_CHECKING:
 
 
 MOST_COMPARED = 400
-"""Largest number of frames that are compared with the first one; of a longer series, evenly spaced frames."""
+"""Largest number of frames that are compared with the first one. In a longer series, they are evenly
+spaced."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +41,13 @@ class PictureChanges:
     time: FloatArray
     """Times of the compared frames on the shot's clock [s], shape [n]."""
     change: FloatArray
-    """Mean absolute difference from the first picture, relative to white (2**bits - 1), shape [2, n]; NaN
-    where a picture cannot be read."""
+    """Mean absolute difference from the first picture, relative to white (2**bits - 1), shape [2, n]; NaN for
+    an unreadable picture."""
     rest_end: float
     """Time of the last frame that is declared static [s]."""
     shown: tuple[tuple[float, FloatArray], ...]
-    """Time [s] and picture of camera 0, relative to white, shape [rows, columns], for the first, the last
-    static and the last frame, as far as they are readable."""
+    """Time [s] and picture of camera 0, relative to white, shape [rows, columns]. They are given for the
+    first, the last static and the last frame, if readable."""
 
 
 def picture_changes(series: Sequence[Pictures], time: FloatArray, static: int) -> PictureChanges:
@@ -83,12 +87,12 @@ SERIES_CURE = "export one picture for each line of the frames' file"
 
 @dataclass(frozen=True)
 class PictureSet:
-    """The pictures of a shot, opened but not read, and their times."""
+    """The pictures of a shot, which are opened but not read, and their times."""
 
     toml: ShotToml
     """The shot file."""
     frames: FrameTable
-    """Frame numbers and times; row k is picture k."""
+    """Frame numbers and times. Row k belongs to picture k."""
     series: tuple[Pictures, Pictures]
     """The series of both cameras, with the declared bits and offsets."""
 
@@ -120,12 +124,15 @@ class PictureSet:
 
 
 def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
-    """Open both series of a shot; only headers are read, and the last picture of a series that is too short.
+    """Open both series of a shot.
 
-    The remaining frames of a truncated file are used; the missing ones get the outcome UNREADABLE.
+    Only headers are read, and the last picture of a series that is too short.
 
-    Raises InputError if a series is missing or contains no pictures, the number of pictures differs from that
-    of the frames, a crop differs from that stated in its file, or the cameras' pictures differ in size.
+    The remaining frames of a truncated file are used. The missing ones have the outcome UNREADABLE.
+
+    Raises InputError if a series is missing or has no pictures, or if its number of pictures differs from
+    that of the frames. The same error is raised if a crop differs from that in its file, or if the cameras'
+    pictures differ in size.
     """
     from dic.images import PictureError
     from dic.images import open_pictures as open_series
@@ -178,7 +185,7 @@ def check_frames(pictures: PictureSet) -> None:
 
 
 def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
-    """Error text about a crop on a sensor of given columns and rows; None if it fits."""
+    """Error text about a crop on a sensor with these columns and rows; None if it fits."""
     if sensor is None:
         return None
     (x, y), (rows, columns) = pictures.crop_offset, pictures.shape
@@ -191,7 +198,10 @@ def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | Non
 
 
 def readable(pictures: Pictures) -> int:
-    """Number of pictures up to the last readable one: all, unless the file is truncated."""
+    """Number of pictures up to the last readable one.
+
+    It is smaller than the total only in a truncated file.
+    """
     from dic.images import PictureError  # for shots with pictures only
 
     count = pictures.n_frames
@@ -206,7 +216,7 @@ def readable(pictures: Pictures) -> int:
 
 
 def matching(folder: Path, pattern: str) -> list[Path]:
-    """The files that match a pattern, by name; its folders are taken literally."""
+    """The files that match a pattern, by name. Its folders are taken literally."""
     place = folder / pattern
     return sorted(path for path in place.parent.glob(place.name) if path.is_file())
 
@@ -227,7 +237,7 @@ def digest(files: list[Path]) -> str:
 
 
 def _miscounted(pictures: Pictures, frames: FrameTable) -> str | None:
-    """Error text about the number of pictures; a truncated file may have too few."""
+    """Error text about the number of pictures. A truncated file may have too few."""
     count = frames.frame.size
     if pictures.n_frames == count or (pictures.n_frames < count and _cut_off(pictures)):
         return None

@@ -1,5 +1,7 @@
-"""Regions drawn by hand over pictures: shapes, their checks, the session that saves them, and a grid
-picture."""
+"""Regions drawn by hand over pictures.
+
+Shapes, their checks, the session that saves them, and a grid picture.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +21,7 @@ from kolsky.base.toml import TOML_LIMIT, CannotEdit, with_values
 
 MOST_CORNERS = 1000
 LEAST_AREA = 25.0
-"""Smallest region [px²]: that of a subset of 5 px."""
+"""Smallest region [px²]. It is that of a subset of 5 px."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Drawable:
     many: bool = False
     """True for a list of regions."""
     framed: bool = False
-    """True if a region belongs to the frame in which it was drawn; otherwise it belongs to frame `home`."""
+    """True if a region belongs to the frame in which it was drawn. Otherwise it belongs to frame `home`."""
     home: int = 0
     """Frame in which a region without a frame number is drawn."""
 
@@ -69,7 +71,10 @@ class Drawn:
 
 
 def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Drawn]]:
-    """Regions from the data sent by a page; a key without regions is left out."""
+    """Regions from the data of a page.
+
+    A key without regions is left out.
+    """
     if not isinstance(content, Mapping):
         raise ValueError("the regions are not a mapping of names to lists")
     known = {one.key: one for one in wanted}
@@ -100,7 +105,7 @@ def problems_of(
     shape: tuple[int, int],
     n_frames: int,
 ) -> list[str]:
-    """Problems of drawn regions, one sentence each; empty if they can be saved."""
+    """Problems of drawn regions, one sentence each. Empty if the regions can be saved."""
     said = [] if drawn else ["nothing is drawn"]
     for one in wanted:
         shapes = drawn.get(one.key, ())
@@ -135,7 +140,7 @@ def _outside_picture(drawn: Drawn, shape: tuple[int, int]) -> str:
 
 
 def _polygon(drawn: Drawn, shape: tuple[int, int]) -> str:
-    """Problem of a polygon, in words; empty if there is none."""
+    """Problem of a polygon, in words; empty if it has none."""
     if len(drawn.corners) < 3:
         return f"has {len(drawn.corners)} corners, needs three or more"
     if outside := _outside_picture(drawn, shape):
@@ -161,7 +166,7 @@ def polygon_area(corners: np.ndarray) -> float:
 
 
 def crossing_sides(corners: np.ndarray) -> tuple[int, int] | None:
-    """The first two sides that meet outside a shared corner, or None; side i begins at corner i."""
+    """The first two sides that meet outside a shared corner, or None. Side i begins at corner i."""
     n = len(corners)
     ends = np.roll(corners, -1, axis=0)
     for i in range(n):
@@ -219,7 +224,7 @@ class Session:
     wanted: tuple[Drawable, ...]
     """What can be drawn."""
     validate: Callable[[Path], object]
-    """Reads a file of this kind; raises InputError if it is not valid."""
+    """Reads a file of this kind. Raises InputError if it is not valid."""
     drawn: dict[str, list[Drawn]] = field(default_factory=dict)
     """Regions that the file declares already."""
     saved: tuple[str, ...] = ()
@@ -229,7 +234,7 @@ class Session:
         self._text = self._read()
 
     def problems(self, content: Any) -> list[str]:
-        """Problems of the data sent by a page; empty if they can be saved."""
+        """Problems of the data of a page. Empty if they can be saved."""
         try:
             drawn = _read_drawn(content, self.wanted)
         except ValueError as error:
@@ -241,10 +246,12 @@ class Session:
         return {one.key: _as_toml(one, drawn[one.key]) for one in self.wanted if drawn.get(one.key)}
 
     def save(self, content: Any) -> list[str]:
-        """Save the regions sent by a page in the file, completely or not at all; returns their problems.
+        """Save the regions from a page in the file, completely or not at all.
 
-        Regions that are not drawn remain as in the file. Nothing is saved if the file was changed since it
-        was read, or would not be valid with the regions.
+        Returns their problems.
+
+        Regions that are not drawn remain as in the file. Nothing is saved if the file has changed since it
+        was read. Nothing is saved either if the file would not be valid with the regions.
         """
         if said := self.problems(content):
             return said
@@ -277,8 +284,10 @@ class Session:
 
 
 def png_of(pictures: Pictures, frame: int) -> bytes | str:
-    """A frame as an 8-bit PNG, with the middle 99 % of the grey values stretched to the full range; or the
-    reason why there is none."""
+    """A frame as an 8-bit PNG, or the reason why there is none.
+
+    The middle 99 % of the grey values are stretched to the full range.
+    """
     try:
         picture = np.asarray(pictures.frame(frame), dtype=np.float64)
     except (PictureError, IndexError) as error:
@@ -295,11 +304,10 @@ LEAST_SIDE = 1000
 
 
 def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list[Path]:
-    """Write frames with a grid, and regions.toml with the lines to fill in.
+    """Write frames with a grid, and regions.toml with lines to complete.
 
-    ``folder``: folder of the files; created if absent. ``frames``: frames that are written. Returns: the
-    pictures, then the TOML file. Raises InputError if none of the frames can be read, or nothing can be
-    written.
+    ``folder``: folder of the files; created if absent. ``frames``: frames to write. Returns: the pictures,
+    then the TOML file. Raises InputError if no frame can be read, or if nothing can be written.
     """
     names = []
     with filling(folder) as partial:
@@ -327,8 +335,10 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
 
 
 def grid_step(longest: int) -> int:
-    """Distance of the lines [px]: 1, 2 or 5 times a power of ten, for about `LINES` lines across the longer
-    side."""
+    """Distance of the lines [px].
+
+    It is 1, 2 or 5 times a power of ten, for about `LINES` lines across the longer side.
+    """
     for power in range(6):
         for digit in (1, 2, 5):
             if digit * 10**power * LINES >= longest:
@@ -339,7 +349,7 @@ def grid_step(longest: int) -> int:
 def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """A picture enlarged, with lines and numbers at round pixel coordinates, shape [rows, columns, 3].
 
-    A line runs through the centres of the pixels with its coordinate.
+    A line passes through the centres of the pixels with its coordinate.
     """
     rows, columns = picture.shape
     factor = max(1, -(-LEAST_SIDE // max(rows, columns)))

@@ -1,4 +1,7 @@
-"""The cameras of a shot: from a calibration file, or from pictures of a target, refined by the speckles."""
+"""The cameras of a shot, from a calibration file or from pictures of a target.
+
+The speckles can refine them.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -37,8 +40,8 @@ class Calibrated:
 def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
     """The rig for a shot's pictures.
 
-    Raises InputError if the file does not contain two cameras, the target is not found or does not determine
-    the cameras, or a crop lies outside the calibrated sensor.
+    Raises InputError if the file does not contain two cameras, or if a crop lies outside the calibrated
+    sensor. The same error is raised if the target is not found or does not determine the cameras.
     """
     with calibrate_in_background(pictures) as cameras:
         return cameras(progress)
@@ -46,10 +49,12 @@ def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
 
 @contextmanager
 def calibrate_in_background(pictures: PictureSet) -> Iterator[Callable[[Progress], Calibrated]]:
-    """Start the detection of the target in other processes, if possible, while this process works.
+    """Start the detection of the target in other processes, if possible.
 
-    Yields: a function that returns the result of `calibrate`, or raises its errors. Raises InputError if the
-    target's pictures cannot be opened or do not match, or the target is impossible.
+    This process continues meanwhile.
+
+    Yields: a function that returns the result of `calibrate` or raises its errors. Raises InputError if the
+    target's pictures cannot be opened or do not match, or if the target is impossible.
     """
     toml, section = pictures.toml, pictures.toml.declared.calibration
     assert section is not None  # shots with pictures have it
@@ -70,8 +75,8 @@ def calibrate_in_background(pictures: PictureSet) -> Iterator[Callable[[Progress
 
 
 LEAST_CORES = 3
-"""Largest number of cores with which this process takes part in the detection of the target; with more cores
-another process does this and also solves for the cameras."""
+"""Largest number of cores with which this process takes part in the detection of the target. With more cores,
+another process does this, and also solves for the cameras."""
 
 
 def _no_progress(stage: str, done: int, total: int) -> None:
@@ -95,7 +100,7 @@ def _crop_to_pictures(pictures: PictureSet, found: Calibrated) -> Calibrated:
 def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> Calibrated:
     """The rig declared in a table [calibration], for pictures of the whole sensors.
 
-    Raises InputError if the file does not contain two cameras, or as `calibration_of`.
+    Raises InputError if the file does not contain two cameras, or for the reasons of `calibration_of`.
     """
     if section.file is not None:
         return Calibrated(*_from_file(toml, section))
@@ -139,15 +144,16 @@ def refine_rig(
     noise: float | None = None,
     device: str = "cpu",
 ) -> tuple[StereoRig, dict[str, Any]]:
-    """The cameras, refined from one pair of pictures if [calibration] requests it, and facts on the
-    refinement.
+    """The cameras, refined from one pair of pictures if [calibration] requests it.
 
-    With ``refine = true`` the refined pose is used. With ``"auto"`` it is used if it reduces the distances of
-    points left out of the fit (`dic.calibration.refine`). Otherwise nothing is done. If too few points are
-    matched, the cameras are unchanged, and the facts state this.
+    Facts on the refinement are returned too.
 
-    ``rig``: the cameras, for the cropped pictures. ``frame``: the frame whose pair is matched. ``mask``:
-    pixels of the body in camera 0's picture, shape [rows, columns]. ``step``: distance of the points [px].
+    With ``refine = true``, the refined pose is used. With ``"auto"``, it is used if it reduces the distances
+    of points that were left out of the fit (`dic.calibration.refine`). Otherwise nothing is done. If too few
+    points are matched, the cameras do not change, and the facts state this.
+
+    ``rig``: the cameras, for the cropped pictures. ``frame``: the frame of the matched pair. ``mask``: pixels
+    of the body in camera 0's picture, shape [rows, columns]. ``step``: distance of the points [px].
     ``noise``: standard deviation of a grey value [grey]; None: 1 % of the picture's contrast.
     """
     if section.refine is False:
@@ -169,7 +175,7 @@ def refine_rig(
 
 
 def refinement_words(facts: Mapping[str, Any]) -> str:
-    """A line on the refinement for terminal and report; empty if it was not requested."""
+    """A line on the refinement for terminal and report. Empty if not requested."""
     if not facts:
         return ""
     if "why" in facts:

@@ -17,7 +17,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion
 
 PATTERN_VARIANCE = 0.95
-"""Share of the variance that the patterns represent; the rest is returned as an independent error [-]."""
+"""Share of the variance in the patterns [-]. The rest is returned as an independent error."""
 MOST_PATTERNS = 60
 """Largest number of patterns."""
 PATTERN_NODES = 4.0
@@ -64,18 +64,18 @@ class PictureErrors:
     outline_sigma: float
     """Resulting standard deviation of the outline's Z [m]."""
     pixel: float
-    """Length on the specimen that a pixel shows [m]."""
+    """Length on the specimen that corresponds to a pixel [m]."""
     interval: float
     """Time between frames [s]."""
 
     @property
     def length(self) -> float:
-        """Distance at which the correlation is 1/e [m]."""
+        """Distance over which the correlation falls to 1/e [m]."""
         return self.shared.length * self.pixel
 
     @property
     def memory(self) -> float:
-        """Time lag at which the correlation is 1/e [s]."""
+        """Time over which the correlation falls to 1/e [s]."""
         return self.shared.memory * self.interval
 
 
@@ -112,15 +112,19 @@ def picture_errors(result: StereoResult) -> PictureErrors | None:
 
 
 def variance_of_mean(places: FloatArray, length: float) -> float:
-    """Variance of the mean over positions of an error with variance 1 and correlation `exp(-(r / length)^2)`
-    [-]."""
+    """Variance of the mean over positions of an error with variance 1 [-].
+
+    Its correlation is `exp(-(r / length)^2)`.
+    """
     some = places[:: max(-(-len(places) // MOST_POINTS), 1)]
     return float(np.exp(-((cdist(some, some) / length) ** 2)).mean())
 
 
 def mean_over_time(n: int, memory: float) -> float:
-    """Variance of the mean of n successive values of an error with variance 1 and given memory [frames]
-    [-]."""
+    """Variance of the mean of n successive values of an error with variance 1 [-].
+
+    The memory is given in frames.
+    """
     at = np.arange(n)
     return float(np.exp(-np.abs(at[:, None] - at) / memory).mean())
 
@@ -128,8 +132,8 @@ def mean_over_time(n: int, memory: float) -> float:
 def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: PictureErrors) -> FlyerMotion:
     """The flyer's motion with the shared error of its displacements.
 
-    In each frame it is the error of the mean over a camera's visible points, averaged over the cameras that
-    see any. The cameras' errors are independent.
+    In each frame it is the error of the mean over a camera's visible points. It is averaged over the cameras
+    that see any point. The cameras' errors are independent.
     """
     assert result.flyer is not None  # there is a motion
     frames = np.searchsorted(result.t, motion.time)
@@ -139,15 +143,20 @@ def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: Picture
 
 
 def _share_left_in_mean(body: Body, frame: int, length: float) -> float:
-    """Variance of the mean of an error with variance 1, over a body's points in a frame and over the cameras
-    that see any; 1 if no point is visible."""
+    """Variance of the mean of an error with variance 1, over a body's points in a frame.
+
+    The cameras that see any point are averaged. The variance is 1 if no point is visible.
+    """
     seen = [np.isfinite(pixels[frame]).all(axis=1) for pixels in body.pixels]
     means = [variance_of_mean(body.points[one], length) for one in seen if one.any()]
     return sum(means) / len(means) ** 2 if means else 1.0
 
 
 def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureErrors) -> CentreLine:
-    """The outline with the shared error of its Z as modes; the remaining variance is added to its sigma."""
+    """The outline with the shared error of its Z as modes.
+
+    The remaining variance is added to its sigma.
+    """
     modes, left = error_patterns(
         line.time, line.y, sigma=errors.outline_sigma, memory=errors.memory, length=errors.length
     )
@@ -155,11 +164,12 @@ def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureE
 
 
 def with_departures(line: CentreLine, result: StereoResult, half_width: float) -> CentreLine:
-    """The outline with one more mode: its departure from the surface on both sides of the strip, beyond
-    noise.
+    """The outline with one more mode.
 
-    A highlight shifts all points of the strip equally as long as it lies there. If the cameras are arranged
-    along the axis, the epipolar distances do not reveal it (`dic.surfaces.outline`).
+    The mode is its deviation beyond noise from the surface on both sides of the strip.
+
+    A highlight shifts all points of the strip equally while it lies there. If the cameras are arranged along
+    the axis, the epipolar distances do not reveal it (`dic.surfaces.outline`).
 
     ``line``: the outline, with the same points as in the result. ``result``: the result of its pictures.
     ``half_width``: half width of the strip [m].
@@ -176,10 +186,10 @@ def with_departures(line: CentreLine, result: StereoResult, half_width: float) -
 def outline_offsets(result: StereoResult, errors: PictureErrors | None) -> dict[str, float]:
     """Standard uncertainties of the test frame's position, by their keys in [uncertainty] [m].
 
-    Along y it is the uncertainty of the specimen's lower end. The axis is placed so that the mean over the
-    specimen at rest is its radius; the error of this mean in the static frames is an offset of all points.
-    Late in the test the offset is independent of the current frame's error. Early in the test both are
-    correlated and partly cancel, so that their sum is an upper bound.
+    Along y it is the uncertainty of the specimen's lower end. The axis is placed at the specimen's radius
+    behind the mean surface at rest. The error of this mean in the static frames is an offset of all points.
+    Late in the test, the offset is independent of the current frame's error. Early in the test, both are
+    correlated and partly cancel. Their sum is therefore an upper bound.
     """
     own = np.diag(result.placement.frame.covariance)
     depth = float(own[5])

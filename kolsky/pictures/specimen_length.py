@@ -1,12 +1,14 @@
-"""The specimen's length from its pictures: the declared length, conditioned on the flyer's rim at rest.
+"""The specimen's length from its pictures.
+
+The declared length is conditioned on the flyer's rim at rest.
 
 At rest the flyer's face lies on the specimen's upper end. The height of its rim above the specimen's lower
 end in the pictures is therefore another measurement of the length. Its difference from the declared length is
 
     d = b - a + z + r,
 
-with the errors of the declared length (a), of the outline's heights, i.e. of the lower end (b), of the
-flyer's observed position at rest (z) and of the rim (r); all are independent before d is known. Given d, a
+with four errors: of the declared length (a), of the outline's heights, i.e. of the lower end (b), of the
+flyer's observed position at rest (z) and of the rim (r). All are independent before d is known. Given d, a
 and b follow from the conditional normal distribution. The zero of the flyer's displacement is conditioned on
 the same d in `dic.bodies.axial_displacement.combine_rest`.
 """
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from dic.result import StereoResult
 
 REPORTED_DISAGREEMENT = 3.0
-"""Disagreement of declared length and pictures that is reported, in standard deviations of both."""
+"""Difference of declared length and pictures that is reported, in standard deviations of both."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class LengthByPictures:
     pictures: float
     """The length in the pictures [m]."""
     pictures_sigma: float
-    """Its standard uncertainty, including that of the lower end [m]."""
+    """Its standard uncertainty with that of the lower end [m]."""
     used: float
     """The length that is used [m]."""
     used_sigma: float
@@ -56,7 +58,7 @@ class LengthByPictures:
     y_shift: float = 0.0
     """Correction added to the outline's heights [m]."""
     y_sigma: float = 0.0
-    """Standard uncertainty of these heights for a known length [m]."""
+    """Standard uncertainty of the heights for a known length [m]."""
     y_per_length: float = 0.0
     """Error of the heights per error of the length [-]."""
 
@@ -67,19 +69,20 @@ class LengthByPictures:
 
     @property
     def conditioned(self) -> bool:
-        """Whether the pictures contribute to the used length."""
+        """True if the pictures contribute to the used length."""
         return self.used_sigma < self.declared_sigma
 
 
 def rim_at_rest(
     result: StereoResult, *, length: float, length_sigma: float, unseen: float = 0.0
 ) -> RimAtRest | None:
-    """The rim at rest in the pictures of a shot; None if it was not found, or the flyer is not visible at
-    rest.
+    """The rim at rest in the pictures of a shot.
 
-    ``length``, ``length_sigma``: the declared length and its standard uncertainty, with which the result was
-    made [m]. ``unseen``: standard uncertainty of the length in the pictures due to effects that they do not
-    show [m]: pitch of the calibration target, faces that are not parallel.
+    None if it was not found, or if the flyer is not visible at rest.
+
+    ``length``, ``length_sigma``: the declared length of the result and its standard uncertainty [m].
+    ``unseen``: standard uncertainty of the length in the pictures due to effects that they do not show [m].
+    Such effects are the pitch of the calibration target, and faces that are not parallel.
     """
     axial = result.axial_displacement
     if axial is None or axial.rim_disagreement is None:
@@ -94,8 +97,8 @@ def rim_of(
 ) -> RimAtRest:
     """The rim at rest with the uncertainty of its position.
 
-    ``disagreement``: length in the pictures minus declared length, and its standard deviation, including
-    those of the declared length and of the lower end [m]. ``length_sigma``: standard uncertainty of the
+    ``disagreement``: length in the pictures minus declared length, and its standard deviation [m]. The latter
+    includes those of the declared length and of the lower end. ``length_sigma``: standard uncertainty of the
     declared length [m]. ``lower_variance``: variance of the lower end's position [m²]. ``more``: variance
     that is not included in that of the disagreement [m²].
     """
@@ -104,8 +107,9 @@ def rim_of(
 
 
 def calibration_variance(result: StereoResult, length: float) -> float:
-    """Variance of a length along the specimen's side due to the calibration's covariance [m²]; 0 for a rig
-    without covariance, e.g. from another program.
+    """Variance of a length along the specimen's side by the calibration's covariance [m²].
+
+    It is 0 for a rig without covariance, e.g. from another program.
     """
     from dic.stereo.reconstruction import calibration_slopes  # for shots with pictures only
 
@@ -120,8 +124,8 @@ def calibration_variance(result: StereoResult, length: float) -> float:
 def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma: float) -> LengthByPictures:
     """The declared length and the outline's heights, conditioned on the rim at rest.
 
-    An exact length and its heights are not changed. They are also unchanged if length and pictures disagree
-    by more than `MOST_APART` standard deviations, because it is then unknown which of them is wrong.
+    An exact length and its heights are not changed. They are not changed either if length and pictures
+    disagree by more than `MOST_APART` standard deviations. It is then unknown which of them is wrong.
 
     ``declared``, ``sigma``: the declared length and its standard uncertainty [m]. ``y_sigma``: standard
     uncertainty of the outline's heights, i.e. of the lower end [m].
@@ -166,8 +170,10 @@ def length_words(found: LengthByPictures) -> str:
 
 
 def length_notes(found: LengthByPictures) -> tuple[str, ...]:
-    """Note that the pictures contradict the declared length, with the length from the pictures and the
-    cure."""
+    """Note on a declared length that contradicts the pictures.
+
+    It gives the length from the pictures and the remedy.
+    """
     if abs(found.apart) <= REPORTED_DISAGREEMENT:
         return ()
     used = f"{1e3 * found.used:.4f} mm was used" if found.conditioned else "the declared one was used"

@@ -1,5 +1,7 @@
-"""A stereo result in words and numbers for terminal, JSON and report; the reason for a missing flyer
-displacement."""
+"""A stereo result in words and numbers for terminal, JSON and report.
+
+The reason for a missing flyer displacement is also given.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,7 +14,8 @@ from dic.result import StereoResult
 from kolsky.pictures.rig import refinement_words
 
 SHOWN_FRAMES = 12
-"""Largest number of frames that are listed individually; of more frames, the first ones and the total."""
+"""Largest number of frames that are listed individually. For more frames, the first ones and the total are
+listed."""
 
 
 def summary(result: StereoResult) -> dict[str, Any]:
@@ -69,7 +72,7 @@ AXES = {
 
 
 def numbers(result: StereoResult) -> dict[str, float]:
-    """The numbers of `summary`, each with its unit in its name; NaN where `summary` has None."""
+    """The numbers of `summary`, each with its unit in its name. NaN replaces None."""
     found: dict[str, float] = {}
     for name, value in summary(result).items():
         if name == "frames_not_usable":
@@ -157,7 +160,7 @@ def _place(key: str, regions: Mapping[str, Any]) -> str:
 
 
 def bad_frames(result: StereoResult) -> dict[str, str]:
-    """Frames without points and their outcomes; frames are counted from 0."""
+    """Frames without points and their outcomes. Frames are counted from 0."""
     outcome = result.outcome
     return {
         str(k): words(FrameOutcome(int(outcome[k]))) for k in np.flatnonzero(outcome != FrameOutcome.VALID)
@@ -170,7 +173,7 @@ def words(outcome: PointOutcome | FrameOutcome) -> str:
 
 
 def warnings(result: StereoResult) -> list[str]:
-    """The remarks of a result, each with its cure."""
+    """The remarks of a result, each with its remedy."""
     return [f"{remark.name}: {remark.text}; {remark.cure}" for remark in result.remarks]
 
 
@@ -179,18 +182,19 @@ def _median(values: np.ndarray) -> float | None:
 
 
 LEAST_SUBSET = 11
-"""Smallest proposed subset [px]: a smaller one contains too few speckles."""
+"""Smallest proposed subset [px]. A smaller one contains too few speckles."""
 
 
 def flyer_problem(
     result: StereoResult, length: float, length_sigma: float, subset: int = LEAST_SUBSET
 ) -> tuple[str, str]:
-    """The reason why the flyer's displacement is not known, and the cure, each as text after the region's
-    key.
+    """The reason why the flyer's displacement is unknown, and the remedy.
+
+    Each is a text that follows the region's key.
 
     ``length``: length of the specimen at rest [m]. ``length_sigma``: its declared standard uncertainty [m].
-    ``subset``: side of the subsets [px]; if the flyer's region is narrower, a smaller subset is the first
-    cure.
+    ``subset``: side of the subsets [px]. If the flyer's region is narrower, a smaller subset is the first
+    remedy.
     """
     seen = np.zeros(0, dtype=np.int64) if result.flyer is None else np.flatnonzero(result.flyer.n_valid)
     if not seen.size:
@@ -219,8 +223,10 @@ def flyer_problem(
 
 
 def _smaller_subset(result: StereoResult, subset: int) -> str:
-    """The cure for a region that is narrower than a subset, as the beginning of a sentence; empty if it is
-    wide enough."""
+    """The remedy for a region that is narrower than a subset, as the start of a sentence.
+
+    Empty if it is wide enough.
+    """
     corners = np.array(result.facts.get("regions", {}).get("flyer", np.zeros((0, 2))), dtype=np.float64)
     if not corners.size:
         return ""

@@ -1,1 +1,1 @@
-"""Prediction of a planned flyer test, from the striker's impact on."""
+"""Prediction of a planned flyer test, beginning with the striker's impact."""

@@ -1,5 +1,8 @@
-"""Design of a test: variation of quantities of its file, search for the point with the wanted results,
-prediction as tables."""
+"""Design of a test.
+
+Quantities of its file are varied, the point with the requested results is searched, and predictions are
+written as tables.
+"""
 
 import math
 import re
@@ -26,11 +29,12 @@ from kolsky.virtual.shot_file import KNOT, MOTION, toml_text
 NAMES = tuple(field.name for field in fields(Numbers))
 """Results that can be prescribed."""
 AIM_TOLERANCE = 0.01
-"""Largest relative difference from the wanted value that counts as reached."""
+"""Largest relative difference from the requested value at which it is reached."""
 ROUNDS = 4
-"""Largest number of confirming runs at the point predicted by the surfaces; each is added to the surfaces."""
+"""Largest number of confirming runs at the point predicted by the surfaces. Each run is added to the
+surfaces."""
 EQUAL_POINTS = 1e-6
-"""Points of the unit box closer than this count as one run."""
+"""Points of the unit box with a smaller distance than this are one run."""
 DIGITS = 6
 """Digits of a varied quantity."""
 
@@ -97,7 +101,7 @@ class Scan:
 
 @dataclass(frozen=True)
 class Aim:
-    """The point closest to the wanted results, confirmed by a run there."""
+    """The point closest to the requested results, confirmed by a run at this point."""
 
     wanted: dict[str, float]
     """Wanted results, SI."""
@@ -106,9 +110,9 @@ class Aim:
     numbers: Numbers
     """Results of the run at this point."""
     distance: float
-    """Largest relative difference from a wanted result [-]."""
+    """Largest relative difference from a requested result [-]."""
     at_bound: tuple[str, ...]
-    """Quantities that lie at a bound of their range."""
+    """Quantities at a bound of their range."""
 
     @property
     def reached(self) -> bool:
@@ -117,9 +121,11 @@ class Aim:
 
 
 def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> PlannedTest:
-    """The test with other values of some keys, with the same checks as for its file.
+    """The test with other values of some keys.
 
-    Raises InputError if a key leads nowhere, or a value is not allowed.
+    The checks are those of its file.
+
+    Raises InputError if a key does not exist, or if a value is not allowed.
     """
     content = deepcopy(test.file.content)
     for key, value in values.items():
@@ -155,11 +161,13 @@ def scan(
 
 
 def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
-    """The point of a scan's box with the wanted results, by response surfaces through the scan and confirming
-    runs.
+    """The point of a scan's box with the requested results.
 
-    ``test``: the test as declared. ``wanted``: numbers of `NAMES` and their values, SI. Raises ValueError if
-    a name is unknown, a wanted value is not positive, or too few points have that result.
+    It is found by response surfaces through the scan and by confirming runs.
+
+    ``test``: the test as declared. ``wanted``: numbers of `NAMES` and their requested values, SI. Raises
+    ValueError if a name is unknown, if a requested value is not positive, or if too few points have that
+    result.
     """
     for name, value in wanted.items():
         if name not in NAMES:
@@ -187,7 +195,7 @@ def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
 
 
 def distance(found: Numbers, wanted: Mapping[str, float]) -> float:
-    """Largest relative distance from a wanted number; infinite where one is not known."""
+    """Largest relative distance from a requested number; infinite if one is unknown."""
     away = [abs(getattr(found, name) / value - 1.0) for name, value in wanted.items()]
     return float(max(away)) if np.isfinite(away).all() else math.inf
 
@@ -195,7 +203,7 @@ def distance(found: Numbers, wanted: Mapping[str, float]) -> float:
 def _promised(
     box: Box, points: FloatArray, numbers: Sequence[Numbers], wanted: Mapping[str, float]
 ) -> FloatArray:
-    """Point at which the surfaces through the results are closest to the wanted ones."""
+    """Point at which the surfaces through the results are closest to the requested ones."""
     surfaces = {}
     for name in wanted:
         values = np.array([getattr(one, name) for one in numbers])
@@ -235,11 +243,11 @@ EVENTS = {
 }
 """Events in words."""
 EVERY = 1e-6
-"""Time from one row of the signals to the next [s]."""
+"""Time between two rows of the signals [s]."""
 
 
 def signals(found: Prediction) -> dict[str, Any]:
-    """Signals of bars, flyer and specimen as named columns, SI, units in the names."""
+    """Signals of bars, flyer and specimen as named columns, SI. Names contain the units."""
     bars, test = found.bars, found.test.declared
     step = max(1, round(EVERY / float(bars.times[1])))
     every = slice(None, None, step)
@@ -279,7 +287,7 @@ def events_table(found: Prediction) -> dict[str, Any]:
 
 
 def scan_table(found: Scan) -> dict[str, Any]:
-    """One row for each point of a scan."""
+    """One row per point of a scan."""
     columns: dict[str, Any] = {
         f"{one.key} ({one.unit or '1'})": found.points[:, i] for i, one in enumerate(found.varied)
     }
@@ -287,7 +295,7 @@ def scan_table(found: Scan) -> dict[str, Any]:
 
 
 def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
-    """All results except the histories as one JSON object in SI units; unknown values are null."""
+    """All results except the histories as one JSON object in SI units. Unknown values are null."""
     said: dict[str, Any] = {
         "test": found.test.declared.name,
         "events": vars(found.events),
@@ -305,8 +313,9 @@ def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = 
 
 
 def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
-    """Signals and events; with finite elements also the outline at every recorded time; for a scan its
-    points.
+    """Signals and events.
+
+    With finite elements, also the outline at every recorded time. For a scan, its points.
     """
     made = {"signals": signals(found), "events": events_table(found)}
     response = found.response
@@ -324,15 +333,16 @@ def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = N
 LARGEST_RECORDED = 0.6
 """Largest nominal compression of the virtual shot [-], as in Mates et al. (2012)."""
 SHARE_OF_LARGEST = 0.95
-"""Share of the largest compression, used if that is less: the flyer still moves toward the specimen."""
+"""Share of the largest compression, used if it is smaller. The flyer then still moves toward the specimen."""
 
 
 def write_specification(folder: Path, found: Prediction) -> Path:
-    """Write `virtual.toml`, a specification for the virtual laboratory, and the flyer's path in the same
-    folder.
+    """Write `virtual.toml`, a specification of a virtual test.
 
-    Specimen, material and interface are those of the test file. The parts behind the specimen are replaced by
-    one bar of their total length, made of the last one's steel.
+    The flyer's path is written into the same folder.
+
+    Specimen, material and interface are those of the test file. One bar of their total length replaces the
+    parts behind the specimen. It has the steel of the last part.
 
     Raises ValueError if the flyer does not move.
     """

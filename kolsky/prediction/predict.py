@@ -1,13 +1,16 @@
-"""Prediction of a planned test from the striker's impact: waves, separation, arrest, second impact, results.
+"""Prediction of a planned test.
 
-The law of a pulse shaper is that of a rubber disc, a measured table, or derived from a measured pulse. The
-force F(t) on the incident bar's face is the incident wave there, until the reflection from the bar's far end
-returns. The faces move at
+Waves from the striker's impact, separation, arrest, second impact, results.
+
+The law of a pulse shaper is that of a rubber disc, a measured table, or a law from a measured pulse. The
+force F(t) on the incident bar's face is the incident wave at the face. This holds until the reflection from
+the bar's far end returns. The velocities of the faces are
 
     v_bar = F(t) / Z_bar,    v_striker = V - [F(t) + 2 sum_k F(t - k T)] / Z_striker,          Eq. (PS.1)
 
-with the striker's round trip T = 2 L / c_0: its free rear end reflects every wave with opposite sign. The
-shaper's compression is the integral of v_striker - v_bar, and F over it is the law, without free parameters.
+with the striker's round trip T = 2 L / c_0. The free rear end of the striker reflects every wave with
+opposite sign. The shaper's compression is the integral of v_striker - v_bar. The law is F over this
+compression, without free parameters.
 """
 
 from dataclasses import dataclass
@@ -33,10 +36,9 @@ from kolsky.virtual.motion import disc, loading
 LEAST_POINTS = 8
 """Smallest number of points of a law's loading."""
 LAW_POINTS = 400
-"""Largest number of points of a law from a pulse, evenly in compression."""
+"""Largest number of points of a law from a pulse, evenly spaced in compression."""
 LOADED = (0.01, 0.03)
-"""Shares of the largest force of a pulse between which a line is fitted; loading begins where the line is
-zero."""
+"""Shares of the largest force of a pulse. A line is fitted between them, and loading begins at its zero."""
 
 
 def closing(
@@ -44,8 +46,8 @@ def closing(
 ) -> FloatArray:
     """Compression of the shaper under a pulse [m], Eq. (PS.1), shape [n].
 
-    ``time``: ascending, from the striker's touch [s], shape [n]. ``force``: compressive force on the bar's
-    face [N], shape [n]; zero before the first time. ``striker``, ``incident``: the bars of that test.
+    ``time``: ascending, beginning at the striker's touch [s], shape [n]. ``force``: compressive force on the
+    bar's face [N], shape [n]; zero before the first time. ``striker``, ``incident``: the bars of that test.
     ``speed``: impact speed of the striker [m/s].
     """
     round_trip = 2.0 * striker.travel_time
@@ -65,11 +67,11 @@ def from_pulse(
     speed: float,
     unloading: float | None = None,
 ) -> PulseShaper:
-    """The shaper's law from a measured pulse; arguments as in `closing`.
+    """The shaper's law from a measured pulse. Arguments are those of `closing`.
 
-    The loading curve ends at the largest force. Where noise makes force or compression decrease before that,
-    the curve keeps the larger value. The unloading slope is the mean slope down to half the largest force, if
-    the shaper unloads that far within the pulse; otherwise the steepest loading slope.
+    The loading curve ends at the largest force. If noise makes force or compression decrease earlier, the
+    curve keeps the larger value. The unloading slope is the mean slope down to half the largest force, if the
+    shaper unloads that far within the pulse. Otherwise it is the steepest loading slope.
     """
     compression = closing(time, force, striker=striker, incident=incident, speed=speed)
     top = int(np.argmax(force))
@@ -94,10 +96,13 @@ def from_pulse(
 
 
 def _from_touch(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A recorded pulse from the striker's touch on: times [s] from 0 and forces [N], the first of them 0.
+    """A recorded pulse, beginning at the striker's touch.
 
-    Noise hides the first contact. At first the shaper's force rises linearly, because the faces approach at
-    constant speed. A line through its first passages of two small forces, `LOADED`, is extrapolated to zero.
+    Times [s] and forces [N] both begin at 0.
+
+    Noise hides the first contact. At first, the shaper's force increases linearly, because the faces approach
+    at constant speed. A line through its first passages of two small forces, `LOADED`, is extrapolated to
+    zero.
     """
     top = float(force.max(initial=0.0))
     passages = [np.flatnonzero(force >= share * top) for share in LOADED]
@@ -110,8 +115,9 @@ def _from_touch(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _unloading(compression: FloatArray, force: FloatArray) -> float | None:
-    """Mean slope from the largest compression to half the force there; None if it does not unload that
-    far.
+    """Mean slope from the largest compression to half its force.
+
+    None if the shaper does not unload that far.
     """
     turn = int(np.argmax(compression))
     below = np.flatnonzero(force[turn:] <= 0.5 * force[turn])
@@ -123,9 +129,9 @@ def _unloading(compression: FloatArray, force: FloatArray) -> float | None:
 
 
 def shaper_of(table: ShaperTable, folder: Path, *, striker: Section, incident: Section) -> PulseShaper | None:
-    """The pulse shaper that a test declares; None for face on face.
+    """The pulse shaper that a test declares. None for direct contact of the faces.
 
-    ``table``: [shaper]. ``striker``, ``incident``: the bars, which a pulse is read with.
+    ``table``: [shaper]. ``striker``, ``incident``: the bars; they are needed to read a pulse.
     """
     if table.kind == "none":
         return None
@@ -181,7 +187,7 @@ class PlannedTest:
     def apparatus(self) -> Apparatus:
         """Striker, shaper, bars, joint and flyer.
 
-        Raises InputError if the shaper's file holds no law.
+        Raises InputError if the shaper's file contains no law.
         """
         test = self.declared
         striker, incident = _section_of(test.striker), _section_of(test.incident)
@@ -196,8 +202,9 @@ class PlannedTest:
         )
 
     def static_curve(self) -> tuple[FloatArray, FloatArray]:
-        """Approximate static compression [m] and force [N] of the bonded specimen, with the stiffening of a
-        flat specimen.
+        """Approximate static compression [m] and force [N] of the bonded specimen.
+
+        It includes the stiffening of a flat specimen.
         """
         specimen, material = self.declared.specimen, self.declared.material
         law = law_of(material.law, material.parameters, material.shear_modulus)
@@ -208,7 +215,7 @@ class PlannedTest:
         return specimen.length * (1.0 - stretch), stress * np.pi * radius**2 * flat
 
     def specimen(self) -> tuple[explicit.Model, explicit.Samples]:
-        """The specimen for the solver; its motions are replaced."""
+        """The specimen for the solver. Its motions are replaced later."""
         test, m = self.declared, self.declared.material
         n_radial, n_axial = test.run.mesh
         rest = explicit.PlatenMotion(0.0, test.run.duration, np.zeros(2), np.zeros(2))
@@ -247,10 +254,10 @@ class Numbers:
     """Results of a planned test; NaN for events that did not occur."""
 
     flyer_speed: float
-    """Velocity of the flyer's face over the transmission platen's, mean over the round trip of a wave in the
-    flyer after the separation [m/s]."""
+    """Velocity of the flyer's face relative to the transmission platen [m/s]. It is a mean over the round
+    trip of a wave in the flyer after the separation."""
     start_rate: float
-    """Initial strain rate: this speed over the specimen's length [1/s]."""
+    """Initial strain rate: this velocity divided by the specimen's length [1/s]."""
     mean_rate: float
     """Mean nominal strain rate from the separation to `RATE_TO` of the largest compression [1/s]."""
     largest_strain: float
@@ -279,7 +286,7 @@ class Prediction(ResultViews):
     response: Response | None
     """Response of the specimen; None if its static curve was used."""
     changes: FloatArray
-    """Largest change of a force from each pass of bars and specimen to the next [N], shape [n_passes]."""
+    """Largest change of a force between two passes of bars and specimen [N], shape [n_passes]."""
 
 
 def _section_of(part: PartTable) -> Section:
@@ -296,17 +303,19 @@ def read_test(path: str | Path) -> PlannedTest:
 
 
 def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
-    """Simulate a planned test from the striker's impact on.
+    """Simulate a planned test, beginning with the striker's impact.
 
-    Raises InputError if a part is too short for the step, a shaper's file holds no law, or the specimen's
-    simulation does not complete or does not agree with the bars' in the passes that are allowed.
+    Raises InputError if a part is too short for the step, or if a shaper's file contains no law. The same
+    error is raised if the specimen's simulation does not complete, or does not agree with that of the bars
+    within the allowed passes.
 
     Parameters
     ----------
     test
         The contents of a test file.
     quick
-        True to use the specimen's static curve instead of finite elements: takes a second, for scans.
+        True to use the specimen's static curve instead of finite elements. This takes a second and is meant
+        for scans.
 
     Examples
     --------

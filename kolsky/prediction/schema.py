@@ -1,4 +1,4 @@
-"""The tables of TEST.toml: striker, pulse shaper, bars, flyer and specimen of a test that is planned."""
+"""The tables of TEST.toml: striker, pulse shaper, bars, flyer and specimen of a planned test."""
 
 from typing import Annotated, Literal
 
@@ -44,7 +44,7 @@ class ShaperTable(Section):
     """[shaper]: the pulse shaper between striker and incident bar."""
 
     kind: Literal["none", "disc", "table", "pulse"]
-    """Kind of pulse shaper: none; a rubber disc that slides on the steel; a measured table; a law from a
+    """Kind of pulse shaper: none; a rubber disc that slides on the steel; a measured table; or a law from a
     measured pulse."""
     diameter: f.Length | None = None
     height: f.Length | None = None
@@ -55,7 +55,7 @@ class ShaperTable(Section):
     speed: f.Velocity | None = None
     """Speed of the striker in the test in which the pulse was measured [m/s]."""
     unloading: Stiffness | None = None
-    """Slope of unloading; the loading curve's steepest if left out, or what the pulse shows."""
+    """Slope of unloading. Default: what the pulse shows, or the steepest slope of the loading curve."""
 
     @model_validator(mode="after")
     def _what_the_kind_needs(self) -> "ShaperTable":
@@ -77,7 +77,7 @@ class JointTable(Section):
     strength: Force
     """Tension at which it begins to fail [N]."""
     opening: Opening = 0.0
-    """Gap over which its force decreases to zero [m]."""
+    """Gap at which its force has decreased to zero [m]."""
 
 
 class RunTable(Section):
@@ -90,13 +90,13 @@ class RunTable(Section):
     mesh: v.Mesh = (16, 22)
     """Elements of the specimen across the radius and along the length."""
     tolerance: Force = 0.02
-    """Largest change of a force from one pass of bars and specimen to the next [N]."""
+    """Largest change of a force between two passes of bars and specimen [N]."""
     passes: Annotated[int, Field(ge=2, le=200)] = 20
     """Largest number of passes."""
 
 
 class HoldTable(Section):
-    """[interface]: contact of the specimen with the platens, by a law that allows separation."""
+    """[interface]: contact of the specimen with the platens. The law must allow separation."""
 
     faces: f.ContactLawName = LIFTING_LAW
     side: f.ContactLawName = LIFTING_LAW
@@ -117,7 +117,7 @@ class HoldTable(Section):
 
 
 class TestFile(Section):
-    """A whole test, in SI; parts of flyer and transmission side are named tables in their order."""
+    """A whole test, in SI. Parts of flyer and transmission side are named tables in their order."""
 
     __test__ = False  # no test of pytest's
 
@@ -132,8 +132,7 @@ class TestFile(Section):
     transmission: dict[str, PartTable]
     """Parts of the transmission side, from the specimen on."""
     sensor: f.Name | None = None
-    """The part of [transmission] at whose middle the transmitted force is measured; the first face if left
-    out."""
+    """The part of [transmission] with the force transducer at its middle. Default: the first face."""
     specimen: SpecimenTable
     material: MaterialTable
     interface: HoldTable = HoldTable()

@@ -1,8 +1,10 @@
-"""Read a file with a library that a damaged file may crash: a program `child.py FORMAT PATH PLACE`.
+"""Read a file with a library that a damaged file may crash.
+
+It is a program: `child.py FORMAT PATH PLACE`.
 
 python-calamine stores every sheet of an old Excel workbook as a full rectangle. SciPy reads beyond its
-buffers if counts in a MATLAB file are damaged. The process that reads a shot must survive both, therefore
-`read_in_child` of `kolsky.readers.contents` starts this program. It does not import this package.
+buffers if counts in a MATLAB file are damaged. The process that reads a shot must continue in both cases.
+`read_in_child` of `kolsky.readers.contents` therefore starts this program. It does not import this package.
 """
 
 import json
@@ -16,7 +18,8 @@ from typing import Any
 MEMORY = {"xls": 1_300_000_000, "mat": 2_500_000_000}
 """Memory limit of this process, if the system supports one [bytes]."""
 ALARM = 10
-"""Time limit of this process, if the system supports alarms; also ends it if the parent has ended [s]."""
+"""Time limit of this process, if the system supports alarms [s]. It also ends the process if the parent has
+ended."""
 UNPACKED_LIMIT = 400_000_000
 """Largest total size of the arrays of a MATLAB file [bytes]."""
 NUMBERS = {
@@ -55,7 +58,10 @@ def xls(path: str, place: str) -> list[dict[str, Any]]:
 
 
 def mat(path: str, place: str, most: int = UNPACKED_LIMIT) -> list[tuple[str, str]]:
-    """Name and class of the variables of a file before 7.3; arrays of numbers are written to a .npz file."""
+    """Name and class of the variables of a file before 7.3.
+
+    Arrays of numbers are written to a .npz file.
+    """
     import numpy as np
     from scipy.io import loadmat, whosmat
 

@@ -1,4 +1,4 @@
-"""Contents of a recorder's file: its declared layout, its channels with their samples, and their clock.
+"""Contents of a recorder's file: its declared layout, its channels with samples, and their clock.
 
 A printed time column gives a uniform clock within its printed digits, or the reason why there is none.
 """
@@ -28,7 +28,9 @@ ColumnId = str | int
 
 @dataclass(frozen=True)
 class Layout:
-    """Declared layout of a recorder's file; fields that are None are detected in the file.
+    """Declared layout of a recorder's file.
+
+    Fields that are None are detected in the file.
 
     Declared fields take precedence over the file. The detected layout is in `Contents.facts`.
     """
@@ -42,13 +44,13 @@ class Layout:
     decimal: str | None = None
     """Decimal sign of a text file: "." or ","."""
     comment: str | None = None
-    """Start of comment lines, which may be anywhere in the file, e.g. "#"."""
+    """Start of comment lines, e.g. "#". They may be at any place in the file."""
     header_line: int | None = None
     """Line of the column names, counted from 1; 0 if the file has none."""
     units_line: int | None = None
     """Line of the columns' units, counted from 1; 0 if the file has none."""
     first_line: int | None = None
-    """Line of the first samples, counted from 1; the lines above are metadata."""
+    """Line of the first samples, counted from 1. The lines above are metadata."""
     sheet: str | None = None
     """Sheet of a workbook."""
     time: ColumnId | Mapping[str, ColumnId] | None = None
@@ -68,12 +70,13 @@ class Layout:
 
 @dataclass(frozen=True)
 class ChannelInfo:
-    """One channel as described in its file; its samples have not been checked."""
+    """One channel as described in its file. Its samples have not been checked."""
 
     name: str
-    """Its name in the file; selects the channel."""
+    """Its name in the file. The name selects the channel."""
     number: int
-    """Its number among the columns or channels of the file, counted from 1; also selects the channel."""
+    """Its number among the columns or channels of the file, counted from 1. The number also selects the
+    channel."""
     unit: str | None
     """Unit of its samples as the file writes it; None if the file does not state it."""
     samples: int
@@ -83,7 +86,7 @@ class ChannelInfo:
     interval: float | None
     """Sampling interval [s]; None if unknown."""
     time: str
-    """Source of the times, or why they are unknown and what to declare."""
+    """Source of the times. If they are unknown, the reason, and the key to declare."""
     facts: Mapping[str, str] = field(default_factory=dict)
     """The detected layout: format and, for text, encoding, delimiter, decimal sign and header line."""
     metadata: Mapping[str, str] = field(default_factory=dict)
@@ -93,7 +96,7 @@ class ChannelInfo:
 BINARY_LIMIT = 1_000_000_000
 """Largest binary file that is read [bytes]."""
 SAMPLES_LIMIT = 20_000_000
-"""Maximum number of samples of one channel; a compressed file may declare more than fits in memory."""
+"""Maximum number of samples of one channel. A compressed file may declare more than fits into memory."""
 
 LARGEST_SAMPLE = LARGEST
 """Largest accepted magnitude of a sample, in any unit."""
@@ -110,7 +113,7 @@ class Clock:
     source: str
     """Source of both, in words."""
     measured: FloatArray | None = field(default=None, compare=False)
-    """Times of the samples if their intervals vary [s], shape [samples]; else None."""
+    """Times of the samples if their intervals vary [s], shape [samples]; otherwise None."""
 
     def times(self, samples: int) -> FloatArray:
         """Times of the first ``samples`` samples [s], shape [samples]."""
@@ -130,9 +133,9 @@ class Channel:
     samples: int
     """Number of samples."""
     values: Callable[[], FloatArray]
-    """Reads the samples in `unit`, shape [samples]; raises `InputError`."""
+    """Reads the samples in `unit`, shape [samples]. Raises `InputError`."""
     clock: Callable[[], Clock]
-    """Finds the clock; raises `InputError` if it is unknown."""
+    """Finds the clock. Raises `InputError` if it is unknown."""
     place: Callable[[int], int | None] = lambda sample: None
     """Line of a sample in the file; None in a binary file."""
 
@@ -144,7 +147,7 @@ class Contents:
     path: Path
     """The file."""
     sha256: str
-    """SHA-256 of it, hex."""
+    """SHA-256 of the file, hex."""
     channels: tuple[Channel, ...]
     """Its channels, without the time columns."""
     facts: Mapping[str, str]
@@ -153,7 +156,10 @@ class Contents:
     """Other entries of the file, by the keys in the file."""
 
     def without_numbers(self) -> str:
-        """The columns or variables without numbers, in words for a message; empty if there are none."""
+        """The columns or variables without numbers, in words for a message.
+
+        Empty if there are none.
+        """
         others = self.facts.get("without numbers")
         return f"; without numbers are {others}" if others else ""
 
@@ -170,7 +176,7 @@ def _prefixed(value: float, unit: str) -> str:
 
 
 def stated_clock(interval: float, start: float | None, source: str) -> Clock:
-    """A clock with a stated interval; it begins at 0 if no start is stated."""
+    """A clock with a declared interval. It begins at 0 if no start is declared."""
     if start is None:
         return Clock(0.0, interval, f"{source}; start 0, the file gives none")
     return Clock(start, interval, source)
@@ -179,8 +185,8 @@ def stated_clock(interval: float, start: float | None, source: str) -> Clock:
 def file_hash(path: Path, *, limit: int = BINARY_LIMIT) -> str:
     """SHA-256 of a regular file of sensible size, hex.
 
-    Raises InputError if there is no such file, it is not a regular file, is empty, larger than `limit` bytes,
-    or may not be read.
+    Raises InputError if there is no such file, or if it is empty or not a regular file. The same error is
+    raised if it is larger than `limit` bytes, or if it may not be read.
     """
     with read_errors(path):
         status = path.stat()
@@ -210,7 +216,7 @@ _FIRST_BYTES = (
     (b"TDSm", "a TDMS file of LabVIEW", "rename it to end in .tdms"),
     (b"%PDF", "a PDF document", "export the numbers as CSV"),
 )
-"""First bytes of a file -> its format, and the cure if its name is that of a text file."""
+"""First bytes of a file -> its format, and the remedy if its name is that of a text file."""
 
 
 def check_name(path: Path) -> None:
@@ -231,8 +237,8 @@ TIMEOUT = 9.0
 def read_in_child(path: Path, form: str, place: Path, damaged: Callable[[Path, str], InputError]) -> Any:
     """Read a file with `kolsky.readers.child` in a separate process, which a damaged file may crash.
 
-    ``form``: "xls" or "mat". ``place``: where it may write arrays. ``damaged``: makes the error for a damaged
-    file. Raises InputError if the program fails, crashes or takes longer than `TIMEOUT`.
+    ``form``: "xls" or "mat". ``place``: folder for arrays. ``damaged``: makes the error for a damaged file.
+    Raises InputError if the program fails, crashes or takes longer than `TIMEOUT`.
     """
     program = Path(__file__).with_name("child.py")
     try:
@@ -267,21 +273,21 @@ LARGEST_JITTER = 0.1
 LARGEST_VARIATION = 0.05
 """Largest variation of single steps, relative to the step, that is interpolated to uniform times [-]."""
 SAMPLED = 5000
-"""Number of rows of a column whose printed digits are examined one by one."""
+"""Number of rows of a column for which the printed digits are examined one by one."""
 SINGLE = 2.0**-23
-"""Resolution of single precision, which many recorders use to compute their printed times."""
+"""Resolution of single precision. Many recorders compute their printed times in single precision."""
 
 _FIFTEEN = Context(prec=15)
 
 Fault = Callable[[str, int | None, str], InputError]
-"""Makes an error about the file: message, sample or None, cure."""
+"""Makes an error about the file: message, sample or None, remedy."""
 
 
 def _printed_digits(fields: Sequence[str]) -> FloatArray:
     """The last printed digit of each number, in its unit, shape [n].
 
-    Some programs print a fixed number of decimals, others a fixed number of significant figures, and many
-    drop trailing zeros. Numbers of one decade and one notation therefore get the finest digit among them.
+    Some programs print a fixed number of decimals, others a fixed number of significant figures. Many drop
+    trailing zeros. Numbers of one decade and one notation therefore get the finest digit among them.
     """
     numbers = [_printed(field) for field in fields]
     kinds = [
@@ -298,7 +304,7 @@ def _printed_digits(fields: Sequence[str]) -> FloatArray:
 def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatArray:
     """The last printed digit of each number of a long column.
 
-    `SAMPLED` rows are examined; the others get the digit of their decade.
+    `SAMPLED` rows are examined. The others get the digit of their decade.
 
     ``values``: the numbers, shape [n]. ``field_of``: the text of a row. Returns: in the unit of `values`,
     shape [n].
@@ -309,7 +315,7 @@ def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatAr
         decade = np.floor(np.log10(np.abs(values)))  # -inf for 0
     rows = np.linspace(0, values.size - 1, SAMPLED).astype(int)
     found = np.unique(decade)
-    # A decade near 0 has few rows, which evenly spaced samples may miss.
+    # A decade near 0 has few rows. Evenly spaced samples may miss them.
     rows = np.unique(np.concatenate([rows, *(np.flatnonzero(decade == d)[:20] for d in found)]))
     digits = _printed_digits([field_of(int(row)) for row in rows])
     coarsest = {d: float(digits[decade[rows] == d].max()) for d in found}
@@ -329,16 +335,16 @@ def column_clock(
 ) -> Clock:
     """The clock defined by a time column.
 
-    With a known interval dt, each printed time t_i with last digit d_i limits the start to
-    t_i - i dt ± d_i / 2. All times together constrain the start better than the first time. The start is the
-    middle of the common range; if that range is smaller than dt / 100, it is the first time.
+    With a known interval dt, each printed time t_i with last digit d_i limits the start to t_i - i dt ± d_i /
+    2. All times together constrain the start better than the first time. The start is the middle of the
+    common range. If that range is smaller than dt / 100, the start is the first time.
 
-    ``time``: the printed times [s], shape [n]. ``digit``: the last printed digit of each [s], shape [n].
-    ``name``: the column, for messages. ``interval``: the interval stated by the user or the header [s];
-    without it the column must define one. ``tolerance``: rounding error of the printed interval [s].
-    ``start``: the start stated with it [s]. ``source``: source of the stated interval, in words. Raises
-    InputError if times decrease, have gaps, are rounded too much to define an interval, or contradict the
-    stated interval.
+    ``time``: the printed times [s], shape [n]. ``digit``: the last printed digit of each time [s], shape [n].
+    ``name``: the column, for messages. ``interval``: the interval declared by the user or the header [s].
+    Without it, the column must define one. ``tolerance``: rounding error of the printed interval [s].
+    ``start``: the start declared with it [s]. ``source``: source of the declared interval, in words. Raises
+    InputError if times decrease or have gaps. The same error is raised if they are rounded too much to define
+    an interval, or if they contradict the declared interval.
     """
     _sorted(time, name, fault)
     digit = np.maximum(digit, SINGLE * np.abs(time))
@@ -351,7 +357,7 @@ def column_clock(
         first = float(time[0]) if start is None else start
         return Clock(first, shown, f"column '{name}'", first + (time - time[0]) if varies else None)
     index = np.arange(time.size)
-    # Some programs truncate instead of rounding: the error is a whole digit instead of half a digit.
+    # Some programs truncate instead of rounding. The error is then a whole digit instead of half a digit.
     for share in (0.5, 1.0):
         slack = share * digit * 1.001 + 1e-12 * np.abs(time) + tolerance * index
         low, high = (
@@ -378,9 +384,12 @@ def column_clock(
 def array_clock(
     time: FloatArray, *, name: str, fault: Fault, interval: float | None = None, source: str = ""
 ) -> Clock:
-    """The clock of times stored as binary numbers, whose printed digits are unknown.
+    """The clock of times stored as binary numbers.
 
-    Raises InputError as `column_clock`; a time may deviate from uniform times by 5 % of the interval.
+    Their printed digits are unknown.
+
+    Raises InputError for the reasons of `column_clock`. A time may deviate from uniform times by 5 % of the
+    interval.
     """
     _sorted(time, name, fault)
     last = time.size - 1
@@ -410,13 +419,19 @@ def array_clock(
 
 
 def _printed(field: str) -> Decimal:
-    """A number as it was printed. A binary number has 15 decimal figures; more are its representation."""
+    """A number as it was printed.
+
+    A binary number has 15 decimal figures. Further figures come from its representation.
+    """
     number = Decimal(field)
     return number if len(number.as_tuple().digits) <= 15 else number.normalize(_FIFTEEN)
 
 
 def _without_noise(interval: float, doubt: float) -> float:
-    """The interval without round-off in its last bits: rounded to 1/1000 of its uncertainty by digits."""
+    """The interval without round-off in its last bits.
+
+    It is rounded to 1/1000 of its uncertainty by digits.
+    """
     figures = 15 if doubt <= 0.0 else int(np.ceil(np.log10(interval / doubt))) + 4
     return float(f"{interval:.{min(15, figures)}g}")
 
@@ -441,20 +456,21 @@ def _sorted(time: FloatArray, name: str, fault: Fault) -> None:
 def _uniform(
     time: FloatArray, digit: FloatArray, shown: float, doubt: float, name: str, fault: Fault
 ) -> bool:
-    """Whether the steps are uniform within the printed digits.
+    """True if the steps are uniform within the printed digits.
 
     Raises an error for gaps, and for rounding that hides the interval.
     """
     steps = np.diff(time)
     printed = 0.5 * (digit[1:] + digit[:-1])
     median = float(np.median(steps))
-    # Most steps alike, or digits much finer than a step: then the median is the step, even if a gap changes
-    # the mean. A column of few digits has steps of 0 and 1 digit, so that only the mean is useful.
+    # If most steps are equal, or digits are much finer than a step, the median is the step. A gap may change
+    # the mean. A column of few digits has steps of 0 and 1 digit. Only the mean is then useful.
     alike = float(np.mean(np.abs(steps - median) <= 0.01 * median)) > 0.5 and median > 0.0
     fine = alike or bool(printed.max() < LARGEST_JITTER * median)
     step, of_step = (median, float(np.median(printed))) if fine else (shown, doubt)
     excess = np.abs(steps - step)
-    # The error of a step is at most one digit, half a digit for each time; also that of the reference step.
+    # The error of a step is at most one digit, half a digit for each time. The same holds for the reference
+    # step.
     beyond = excess - 1.001 * (printed + of_step) - 1e-9 * step - 4e-16 * np.abs(time).max()
     row = int(np.argmax(beyond))
     if beyond[row] > 0.0 and float(excess.max()) <= LARGEST_VARIATION * step:

@@ -11,11 +11,14 @@ from kolsky.readers.text import read_text
 BINARY = False
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", "")
-"""Endings of text files; many programs name tab-separated text .xls."""
+"""Endings of text files. Many programs use .xls for tab-separated text."""
 
 
 def sniff(path: Path) -> bool:
-    """True if a file may be delimited text: by its ending, and without zero bytes except in UTF-16."""
+    """True if a file may be delimited text, by its ending.
+
+    It must have no zero bytes except in UTF-16.
+    """
     head = head_of(path)
     if path.suffix.lower() not in SUFFIXES or not head.strip():
         return False
@@ -25,7 +28,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a text file with any metadata above its samples.
 
-    Raises InputError if it cannot be read, has no samples, or a stated layout does not fit.
+    Raises InputError if it cannot be read, if it has no samples, or if a declared layout does not fit.
     """
     sha256, lines, encoding = read_text(path, layout)
     return read_lines(path, sha256, lines, layout, {"format": "delimited", "encoding": encoding})
@@ -42,9 +45,9 @@ def read_lines(
 ) -> Contents:
     """Channels and metadata of the lines of a text.
 
-    ``path``, ``sha256``: the file and its hash. ``lines``: its lines; a workbook's rows with tabs between
-    their cells. ``layout``: the declared layout. ``facts``: the layout detected so far. ``word``: the name of
-    a line in messages: "line" or "row". Raises InputError as `read`.
+    ``path``, ``sha256``: the file and its hash. ``lines``: its lines; for a workbook, its rows with tabs
+    between their cells. ``layout``: the declared layout. ``facts``: the layout detected so far. ``word``: the
+    name of a line in messages: "line" or "row". Raises InputError for the reasons of `read`.
     """
     found = find_table(path, lines, layout, word=word)
     dialect, above, headings = found.dialect, found.above, found.headings

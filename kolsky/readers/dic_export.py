@@ -21,23 +21,25 @@ from kolsky.readers.text import LONGEST_FIELD, full_match, read_text
 
 @dataclass(frozen=True)
 class ExportLayout:
-    """The columns of one program's export; names are compared without their units in brackets."""
+    """The columns of one program's export. Names are compared without their units in brackets."""
 
     program: str
     """The program, with its version if the names differ between versions."""
     coordinates: tuple[str, str, str]
-    """Columns of the position, in the reference frame or the current one; the numbers show which."""
+    """Columns of the position, in the reference frame or in the current frame. The numbers show which of
+    both."""
     displacements: tuple[str, str, str]
     """Columns of the displacement from the reference frame."""
     key: tuple[str, ...] = ()
-    """Columns that identify the point of a row in every frame; without them the order of rows does."""
+    """Columns that identify the point of a row in every frame. Without such columns, the order of rows
+    identifies it."""
     rejected: tuple[str, ...] = ()
-    """Columns that are negative for points rejected by the program; missing columns are ignored."""
+    """Columns that are negative for points rejected by the program. Missing columns are ignored."""
 
 
 LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
     "vic3d": (
-        # Data export as CSV; sigma is -1 where a subset was not matched.
+        # Data export as CSV. sigma is -1 for a subset that was not matched.
         ExportLayout("VIC-3D", ("X", "Y", "Z"), ("U", "V", "W"), key=("x", "y"), rejected=("sigma",)),
     ),
     "aramis": (
@@ -62,7 +64,7 @@ LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
         ExportLayout("MatchID to 2023", ("x", "y", "z"), ("u", "v", "w"), key=("x_pic", "y_pic")),
     ),
     "dice": (
-        # Field names of https://github.com/dicengine/dice; GAMMA, SIGMA and MATCH are -1 for a failed subset.
+        # Field names of https://github.com/dicengine/dice. GAMMA, SIGMA and MATCH are -1 for a failed subset.
         ExportLayout(
             "DICe",
             ("MODEL_COORDINATES_X", "MODEL_COORDINATES_Y", "MODEL_COORDINATES_Z"),
@@ -97,7 +99,7 @@ LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
         ),
     ),
 }
-"""Name in shot.toml -> layouts; the first layout with all its columns in the header is used."""
+"""Name in shot.toml -> layouts. The first layout with all its columns in the header is used."""
 
 
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}
@@ -134,8 +136,7 @@ class DicExport:
     X: FloatArray
     """Reference positions [m], shape [n_points, 3]."""
     u: FloatArray
-    """Displacements from these positions [m], NaN where a point is not valid, shape [n_frames, n_points,
-    3]."""
+    """Displacements from these positions [m], shape [n_frames, n_points, 3]; NaN for an invalid point."""
     state: IntArray
     """`PointState` of every point in every frame, shape [n_frames, n_points]."""
 
@@ -143,7 +144,7 @@ class DicExport:
 def matching(folder: Path, pattern: str) -> tuple[Path, ...]:
     """The files of a pattern, by name.
 
-    Raises InputError if there is none, or more than `FILES_LIMIT`.
+    Raises InputError if there is none, or if there are more than `FILES_LIMIT`.
     """
     found = tuple(sorted(path for path in folder.glob(pattern) if path.is_file()))
     if not found:
@@ -163,15 +164,16 @@ def read(
 ) -> DicExport:
     """Read the points of all frames.
 
-    A point is identified by the layout's key, else by its row. The coordinates of the files may be reference
-    or current positions. The numbers show which: reference positions are constant, current positions change
-    with the displacements.
+    A point is identified by the layout's key or, without a key, by its row. The coordinates of the files may
+    be reference or current positions. The numbers show which: reference positions are constant, current
+    positions change with the displacements.
 
-    ``paths``: the files; their names contain the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``:
-    unit of length of coordinates and displacements; None for that of the headings, or mm if they have none.
+    ``paths``: the files. Their names contain the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``:
+    unit of length of coordinates and displacements. None: that of the headings, or mm if they have none.
     ``delimiter``, ``decimal``: as in `kolsky.readers.contents.Layout`; detected if None. Raises InputError if
-    a file cannot be read or lacks a column, a heading has another unit than the declared one, names have no
-    frame numbers, a point is repeated, rows cannot be distinguished, or coordinates are of neither kind.
+    a file cannot be read or lacks a column, if a heading has another unit than the declared one, or if names
+    have no frame numbers. The same error is raised if a point is repeated, if rows cannot be distinguished,
+    or if coordinates are of neither kind.
     """
     if layout not in LAYOUTS or (unit is not None and unit not in UNITS):
         raise InputError(
@@ -212,12 +214,12 @@ def read(
 
 
 def programs_of(path: Path) -> dict[str, tuple[str, ...]]:
-    """The programs whose headings match a file, with the units of length in these headings.
+    """The programs with headings that match a file, and the units of length in these headings.
 
-    Names of one letter, as x, y, z, u, v, w, are common. For such names the columns that identify a point
-    must also be present; `read` does not require them.
+    Names of one letter, such as x, y, z, u, v, w, are common. For such names, the columns that identify a
+    point must also be present. `read` does not require them.
 
-    ``path``: one file of a series. Returns: keys of `LAYOUTS`; none if the file is not a table, or its
+    ``path``: one file of a series. Returns: keys of `LAYOUTS`. Empty if the file is not a table, or if its
     headings match no program.
     """
     try:
@@ -252,7 +254,7 @@ class _File:
 def _sheet(path: Path, declared: Layout) -> tuple[str, FoundTable, Sheet]:
     """The hash of a file, its table, and its columns by their names without units."""
     sha256, lines, _ = read_text(path, declared)
-    # Columns that are NaN or empty in most rows still are columns of numbers.
+    # Columns that are NaN or empty in most rows are still columns of numbers.
     table = find_table(path, lines, declared, sparse=True)
     names = tuple(_UNIT.sub("", name) if len(name) <= LONGEST_FIELD else name for name in table.names)
     return sha256, table, table.sheet(path, names, ())
@@ -299,8 +301,10 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
 
 
 def _length_unit(path: Path, heading: str, declared: str | None) -> str:
-    """Unit of a column of lengths: that of its heading, else the declared one, else mm; InputError if both
-    are present and differ."""
+    """Unit of a column of lengths: that of its heading, otherwise the declared one, otherwise mm.
+
+    Raises InputError if both are present and differ.
+    """
     stated = _stated_unit(heading)
     if not stated:
         return declared or "mm"
@@ -314,7 +318,7 @@ def _length_unit(path: Path, heading: str, declared: str | None) -> str:
 
 
 def _stated_unit(heading: str) -> str:
-    """The unit of length in the brackets of a heading; empty if there is none."""
+    """The unit of length in the brackets of a heading. Empty if there is none."""
     brackets = full_match(_HEADING_UNIT, heading)
     stated = brackets.group(1).strip() if brackets is not None else ""
     return stated if stated in UNITS else ""
@@ -359,7 +363,7 @@ def _point_index(files: Sequence[_File]) -> dict[object, int]:
 
 
 def _reference(path: Path, coordinates: FloatArray, u: FloatArray) -> FloatArray:
-    """Reference positions of all points, NaN where a point is never valid."""
+    """Reference positions of all points; NaN for a point that is never valid."""
     valid = np.asarray(np.isfinite(u).all(axis=2))
     first = np.argmax(valid, axis=0)
     points = np.arange(valid.shape[1])

@@ -1,7 +1,8 @@
-"""Excel workbook (.xlsx): the cached values of one sheet, never its formulas.
+"""Excel workbook (.xlsx): the stored values of one sheet. Formulas are not used.
 
-openpyxl reads the rows one by one. python-calamine, used for the old .xls (`kolsky.readers.excel_97`), first
-stores a sheet as a full rectangle. A workbook of 5 kB with a cell at XFD1048576 then crashes the process.
+openpyxl reads the rows one by one. python-calamine is used for the old .xls (`kolsky.readers.excel_97`). It
+first stores a sheet as a full rectangle. A workbook of 5 kB with a cell at XFD1048576 then crashes the
+process.
 """
 
 import math
@@ -19,11 +20,11 @@ BINARY = True
 COMPRESSED_LIMIT = 100_000_000
 """Largest workbook that is read [bytes]."""
 UNPACKED_LIMIT = 500_000_000
-"""Largest unpacked size of all its parts [bytes]; a small file may unpack to any size."""
+"""Largest unpacked size of all its parts [bytes]. A small file may unpack to any size."""
 COLUMNS_LIMIT = 256
 """Maximum number of columns that are read."""
 ROWS_LIMIT = 1_048_576
-"""Maximum number of rows of a sheet, as in Excel; a damaged file may declare any number."""
+"""Maximum number of rows of a sheet, as in Excel. A damaged file may declare any number."""
 
 _DECLARATIONS = (b"<!DOCTYPE", b"<!ENTITY", "<!DOCTYPE".encode("utf-16-le"), "<!DOCTYPE".encode("utf-16-be"))
 
@@ -36,9 +37,9 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a sheet as a table with metadata, names, units and samples.
 
-    Raises InputError if it is not a workbook, is too large unpacked, or declares XML entities; if several
-    sheets have data and none is declared; if a cell contains an error; and as
-    `kolsky.readers.delimited.read_lines`.
+    Raises InputError if it is not a workbook, is too large unpacked, or declares XML entities. The same error
+    is raised if several sheets have data and none is declared, or if a cell contains an error. Other reasons
+    are those of `kolsky.readers.delimited.read_lines`.
     """
     sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
     _check_archive(path)
@@ -47,7 +48,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def table_lines(path: Path, wanted: str | None) -> list[str]:
-    """The rows of the declared sheet, else of the only sheet with data, as tab-separated lines.
+    """The rows of the declared sheet or the only sheet with data, as tab-separated lines.
 
     Raises InputError as `read`.
     """
@@ -59,7 +60,7 @@ def table_lines(path: Path, wanted: str | None) -> list[str]:
 def sheet_lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str]:
     """The rows of a sheet as lines with tabs, at most `COLUMNS_LIMIT` columns.
 
-    Raises InputError if it is empty or a cell holds an error.
+    Raises InputError if it is empty, or if a cell contains an error.
     """
     texts = [
         [_text(path, number, cell) for cell in row[:COLUMNS_LIMIT]]
@@ -80,8 +81,8 @@ def sheet_contents(
     """Channels and metadata of the rows of one sheet.
 
     ``path``, ``sha256``: the workbook and its hash. ``form``: name of its format. ``title``, ``rows``: the
-    sheet: texts, numbers, truth values; at most `COLUMNS_LIMIT` columns are read. ``layout``: the declared
-    layout. Raises InputError if it is empty or a cell contains an error; and as
+    sheet: texts, numbers, truth values. At most `COLUMNS_LIMIT` columns are read. ``layout``: the declared
+    layout. Raises InputError if it is empty, if a cell contains an error, or for the reasons of
     `kolsky.readers.delimited.read_lines`.
     """
     lines = sheet_lines(path, title, rows)
@@ -92,7 +93,7 @@ def sheet_contents(
 
 
 def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wanted: str | None) -> str:
-    """The title of the declared sheet, else of the only sheet with data.
+    """The title of the declared sheet or of the only sheet with data.
 
     Raises InputError if there is no such sheet, or if several have data and none is declared.
     """
@@ -117,7 +118,10 @@ def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wante
 
 
 def _check_archive(path: Path) -> None:
-    """Unpack every part once without storing it, because sizes in the archive's directory may be wrong."""
+    """Unpack every part once, without storing it.
+
+    Sizes in the archive's directory may be wrong.
+    """
     total = 0
     try:
         with zipfile.ZipFile(path) as archive:

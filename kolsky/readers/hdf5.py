@@ -51,7 +51,7 @@ TABLE_LIMIT = 5_000_000
 def array_lines(path: Path, arrays: Sequence[NamedArray]) -> list[str]:
     """Names and rows of the arrays with the greatest length, as tab-separated lines with all digits.
 
-    Raises InputError if there is no array, or too many numbers.
+    Raises InputError if there is no array, or if there are too many numbers.
     """
     rows = max((array.samples for array in arrays), default=0)
     columns = [array for array in arrays if array.samples == rows]
@@ -75,7 +75,7 @@ def array_channels(
     declared array, or an array of the same length named "t" or "time".
 
     ``scalars``: its single numbers, by name. ``layout``: the declared layout. Raises InputError if there is
-    nothing to read, or a declared array of times is missing.
+    nothing to read, or if a declared array of times is missing.
     """
     by_name = {array.name: array for array in arrays}
     stated = layout.time
@@ -131,9 +131,9 @@ def array_channels(
 
 
 def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: HeaderClock) -> Clock:
-    """The clock of an array of times, combined with the stated start and interval.
+    """The clock of an array of times, combined with the declared start and interval.
 
-    Raises InputError if the array does not contain such times, or they contradict the stated interval.
+    Raises InputError if the array does not contain such times, or if they contradict the declared interval.
     """
     unit = layout.time_unit or array.unit or "s"
     factor = time_factor(path, unit, f"the array '{array.name}'")
@@ -153,7 +153,9 @@ def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: Header
 
 
 def columns_of(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, int | None]]:
-    """Name, length and column (None for a vector) of the vectors in an array; empty for other arrays.
+    """Name, length and column of the vectors in an array.
+
+    The column of a vector is None. Empty for other arrays.
 
     The longer side is time. An array with more than 64 columns is not a set of signals.
     """
@@ -175,7 +177,7 @@ def column_of(array: np.ndarray, column: int | None) -> FloatArray:
 
 
 def _unit_of_array(text: object) -> str | None:
-    """A unit that a file gives as text or bytes; None for anything else."""
+    """A unit that a file gives as text or bytes. None for other types."""
     if isinstance(text, bytes):
         text = text.decode("utf-8", "replace")
     return text.strip() if isinstance(text, str) and si_unit(text) is not None else None
@@ -197,10 +199,10 @@ def sniff(path: Path) -> bool:
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read all channels of a file; a channel's name is its path, "/scope/CH1".
+    """Read all channels of a file. The name of a channel is its path, "/scope/CH1".
 
-    Raises InputError if the file is damaged or not HDF5, has too many objects, or a dataset is in another
-    file.
+    Raises InputError if the file is damaged or not HDF5, if it has too many objects, or if a dataset is in
+    another file.
     """
     sha256 = file_hash(path)
     arrays, scalars, metadata, others = inside(path)
@@ -234,7 +236,9 @@ def table_lines(path: Path, _sheet: str | None) -> list[str]:
 
 
 def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str], list[str]]:
-    """Vectors, single numbers and texts of a file, and names and kinds of all other datasets.
+    """Vectors, single numbers and texts of a file.
+
+    Names and kinds of all other datasets are also returned.
 
     Raises InputError as `read`.
     """
@@ -265,7 +269,10 @@ def _walk(
     texts: dict[str, str],
     others: list[str],
 ) -> None:
-    """Collect a group; external links raise an error, and objects without numbers are listed."""
+    """Collect a group.
+
+    External links raise an error, and objects without numbers are listed.
+    """
     import h5py
 
     keys = {**above, **_numbers(group.attrs)}

@@ -38,18 +38,21 @@ _TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
 _ANY_TAIL = re.compile(r"(.*?\S)(?:\s*_\s*(?!1/)|\s*,\s*|\s+in\s+)(?!bar\b)((?:1/)?[A-Za-zµμε%][^\s_,]*)")
 """A unit of any kind behind the same: "Weg in mm", "Load, kgf/cm2", "force_kN"; no "incident_bar"."""
 _KEY_TAIL = re.compile(r"(.*?[^\s_,])(?:[\s_,]+|[\s_,]+in\s+)([A-Za-zµμ/1]+)")
-"""A unit behind the last blank, underscore or "in" of a key of the clock: fs_kHz, "Sample interval in us"."""
+"""A unit after the last blank, underscore or "in" of a key of the clock: fs_kHz, "Sample interval in us"."""
 _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)", re.IGNORECASE)
 _TAIL_UNITS = re.compile(
     r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?|kgf|gf|lbf|psi|ksi)"
 )
-"""Units that the end of any heading may name; for times, units of time only. CH_A is not a current."""
+"""Units that the end of any heading may have. For times, only units of time are allowed. CH_A is not a
+current."""
 _MECHANICAL = re.compile(r"(?:kgf|gf|kp|lbf|kip|psi|ksi|m?bar)\b|da?N\b|[kmc]?N\s*[/·⋅.*]", re.IGNORECASE)
 """Beginnings of units of force and stress that testing machines print and `_BASES` lacks."""
 
 
 def si_unit(text: str) -> tuple[str, float] | None:
-    """The SI unit and factor of a unit as instruments write it; None for an unknown unit.
+    """The SI unit and factor of a unit in the notation of instruments.
+
+    None for an unknown unit.
 
     "mV" is ("V", 1e-3), "Volts" ("V", 1.0), "µs" ("s", 1e-6), "kgf/cm2" ("Pa", 98066.5).
     """
@@ -68,7 +71,7 @@ def si_unit(text: str) -> tuple[str, float] | None:
 def split_unit(heading: str) -> tuple[str, str | None]:
     """Name and unit of a column heading; None without a unit.
 
-    "CH1 (mV)", "Time [s]", "Time/s", and by its last word "time_s", "strain_microstrain", "Zeit in ms".
+    "CH1 (mV)", "Time [s]", "Time/s". By the last word: "time_s", "strain_microstrain", "Zeit in ms".
     """
     tail = full_match(_TAIL, heading.strip())
     for name, unit in _unit_places(heading) if tail is None else ():
@@ -85,7 +88,9 @@ def split_unit(heading: str) -> tuple[str, str | None]:
 
 
 def _unit_places(heading: str) -> list[tuple[str, str]]:
-    """Candidate names and units of a heading: by brackets, else by slashes and its end, longest unit first.
+    """Candidate names and units of a heading, the longest unit first.
+
+    They are found by brackets. Without brackets, they are found by slashes and by the end of the heading.
 
     "Speed in m/s" is a speed in m/s, not a time in s.
     """
@@ -103,7 +108,10 @@ def _unit_places(heading: str) -> list[tuple[str, str]]:
 
 
 def _name_and_unit(heading: str, kinds: Iterable[str]) -> tuple[str, str | None]:
-    """Name of a heading, and its unit of one of the given kinds, at any position; None if there is none."""
+    """Name of a heading, and its unit of one of the given kinds, at any position.
+
+    None if there is no such unit.
+    """
     for name, text in _unit_places(heading):
         unit = "1" if text == "-" else text
         if dimension_of(unit, kinds):
@@ -117,7 +125,10 @@ def heading_unit(heading: str) -> str | None:
 
 
 def likely_unit(heading: str) -> str:
-    """The likely unit of a heading in a shot's tables, for draft files; empty if there is none."""
+    """The likely unit of a heading in a shot's tables, for draft files.
+
+    Empty if there is none.
+    """
     return _name_and_unit(heading, SHOT_KINDS)[1] or ""
 
 
@@ -130,7 +141,7 @@ def name_without_unit(heading: str) -> str:
 def time_factor(path: Path, unit: str | None, what: str) -> float:
     """Seconds per unit of a time.
 
-    Raises InputError if the unit is missing or is not a unit of time.
+    Raises InputError if the unit is missing, or if it is not a unit of time.
     """
     if unit is None:
         raise InputError(path, f"{what} has no unit", cure='declare it in the layout: time_unit = "s"')
@@ -194,12 +205,12 @@ _RATE_UNIT = re.compile(
 _INTERVAL_UNIT = re.compile(r"(.+?)/(?:pts?|points?|samples?|sa|smpl)", re.IGNORECASE)
 _RATE_PREFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 _AGREE = 0.01
-"""Largest relative difference of two stated intervals if their printed digits would allow more [-]."""
+"""Largest relative difference of two declared intervals [-], if their printed digits would allow more."""
 
 
 @dataclass(frozen=True)
 class HeaderClock:
-    """The clock stated by the header; fields that it does not state are None."""
+    """The clock declared by the header. Fields that it does not declare are None."""
 
     interval: float | None
     """Sampling interval [s]."""
@@ -208,14 +219,14 @@ class HeaderClock:
     start: float | None
     """Time of the first sample [s]."""
     source: str
-    """The keys they come from."""
+    """The keys of these values."""
     doubt: str = ""
-    """Reason why a statement of the clock cannot be used; empty if all can."""
+    """Reason why a declaration of the clock cannot be used. Empty if all can be used."""
 
     def check_declared(self, path: Path, interval: float) -> None:
-        """Check that a declared interval [s] agrees with the header.
+        """Check a declared interval [s] against the header.
 
-        Raises InputError if they differ by more than the header's printed digits, at most 1 %.
+        Raises InputError if they differ by more than the header's printed digits, at most by 1 %.
         """
         if self.interval is None:
             return
@@ -229,7 +240,9 @@ class HeaderClock:
 
 
 def bare_key(text: str) -> str:
-    """A key without case, blanks, signs and unit: "Sample Interval:" is "sampleinterval".
+    """A key without case, blanks, signs and unit.
+
+    "Sample Interval:" becomes "sampleinterval".
 
     A text longer than `LONGEST_PAIR` is not a key and gives an empty string.
     """
@@ -239,10 +252,10 @@ def bare_key(text: str) -> str:
 
 
 def clock_unit(text: str) -> tuple[str, float] | None:
-    """The unit of a sampling interval or a sampling rate; None if it is neither.
+    """The unit of a sampling interval or a sampling rate. None if it is neither.
 
     "ms" is ("s", 1e-3), "kHz", "kS/s" and "kSa/s" are ("1/s", 1e3), "us/pt" is ("s", 1e-6). A lower-case m is
-    milli before s and in mHz, and mega in mhz and msps. "mS/s" is ambiguous and gives None.
+    milli before s and in mHz. It is mega in mhz and msps. "mS/s" is ambiguous and gives None.
     """
     plain = text.strip().strip("()[].").strip()
     per_sample = _INTERVAL_UNIT.fullmatch(plain)
@@ -259,7 +272,7 @@ def clock_unit(text: str) -> tuple[str, float] | None:
 
 
 def _clock_key(text: str) -> tuple[str, str | None]:
-    """The bare key of a line of the header, and the unit of the clock that the key itself ends with.
+    """The bare key of a line of the header, and the unit of the clock at the end of the key.
 
     "dt [ms]", "Sampling Frequency (kHz)", "dt/ms", "fs_kHz", "Sample interval in us".
     """
@@ -282,11 +295,11 @@ def header_clock(
     """The clock of one channel.
 
     ``path``: the file, for messages. ``metadata``: key as written -> the fields after it. ``channel``,
-    ``channels``: index of the channel, counted from 0, if a key has one value per channel; their number.
-    ``decimal``: decimal sign of the file; a number with the other sign is read if it is unambiguous. Returns:
-    the stated clock. Unreadable numbers or units, and contradicting keys, give no interval; the reason is in
-    `HeaderClock.doubt`. Raises InputError if an interval is not positive, or a key has neither one value nor
-    one per channel.
+    ``channels``: index of the channel, counted from 0, and number of channels, if a key has one value per
+    channel. ``decimal``: decimal sign of the file. A number with the other sign is read if it is unambiguous.
+    Returns: the declared clock. Unreadable numbers or units, and contradicting keys, give no interval. The
+    reason is in `HeaderClock.doubt`. Raises InputError if an interval is not positive, or if a key has
+    neither one value nor one per channel.
     """
     written = time_unit(metadata)
     default = (None if written is None else si_unit(written)) or ("s", 1.0)
@@ -336,8 +349,8 @@ def header_clock(
 def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -> HeaderClock:
     """The clock from named numbers such as "dt" and "t0" or "wf_increment", in seconds.
 
-    ``numbers``: by name, or by path with the name last. ``layout``: its declarations take precedence.
-    Raises InputError if an interval is not positive.
+    ``numbers``: by name, or by path with the name last. ``layout``: its declarations take precedence. Raises
+    InputError if an interval is not positive.
     """
     stated = header_clock(path, {name.rsplit("/", 1)[-1]: [repr(value)] for name, value in numbers.items()})
     interval, source = stated.interval, stated.source.removeprefix("header: ")
@@ -359,7 +372,7 @@ def time_unit(metadata: Mapping[str, Sequence[str]]) -> str | None:
 
 
 def stated_samples(metadata: Mapping[str, Sequence[str]]) -> tuple[str, int] | None:
-    """Key and value of the number of samples, if the header states one."""
+    """Key and value of the number of samples, if the header contains one."""
     for key, fields in metadata.items():
         cells = [key, *fields]  # LeCroy: "Segments,1,SegmentSize,2500"
         for name, text in pairwise(cells):
@@ -377,7 +390,7 @@ class _Stated:
     digit: float
     """The last printed digit."""
     word: str
-    """The text after it."""
+    """The text after the number."""
     unit: tuple[str, float] | None = None
     """Its unit, if it is a unit of a clock."""
 
@@ -391,7 +404,10 @@ def _of_channel(
     decimal: str,
     unit: str | None,
 ) -> "_Stated | str | None":
-    """The number of a clock key for one channel; a text if it is unusable (the reason), None if absent."""
+    """The number of a clock key for one channel.
+
+    If it is unusable, the reason as text. None if absent.
+    """
     texts = [field for field in fields if not _TIME_OF_DAY.search(field)]
     values = [v for field in texts if (v := _number(field.rpartition(":")[2], decimal)) is not None]
     if not values:
@@ -458,7 +474,7 @@ _BLANKS = re.compile(r"(\D.*?)\s+([-+.\d].*)")
 
 
 def uncommented(line: str, comment: str | None) -> str:
-    """A line without its comment sign; a first field "%" is a unit."""
+    """A line without its comment sign. A first field "%" is a unit."""
     for sign in (comment,) if comment else COMMENTS:
         if line.startswith(sign) and not _PER_CENT.match(line):
             return line.removeprefix(sign).lstrip()
@@ -466,7 +482,10 @@ def uncommented(line: str, comment: str | None) -> str:
 
 
 def key_lines(dialect: Dialect, lines: Iterable[str]) -> dict[str, list[str]]:
-    """Key -> fields of lines such as "Sample Interval,1e-7,s" or "tInc = 2e-9"; numbers repeated keys."""
+    """Key -> fields of lines such as "Sample Interval,1e-7,s" or "tInc = 2e-9".
+
+    Repeated keys get numbers.
+    """
     metadata: dict[str, list[str]] = {}
     separator = dialect.delimiter if dialect.delimiter != " " else None
     for line in lines:
@@ -483,7 +502,10 @@ def key_lines(dialect: Dialect, lines: Iterable[str]) -> dict[str, list[str]]:
 
 
 def add_key(metadata: dict[str, list[str]], key: str, fields: list[str]) -> None:
-    """Add a key; a repeated key is numbered: "Date", "Date (2)"."""
+    """Add a key.
+
+    A repeated key gets a number: "Date", "Date (2)".
+    """
     name, count = key, 1
     while name in metadata:
         count += 1
@@ -492,10 +514,12 @@ def add_key(metadata: dict[str, list[str]], key: str, fields: list[str]) -> None
 
 
 def heading_keys(dialect: Dialect, lines: Sequence[str]) -> dict[str, list[str]]:
-    """Start and increment in the line of the column names: as separate columns, or as "tInc = 2e-9".
+    """Start and increment in the line of the column names.
 
-    ``dialect``: how lines are divided. ``lines``: the line of the names, and the line of the units if there
-    is one.
+    They are separate columns, or have the form "tInc = 2e-9".
+
+    ``dialect``: division of lines into fields. ``lines``: the line of the names and, if present, the line of
+    the units.
     """
     rows = [dialect.split(line) for line in lines]
     metadata: dict[str, list[str]] = {}
@@ -541,7 +565,7 @@ def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
 def check_width(path: Path, lines: list[str], separator: str, least: int) -> None:
     """Check that no line has too few fields.
 
-    Raises InputError that gives the number of the line.
+    Raises InputError with the number of the line.
     """
     for number, line in enumerate(lines):
         fields = line.count(separator) + 1

@@ -1,8 +1,8 @@
 """LabVIEW measurement file (.lvm), versions 1 and 2, one segment.
 
-Layout: "LabVIEW Measurement File Format Specification", National Instruments, white paper 4139: key-value
-lines to "***End_of_Header***", for each segment a second such header with one value per channel, a line of
-column names, samples. The header names separator and decimal sign; X_Columns is No, One or Multi.
+Layout: "LabVIEW Measurement File Format Specification", National Instruments, white paper 4139. A file has
+key-value lines to "***End_of_Header***". Each segment has a second such header with one value per channel, a
+line of column names, and samples. The header names separator and decimal sign. X_Columns is No, One or Multi.
 """
 
 from pathlib import Path
@@ -19,7 +19,7 @@ _END = "***End_of_Header***"
 
 
 def sniff(path: Path) -> bool:
-    """True if a file begins with the words "LabVIEW Measurement", whatever its name."""
+    """True if a file begins with the words "LabVIEW Measurement". Its name has no effect."""
     return (
         head_of(path, 64)
         .replace(b"\0", b"")
@@ -31,8 +31,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read the one segment of a file.
 
-    Raises InputError if a header has no end, there are no samples or several segments, or X_Columns is none
-    of the three.
+    Raises InputError if a header has no end, if there are no samples or several segments, or if X_Columns is
+    none of the three.
     """
     sha256, lines, encoding = read_text(path, layout)
     ends = [i for i, line in enumerate(lines) if line.strip().startswith(_END)]
@@ -130,7 +130,10 @@ def _columns(
 
 
 def _without_comment(line: str, separator: str, width: int) -> str:
-    """A line of samples without the last column of comments, which most lines lack."""
+    """A line of samples without the last column of comments.
+
+    Most lines do not have this column.
+    """
     parts = line.split(separator)
     if len(parts) == width + 1:
         parts = parts[:width]

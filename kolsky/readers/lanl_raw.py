@@ -1,7 +1,7 @@
 """Los Alamos .raw: metadata in columns 1 and 2, a signal in every further column.
 
-Tab-separated; line 1 names the signals, line 2 holds the time of the first sample [s], line 3 the interval
-[s], the samples follow [V]. After https://github.com/lanl/HopPyBar (BSD-3-Clause).
+The file is tab-separated. Line 1 names the signals, line 2 has the time of the first sample [s], line 3 the
+interval [s]. The samples follow [V]. After https://github.com/lanl/HopPyBar (BSD-3-Clause).
 """
 
 from pathlib import Path
@@ -21,9 +21,9 @@ def sniff(path: Path) -> bool:
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read all signals, and the metadata as they are written.
+    """Read all signals, and the metadata as written.
 
-    Raises InputError if a line has fewer fields than the first, or a start or interval is not a number.
+    Raises InputError if a line has fewer fields than the first, or if a start or interval is not a number.
     """
     sha256, lines, encoding = read_text(path, layout)
     fields = lines[0].count("\t") + 1

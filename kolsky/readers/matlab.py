@@ -1,10 +1,10 @@
 """MATLAB .mat: plain numeric arrays of versions 5 to 7, and of 7.3 (an HDF5 file).
 
-Objects, functions, cells and structures are not opened: save the signals as plain arrays. The scalars of
+Objects, functions, cells and structures are not opened. Save the signals as plain arrays. The scalars of
 PicoScope and of most scripts give the clock: Tinterval and Tstart, dt and t0, fs.
 
 SciPy reads versions 5 to 7 in a separate process (`kolsky.readers.child`), because damaged files can crash
-it. Each of six series of up to 400 files with three random bytes changed ended in a segmentation fault or a
+it. Six series of up to 400 files, each with three random bytes changed, ended in a segmentation fault or a
 bus error.
 """
 
@@ -43,7 +43,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read the numeric arrays of a file.
 
-    Raises InputError if it is damaged or not a .mat file, or contains only objects, cells or structures.
+    Raises InputError if it is damaged or not a .mat file, or if it has only objects, cells or structures.
     """
     sha256 = file_hash(path)
     arrays, scalars, others, version = _arrays(path)

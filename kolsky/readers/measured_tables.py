@@ -18,25 +18,25 @@ from kolsky.readers.table import Column, read_table
 
 @dataclass(frozen=True, kw_only=True)
 class FrameTable:
-    """Rows of a file; each belongs to one frame."""
+    """Rows of a file. Each row belongs to one frame."""
 
     path: Path
     """The file."""
     sha256: str
-    """SHA-256 of it, hex."""
+    """SHA-256 of the file, hex."""
     first_line: int = 2
     """Line of the first row, counted from 1."""
     frame: IntArray
     """Frame number of each row, shape [n]."""
     time: FloatArray = field(default_factory=lambda: np.empty(0))
-    """The file's own time column [s], shape [n]; [0] if it has none."""
+    """The times in the file's time column [s], shape [n]. Shape [0] if it has none."""
     digit: float = 0.0
     """The last printed digit of the times [s]; 0 without a time column."""
     columns: Mapping[str, FloatArray] = field(default_factory=dict)
     """Its other columns by quantity, sign as in the file, SI, shape [n] each."""
 
     def line(self, row: int) -> int:
-        """Line of a row of data; rows are counted from 0."""
+        """Line of a row of data. Rows are counted from 0."""
         return self.first_line + row
 
 
@@ -50,12 +50,12 @@ def read_frame_table(
     points: bool = False,
     layout: Layout | None = None,
 ) -> FrameTable:
-    """Read a table whose rows have frame numbers.
+    """Read a table with frame numbers in its rows.
 
     ``frame``, ``time``: their columns. ``columns``: the other columns to read; None is left out. ``clock``:
-    whether the times must increase. ``points``: whether a frame may have several rows. Raises InputError if
-    the file is not such a table, a frame number is not whole, or numbers do not increase (with ``points``:
-    decrease).
+    True if the times must increase. ``points``: True if a frame may have several rows. Raises InputError if
+    the file is not such a table, if a frame number is not whole, or if numbers do not increase (with
+    ``points``: decrease).
     """
     table = read_table(path, layout=layout)
     numbers = table.integers(frame)
@@ -94,9 +94,9 @@ class WantedColumn:
     unit: str | None = None
     """Its unit, if the file does not state it."""
     pure: bool = False
-    """Whether numbers without a unit are dimensionless ratios."""
+    """True if numbers without a unit are dimensionless ratios."""
     option: str = ""
-    """How a unit is declared, for messages; `--unit 'COLUMN=UNIT'` if empty."""
+    """How a unit is declared, for messages. Empty: `--unit 'COLUMN=UNIT'`."""
 
 
 def read_columns(
@@ -105,8 +105,8 @@ def read_columns(
     """Read some columns of a text, a workbook or a file of arrays.
 
     Returns: key of ``wanted`` -> values in SI, shape [n] each; the hash of the file. Raises InputError if the
-    file cannot be read; if a column is missing, repeated or has values that are not finite; or if its unit is
-    unknown or of another quantity.
+    file cannot be read, or if a column is missing, repeated or has values that are not finite. The same error
+    is raised if its unit is unknown or of another quantity.
     """
     layout = layout or Layout()
     contents = read_contents(path, layout=layout)
@@ -144,11 +144,13 @@ QUANTITIES: Mapping[str, tuple[str, re.Pattern[str]]] = {
 _NOT_THE_QUANTITY = re.compile(
     r"rate|true|wahre|hencky|sigma|std|uncert|unsich|incert|écart|geschw|speed|lateral", re.IGNORECASE
 )
-"""Words in names of related columns, such as rates and uncertainties, that are not the quantity."""
+"""Words in names of related columns, such as rates and uncertainties. Such a column is not the quantity."""
 
 
 def recognised_columns(path: Path, layout: Layout) -> dict[str, str]:
-    """Quantity -> the column identified by name and unit; quantities without a unique column are left out.
+    """Quantity -> the column identified by name and unit.
+
+    Quantities without a unique column are left out.
 
     ``layout``: its declared layout. Raises InputError if it cannot be read.
     """
@@ -195,7 +197,10 @@ def _channel(contents: Contents, column: str) -> Channel | None:
 
 
 def _clock(contents: Contents, column: str, layout: Layout) -> Channel | None:
-    """The column of times as a channel; another column is declared as the clock to make it one."""
+    """The column of times as a channel.
+
+    To read it as a channel, another column is declared as the clock.
+    """
     if not contents.channels:
         return None
     first = contents.channels[0]

@@ -20,9 +20,9 @@ SURFACES = {2: 3, 3: 4, 9: 6, 10: 9, 16: 8}
 """Number of points of surface elements by Gmsh's element number: triangles, quadrilaterals, and their
 quadratic forms."""
 CURVES = {1: 2, 8: 3}
-"""The same for curve elements."""
+"""Number of points of curve elements."""
 POINTS = {**SURFACES, **CURVES, 15: 1, 4: 4, 5: 8, 11: 10}
-"""The same for all supported elements."""
+"""Number of points of all supported elements."""
 CURE = "save the mesh in Gmsh as Version 2 ASCII (-format msh22)"
 
 
@@ -47,8 +47,8 @@ class GmshMesh:
 def read_gmsh(path: Path) -> GmshMesh:
     """Read a mesh.
 
-    Raises InputError if the file cannot be read, is of another format, is not flat, or has no surface
-    elements or several kinds of them.
+    Raises InputError if the file cannot be read, is of another format or is not flat. The same error is
+    raised if it has no surface elements, or several kinds of them.
     """
     raw = read_bytes(path, limit=GMSH_SIZE_LIMIT)
     blocks = blocks_of(path, decode(path, raw).splitlines())
@@ -93,7 +93,10 @@ def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
 
 
 def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], str]:
-    """Names of the physical groups by dimension and number; an `InputError` if it is another format."""
+    """Names of the physical groups by dimension and number.
+
+    Raises `InputError` for another format.
+    """
     if not (blocks.get("MeshFormat") or [""])[0].startswith("2."):
         raise InputError(path, "is not a Gmsh mesh of format 2", cure=CURE)
     names = {}
@@ -133,7 +136,10 @@ def _points_and_elements(
 
 
 def _counted(path: Path, name: str, lines: list[str]) -> list[str]:
-    """The lines of a block after the line with their number, which is checked."""
+    """The lines of a block after the line with their number.
+
+    The number is checked.
+    """
     said = lines[0] if lines else ""
     if not said.isdecimal() or int(said[:12]) != len(lines) - 1:
         raise InputError(
@@ -176,8 +182,8 @@ class BodyMesh:
     groups: dict[str, IntArray]
     """Points on each named group."""
     numbers: IntArray
-    """Number of each cell in the file, shape [m]. Elements of all kinds are counted in order, from 1 in Gmsh
-    files and from 0 in VTU files, as these programs do."""
+    """Number of each cell in the file, shape [m]. Elements of all kinds are counted in order, as in these
+    programs: from 1 in Gmsh files, from 0 in VTU files."""
     sha256: str
     """SHA-256 of the file, hex."""
 
@@ -185,10 +191,10 @@ class BodyMesh:
 def read_body(path: Path) -> BodyMesh:
     """Read a mesh of a body: Gmsh 2 or 4.1 (.msh), or VTK's XML (.vtu), by meshio.
 
-    Groups are Gmsh's physical groups of surfaces, curves and points, and masks in the point data of a VTU
-    file whose names begin with "set:". Points without cells are left out.
+    Groups are Gmsh's physical groups of surfaces, curves and points. In a VTU file, they are masks in the
+    point data with names that begin with "set:". Points without cells are left out.
 
-    Raises InputError if the file cannot be read, or has no volume elements or several kinds of them.
+    Raises InputError if the file cannot be read, or if it has no volume elements or several kinds of them.
     """
     import meshio  # heavy
 

@@ -1,7 +1,7 @@
 """Read channels of a recorder's file by name, with checks, in SI units, on an exactly uniform clock.
 
 A new format is one module with `BINARY`, `sniff` and `read`, and one line in `FORMATS`. Every channel is
-checked: its samples must be finite, must change, and must not be clipped.
+checked. Its samples must be finite, must change, and must not be clipped.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,7 +44,7 @@ class RecorderFormat(Protocol):
     """The functions of a module that reads one format."""
 
     BINARY: bool
-    """Whether its files are binary: messages then give no lines, and numbers have no printed digits."""
+    """True if its files are binary. Messages then give no lines, and numbers have no printed digits."""
 
     def sniff(self, path: Path) -> bool:
         """True if a file looks like this format, by its ending and first bytes."""
@@ -65,7 +65,7 @@ FORMATS: Mapping[str, RecorderFormat] = {
     "scope": scope_binary,
     "delimited": delimited,
 }
-"""Name -> module; each format is one file and one line here. Text of any program comes last.
+"""Name -> module. Each format is one file and one line here. Text of any program comes last.
 
 :meta hide-value:
 """
@@ -74,13 +74,13 @@ FORMATS: Mapping[str, RecorderFormat] = {
 SHORTEST_FLAT_TOP = 8
 """Shortest run of equal samples at an extreme that counts as clipping."""
 LONGER_THAN_OTHERS = 4
-"""A clipped run is this many times longer than any other run of equal samples in the record."""
+"""Factor by which a clipped run is longer than any other run of equal samples in the record."""
 
 
 def check_finite(path: Path, channel: Channel, values: FloatArray) -> None:
     """Check that no sample is NaN, infinite or too large for a measurement.
 
-    Raises InputError that gives the first such sample and their number.
+    Raises InputError with the first such sample and their number.
     """
     bad = np.flatnonzero(~(np.abs(values) <= LARGEST_SAMPLE))  # NaN compares false
     if bad.size:
@@ -111,8 +111,8 @@ def check_unclipped(
 
     With a full scale, no sample may reach it. Without one, clipping is detected by a flat top: a run of at
     least eight equal samples at the largest or smallest value. It must be four times longer than any run at
-    another value, and the signal must not begin at that value. (A quiet baseline can be an extreme, and
-    coarse digits cause short runs.)
+    another value. The signal must not begin at that value. (A quiet baseline can be an extreme, and coarse
+    digits cause short runs.)
     """
     if full_scale is not None:
         clipped = np.flatnonzero(np.abs(values) >= full_scale)
@@ -180,8 +180,8 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
     ``path``: comma-separated text with one header line. ``time``: the time column; its factor converts to
     seconds. ``voltage``: the channel's column; its factor converts to volts. Returns: time as in the file [s]
     and volts [V], shape [n_samples]. Raises InputError if the file is not such a table, or if times repeat or
-    are not sorted. Also if their steps differ by more than the printed digits explain (a gap), or because of
-    the digits (too few).
+    are not sorted. The same error is raised if their steps differ by more than the printed digits explain (a
+    gap). It is also raised if the printed digits are too few.
     """
     table = read_table(path)
     t, volts = table.values(time), table.values(voltage)
@@ -199,7 +199,9 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
 
 
 def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
-    """The channels of a file, without checks of their samples; a channel without a clock gives the reason.
+    """The channels of a file, without checks of their samples.
+
+    A channel without a clock gives the reason.
 
     Raises InputError if the file cannot be read.
     """
@@ -210,7 +212,7 @@ def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
 def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
     """The unchecked channels of a file, with facts and metadata.
 
-    Raises InputError if the file cannot be read or its format is unknown.
+    Raises InputError if the file cannot be read, or if its format is unknown.
     """
     _check_layout(path, layout)
     if layout.format is not None:
@@ -363,13 +365,13 @@ def _info(contents: Contents, channel: Channel) -> ChannelInfo:
 
 
 def _check_uniform(table: Table, column: Column, time: FloatArray) -> None:
-    """Check that times have equal steps; anything else is a gap or a rounded column."""
+    """Check that times have equal steps. Other steps indicate a gap or a rounded column."""
     if time.size < 3:
         raise table.error("has fewer than 3 samples", cure="export the whole record")
     digit = table.printed_digit(column)
     steps = np.diff(time)
     step = float(np.median(steps))
-    # The error of a printed time is at most half a digit, that of a step one digit (plus round-off).
+    # The error of a printed time is at most half a digit. That of a step is one digit (plus round-off).
     worst = int(np.argmax(np.abs(steps - step)))
     excess = abs(float(steps[worst]) - step)
     if excess > 1.001 * digit + 1e-9 * step:

@@ -26,15 +26,15 @@ SCOPE_LIMIT = 400_000_000
 
 
 def sniff(path: Path) -> bool:
-    """True if a file has the ending of a scope's binary file; `read` finds the manufacturer."""
+    """True if a file has the ending of a scope's binary file. `read` finds the manufacturer."""
     return path.suffix.lower() in SUFFIXES
 
 
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels of a file.
 
-    Raises InputError if RigolWFM is missing, the manufacturer is unknown, or the file is damaged, cut off or
-    declares XML entities.
+    Raises InputError if RigolWFM is missing, if the manufacturer is unknown, or if the file is damaged, cut
+    off or declares XML entities.
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
     names = (path.with_suffix(".Wfm.bin"), path.with_suffix(".wvf"), path.with_suffix(".WVF"))
@@ -98,7 +98,7 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
         increments = getattr(header, "x_increments", None)
         own = increments[channel.channel_number - 1] if isinstance(increments, list) else None
         interval = _shortest(float(own if own is not None else header.seconds_per_point))
-        # For some manufacturers RigolWFM distributes n steps of time over n - 1.
+        # For some manufacturers, RigolWFM distributes n time steps over n - 1 intervals.
         if not interval > 0.0 or abs(shown - interval) > 1.5 / (samples - 1) * interval + 1e-9 * interval:
             raise InputError(
                 path,
@@ -119,19 +119,25 @@ def _channel(path: Path, channel: Any, layout: Layout) -> Channel:
 
 
 def _shortest(interval: float) -> float:
-    """An interval stored in single precision, as the shortest decimal number that it can represent."""
+    """An interval stored in single precision, as the shortest decimal number with that value."""
     single = np.float32(interval)
     return float(str(single)) if float(single) == interval else interval
 
 
 def _unit(channel: Any) -> str | None:
-    """The unit of a channel; the library gives volts, amperes, watts or "unknown"."""
+    """The unit of a channel.
+
+    The library gives volts, amperes, watts or "unknown".
+    """
     name = str(getattr(channel.unit, "name", "")).upper()
     return name if name in ("V", "A") else None
 
 
 def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
-    """Check that a record has the length stated in its header; the library does not always check."""
+    """Check the length of a record against its header.
+
+    The library does not always check it.
+    """
     promised = getattr(header, "n_pts", samples)
     if isinstance(promised, int) and samples < promised:
         raise InputError(
@@ -164,7 +170,10 @@ def _check_curve(path: Path) -> None:
 
 
 def _check_yokogawa(path: Path) -> None:
-    """Check that the samples of a Yokogawa .wfm do not overlap its header; they are counted from the end."""
+    """Check that the samples of a Yokogawa .wfm do not overlap its header.
+
+    They are counted from the end.
+    """
     head = head_of(path, 4096)
     count, width = (re.search(rb"\b" + key + rb":\s*(\d+)", head) for key in (b"NR_PT", b"BYT"))
     if path.suffix.lower() != ".wfm" or count is None or width is None:
@@ -176,7 +185,10 @@ def _check_yokogawa(path: Path) -> None:
 
 
 def _refuse_entities(path: Path) -> None:
-    """Raise InputError for XML entities: headers of Rohde & Schwarz are XML and declare none."""
+    """Raise InputError for XML entities.
+
+    Headers of Rohde & Schwarz are XML without entities.
+    """
     if not head_of(path, 64).lstrip(b"\xef\xbb\xbf").startswith(b"<?xml"):
         return
     if path.stat().st_size > 20_000_000:

@@ -39,18 +39,18 @@ from kolsky.readers.text import COMMA, Dialect, cure_of, find_dialect, full_matc
 
 @dataclass(frozen=True)
 class Sheet:
-    """Lines divided into fields; line i of `rows` is line `first + i` of the file."""
+    """Lines divided into fields. Line i of `rows` is line `first + i` of the file."""
 
     path: Path
     """The file."""
     dialect: Dialect
-    """How its lines are divided into fields."""
+    """Division of its lines into fields."""
     rows: Sequence[str]
     """The lines of samples."""
     first: int
     """Line number of the first row, counted from 1."""
     names: tuple[str, ...]
-    """Column names; "1", "2", ... without a header."""
+    """Column names. Without a header they are "1", "2", ..."""
     units: tuple[str | None, ...]
     """Units as written, or None."""
     metadata: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -60,13 +60,13 @@ class Sheet:
     counted: str = "the other lines have"
     """Text for messages: the reference with the correct number of fields."""
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
-    """Not empty after the fields of all rows have been counted."""
+    """It is not empty after the fields of all rows have been counted."""
 
     def values(self, column: int, *, gaps: bool = False) -> FloatArray:
         """The numbers of a column in the unit of the file, shape [n].
 
-        ``column``: index of the column, counted from 0. ``gaps``: whether NaN is allowed, as in tables with
-        lost points. Raises InputError if a line has another number of fields than the first, or a field is
+        ``column``: index of the column, counted from 0. ``gaps``: True if NaN is allowed, as in tables with
+        lost points. Raises InputError if a line has another number of fields than the first, or if a field is
         not a finite number.
         """
         self.check_fields()
@@ -100,7 +100,7 @@ class Sheet:
         return text.replace(",", ".") if self.dialect.decimal == "," else text
 
     def column(self, wanted: ColumnId, what: str) -> int:
-        """The index of a column, counted from 0, by its name or else by its number.
+        """The index of a column, counted from 0, by its name or, without such a name, by its number.
 
         Raises InputError if no column, or more than one, has the name.
         """
@@ -126,20 +126,23 @@ class Sheet:
         )
 
     def error(self, message: str, row: int | None, cure: str | None) -> InputError:
-        """An error about this file; `row` counts rows of samples from 0."""
+        """An error about this file.
+
+        `row` counts rows of samples from 0.
+        """
         line = None if row is None else self.first + row
         if self.word != "line" and line is not None:
             return InputError(self.path, f"{self.word} {line}: {message}", cure=cure)
         return InputError(self.path, message, line=line, cure=cure)
 
     def check_fields(self) -> None:
-        """Check that no line is empty or has more or fewer fields than there are columns.
+        """Check the number of fields of every line. No line may be empty.
 
         Raises InputError for the first such line.
         """
         count = self.dialect.fields
         character = self.dialect.delimiter
-        # The usual case in one pass: only delimiters, no quotes, more than one column.
+        # The usual case is checked in one pass: delimiters without quotes, more than one column.
         plain = character != " " and count > 1 and '"' not in self.rows[0]
         if self._checked or (plain and all(row.count(character) == count - 1 for row in self.rows)):
             self._checked.append(True)
@@ -177,7 +180,10 @@ class Sheet:
         )
 
     def _first_bad_number(self, column: int, fallback: str) -> InputError:
-        """The error for the first bad number, found line by line; slow, used only if the fast path fails."""
+        """The error for the first bad number, found line by line.
+
+        It is slow and used only if the fast method fails.
+        """
         for row in range(len(self.rows)):
             text = self.dialect.split(self.rows[row])[column]
             if not self.dialect.is_number(text):
@@ -192,7 +198,7 @@ class Sheet:
 def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
     """Index of the first line of samples.
 
-    Raises InputError if the stated line is outside the file, or no line has the form of samples.
+    Raises InputError if the declared line is outside the file, or if no line has the form of samples.
     """
     if layout.first_line is not None:
         if not 1 <= layout.first_line <= len(lines):
@@ -212,12 +218,12 @@ def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: La
 def names_and_units(
     path: Path, lines: Sequence[str], first: int, dialect: Dialect, layout: Layout
 ) -> tuple[tuple[str, ...], tuple[str | None, ...], dict[str, str], set[int]]:
-    """Names and units of the columns, how they were found, and the indices of their lines (from 0).
+    """Names and units of the columns, their source, and the indices of their lines (from 0).
 
     The header is the last line above the samples with the same number of fields. If that line has only units
     ("(ms)", "Volt"), the names are on such a line above it.
 
-    Raises InputError if a stated line does not fit, or the line above the samples is a damaged line of
+    Raises InputError if a declared line does not fit, or if the line above the samples is a damaged line of
     samples.
     """
     fitting = [i for i in range(first) if _fits(dialect, lines[i])]
@@ -264,7 +270,7 @@ def _cells(dialect: Dialect, line: str) -> list[str]:
 
 
 def _fits(dialect: Dialect, line: str) -> bool:
-    """True if a line can hold names or units of all numeric columns."""
+    """True if a line can contain names or units of all numeric columns."""
     cells = dialect.split(line)
     if len(cells) <= max(dialect.numeric) or not all(cells[i] for i in dialect.numeric):
         return False
@@ -273,7 +279,10 @@ def _fits(dialect: Dialect, line: str) -> bool:
 
 
 def _fits_mostly(dialect: Dialect, line: str) -> bool:
-    """True if the line above the samples names most numeric columns; merged cells name only their first."""
+    """True if the line above the samples names most numeric columns.
+
+    Merged cells name only their first column.
+    """
     cells = dialect.split(line)
     if len(cells) < dialect.fields or any(dialect.is_number(cells[i]) for i in dialect.numeric):
         return False
@@ -282,7 +291,10 @@ def _fits_mostly(dialect: Dialect, line: str) -> bool:
 
 
 def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect: Dialect) -> None:
-    """Raise InputError if integers are twice as many as names: "0,12,3,5" below "Strain,Stress"."""
+    """Raise InputError if integers are twice as many as names.
+
+    Example: "0,12,3,5" below "Strain,Stress".
+    """
     names = [cell for cell in dialect.split(lines[first - 1]) if cell]
     twice = len(names) > 1 and 2 * len(names) == dialect.fields == len(dialect.numeric)
     if twice and dialect.delimiter == COMMA.character and not any(map(dialect.is_number, names)):
@@ -295,7 +307,10 @@ def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect:
 
 
 def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
-    """True for a line of units; without a line above it, units that are not of signals may be names: "m"."""
+    """True for a line of units.
+
+    Without a line above it, units that are not of signals may be names: "m".
+    """
     cells = [cell for cell in _cells(dialect, line) if cell]
     units = [
         si_unit(cell) is not None
@@ -308,7 +323,10 @@ def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
 
 
 def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None:
-    """Check that a heading has words; channels may have the names 1, 2, 3, but not 0.0125."""
+    """Check that a heading has words.
+
+    Channels may have the names 1, 2, 3, but not 0.0125.
+    """
     cells = _cells(dialect, line)
     numbers = [cells[i] for i in dialect.numeric if dialect.is_number(cells[i])]
     other = replace(dialect, decimal="," if dialect.decimal == "." else ".")
@@ -339,9 +357,9 @@ class FoundTable:
     """Lines of unknown origin, recognized as a table."""
 
     dialect: Dialect
-    """How they are divided."""
+    """Division of the lines into fields."""
     lines: list[str]
-    """All lines; without outer blanks if blanks are the delimiter."""
+    """All lines. If blanks are the delimiter, lines have no outer blanks."""
     first: int
     """Index of the first line of samples."""
     above: list[str]
@@ -356,7 +374,7 @@ class FoundTable:
     """Indices of the lines with names and units."""
 
     def sheet(self, path: Path, names: tuple[str, ...], units: tuple[str | None, ...], **more: Any) -> Sheet:
-        """Its samples under these names and units; ``more``: further fields of the sheet."""
+        """Its samples under these names and units. ``more``: further fields of the sheet."""
         return Sheet(path, self.dialect, self.lines[self.first :], self.first + 1, names, units, **more)
 
 
@@ -365,9 +383,9 @@ def find_table(
 ) -> FoundTable:
     """Recognize a table in the lines of a text: delimiter, decimal sign, samples, names and units.
 
-    ``layout``: the declared layout; other properties are detected. ``sparse``: whether a numeric column may
-    be empty in most rows. ``word``: name of a line in messages. Raises InputError if no column is numeric, no
-    line has the form of samples, or a declaration does not fit.
+    ``layout``: the declared layout; other properties are detected. ``sparse``: True if a numeric column may
+    be empty in most rows. ``word``: name of a line in messages. Raises InputError if no column is numeric, if
+    no line has the form of samples, or if a declaration does not fit.
     """
     dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal, word=word)
     if dialect.delimiter == " ":
@@ -389,9 +407,9 @@ _TIME_NAME = re.compile(
     re.IGNORECASE,
 )
 FEWEST_STEPS = 100
-"""Smallest number of rows of a time column for finding its unit from the header's interval."""
+"""Smallest number of rows of a time column from which its unit is found by the header's interval."""
 SAME_STEP = 1e-3
-"""Largest relative difference of the column's mean step from the header's interval [-]."""
+"""Largest relative difference between the column's mean step and the header's interval [-]."""
 
 
 @dataclass(frozen=True)
@@ -410,7 +428,7 @@ class SignalTable:
     def channels(self) -> tuple[Channel, ...]:
         """The numeric columns that are not times.
 
-        Raises InputError if there are fewer samples than the header states, too many, or too few.
+        Raises InputError if there are fewer samples than the header declares, too many, or too few.
         """
         sheet = self.sheet
         self._check_count()
@@ -472,7 +490,7 @@ class SignalTable:
         )
 
     def _first_time(self, header: HeaderClock) -> float | None:
-        """Time of the first sample [s]: the header's start, or the time of the first sample count.
+        """Time of the first sample [s]. It is the header's start, or the time of the first sample count.
 
         A count that begins at 1 numbers the samples. Any other first count is the number of missing samples.
         """
@@ -491,7 +509,10 @@ class SignalTable:
         return header.start + (0.0 if count[0] == 1.0 else float(count[0])) * header.interval
 
     def _time_column(self, column: int) -> int | None:
-        """The time column of a signal: the declared one, else the nearest one to its left, else the first."""
+        """The time column of a signal.
+
+        The declared one, otherwise the nearest one to its left, otherwise the first.
+        """
         stated = self.layout.time
         if isinstance(stated, Mapping):
             for channel, time in stated.items():
@@ -512,21 +533,24 @@ class SignalTable:
         factor = time_factor(sheet.path, self._time_unit(number), what)
         values = sheet.values(number)
         digits = column_digits(values, lambda row: sheet.field(number, row))
-        # Dividing by 1e6 rounds once where multiplying by 1e-6 rounds twice: 25 us is 2.5e-5 s.
+        # Division by 1e6 rounds once, multiplication by 1e-6 rounds twice: 25 us is 2.5e-5 s.
         inverse = round(1.0 / factor)
         seconds = values / inverse if factor < 1.0 else values * factor
         self._read[number] = seconds, digits * factor
         return self._read[number]
 
     def _time_unit(self, number: int) -> str | None:
-        """The unit of a time column: stated, in the header, or its very name ("seconds")."""
+        """The unit of a time column.
+
+        The unit is declared, given in the header, or part of the column's name ("seconds").
+        """
         name = self.sheet.names[number]
         named = name if len(name) > 1 and si_unit(name) == ("s", 1.0) else None
         said = self.layout.time_unit or self.sheet.units[number] or named or time_unit(self.sheet.metadata)
         return said or self._unit_by_interval(number)
 
     def _unit_by_interval(self, number: int) -> str | None:
-        """Seconds, if the column's steps equal the header's interval in seconds; else None."""
+        """Seconds, if the column's steps equal the header's interval in seconds; otherwise None."""
         header = header_clock(self.sheet.path, self.sheet.metadata, decimal=self.sheet.dialect.decimal)
         rows = len(self.sheet.rows)
         if header.interval is None or rows < FEWEST_STEPS:
@@ -546,7 +570,9 @@ class SignalTable:
 
 
 def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
-    """Find the time columns: the declared ones, else columns named time or with a unit of time.
+    """Find the time columns.
+
+    They are the declared ones, otherwise columns named time or with a unit of time.
 
     Raises InputError if a declared time column is missing.
     """

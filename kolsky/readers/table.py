@@ -1,7 +1,7 @@
-"""Strict reading of a table with declared columns: no number is guessed or left out.
+"""Strict reading of a table with declared columns. No number is guessed or left out.
 
-Without a declared layout, a plain table (UTF-8, commas, decimal points, one header line) is expected. If a
-table clearly has another layout (other delimiter, decimal commas, lines above the header), that layout is
+Without a declared layout, a plain table (UTF-8, commas, decimal points, one header line) is expected. A table
+may clearly have another layout: other delimiter, decimal commas, lines above the header. That layout is then
 detected, and `kolsky check` reports it.
 """
 
@@ -41,7 +41,10 @@ TEXT_SUFFIXES = tuple(suffix for suffix in delimited.SUFFIXES if suffix != ".xls
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
-    """The detected layout of a table; `PLAIN` if it is plain or no better layout is found."""
+    """The detected layout of a table.
+
+    It is `PLAIN` if the table is plain or no better layout is found.
+    """
     try:
         text, encoding = decode_text(path, data)
         return _layout_of(path, lines_of(path, text), encoding)
@@ -50,7 +53,7 @@ def detect_layout(path: Path, data: bytes) -> Layout:
 
 
 def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
-    """The layout of lines; raises InputError if none is found."""
+    """The layout of lines. Raises InputError if none is found."""
     table = find_table(path, lines, Layout())
     dialect, facts = table.dialect, table.facts
     if not facts["header"].isdecimal():
@@ -72,7 +75,9 @@ def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
 
 
 def layout_in_words(path: Path) -> str:
-    """The detected layout of a table without a declared one, in words; empty for plain or binary files.
+    """The detected layout of a table without a declared one, in words.
+
+    Empty for plain or binary files.
 
     Raises InputError if the file cannot be read.
     """
@@ -94,7 +99,7 @@ class Column:
     """A declared column of a text file."""
 
     name: str
-    """Its name in the header line, or its number where the file has none."""
+    """Its name in the header line. Without a header, its number."""
     factor: float = 1.0
     """SI units per unit of the file, e.g. 1e-3 for "mm"."""
     bound: Literal["", "> 0", ">= 0"] = ""
@@ -112,9 +117,9 @@ class Table:
     sha256: str
     """SHA-256 of its bytes, hex."""
     header_line: int | None
-    """Line of the column names, counted from 1; None if the file has none."""
+    """Line of the column names, counted from 1. None if the file has none."""
     division: str
-    """How it was divided into columns, and which declaration changes that, in words."""
+    """Its division into columns, and the declaration that changes it, in words."""
 
     @property
     def path(self) -> Path:
@@ -123,7 +128,7 @@ class Table:
 
     @property
     def header(self) -> tuple[str, ...]:
-        """Column names; "1", "2", ... without a header."""
+        """Column names. Without a header they are "1", "2", ..."""
         return self.sheet.names
 
     @property
@@ -154,7 +159,8 @@ class Table:
     def integers(self, column: Column) -> IntArray:
         """A column of whole numbers (frame numbers), shape [n_rows].
 
-        Raises InputError as `values`, and if a number is not whole or is too large to be exact.
+        Raises InputError for the reasons of `values`, and if a number is not whole or is too large to be
+        exact.
         """
         numbers = self.values(column)
         bad = np.flatnonzero((numbers != np.floor(numbers)) | (np.abs(numbers) > 2**53))
@@ -174,7 +180,7 @@ class Table:
     def printed_digit(self, column: Column) -> float:
         """The last printed digit of a column, in SI units, e.g. 1e-11 for "-1.9950000e-04" s.
 
-        With an exponent the last digit depends on the size of the number; the coarsest digit is returned.
+        With an exponent, the last digit depends on the size of the number. The coarsest digit is returned.
         """
         index, last = self._index(column), len(self.sheet.rows) - 1
         step = max(1, (last + 1) // 1000)
@@ -191,7 +197,7 @@ class Table:
     def check_increasing(self, column: Column, values: FloatArray | IntArray) -> None:
         """Check that a column increases from row to row.
 
-        Raises InputError that gives the first line with an equal or smaller value.
+        Raises InputError with the first line that has an equal or smaller value.
         """
         steps = np.diff(values)
         bad = np.flatnonzero(steps <= 0)
@@ -212,11 +218,17 @@ class Table:
         )
 
     def error(self, message: str, *, row: int | None = None, cure: str | None = None) -> InputError:
-        """An error about this file; `row` counts rows of data from 0."""
+        """An error about this file.
+
+        `row` counts rows of data from 0.
+        """
         return self.sheet.error(message, row, cure)
 
     def _check_no_points(self, column: Column, index: int) -> None:
-        """Check that there are no points: with decimal commas a point could only separate thousands."""
+        """Check that there are no points.
+
+        With decimal commas, a point could only separate thousands.
+        """
         for row, text in enumerate(self.sheet.rows):
             if "." in text and "." in (written := self.sheet.dialect.split(text)[index]):
                 raise self.error(
@@ -247,16 +259,18 @@ class Table:
 
 
 def read_table(path: Path, *, layout: Layout | None = None) -> Table:
-    """Read a table: text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
+    """Read a table.
+
+    It is text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
 
     A text is UTF-8 with commas, decimal points and one header line, unless another layout is declared or
     detected.
 
     ``path``: the file. ``layout``: encoding, delimiter, decimal sign, comment sign of header lines, header
-    line and first line. Defaults are UTF-8, a comma, a point, the first line and the line after it. None:
-    a clearly different layout is detected, see `kolsky.readers.table`. Raises InputError if the file cannot
-    be read (see `kolsky.readers.text`) or has no data; if a line is empty or has another number of fields
-    than the header; or if the layout is impossible or does not fit.
+    line and first line. Defaults are UTF-8, a comma, a point, the first line and the line after it. None: a
+    clearly different layout is detected, see `kolsky.readers.table`. Raises InputError if the file cannot be
+    read (see `kolsky.readers.text`) or has no data. The same error is raised if a line is empty or has
+    another number of fields than the header, or if the layout is impossible or does not fit.
     """
     source = _source(path)
     if source is not None:
@@ -319,7 +333,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
 
 
 def _source(path: Path) -> Any:
-    """The format of a workbook or a file of arrays; None for text."""
+    """The format of a workbook or a file of arrays. None for text."""
     if path.suffix.lower() in TEXT_SUFFIXES:
         check_name(path)
         return None
@@ -340,7 +354,10 @@ def _plural(delimiter: str) -> str:
 
 
 def _dialect(path: Path, layout: Layout) -> Dialect:
-    """The declared delimiter and decimal sign, without columns; quotes are handled only with a layout."""
+    """The declared delimiter and decimal sign, without columns.
+
+    Quotes are handled only with a layout.
+    """
     delimiter = declared_delimiter(path, layout.delimiter or "comma")
     decimal = declared_decimal(path, layout.decimal or ".")
     if delimiter == decimal:
@@ -353,7 +370,10 @@ def _dialect(path: Path, layout: Layout) -> Dialect:
 
 
 def _names_of_rows(names: tuple[str, ...], rows: Sequence[str], dialect: Dialect) -> tuple[str, ...]:
-    """Names, with or without a last empty one if only the names or only the rows end with a delimiter."""
+    """Names without the last one if it is empty.
+
+    It is empty if only the names or only the rows end with a delimiter.
+    """
     if dialect.delimiter == BLANKS.character or not names:
         return names
     ends = [row.rstrip().endswith(dialect.delimiter) for row in rows]

@@ -28,7 +28,7 @@ from kolsky.readers.header import clock_of_numbers
 BINARY = True
 
 _CLOCK = ("wf_increment", "wf_start_offset")
-"""Properties of a waveform that state its clock."""
+"""Properties of a waveform that declare its clock."""
 
 
 def sniff(path: Path) -> bool:
@@ -37,7 +37,7 @@ def sniff(path: Path) -> bool:
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read all numeric channels; a channel's name is "group/channel".
+    """Read all numeric channels. The name of a channel is "group/channel".
 
     Raises InputError if npTDMS is missing, if the file is damaged or its last segment is cut off, or if it
     has no numeric channel.
@@ -135,10 +135,10 @@ class _Waveform:
 
 
 def _waveforms(stream: BinaryIO) -> dict[str, list[_Waveform]]:
-    """The waveforms of each channel with a stated start time.
+    """The waveforms of each channel with a declared start time.
 
-    A segment may redefine the properties of a channel. npTDMS keeps only the last ones, so that a gap between
-    two waveforms would be lost.
+    A segment may redefine the properties of a channel. npTDMS keeps only the last ones. A gap between two
+    waveforms would be lost.
     """
     from nptdms.common import ObjectPath
     from nptdms.reader import TdmsReader
@@ -205,7 +205,7 @@ def _check_joined(path: Path, waveforms: dict[str, list[_Waveform]]) -> None:
 
 
 def _delay(waveforms: list[_Waveform] | None, begins: list[Any]) -> float | None:
-    """Delay of a channel after the earliest channel of the file [s]; None without a stated time."""
+    """Delay of a channel after the earliest channel of the file [s]. None without a declared time."""
     if not waveforms:
         return None
     return max(_since(waveforms[0].begin, begin) for begin in begins)

@@ -1,7 +1,7 @@
 """CSV of Tektronix TDS, TPS and MDO oscilloscopes: keys in columns 1 to 3, then time and volts.
 
 A line is "Record Length,2.500000e+03,,-0.00050000,0.10400,". The first lines have keys, the others begin with
-three empty fields. Several channels of one capture are several such blocks side by side.
+three empty fields. Several channels of one capture are several such blocks beside each other.
 """
 
 from pathlib import Path
@@ -14,7 +14,7 @@ from kolsky.readers.text import Dialect, read_text
 BINARY = False
 
 _BLOCK = 5
-"""Columns of a block: key, value, unit, time, volts; a line of a block may or may not end with a comma."""
+"""Columns of a block: key, value, unit, time, volts. A line of a block may end with a comma."""
 
 _KEYED = 40
 """Number of lines that may have keys."""

@@ -1,4 +1,4 @@
-"""Read a text file of unknown origin: detect its characters, lines and fields."""
+"""Read a text file of unknown origin. Its characters, lines and fields are detected."""
 
 import codecs
 import csv
@@ -15,13 +15,13 @@ from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Layout
 
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp932", "gb18030")
-"""Encodings that may be declared; the first three and cp1252 are also detected."""
+"""Encodings that may be declared. The first three and cp1252 are also detected."""
 
 LONGEST_FIELD = 200
-"""Longest field that is searched for a name and a unit [characters]. No heading is longer, and the time of a
+"""Longest field in which a name and a unit are searched [characters]. No heading is longer. The time of a
 search grows with a power of the length."""
 LONGEST_PAIR = 4000
-"""Longest line of a header that is searched for a key and its values [characters]."""
+"""Longest line of a header in which a key and its values are searched [characters]."""
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -31,7 +31,10 @@ _MARKS = (
 
 
 def full_match(pattern: re.Pattern[str], field: str, *, longest: int = LONGEST_FIELD) -> re.Match[str] | None:
-    """The match of a pattern with a whole field; None for a field with more than `longest` characters."""
+    """The match of a pattern with a whole field.
+
+    None for a field with more than `longest` characters.
+    """
     return pattern.fullmatch(field) if len(field) <= longest else None
 
 
@@ -52,7 +55,8 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
     is not valid UTF-8 is cp1252, the code page of Windows in western Europe and America.
 
     ``path``: the file, for messages. ``data``: its bytes. ``encoding``: one of `ENCODINGS`, or None to detect
-    it. Raises InputError if the encoding is unknown or a byte is invalid in it, with line and offset.
+    it. Raises InputError if the encoding is unknown or if a byte is invalid in it. The message gives line and
+    offset.
     """
     if encoding is not None and encoding not in ENCODINGS:
         raise InputError(
@@ -104,11 +108,13 @@ def _without_mark(data: bytes) -> str:
 
 
 def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
-    """The lines of a text without empty lines at its end; lines end with LF, CR LF or, unless strict, CR.
+    """The lines of a text without empty lines at its end.
+
+    Lines end with LF, CR LF or, unless strict, CR.
 
     Raises InputError if there are only blanks, or if a strict line contains a carriage return.
     """
-    # Not splitlines(): it also splits at characters that do not end a line of a text file.
+    # Not splitlines(), because it also splits at characters that do not end a line of a text file.
     text = text.replace("\r\n", "\n")
     lines = (text.removesuffix("\r") if strict else text.replace("\r", "\n")).split("\n")
     while lines and not lines[-1].strip():
@@ -127,10 +133,12 @@ def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
 
 
 def _quoted_commas_apart(lines: list[str]) -> list[str]:
-    """Replace commas between fields such as "0,12","3,5" by semicolons, because commas are decimal signs.
+    """Replace commas between fields such as "0,12","3,5" by semicolons.
+
+    In such fields, commas are decimal signs.
 
     This is done only if most of the last nonempty lines have commas inside and outside quotes and no other
-    delimiter. A line above them such as "dt: 1,25 ms" (comma between two digits, no quotes) is unchanged.
+    delimiter. A line above them such as "dt: 1,25 ms" (comma between two digits, no quotes) does not change.
     """
     filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
     apart = [
@@ -146,7 +154,7 @@ def _quoted_commas_apart(lines: list[str]) -> list[str]:
 
 
 def _semicolons(line: str) -> str:
-    """A line with semicolons in place of its commas, except in quoted fields."""
+    """A line with semicolons instead of its commas, except in quoted fields."""
     try:
         cells = next(csv.reader([line], skipinitialspace=True), [])
     except csv.Error:  # a field of more than 131 072 characters
@@ -155,7 +163,9 @@ def _semicolons(line: str) -> str:
 
 
 def _whole_lines_unquoted(lines: list[str]) -> list[str]:
-    """Remove quotes around whole lines, which a spreadsheet writes if it stored each line in one cell.
+    """Remove quotes around whole lines.
+
+    A spreadsheet writes them if it stored each line in one cell.
 
     This is done only if most nonempty lines are one quoted field that contains fields.
     """
@@ -176,7 +186,7 @@ class Delimiter:
     name: str
     """Its name in a layout."""
     character: str
-    """The character; a layout may also give the character."""
+    """The character. A layout may also give the character."""
     plural: str
     """Its name in messages."""
 
@@ -190,7 +200,7 @@ DELIMITERS = (
     COMMA,
     BLANKS,
 )
-"""All delimiters, in the order in which they are tried; add a new delimiter here."""
+"""All delimiters, in the order of their trials. Add a new delimiter here."""
 
 
 def delimiter_of(text: str) -> Delimiter | None:
@@ -206,7 +216,7 @@ _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan
 _LINES_COMPARED = 60
 """Number of lines at the end of the file that are used to detect the dialect."""
 _FEWER_LINES = (20, 8, 3)
-"""Smaller numbers of lines, tried in turn for a short table below many lines of other text."""
+"""Smaller numbers of lines. They are tried in turn for a short table below many lines of other text."""
 _QUOTED_LINE = re.compile(r'"(?:[^"]|"")*"')
 _QUOTED_COMMA = re.compile(r'"[+-]?\d+,\d+(?:[eE][+-]?\d+)?"')
 _BARE_COMMA = re.compile(r"\d,\d")
@@ -214,7 +224,7 @@ _OTHER = re.compile(r"[\t;]")
 _OTHER_OR_COMMA = re.compile(r"[\t;,]")
 _DIVIDED = re.compile(r"[\t;,]|\S[ ]+\S")
 _AGREEING_SHARE = 0.8
-"""Share of the lines that must agree, so that one damaged line causes an error, not another dialect."""
+"""Share of the lines that must agree. One damaged line then causes an error and not another dialect."""
 
 
 _SHOWN = 60
@@ -258,7 +268,7 @@ _CURES = tuple(
         ),
     )
 )
-"""Pattern of a field that is not a number -> the advice; the first match is used."""
+"""Pattern of a field that is not a number -> the advice. The first match is used."""
 
 
 def cure_of(field: str) -> str:
@@ -271,7 +281,7 @@ class Dialect:
     """Delimiter, decimal sign and columns of the lines of a file."""
 
     delimiter: str
-    """The character between columns; " " means any sequence of blanks and tabs."""
+    """The character between columns. " " means any sequence of blanks and tabs."""
     decimal: str
     """"." or ","."""
     fields: int
@@ -281,7 +291,7 @@ class Dialect:
     empty: tuple[int, ...] = ()
     """Indices of the empty fields: after a last delimiter, or below the keys of the header."""
     quoted: bool = True
-    """Whether quotes around a field are removed; else they are part of it."""
+    """True if quotes around a field are removed. Otherwise they are part of the field."""
 
     def split(self, line: str) -> list[str]:
         """The fields of a line, without quotes and outer blanks."""
@@ -296,7 +306,7 @@ class Dialect:
         return [part.strip() for part in line.split(self.delimiter)]
 
     def is_number(self, field: str) -> bool:
-        """True if a field is a number in this dialect, NaN and infinity included."""
+        """True if a field is a number in this dialect. NaN and infinity are numbers."""
         return bool((_NUMBER if self.decimal == "." else _COMMA_NUMBER).fullmatch(field))
 
     def is_samples(self, line: str) -> bool:
@@ -339,7 +349,7 @@ def find_dialect(
             for sign in decimals
             if sign != character and (dialect := _columns(filled[-count:], character, sign)) is not None
         ]
-        # Comments of two words look like columns between blanks; fewer lines may give another delimiter.
+        # Comments of two words look like columns between blanks. Fewer lines may give another delimiter.
         least = max(map(_share_of_numbers, dialects), default=(0.0, 0))
         others = [d for d in tail if d.delimiter != BLANKS.character and _share_of_numbers(d) >= least]
         dialects = others if dialects and others else dialects or tail
@@ -363,7 +373,8 @@ def find_dialect(
         raise _no_numbers(path, lines, characters, decimals, word)
     # max() returns the first of equal items, in the order of `DELIMITERS`.
     best = max(several, key=_share_of_numbers)
-    # Lines of settings above a short table have words in its first column: the last lines have numbers there.
+    # Lines of settings above a short table have words in its first column. The last lines have numbers in
+    # this column.
     for count in _FEWER_LINES:
         last = _columns(filled[-count:], best.delimiter, best.decimal)
         if last is not None and last.fields == best.fields and {*last.numeric} > {*best.numeric}:
@@ -378,7 +389,10 @@ def find_dialect(
 def _no_numbers(
     path: Path, lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str], word: str
 ) -> InputError:
-    """The error for lines without a numeric column; it shows a field of the last such line."""
+    """The error for lines without a numeric column.
+
+    It shows a field of the last such line.
+    """
     line, text = _last_word(lines, characters, decimals)
     said = [
         *([f"the delimiter {delimiter_name(characters[0])}"] if len(characters) == 1 else []),
@@ -418,7 +432,7 @@ def _share_of_numbers(dialect: Dialect) -> tuple[float, int]:
 
 
 def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | None:
-    """The dialect with the columns that most lines have; None if no column is numeric."""
+    """The dialect with the columns that most lines have. None if no column is numeric."""
     bare = Dialect(delimiter, decimal, 0, ())
     rows = [bare.split(line) for line in lines]
     counts = Counter(map(len, rows))
@@ -439,7 +453,10 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
 
 
 def _tabs_for_blanks(filled: Sequence[str], dialect: Dialect) -> Dialect:
-    """The dialect with tabs if tabs and blanks divide the samples alike; names may then contain blanks."""
+    """The dialect with tabs if tabs and blanks divide the samples in the same way.
+
+    Names may then contain blanks.
+    """
     tab = DELIMITERS[0].character
     samples = [line for line in filled if dialect.is_samples(line)]
     same = [
@@ -452,10 +469,12 @@ def _tabs_for_blanks(filled: Sequence[str], dialect: Dialect) -> Dialect:
 
 
 def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect) -> bool:
-    """True if two integers around a comma are the parts of one decimal number: "-0,128" below "Kraft [N]".
+    """True if two integers around a comma are the parts of one decimal number.
+
+    Example: "-0,128" below "Kraft [N]".
 
     The evidence is a second part that is not an integer ("012", or after "-0"), or a line of names without a
-    comma. First parts that count the lines are a column.
+    comma. If the first parts count the lines, they are a separate column.
     """
     if dialect.delimiter != COMMA.character or dialect.fields != 2 or len(dialect.numeric) != 2:
         return False
@@ -470,7 +489,10 @@ def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect
 
 
 def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str]) -> tuple[int, str]:
-    """The last line, counted from 1, with a field that is not a number, and that field; best dialect."""
+    """The last line, counted from 1, with a field that is not a number.
+
+    That field and the best dialect are also returned.
+    """
     kinds = [Dialect(c, sign, 0, ()) for c in characters for sign in decimals if sign != c]
     tail = range(max(0, len(lines) - 4 * _LINES_COMPARED), len(lines))
     best = max(kinds, key=lambda kind: sum(kind.is_number(f) for i in tail for f in kind.split(lines[i])))
@@ -497,7 +519,9 @@ def _characters() -> tuple[str, ...]:
 
 
 def declared_delimiter(path: Path, value: str) -> str:
-    """The character of the delimiter that a layout declares by name or character.
+    """The character of a declared delimiter.
+
+    A layout declares it by name or by character.
 
     Raises InputError if it is unknown.
     """
@@ -522,7 +546,7 @@ def declared_decimal(path: Path, value: str) -> str:
 def check_one_column(path: Path, lines: Sequence[str]) -> None:
     """Check that another delimiter does not divide lines without commas into numbers of another form.
 
-    Raises InputError that gives the delimiter and the last line.
+    Raises InputError with the delimiter and the last line.
     """
     for delimiter in (d for d in reversed(DELIMITERS) if d not in (COMMA, BLANKS)):
         cells = lines[-1].split(delimiter.character)

@@ -1,4 +1,7 @@
-"""Pages, figures, films and notebook views; the only package that uses Matplotlib and PyVista."""
+"""Pages, figures, films and notebook views.
+
+No other package uses Matplotlib and PyVista.
+"""
 
 FIGURE_FORMATS = ("pdf", "svg", "png", "csv")
-"""Names of the formats; "csv" is the table of the data shown."""
+"""Names of the formats. "csv" is the table of the data in the figure."""

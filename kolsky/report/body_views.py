@@ -91,7 +91,7 @@ class SheetView:
     fit: FieldFit
     """The fit of all steps."""
     steps: tuple[FieldFit | str, ...]
-    """Separate fits of each step; empty if they were not made."""
+    """Separate fits of each step; empty if not made."""
     sensitivity: FloatArray
     """dm/du_msr of the last step as a field, relative to the constants [1/m^3], shape [p, nodes, 2]."""
     before: BeforeTest
@@ -99,7 +99,7 @@ class SheetView:
     stiffness: StiffnessMap | None = None
     """Stiffness factors by blocks, if requested."""
     change: str = ""
-    """A single change of the data that would explain field and force; empty if there is none."""
+    """A single change of the data that would explain field and force; empty if no such change was found."""
 
     @property
     def mesh(self) -> Mesh:
@@ -134,7 +134,7 @@ def sheet_view_of(
     *,
     change: str = "",
 ) -> SheetView:
-    """Make the fields of a fitted sheet: sensitivities, and the map before any test, Eqs. (K.26-36)."""
+    """Make the fields of a fitted sheet, Eqs. (K.26-36): the sensitivities, and the map before any test."""
     problem = found.problem
     free = ~np.array(found.at_bound)
     size = np.where(free, np.abs(found.values), 1.0)[:, None, None]
@@ -199,9 +199,9 @@ def outer_faces(mesh: Mesh) -> IntArray:
 
 
 def side_view(positions: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Faces in the view along +y, the nearest last.
+    """Faces in the view along +y, in drawing order: the nearest last.
 
-    Returns: corners in x and z [m], shape [f, k, 2], and the cosine between each face's normal and the
+    Returns: corners in x and z [m], shape [f, k, 2]. Returns: cosine between each face's normal and the
     viewing direction, 0 to 1, shape [f].
     """
     corners = positions[faces]

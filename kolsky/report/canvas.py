@@ -1,8 +1,10 @@
-"""Build and save figures without a window or global state: as files, as CSV data, or as SVG for a page.
+"""Build and save figures as files, as CSV data, or as SVG for a page.
 
-The CSV table of a figure is read from the drawn artists, so that the two cannot differ. Legends that overlap
-data are moved to a free position, in pixels of the canvas. Data are lines, markers, bars and the edges of
-bands and contours, but not fills of a whole panel or guide lines across it.
+No window and no global state is used.
+
+The CSV table of a figure is read from the drawn artists. The table and the figure are therefore equal.
+Legends that overlap data are moved to a free position, in pixels of the canvas. Data are lines, markers, bars
+and the edges of bands and contours. Fills of a whole panel and guide lines across it are not data.
 """
 
 import io
@@ -48,17 +50,19 @@ PLACES: tuple[_Place, ...] = (
 )
 """Positions of a legend, the preferred ones first."""
 ROOM, MOST_ROOM = 0.1, 0.8
-"""If no position is free, the y axis is extended upward in steps of the first share of its range, up to the
-second."""
+"""If no position is free, the y axis is extended upward in steps. The first number is the step, the second
+the limit, both as shares of its range."""
 TOUCH = 0.5
 """Boxes with a smaller overlap count as adjacent [px]."""
 
 
 def free_legends(figure: Figure) -> bool:
-    """Move every legend that overlaps data to a free position, or extend the axis to make one above the data.
+    """Move every legend that overlaps data to a free position.
 
-    ``figure``: after layout, with its axes at their final positions. Returns: true if an axis has new limits,
-    so that the figure needs a new layout. A legend outside its panel is not moved.
+    If there is none, the axis is extended to make one above the data.
+
+    ``figure``: after layout, with its axes at their final positions. Returns: True if an axis has new limits
+    and the figure needs a new layout. A legend outside its panel is not moved.
     """
     changed = False
     for ax in figure.axes:
@@ -71,7 +75,10 @@ def free_legends(figure: Figure) -> bool:
 
 
 def _move(legend: Legend, ax: Axes) -> bool:
-    """Move a legend to the first free position; False, and not moved, if there is none."""
+    """Move a legend to the first free position.
+
+    Returns False, without a move, if there is none.
+    """
     before = legend._loc_real  # type: ignore[attr-defined]  # Matplotlib has no public way to read it
     for place in PLACES:
         legend.set_loc(place)
@@ -82,7 +89,10 @@ def _move(legend: Legend, ax: Axes) -> bool:
 
 
 def _room_above(legend: Legend, ax: Axes) -> bool:
-    """Raise the upper limit of the y axis until a legend at the top is free; restore it if none is."""
+    """Raise the upper limit of the y axis until a legend at the top is free.
+
+    If it never is, the limit is restored.
+    """
     if ax.images:
         return False
     before, scale = ax.get_ylim(), ax.yaxis.get_transform()
@@ -112,7 +122,7 @@ def _shared(one: Bbox, other: Bbox) -> bool:
 
 
 def _on_data(ax: Axes, box: Bbox) -> bool:
-    """True if data of a panel are inside a box; drawings are clipped at the panel."""
+    """True if data of a panel are inside a box. Drawings are clipped at the panel."""
     inside = Bbox.intersection(box.padded(-TOUCH), ax.bbox)
     if inside is None:
         return False
@@ -124,7 +134,7 @@ def _on_data(ax: Axes, box: Bbox) -> bool:
 
 
 def _paths(artist: Artist, ax: Axes) -> Iterator[tuple[Outline, bool]]:
-    """Lines of an artist in pixels, with True, and its points, with False."""
+    """Lines of an artist in pixels, with True; its points, with False."""
     if isinstance(artist, QuadMesh):
         return  # it fills the panel
     if isinstance(artist, PathCollection) and len(artist.get_paths()) <= 1:
@@ -147,7 +157,10 @@ def _paths(artist: Artist, ax: Axes) -> Iterator[tuple[Outline, bool]]:
 
 
 def _meets(path: Outline, joined: bool, box: Bbox) -> bool:
-    """True if a line crosses a box, or one of its points is inside if they are not joined."""
+    """True if a line crosses a box.
+
+    If its points are not joined: True if one of them is inside.
+    """
     vertices = np.asarray(path.vertices, dtype=np.float64)
     if not joined:
         x, y = vertices.T
@@ -161,11 +174,13 @@ _Points = tuple[str, NDArray[Any], NDArray[Any], NDArray[Any] | None]
 """Kind, x, y and values of an artist."""
 DATA_COLUMNS = ("panel", "x axis", "y axis", "series", "kind", "x", "y", "value", "value axis")
 _PICTURE_ARTISTS = frozenset({"gray", "grey", "Greys_r"})
-"""Colour maps of camera pictures, which do not count as data of a figure."""
+"""Colour maps of camera pictures. They do not count as data of a figure."""
 
 
 def write_data(path: Path, figure: Figure) -> Path:
-    """Write the data of a figure, one row per point; an older file is replaced by the complete new one."""
+    """Write the data of a figure, one row per point. An older file is replaced when the new one is
+    complete.
+    """
     rows = list(_data_rows(figure))
     return write_table(path, {name: [row[i] for row in rows] for i, name in enumerate(DATA_COLUMNS)})
 
@@ -255,7 +270,7 @@ def _plain_number(values: NDArray[Any]) -> list[Any]:
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
 FORMATS = FIGURE_FORMATS
 _ON_PAGE = 350.0
-"""Resolution of pictures inside the figures of a page [dots per inch], that of the rendered stills."""
+"""Resolution of pictures inside the figures of a page [dots per inch]. It is that of the rendered stills."""
 _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
 
@@ -268,8 +283,8 @@ def _style() -> matplotlib.RcParams:
 def build(kind: FigureKind[Any], shown: Any) -> Figure:
     """Draw one figure in its journal size; its label is its caption.
 
-    ``kind``: an entry of one of the registries in `figures`. ``shown``: result to show; `kind.applies` must
-    be true for it.
+    ``kind``: an entry of one of the registries in `figures`. ``shown``: the result. `kind.applies` must be
+    true for it.
     """
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
     with matplotlib.rc_context(_style()):
@@ -308,16 +323,16 @@ def save_figures(
     shown
         Result that the figures show.
     formats
-        Any of "pdf", "svg", "png" (600 dots per inch) and "csv", the data that the figure shows.
+        Any of "pdf", "svg", "png" (600 dots per inch) and "csv" (the data in the figure).
     registry
-        The figures; those of `kolsky.report.figures.figures_of` if not given.
+        The figures; default: those of `kolsky.report.figures.figures_of`.
 
     Raises
     ------
     ValueError
         If a format is not one of these.
     TypeError
-        If no figure shows things of this class.
+        If there are no figures for this class.
     """
     formats = tuple(formats)
     unknown = [name for name in formats if name not in FORMATS]
@@ -342,10 +357,10 @@ def save_figures(
 
 
 def inline_svg(figure: Figure, name: str) -> str:
-    """A drawn figure as SVG to stand inside an HTML page.
+    """A drawn figure as SVG for use inside an HTML page.
 
-    Ids carry the given name, so that several figures of a page cannot clash. Namespaces, metadata and the
-    document head are left out: HTML needs none, and nothing in the page then names another address.
+    Ids carry the given name. Several figures of a page therefore have different ids. Namespaces, metadata and
+    the document head are left out. HTML does not need them, and without them the page contains no address.
     """
     buffer = io.StringIO()
     _save(figure, buffer, "svg", dpi=_ON_PAGE)
@@ -372,7 +387,9 @@ def inline_svg(figure: Figure, name: str) -> str:
 
 
 def _plain_style(element: ElementTree.Element) -> None:
-    """Turn a style into attributes of the same names: a strict Content-Security-Policy allows no other."""
+    """Turn a style into attributes of the same names. A strict Content-Security-Policy does not allow
+    styles.
+    """
     for rule in element.attrib.pop("style", "").split(";"):
         name, _, value = rule.partition(":")
         if name.strip():

@@ -15,7 +15,10 @@ def save_figures_alone(
     *,
     registry: "Mapping[str, FigureKind[Any]] | None" = None,
 ) -> None:
-    """Save the figures of a result as separate files if formats are given; only then load Matplotlib."""
+    """Save the figures of a result as separate files if formats are given.
+
+    Matplotlib is loaded only in this case.
+    """
     if formats:
         from kolsky.report.canvas import save_figures
 

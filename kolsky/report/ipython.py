@@ -1,4 +1,4 @@
-"""Registration of the views: with IPython by name of the type, and as methods of results.
+"""Registration of the views with IPython, by name of the type, and as methods of results.
 
 Modules are imported only when they are needed.
 """
@@ -17,15 +17,15 @@ SHOWN = (
     ("kolsky.inverse.result", "Identification"),
     ("kolsky.shot.records", "ShotBase"),
 )
-"""Module and name of every type with a view in `kolsky.report.notebook`; subclasses are shown alike."""
+"""Module and name of every type with a view in `kolsky.report.notebook`. Subclasses have the same view."""
 
 
 PNG_DPI = 144.0
-"""Resolution of a figure in a notebook [dots per inch]: a journal's page is 960 px wide."""
+"""Resolution of a figure in a notebook [dots per inch]. A journal's page is 960 px wide."""
 
 
 def register() -> None:
-    """Register the views as methods of results, and with the running IPython, if there is one."""
+    """Register the views as methods of results and, if it runs, with IPython."""
     views.MAKERS.append(_notebook)
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None

@@ -1,8 +1,8 @@
 """Views of any result: HTML for IPython, a figure, tables for pandas and xarray.
 
 The tables are those of `kolsky.report.result_folder.tables_of`, by the names of the CSV files. The views are
-functions of the data, which do not import them; `kolsky.report.ipython` registers them, as the methods of
-`dic.views.ResultViews` too.
+functions of the data, and the data do not import them. `kolsky.report.ipython` registers them, and the
+methods of `dic.views.ResultViews`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ __all__ = ["html", "plot", "to_dataframe", "to_xarray"]
 def html(data: object) -> str:
     """Return a shot, a measured surface or an identification as an HTML table.
 
-    Raises TypeError if it is something else.
+    Raises TypeError for other types.
     """
     raise TypeError(_no_view(data, "a notebook"))
 
@@ -45,14 +45,14 @@ def to_dataframe(data: object, table: str = "") -> Any:
     Parameters
     ----------
     data
-        A shot: one row per value of its file. A surface: one row per point and frame. An identification:
-        the `table` of that name.
+        A shot: one row per value of its file. A surface: one row per point and frame. An identification: the
+        `table` with the given name.
     table
-        Of an identification: "estimates" (the default), "routes", "force", "profile", "design" or "energy";
-        the last four are the CSV files of the same names. Of any other result (waves, rates, several shots,
-        a prediction, a plan, a sweep, a budget, constants, a reference curve, a displacement field) the name
-        of one of its CSV files, without ".csv"; the main one if left out. Of a displacement field also
-        "points", one row per point and frame.
+        Of an identification: "estimates" (the default), "routes", "force", "profile", "design" or "energy".
+        The last four are the CSV files of the same names. For any other result, it is the name of one of its
+        CSV files, without ".csv"; default: the main file. Other results are waves, rates, several shots, a
+        prediction, a plan, a sweep, a budget, constants, a reference curve and a displacement field. A
+        displacement field also has "points", one row per point and frame.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def to_dataframe(data: object, table: str = "") -> Any:
     ValueError
         If there is no such table.
     TypeError
-        If it is something else.
+        If the data have another type.
     ImportError
         If pandas is not installed.
 
@@ -89,7 +89,7 @@ def _frame_of(data: object, table: str) -> Any:
 
 
 def _cells(cells: Any) -> Any:
-    """A column; an empty cell among numbers becomes NaN."""
+    """A column. An empty cell among numbers becomes NaN."""
     if isinstance(cells, np.ndarray) or all(isinstance(cell, str) for cell in cells):
         return cells
     return [nan if isinstance(cell, str) and not cell else cell for cell in cells]
@@ -97,20 +97,20 @@ def _cells(cells: Any) -> Any:
 
 @singledispatch
 def to_xarray(data: object, table: str = "") -> Any:
-    """Return a measured surface, an identification or a table of any other result as an xarray dataset, SI.
+    """Return a surface, an identification or a table of any other result as an xarray dataset, SI.
 
     An identification has measured and simulated force over "force_time" [s], outline over "point", and the
-    energies of the simulation over "surface_time" [s]; its attributes are the estimates. A surface has
-    "frame", "point" and "component"; lost points are NaN, with the cause in `outcome`. A displacement field
-    has u, v, w and the strains over "frame" and "point". Of any other result, and where `table` is given, the
+    energies of the simulation over "surface_time" [s]. Its attributes are the estimates. A surface has
+    "frame", "point" and "component". Lost points are NaN, with the cause in `outcome`. A displacement field
+    has u, v, w and the strains over "frame" and "point". For any other result, or if `table` is given, the
     table of `to_dataframe` is over "row".
 
     Parameters
     ----------
     data
-        As of `to_dataframe`.
+        As for `to_dataframe`.
     table
-        Which of its tables, as of `to_dataframe`; the main one if left out.
+        Name of the table as in `to_dataframe`; default: the main one.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def to_xarray(data: object, table: str = "") -> Any:
     Raises
     ------
     TypeError
-        If it is something else.
+        If the data have another type.
     ImportError
         If xarray is not installed.
     """
@@ -229,10 +229,10 @@ def plot(data: object, figure: str = "") -> Figure:
     Parameters
     ----------
     data
-        A shot or any result. A displacement field or a surface is drawn without its pictures, a rate report
-        by its first material, a sweep over the range of its points.
+        A shot or any result. A displacement field or a surface is drawn without its pictures. A rate report
+        is drawn by its first material, a sweep over the range of its points.
     figure
-        Name of the figure, that of its file under ``--figures``; the first one if left out.
+        Name of the figure, which is that of its file under ``--figures``; default: the first one.
 
     Returns
     -------
@@ -244,7 +244,7 @@ def plot(data: object, figure: str = "") -> Figure:
     TypeError
         If no figure shows such a result.
     ValueError
-        If there is no figure of that name; the message has the names.
+        If there is no figure of that name. The message lists the names.
 
     Examples
     --------
@@ -264,7 +264,7 @@ def plot(data: object, figure: str = "") -> Figure:
 
 
 def _drawn(data: Any) -> Any:
-    """The object that the figures of a result show: the result or its view."""
+    """The object for the figures of a result: the result or its view."""
     from kolsky.report import picture_views
 
     match type(data).__name__:

@@ -20,15 +20,15 @@ from kolsky.report.scene.scene_data import FIELDS, Solid, at_nodes
 QUAD, TRIANGLE = 9, 5
 """Numbers of two cell types in VTK."""
 _TYPE_NAMES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
-"""Types of VTK by those of NumPy, byte order left out."""
+"""Types of VTK by those of NumPy without byte order."""
 
 
 def write_grid(
     path: Path, points: FloatArray, cells: np.ndarray, kind: int, fields: Mapping[str, np.ndarray]
 ) -> None:
-    """Write an unstructured grid (VTU) whose cells are all of one type.
+    """Write an unstructured grid (VTU) with cells of one type.
 
-    ``path``: file to write, complete or not at all. ``points``: coordinates, shape [n, 3]. ``cells``: points
+    ``path``: file to write; it is never incomplete. ``points``: coordinates, shape [n, 3]. ``cells``: points
     of each cell in VTK's order, shape [m, k]; m may be 0. ``kind``: number of the cell type in VTK.
     ``fields``: values at the points by name, shape [n] or [n, components].
     """
@@ -41,7 +41,10 @@ def write_grid(
 def write_surface(
     path: Path, points: FloatArray, faces: np.ndarray, fields: Mapping[str, np.ndarray]
 ) -> None:
-    """Write a surface (VTP): points, each a vertex where there are no faces, and polygons of one size."""
+    """Write a surface (VTP): points and polygons of one size.
+
+    Without faces, each point is a vertex.
+    """
     _check_arrays(points, faces, fields)
     vertices = np.zeros((0, 1), dtype=np.int64) if len(faces) else np.arange(len(points))[:, None]
     piece = {
@@ -116,12 +119,12 @@ def write_vtu(
 ) -> list[Path]:
     """Write the mesh of one simulation at its surface times.
 
-    `mesh.pvd` lists the series with its times. ``response``: a batch that kept its nodes. ``mesh``: its
-    undeformed mesh. ``solid``: the material; without it no pressure, stress and energy are written.
-    ``every``: write one surface time in this many, the first included. Returns: the VTU files written, then
-    `mesh.pvd`. Points are (r, y, 0) [m] with the displacement [m] from the first surface time and the
-    `FIELDS` of films. The series ends where the simulation ended. Raises ValueError if the response kept no
-    nodes, `sample` or `every` is out of range, or the mesh has other nodes.
+    `mesh.pvd` lists the series with its times. ``response``: a batch with nodes. ``mesh``: its undeformed
+    mesh. ``solid``: the material; without it no pressure, stress and energy are written. ``every``: write
+    every n-th surface time, starting with the first. Returns: the VTU files written, then `mesh.pvd`. Points
+    are (r, y, 0) [m] with the displacement [m] from the first surface time and the `FIELDS` of films. The
+    series ends where the simulation ended. Raises ValueError if the response has no nodes, if `sample` or
+    `every` is out of range, or if the mesh has other nodes.
     """
     if response.nodes is None:
         raise ValueError("the response kept no nodes; request them when the simulation is run")
@@ -159,8 +162,8 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
     """Write the valid points of every frame, joined to triangles over their grid.
 
     `<name>.pvd` lists the series with its times. A triangle with a lost corner is left out. Returns: the VTP
-    files written, then the listing. Points are (x, y, Z) [m]; their data are displacement and sigma [m], the
-    epipolar distance and the standard deviation of a match [px], the correlation and the point's number.
+    files written, then the listing. Points are (x, y, Z) [m]. Their data are displacement and sigma [m],
+    epipolar distance and standard deviation of a match [px], correlation, and point number.
     """
     surface, triangles = body.surface, grid_triangles(body.cell)
 
@@ -184,7 +187,10 @@ def _write_frames(
     triangles: NDArray[np.int64],
     fields: Callable[[int, BoolArray], dict[str, np.ndarray]],
 ) -> list[Path]:
-    """Write one file per frame, with the triangles whose corners are all valid, and the listing."""
+    """Write one file per frame, and the listing.
+
+    A triangle is written if all its corners are valid.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{name}_{frame:05d}{suffix}" for frame in range(surface.n_frames)]
     for frame, path in enumerate(files):
@@ -205,8 +211,8 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
 
     ``folder``: folder; created if absent. `field.pvd` lists the series with its times. ``result``: the
     result. A triangle with a lost corner is left out. Returns: the VTU files written, then the listing.
-    Points are the current places in the result's unit; their data are displacement and sigma in that unit,
-    the strains xx, yy, xy (NaN where there is none), the lowest correlation and the point's number.
+    Points are the current places in the result's unit. Their data are displacement and sigma in that unit,
+    the strains xx, yy, xy (NaN if missing), the lowest correlation, and the point number.
     """
     surface, triangles = result.surface, grid_triangles(result.cell)
     if result.kind == "plane":  # y runs down there: keep the normals toward the camera
@@ -233,5 +239,5 @@ def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
     a, b, c, d = table[:-1, :-1], table[1:, :-1], table[1:, 1:], table[:-1, 1:]
     whole = (a >= 0) & (b >= 0) & (c >= 0) & (d >= 0)
     a, b, c, d = (corner[whole] for corner in (a, b, c, d))
-    # Rows count downward in a picture, so a, d, c turns counter-clockwise.
+    # Rows count downward in a picture. The order a, d, c is therefore counter-clockwise.
     return np.concatenate([np.column_stack([a, d, c]), np.column_stack([a, c, b])])

@@ -1,4 +1,7 @@
-"""Pictures for the figures of a stereo or a full-field result: a few whole ones, and one column of all."""
+"""Pictures for the figures of a stereo or a full-field result.
+
+A few whole pictures, and one column of all.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,11 +28,11 @@ class SurfaceView:
     pictures: Mapping[int, NDArray[np.generic]]
     """Some pictures of camera 0 by frame, each of shape [rows, columns]."""
     kymograph: FloatArray
-    """Column of the outline (x = 0) in every picture of camera 0, NaN where unreadable, [rows, n_frames]."""
+    """Column of the outline (x = 0) in every picture of camera 0, [rows, n_frames]; NaN if unreadable."""
     flight: FlightOfSpecimen | str = "not asked for"
-    """Flight of the flyer, or the reason why it is unknown."""
+    """Flight of the flyer, or the reason why it could not be computed."""
     speckles: tuple[Speckles | None, Speckles | None] = (None, None)
-    """Speckles of both cameras in the static pictures, None where they cannot be evaluated."""
+    """Speckles of both cameras in the static pictures; None if they cannot be evaluated."""
 
 
 def read_surface_view(
@@ -64,7 +67,7 @@ def read_surface_view(
 
 
 def _shown_frames(result: StereoResult) -> list[int]:
-    """Return frames at equal intervals among those with points: the first, the last and two between."""
+    """Return frames at equal intervals among those with points: first, last and two between."""
     usable = np.flatnonzero(result.specimen.n_valid > 0)
     if usable.size == 0:
         return []
@@ -74,7 +77,7 @@ def _shown_frames(result: StereoResult) -> list[int]:
 
 
 ALIVE = 0.5
-"""Smallest share of the points that a shown frame has, if there is one."""
+"""Smallest share of valid points in a displayed frame, if there is such a frame."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ class FullFieldView:
     frame: int
     """Frame of the picture: the last one with at least half of the points."""
     picture: NDArray[np.generic] | None
-    """Camera 0's picture of it, shape [rows, columns]; None if it cannot be read."""
+    """Camera 0's picture of this frame, shape [rows, columns]; None if it cannot be read."""
 
 
 def read_full_field_view(name: str, result: FullField, pictures: Pictures) -> FullFieldView:
@@ -102,7 +105,7 @@ def read_full_field_view(name: str, result: FullField, pictures: Pictures) -> Fu
 
 
 def full_field_view(result: FullField, name: str = "") -> FullFieldView:
-    """Choose the frame to show; without a picture."""
+    """Choose the frame to show, without a picture."""
     count = result.n_valid
     enough = np.flatnonzero(count >= max(1.0, ALIVE * count.max()))
     frame = int(enough[-1]) if enough.size else int(result.facts.get("reference", 0))

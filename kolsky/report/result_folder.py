@@ -1,4 +1,6 @@
-"""Result folders: result, tables, page and figures, written completely or not at all.
+"""Result folders: result, tables, page and figures.
+
+A folder is written completely or not at all.
 
 `RESULTS` lists the tables and files of each type of result, for `tables_of` and `write_results`. Results that
 need more input, such as a shot or several results, have separate functions.
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
 
 
 Tables = Mapping[str, Mapping[str, Any]]
-"""Name of a table, that of its file without ".csv" -> heading, with the unit -> cells."""
+"""Name of a table, which is that of its file without ".csv" -> heading, with the unit -> cells."""
 
 
 def _rate_figures(report: RateReport) -> Iterable[tuple[Any, Mapping[str, FigureKind[Any]]]]:
@@ -55,14 +57,16 @@ class ResultFiles:
     """Tables and files of a type of result; functions by their dotted names, loaded when they are used."""
 
     tables: str
-    """Function of the result that returns its `Tables`, the main one first, or the only one's columns."""
+    """Function of the result that returns its `Tables`, the main one first. If there is only one table, it
+    returns the columns."""
     only: str = ""
-    """Name of the only table; "" if the function names them."""
+    """Name of the only table; "" if the function gives the names."""
     files: Mapping[str, str] = field(default_factory=dict)
-    """Name of a file -> function of its path and the result that writes it; of JSON, function of the result
-    that gives the object."""
+    """Name of a file -> function of its path and the result that writes the file. For JSON, the function of
+    the result returns the object."""
     figures: Callable[[Any], Iterable[tuple[Any, Any]]] = lambda result: [(result, None)]
-    """The objects of the figures with their registry; None for that of `kolsky.report.figures.figures_of`."""
+    """The objects of the figures with their registry. None uses the registry of
+    `kolsky.report.figures.figures_of`."""
 
 
 _WAVES = {
@@ -124,12 +128,14 @@ RESULTS = {
 
 
 def has_tables(result: object) -> bool:
-    """Whether there are tables of a result."""
+    """True if there are tables of a result."""
     return _type_name(result) in RESULTS
 
 
 def tables_of(result: Any, *more: Any) -> Tables:
-    """Return every table of a result as columns, the main one first: SI, units in the headings.
+    """Return every table of a result as columns, the main one first.
+
+    Values are in SI, with units in the headings.
 
     Parameters
     ----------
@@ -141,7 +147,7 @@ def tables_of(result: Any, *more: Any) -> Tables:
     Returns
     -------
     mapping of str to mapping
-        Name of a table, that of its CSV file -> heading -> cells.
+        Name of a table, which is that of its CSV file -> heading -> cells.
 
     Examples
     --------
@@ -155,14 +161,16 @@ def tables_of(result: Any, *more: Any) -> Tables:
 
 
 def write_results(folder: Path, result: Any, *more: Any, formats: Sequence[str] = ()) -> None:
-    """Write every file that `RESULTS` lists for a result: HDF5, JSON, tables, page, figures; all or none.
+    """Write every file that `RESULTS` lists for a result: HDF5, JSON, tables, page, figures.
+
+    All files are written, or none.
 
     Parameters
     ----------
     folder
         Folder; created if absent.
     result
-        A reduced test, a rate report, a plan, several shots identified together, a prediction.
+        A reduced test, a rate report, a plan, several shots identified together, or a prediction.
     more
         Further arguments of its functions, e.g. the scan of a prediction and the point found in it.
     formats
@@ -202,10 +210,10 @@ def _function(name: str) -> Callable[..., Any]:
 
 RESULT_FILE = "identification.h5"
 SUMMARY = "summary"
-"""Stem of the table of one row, which `kolsky open` lists shots by."""
+"""File name, without ending, of the table of one row. `kolsky open` lists shots by this table."""
 PAGE = "report.html"
 MOST_DRAWING = 4
-"""Largest number of processes that draw a page, because the slowest figure takes a quarter of all time."""
+"""Largest number of processes that draw a page. The slowest figure takes a quarter of all time."""
 
 
 def drawing_processes() -> int:
@@ -221,7 +229,9 @@ def write_identify_results(
     formats: Sequence[str] = (),
     processes: int = 1,
 ) -> None:
-    """Write the results of `kolsky identify`: result file, tables, report and figures; all of them or none.
+    """Write the results of `kolsky identify`: result file, tables, report and figures.
+
+    All files are written, or none.
 
     Parameters
     ----------
@@ -234,8 +244,8 @@ def write_identify_results(
     formats
         Also save each figure as a file, in any of "pdf", "svg", "png" and "csv".
     processes
-        Processes that draw; see `dic.processes.run_parallel`. With several the result file is written in
-        another process meanwhile.
+        Processes that draw; see `dic.processes.run_parallel`. With several, another process writes the result
+        file at the same time.
 
     Raises
     ------
@@ -280,7 +290,7 @@ def read_identify_results(folder: Path, shot: Shot) -> Identification:
     Raises
     ------
     InputError
-        If there is none, it cannot be used, or it was made from files that differ from the shot's.
+        If there is none, if it cannot be used, or if it was made from files that differ from the shot's.
     """
     from kolsky.results.hdf5 import read_identification
 
@@ -298,8 +308,9 @@ def write_identify_page(
     *,
     processes: int = 1,
 ) -> None:
-    """Write the page of an identification into a folder, and its figures as separate files if formats are
-    given.
+    """Write the page of an identification into a folder.
+
+    If formats are given, its figures are saved as separate files.
 
     ``folder``: an empty folder of `kolsky.base.files.filling`. ``processes``: processes that draw; see
     `dic.processes.run_parallel`.
@@ -404,8 +415,8 @@ def write_budget_results(
     """Write the results of `kolsky budget` into the folder of its ledger: budget.csv, budget.html and
     figures.
 
-    ``results``: a budget for each free parameter; files and figures of the first are named budget, of others
-    budget and the parameter. ``campaign``: a planned campaign, if one was asked for.
+    ``results``: a budget for each free parameter. Files and figures of the first budget are named budget,
+    those of the others budget and the parameter. ``campaign``: a planned campaign, if requested.
     """
     from kolsky.report.figures import BUDGETS
     from kolsky.report.pages.studies import write_budget
@@ -434,7 +445,7 @@ def write_sweep_results(
     Parameters
     ----------
     folder, formats
-        As of `write_results`.
+        As for `write_results`.
     result
         Every run of the design.
     analysis
@@ -469,8 +480,8 @@ def write_prediction_results(
 ) -> None:
     """Write the results of a prediction with its scan, and a film if requested.
 
-    ``folder``, ``formats``: as of `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
-    ``film``: format of a film, "mp4" or "gif"; empty for none.
+    ``folder``, ``formats``: as for `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
+    ``film``: format of a film, "mp4" or "gif"; empty for no film.
     """
     from math import isfinite
 
@@ -491,7 +502,7 @@ def write_prediction_results(
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
-    """Raise InputError for a result of other versions of the files, because its page would mix both."""
+    """Raise InputError for a result from other versions of the files. The page would mix both versions."""
     then = then if isinstance(then, dict) else {}
     differing = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
     if differing:
@@ -513,10 +524,13 @@ def write_specimen_results(
     stills: bool = False,
     studies: Mapping[str, Sequence[StudyRow]] | None = None,
 ) -> None:
-    """Write specimen.html, .json, .h5, tables, curves for `identify` and, if asked for, figures and VTU.
+    """Write specimen.html, .json, .h5, tables and curves for `identify`.
+
+    Figures and VTU files are written if requested.
 
     ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
-    ParaView. ``stills``: also draw it in three dimensions by PyVista. ``studies``: further tables by name.
+    ParaView. ``stills``: also draw this sample in three dimensions by PyVista. ``studies``: further tables by
+    name.
     """
     from kolsky.bodies import specimen_output  # imports scipy.stats
     from kolsky.report.pages.bodies import write_specimen
@@ -544,7 +558,10 @@ def write_sheet_results(
     vtu: bool = False,
     stills: bool = False,
 ) -> None:
-    """Write the results of a sheet, as `write_specimen_results` those of force curves."""
+    """Write the results of a sheet.
+
+    `write_specimen_results` does the same for force curves.
+    """
     from kolsky.bodies import specimen_output  # imports scipy.stats
     from kolsky.report.pages.bodies import write_specimen
 
@@ -583,7 +600,8 @@ def write_solution_vtu(
     path: Path, solution: Solution, fields: Mapping[str, FloatArray] | None = None
 ) -> None:
     """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
-    fields."""
+    fields.
+    """
     from kolsky.report.paraview import write_grid  # imports image correlation
 
     mesh, last = solution.model.mesh, solution.reached - 1

@@ -36,7 +36,7 @@ OUTCOME_COLOURS = {
 }
 """A colour for every outcome."""
 SHARE = (1.0, 99.0)
-"""Percentiles of the values at the limits of the colours, so that outliers do not reduce the contrast."""
+"""Percentiles of the values at the limits of the colours. Outliers then do not reduce the contrast."""
 LONGEST = 720
 """Longer side of a map over a picture [px]."""
 FINEST = 4
@@ -49,7 +49,7 @@ _DRAWING = Lock()
 
 @dataclass(frozen=True)
 class View:
-    """Direction from the surface to the eye, as angles from Z, which points toward the cameras [°]."""
+    """Direction from the surface to the eye, as angles from Z [°]. Z points toward the cameras."""
 
     azimuth: float = 30.0
     """Rotation about y toward x [°]."""
@@ -58,7 +58,7 @@ class View:
 
 
 def limits_of(field: FieldOfPoints) -> tuple[float, float]:
-    """Limits of a field's colours over all frames; constant for a whole film."""
+    """Limits of a field's colours over all frames. They are constant for a whole film."""
     known = field.values[np.isfinite(field.values)]
     if not known.size:
         return 0.0, 1.0
@@ -89,8 +89,8 @@ def map_png(
 ) -> bytes:
     """A field of one frame as a transparent PNG that covers a camera's picture.
 
-    Between neighbouring points that have a value, values are interpolated linearly; a point without such
-    neighbours is a dot. Outcomes are dots, lost points at their last known place.
+    Values are interpolated linearly between neighbouring points with a value. A point without such neighbours
+    is a dot. Outcomes are dots; lost points are at their last known place.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def map_png(
     frame
         Number of the frame.
     camera
-        0, or 1 where there are two.
+        0, or 1 if there are two.
     shape
         Rows and columns of the picture [px].
     limits
@@ -165,10 +165,12 @@ def space_png(
     chosen: int | None = None,
     size: tuple[int, int] = SPACE_SIZE,
 ) -> bytes:
-    """The surface of one frame in space with a field on it, as PNG; the reference surface is a wire mesh.
+    """The surface of one frame in space with a field on it, as PNG.
 
-    ``chosen``: a point to mark. Raises `kolsky.report.scene.drawing.CannotRender` if PyVista is not installed
-    or VTK cannot render here.
+    The reference surface is a wire mesh.
+
+    ``chosen``: a point to mark. Raises `kolsky.report.scene.drawing.CannotRender` if PyVista is not
+    installed, or if VTK cannot render on this machine.
     """
     pyvista = offscreen_pyvista()
     with _DRAWING:
@@ -183,7 +185,10 @@ def space_png(
 
 
 def positions_of(points: MeasuredPoints, frame: int | None) -> FloatArray:
-    """Positions in space, y up, in the displayed unit, NaN where lost; for None those of the reference."""
+    """Positions in space, y up, in the displayed unit; NaN for lost points.
+
+    With None, the positions of the reference.
+    """
     factor, _ = points.length
     X = points.surface.X if frame is None else points.surface.position[frame]
     if frame is not None:
@@ -220,7 +225,10 @@ def _fill(plotter, pyvista, points, name, frame, limits, chosen) -> None:  # typ
 
 
 def _look(plotter, points: MeasuredPoints, view: View) -> None:  # type: ignore[no-untyped-def]
-    """Set the camera of a picture so that the surface fits in all frames at one scale."""
+    """Set the camera of a picture.
+
+    The surface fits into the picture of every frame at one scale.
+    """
     a, e = np.radians(view.azimuth), np.radians(view.elevation)
     eye = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
     right = np.array([np.cos(a), 0.0, -np.sin(a)])

@@ -13,7 +13,7 @@ from kolsky.results.nomenclature import factor_of, name_of
 def in_display_units(result: Identification) -> Identification:
     """Return a result with every parameter in the unit of `kolsky.results.nomenclature`.
 
-    For pages and figures; files and JSON stay in SI. Apply it only once: its result is not in SI units.
+    For pages and figures. Files and JSON stay in SI. Apply it once, because its result is not in SI units.
     """
     factors = np.array([factor_of(name) for name in result.design.names])
     shown = IDENTIFICATION.scaled(result, factor_of)
@@ -153,7 +153,10 @@ def recorded_label(key: str) -> str:
 
 
 def recorded_value(key: str) -> tuple[float, str, str, str, int]:
-    """Return how a value is shown: factor, unit, separator of a list, text for None, significant digits."""
+    """Return the display of a value.
+
+    Factor, unit, separator of a list, text for None, significant digits.
+    """
     kind, dot, name = key.partition(".")
     if dot and kind in ("free", "held"):
         unit = "" if name_of(name).unit in ("1", "SI") else name_of(name).unit

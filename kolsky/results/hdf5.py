@@ -1,7 +1,9 @@
-"""The file format of an identification: path, unit, key and heading of every field, one table per record.
+"""The file format of an identification.
 
-HDF5, JSON, tables and display units are derived from it. There is one HDF5 file per shot, written completely
-or not at all. Every value is checked when it is read.
+Path, unit, key and heading of every field, one table per record.
+
+HDF5, JSON, tables and display units are derived from it. There is one HDF5 file per shot. It is written
+completely or not at all. Every value is checked when it is read.
 """
 
 from dataclasses import fields, replace
@@ -396,16 +398,17 @@ def write_identification(path: Path, identification: Identification) -> None:
     path : Path
         The file, replaced if it exists; its folder must exist.
     identification : Identification
-        The result. Provenance is stored as JSON: tuples become lists, values that are not finite null.
+        The result. Provenance is stored as JSON. Tuples become lists, and values that are not finite become
+        null.
 
     Raises
     ------
     ValueError
-        If shapes of the result are inconsistent, or a text cannot be stored.
+        If shapes of the result are inconsistent, or if a text cannot be stored.
     TypeError
         If provenance contains a value that JSON cannot represent.
     OSError
-        If the file cannot be written; an existing file is then unchanged.
+        If the file cannot be written. An existing file is then unchanged.
     """
     plain = replace(identification, provenance=jsonable(identification.provenance, "provenance"))
     with writing(path, FORMAT) as place:
@@ -428,8 +431,9 @@ def read_identification(path: Path) -> Identification:
     Raises
     ------
     InputError
-        If the file is missing, truncated or not such a result. Also if a dataset is missing, is a link to
-        another file, has a wrong type, shape or unit, or is larger than 1 GiB. The message is one line.
+        If the file is missing, truncated or not such a result. The same error is raised if a dataset is
+        missing, is a link to another file, has a wrong type, shape or unit, or is larger than 1 GiB. The
+        message is one line.
     """
     with reading(Path(path), FORMAT, cure="write it again with `kolsky identify`") as place:
         return IDENTIFICATION.read(place)

@@ -1,5 +1,6 @@
 """A joint identification as files: joint.json, CSV tables of parameters, shots and curve, and one HDF5
-file."""
+file.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,8 @@ from kolsky.inverse.parameters import reference_words
 from kolsky.results.hdf5 import ESTIMATE, FIT
 
 FORMAT = Format("kolsky joint identification", version=6, readable=(3, 4, 5, 6))
-"""Its first version is 3, the version of the identification format whose parameter records it uses."""
+"""Its first version is 3. This is the version of the identification format with the same parameter
+records."""
 
 OWN = Record(
     OwnStiffness,
@@ -168,7 +170,7 @@ _OF_ONE_SHOT = ("interval", "mesh_shift", "sigma_systematic")
 
 
 def to_json(found: JointResult) -> dict[str, Any]:
-    """The result as one object of JSON types; numbers that are not finite become null."""
+    """The result as one object of JSON types. Numbers that are not finite become null."""
     names = list(found.estimates)
     estimates: dict[str, dict[str, Any]] = {}
     for name, e in found.estimates.items():

@@ -25,7 +25,7 @@ class WrittenName:
     words: str
     """Words, e.g. "stiffness factor"."""
     unit: str
-    """Unit in which it is shown, "1" if none."""
+    """Unit of its display, "1" if none."""
     factor: float = 1.0
     """Shown number over SI number."""
 
@@ -44,7 +44,7 @@ def _name_entry(parameter: str) -> WrittenName | None:
 
 
 NOISE = {"force and shape": "force and outline"}
-"""Words for sources of noise whose keys differ from the words."""
+"""Words for sources of noise with keys that differ from the words."""
 
 _ROUTES = {
     "joint": "joint χ²",
@@ -55,7 +55,7 @@ _ROUTES = {
 
 
 def name_of(parameter: str, unit: str | None = None) -> WrittenName:
-    """Return symbol and words of a parameter; an unknown parameter is written as its key."""
+    """Return symbol and words of a parameter. An unknown parameter is written as its key."""
     known = _name_entry(parameter)
     if known is not None:
         return known
@@ -74,8 +74,8 @@ def short(parameter: str) -> str:
 def in_words(text: str, names: Iterable[str] = ()) -> str:
     """Return a sentence in which every API name of a parameter is replaced by `short`.
 
-    ``names``: parameters to replace in addition to those whose API name is not an English word; "friction"
-    may be an ordinary word.
+    ``names``: parameters to replace, in addition to those with API names that are not English words.
+    "friction" may be an ordinary word.
     """
     known = {*names, *(name for name in (*PARAMETERS, *_NAMES) if "_" in name)}
     called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))
@@ -83,7 +83,9 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
 
 
 def constant_symbol(name: str) -> str:
-    """Return the symbol of a law's constant for figures: "poisson" is ν, C10 has its number as a subscript.
+    """Return the symbol of a law's constant for figures.
+
+    The symbol of "poisson" is ν. C10 has its number as a subscript.
 
     Other names than a letter with a number are upright.
     """
@@ -149,8 +151,9 @@ _RAISED_DIGITS = str.maketrans("+-0123456789", "⁺⁻⁰¹²³⁴⁵⁶⁷⁸�
 def typeset(text: str) -> str:
     """Return a sentence or a value with typographic signs: "-1.2e-05 +- 3 us" is "−1.2 × 10⁻⁵ ± 3 µs".
 
-    A hyphen before a digit becomes a minus sign, so that no line breaks after it; a hyphen inside a word is
-    unchanged. An "e" is an exponent only if a sign follows; else it may be a digit of a checksum.
+    A hyphen before a digit becomes a minus sign, because a line may break after a hyphen. A hyphen inside a
+    word does not change. An "e" is an exponent only if a sign follows. Otherwise it may be a digit of a
+    checksum.
     """
     text = re.sub(r"(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]\d{2,3})(?!\w)", _raised_power, text)
     text = re.sub(r"\^(-?\d+)", lambda found: found[1].translate(_RAISED_DIGITS), text)

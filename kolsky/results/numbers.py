@@ -13,8 +13,8 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def measured(value: float, uncertainty: float) -> tuple[str, str]:
     """Return a value and its expanded uncertainty, both to the second significant digit of the uncertainty.
 
-    For example ("1.1200", "0.0050"); ("2.50 × 10⁻⁵", "0.13 × 10⁻⁵"). Four digits and "–" if the uncertainty
-    is zero or not finite, since the number of significant digits is then unknown.
+    For example ("1.1200", "0.0050"); ("2.50 × 10⁻⁵", "0.13 × 10⁻⁵"). If the uncertainty is zero or not
+    finite, the number of significant digits is unknown. The result then has four digits and "–".
     """
     if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
         return plain(value), plain(uncertainty) if math.isfinite(uncertainty) else NOTHING
@@ -36,7 +36,9 @@ def like(value: float, uncertainty: float) -> str:
 
 
 def part(value: float, uncertainty: float) -> str:
-    """Return a contribution to an expanded uncertainty, one digit finer than `measured` rounds it."""
+    """Return a contribution to an expanded uncertainty. It has one digit more than the result of
+    `measured`.
+    """
     if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
         return plain(value, 2)
     last = _exponent(uncertainty, digits=2) - 2
@@ -52,7 +54,10 @@ def rounded(value: float, last: int) -> str:
 
 
 def plain(value: float, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits; as a power of ten below 1e-3 and from 1e6."""
+    """Return a number with `digits` significant digits.
+
+    Numbers below 1e-3, and from 1e6 on, are written with a power of ten.
+    """
     if not math.isfinite(value):
         return NOTHING
     if value == 0.0:

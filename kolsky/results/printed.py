@@ -1,4 +1,7 @@
-"""Results as plain text for a terminal of 80 columns, and rows used by both terminal and page."""
+"""Results as plain text for a terminal of 80 columns.
+
+Terminal and page use the same rows.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +60,7 @@ NOT_TESTABLE = "not testable with the declared uncertainties"
 
 
 def fit_state(f: FitQuality) -> str:
-    """Return the outcome of a check: "explained", failed, or why it could not have failed."""
+    """Return the outcome of a check: "explained", failed, or the reason why it could not have failed."""
     if not f.explained:
         return "NOT EXPLAINED"
     return "explained" if f.testable else NOT_TESTABLE
@@ -77,7 +80,10 @@ MANY_SIGMAS = 4.0
 
 
 def why_beyond_noise(f: FitQuality) -> str:
-    """Return why a residual far above the noise is expected; empty if it is small or not explained."""
+    """Return the reason why a residual far above the noise is expected.
+
+    Empty if it is small or not explained.
+    """
     if not (f.explained and f.limit < float("inf") and f.chi2 > MANY_SIGMAS):
         return ""
     factor, unit = _CHANNEL_UNITS[f.unit]
@@ -223,7 +229,10 @@ ROUTES = {"force only": "force only", "shape only": "outline only", "paper": "co
 
 
 def answer(e: Estimate) -> str:
-    """Return an estimate as one line, "m = 1.1220 ± 0.0040 (k = 2)"; also the verdict unless identified."""
+    """Return an estimate as one line, "m = 1.1220 ± 0.0040 (k = 2)".
+
+    The verdict follows unless it is "identified".
+    """
     e = estimate_in_display_units(e)
     value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
     unit = "" if e.unit == "1" else f" {plain_sentence(e.unit)}"
@@ -239,9 +248,11 @@ MOST_PARTS = 4
 
 
 def variance_shares(found: Identification, name: str) -> dict[str, float]:
-    """Return the share of each source in a parameter's variance, the largest first; they add up to one.
+    """Return the share of each source in a parameter's variance, the largest first.
 
-    A declared input's part is the square of the shift that it causes, since inputs are independent.
+    Their sum is one.
+
+    A declared input's part is the square of the shift that it causes, because inputs are independent.
     """
     e = found.estimates[name]
     parts = {"noise": e.sigma_noise**2, "mesh and step": e.sigma_numerical**2}
@@ -325,7 +336,7 @@ def details(found: Identification) -> dict[str, str]:
 
 
 def _causes(found: Identification) -> dict[str, str]:
-    """Likely causes of a misfit, the most likely first; empty if there is none."""
+    """Likely causes of a misfit, the most likely first. Empty if there is none."""
     rows = {}
     for number, cause in enumerate((c for c in found.causes if c.named), start=1):
         solved = ", ".join(

@@ -61,7 +61,7 @@ def summary_row(found: Identification, nominal_rate: float) -> dict[str, list[An
 
 
 def end_columns(design: DesignTable) -> dict[str, Any]:
-    """Columns of a CSV table: the last time of a run and, if it failed, the element and the reason."""
+    """Columns of a CSV table: the last time of a run and, for a failed run, the element and the reason."""
     r, y = design.failed_places.T
     lost = set(design.lost)
     return {
@@ -78,9 +78,9 @@ def to_json(identification: Identification) -> dict[str, Any]:
 
     Every free parameter is a key with `value`, `interval` (k = 2, inside the range `searched`), `sigma`,
     `sigma_noise`, `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `on_mesh` (the optimum on the refined
-    mesh), `mesh_correction` (`value` minus `on_mesh`), `noise_parts`, `numerical_parts`, `unit`, `outcome`;
-    `fit` and `clocks` are null where they were not recorded; `failed_runs` lists the runs that did not
-    complete. Numbers that are not finite become null.
+    mesh), `mesh_correction` (`value` minus `on_mesh`), `noise_parts`, `numerical_parts`, `unit`, `outcome`.
+    `fit` and `clocks` are null if they were not recorded. `failed_runs` lists the failed runs. Numbers that
+    are not finite become null.
 
     Raises ValueError if a free parameter has the name of another key of the object. Raises TypeError if
     provenance contains a value that JSON cannot represent.
@@ -126,7 +126,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
 
 
 def failed_runs(design: DesignTable) -> list[dict[str, Any]]:
-    """The runs that did not complete: number, stage, parameters, outcome, time, element, place and cure."""
+    """The failed runs: number, stage, parameters, outcome, time, element, place and remedy."""
     rows = []
     for i in design.lost:
         ending = design.ending(i)

@@ -1,5 +1,6 @@
 """The tables of shot.toml about the test: [specimen], [interface], [transmission], [model], [window],
-[uncertainty]."""
+[uncertainty].
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,7 +22,7 @@ class SpecimenSection(Section):
 
 @dataclass(frozen=True)
 class ContactKey:
-    """A number of [interface] that some contact laws need."""
+    """A number of [interface] that only some contact laws need."""
 
     read_by: str
     """Field of `explicit.contact.ContactLaw` that is true if a law needs it."""
@@ -120,7 +121,7 @@ def elastic_body(
 
 
 MESHED = 1.0 / 6.0
-"""Default of the largest element side over the smallest diameter of a part [-]."""
+"""Default of the largest element side, divided by the smallest diameter of a part [-]."""
 
 
 def _check_inside(
@@ -139,7 +140,7 @@ class TransmissionSection(Section):
     parts: dict[str, PartSection] = Field(default_factory=dict)
     """Platen, transducer and bar for support = "mesh", in order from the specimen."""
     element_size: f.Length | None = None
-    """Largest side of their elements; a sixth of the smallest diameter if left out."""
+    """Largest side of their elements; default: a sixth of the smallest diameter."""
     transducer_depth: f.Length | None = None
     """Distance of the force transducer behind the platen's face, along the bar or the parts."""
 
@@ -179,7 +180,7 @@ class FlyerBodySection(Section):
     parts: dict[str, PartSection] = Field(default_factory=dict)
     """Its parts, in order from the specimen."""
     element_size: f.Length | None = None
-    """Largest side of the elements of a mesh; a sixth of the smallest diameter if left out."""
+    """Largest side of the elements of a mesh; default: a sixth of the smallest diameter."""
     transducer_depth: f.Length | None = None
     """Distance of the incident force's transducer behind the face."""
     seen_at: f.Length | None = None

@@ -12,7 +12,7 @@ from kolsky.schema.fields import LayoutSection, Section
 
 
 class WaveSpecimenSection(Section):
-    """[specimen]: a round specimen; a tensile one by its gauge length."""
+    """[specimen]: a round specimen. A tensile specimen is declared by its gauge length."""
 
     diameter: f.Length
     length: f.Length
@@ -33,8 +33,9 @@ class PronySection(Section):
 
 
 class WaveBarSection(Section):
-    """[bars.incident] or [bars.transmission]: a round bar, by its modulus, its measured wave speed or, for a
-    polymer, its Prony series."""
+    """[bars.incident] or [bars.transmission]: a round bar with its modulus, its measured wave speed or
+    (polymer) its Prony series.
+    """
 
     diameter: f.Length
     length: f.Length
@@ -56,7 +57,9 @@ class WaveBarSection(Section):
 
     @property
     def modulus(self) -> float:
-        """Young's modulus [Pa]; from the wave speed or the speed of the fastest wave, if declared."""
+        """Young's modulus [Pa]. It is computed from the wave speed or the speed of the fastest wave, if one
+        is declared.
+        """
         if self.prony is not None:
             return self.prony.long_term + sum(self.prony.moduli)
         if self.youngs_modulus is not None:
@@ -111,7 +114,7 @@ class WavesSection(Section):
 
 
 class RecorderSection(LayoutSection):
-    """[recorders.NAME]: a file of a recorder, how it is read, and its clock."""
+    """[recorders.NAME]: a file of a recorder, its format, and its clock."""
 
     file: f.FileName
     clock_offset: f.Time
@@ -152,7 +155,9 @@ class ReflectedSection(Section):
 
 
 class GaugeSection(Section):
-    """[gauges.incident] or [gauges.transmission]: strain gauges at one place; two channels are opposed."""
+    """[gauges.incident] or [gauges.transmission]: strain gauges at one place. Two channels are gauges on
+    opposite sides of the bar.
+    """
 
     recorder: f.Name | Annotated[list[f.Name], Field(min_length=2, max_length=2)]
     channels: Annotated[list[f.Name | Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=2)]
@@ -243,6 +248,6 @@ class BarsShotFile(Section):
 
 
 class WavesShotFile(BarsShotFile):
-    """A shot.toml for `kolsky waves`: bars and gauges are required, tables of `identify` are ignored."""
+    """A shot.toml for `kolsky waves`. Bars and gauges are required; tables of `identify` are ignored."""
 
     specimen: WaveSpecimenSection

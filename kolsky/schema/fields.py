@@ -1,5 +1,4 @@
-"""Fields of our TOML files: written-out quantities, ranges, file names, columns, and how a table is laid
-out."""
+"""Fields of the TOML files: quantities with units, ranges, file names, columns, and the layout of a table."""
 
 from collections.abc import Callable, Iterable
 from pathlib import PurePosixPath
@@ -16,7 +15,7 @@ from kolsky.readers.table import Column
 
 
 def problem(message: str, **context: str) -> PydanticCustomError:
-    """An error with "allowed" and "cure" in its context, and "key" if that is not the field."""
+    """An error with "allowed" and "cure" in its context, and "key" if the key is not the field."""
     return PydanticCustomError("shot", "{message}", {"message": message, **context})
 
 
@@ -59,7 +58,7 @@ def factor(unit: str) -> Callable[[object], float]:
 
 
 def number(value: object) -> float:
-    """A plain number; bool is not one."""
+    """A plain number; a bool is not allowed."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise problem("is not a number", cure="write a number without quotes or unit")
     if abs(value) > LARGEST:  # a NaN is no larger; the range of the key refuses it
@@ -74,12 +73,12 @@ def alternatives(names: Iterable[str]) -> str:
 
 
 def seconds(text: object) -> float:
-    """A written-out time [s]; a validator to build others on."""
+    """A written-out time [s]. Other validators are built on it."""
     return physical("s")(text)
 
 
 def length(text: object) -> float:
-    """A written-out length of any sign [m]; a validator to build others on."""
+    """A written-out length of any sign [m]. Other validators are built on it."""
     return physical("m")(text)
 
 
@@ -137,7 +136,7 @@ def _contact_law(name: object) -> str:
 
 
 def _target(name: object) -> str:
-    """The name of a calibration target; an unknown one is refused where the pictures are opened."""
+    """The name of a calibration target; an unknown name is rejected when the pictures are opened."""
     from dic.calibration.targets import TARGETS
 
     if not isinstance(name, str) or not name.strip():
@@ -329,7 +328,7 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     def exactly_one(self, keys: tuple[str, ...], cure: str) -> None:
-        """Check that a table has exactly one of some keys, of which the first is the usual one."""
+        """Check that a table has exactly one of some keys. The first key is the usual one."""
         given = [key for key in keys if getattr(self, key) is not None]
         if len(given) != 1:
             raise problem(
@@ -339,12 +338,12 @@ class Section(BaseModel):
             )
 
     def needs(self, key: str, why: str, cure: str) -> None:
-        """Check that a table has a key; ``why``: what needs it."""
+        """Check that a table has a key. ``why``: the reason for this requirement."""
         if not getattr(self, key):
             raise problem(f"is missing; {why} needs it", key=key, cure=cure)
 
     def without(self, keys: tuple[str, ...], why: str, cure: str) -> None:
-        """Check that there are no keys without an effect."""
+        """Check that every key has an effect."""
         for key in keys:
             if getattr(self, key):
                 raise problem(f"is given, but {why}, so it would have no effect", key=key, cure=cure)
@@ -371,7 +370,7 @@ class ColumnSection(Section):
     unit: float
 
     def as_column(self) -> Column:
-        """The declaration as readers take it."""
+        """The declaration in the form that readers need."""
         return Column(name=self.column, factor=self.unit)
 
 
@@ -406,7 +405,9 @@ class RatioColumn(ColumnSection):
 
 
 class ModeColumns(Section):
-    """All columns with one name prefix: each is a standard uncertainty common to all points."""
+    """All columns with names that start with one prefix. Each is a standard uncertainty common to all
+    points.
+    """
 
     prefix: Annotated[str, Field(min_length=1)]
     unit: StressUnit
@@ -436,7 +437,7 @@ class TextLayoutSection(Section):
     """A table that declares the layout of a text file.
 
     In the tables of a shot ([frames], [flyer], [centre_line], [curve]) the defaults are UTF-8, commas,
-    decimal points and one header line. In a recorder's file undeclared properties are detected.
+    decimal points and one header line. In a recorder's file, undeclared properties are detected.
     """
 
     encoding: Name | None = None
@@ -449,7 +450,7 @@ class TextLayoutSection(Section):
     sheet: Name | None = None
 
     def as_layout(self) -> Layout:
-        """The declaration as readers take it."""
+        """The declaration in the form that readers need."""
         return Layout(**{name: getattr(self, name) for name in TextLayoutSection.model_fields})
 
 
@@ -464,10 +465,10 @@ class LayoutSection(TextLayoutSection):
     unit: Annotated[str, BeforeValidator(_check_unit)] | None = None
 
     def as_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
-        """The declaration as readers take it.
+        """The declaration in the form that readers need.
 
         ``full_scale``: largest recordable magnitude, in the SI unit of the samples. ``said``: fields of
-        `Layout` that other keys of the shot file declare, e.g. ``unit="V"``; None for undeclared.
+        `Layout` that other keys of the shot file declare, e.g. ``unit="V"``. None means undeclared.
         """
         declared = {name: getattr(self, name) for name in LayoutSection.model_fields}
         return Layout(

@@ -118,8 +118,8 @@ def _law_constant(name: str, value: object, unit: str) -> float:
 def one_baseline(curve: object, law: LawSection | None) -> None:
     """Check that a file declares exactly one quasi-static baseline.
 
-    Raises pydantic_core.PydanticCustomError if there is neither [curve] nor [law], or if there are both and
-    [law] does not declare whether it is the baseline.
+    Raises pydantic_core.PydanticCustomError if there is neither [curve] nor [law]. The same error is raised
+    if there are both and [law] does not declare whether it is the baseline.
     """
     if curve is None and law is None:
         raise f.problem(
@@ -174,7 +174,7 @@ class CurveSection(Section):
 
 
 def chosen_baseline(curve: CurveSection | None, law: LawSection | None) -> CurveSection | LawSection:
-    """[law] if it is declared and is the baseline, else [curve]; `one_baseline` has checked both."""
+    """[law] if it is declared and is the baseline, otherwise [curve]. `one_baseline` has checked both."""
     if law is not None and law.baseline:
         return law
     assert curve is not None  # checked by the schema
@@ -210,7 +210,9 @@ _Times = Annotated[
 
 
 class RelaxationSection(Section):
-    """[relaxation]: a Prony series or the network of Bergstrom and Boyce, relative to the long-term law."""
+    """[relaxation]: a Prony series or the network of Bergstrom and Boyce. Its constants are relative to the
+    long-term law.
+    """
 
     kind: Literal["prony", "bergstrom_boyce"]
     free: bool = False

@@ -61,7 +61,7 @@ class IncidentForceSection(Section):
     sensitivity: f.Sensitivity
     mass: f.Mass
     compared: bool = False
-    """Whether it is also compared with simulations, in addition to the transmitted force."""
+    """True if the incident force is compared with simulations, in addition to the transmitted force."""
     file: f.FileName | None = None
     layout: LayoutSection | None = None
     time: TimeColumn | None = None
@@ -72,7 +72,10 @@ class IncidentForceSection(Section):
     clock_offset: f.Time | None = None
 
     def completed(self, force: ForceSection) -> ForceSection:
-        """The channel completed with values of [force]; another file needs its layout or time column."""
+        """The channel completed with values of [force].
+
+        A channel in another file needs a separate layout or time column.
+        """
         given = {
             name: value
             for name in IncidentForceSection.model_fields

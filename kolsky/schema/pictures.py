@@ -31,7 +31,9 @@ class SeriesSection(Section):
 
 
 class PicturesSection(Section):
-    """[pictures]: two picture series, the picture k of each taken at the frame in row k of [frames]."""
+    """[pictures]: two series of pictures. Picture k of each series was taken at the frame in row k of
+    [frames].
+    """
 
     camera_0: SeriesSection
     camera_1: SeriesSection
@@ -132,7 +134,7 @@ class RegionSection(Section):
 
 
 def _flyer_test(value: object) -> object:
-    """The kind of a shot; other kinds need a separate file."""
+    """The kind of calibration in a shot; other kinds need a separate file."""
     if value != "flyer test":
         raise f.problem(
             "is not allowed",
@@ -143,7 +145,7 @@ def _flyer_test(value: object) -> object:
 
 
 def _outline(value: object) -> object:
-    """None, to be found in the pictures, for "outline"."""
+    """None for "outline": the region is found in the pictures."""
     return None if value == "outline" else value
 
 
@@ -222,7 +224,7 @@ class MeasurementSection(Section):
 
 
 class MeasuredSeries(Section):
-    """The pictures of one camera; without `crop_offset` they are those of the whole sensor."""
+    """The pictures of one camera. Without `crop_offset` they show the whole sensor."""
 
     file: f.FileName | None = None
     pattern: f.FilePattern | None = None
@@ -294,9 +296,9 @@ MEASUREMENT_FILE = "dic.toml"
 
 
 def find_measurement_file(source: Path) -> Path | None:
-    """The dic.toml that `source` is or holds; None if it is something else.
+    """The dic.toml at this path, or the parsed dic.toml; None if `source` is something else.
 
-    A folder with a shot.toml as well is a shot.
+    A folder that also has a shot.toml is a shot.
     """
     path = Path(source)
     if path.is_dir():

@@ -56,18 +56,20 @@ class CommonTables(Section):
 
     @property
     def baseline(self) -> CurveSection | LawSection:
-        """The reference of m: [curve], or [law] if it is declared and is the baseline."""
+        """The baseline to which m refers: [curve], or [law] if it is declared and is the baseline."""
         return chosen_baseline(self.curve, self.law)
 
 
 class BarDrivenShotFile(CommonTables):
-    """Tables for `identify` of a test with bars and gauges; these two are in `kolsky.schema.bars`."""
+    """Tables for `identify` of a test with bars and gauges. [bars] and [gauges] are in
+    `kolsky.schema.bars`.
+    """
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 
 
 class ShotFile(CommonTables):
-    """A whole shot.toml, in SI; camera data are exports, pictures, or both."""
+    """A whole shot.toml, in SI. Camera data are exports, pictures, or both."""
 
     transmission: TransmissionSection
     force: ForceSection
@@ -117,7 +119,7 @@ class ShotFile(CommonTables):
         return self
 
     def data_files(self) -> dict[str, str]:
-        """The data files this shot names one by one: dotted key -> file name."""
+        """The data files that this shot names individually: dotted key -> file name."""
         sections: dict[str, Any] = {
             "force": self.force,
             "incident_force": self.incident_force,
@@ -176,7 +178,7 @@ class FullShotFile(ExportShotFile, PictureShotFile):
 
 
 def schema(content: dict[str, Any]) -> type[ShotFile]:
-    """The schema that a file must satisfy: by whether it has pictures, exports, or both."""
+    """The schema of a file with pictures, with exports, or with both."""
     if "surface" in content:
         return SurfaceShotFile
     exports = any(name in content for name in ("flyer", "centre_line"))
@@ -194,13 +196,13 @@ class ShotToml(TomlFile):
 
 
 Source = str | Path | TomlFile
-"""A shot: its folder, its shot.toml, or the parsed file."""
+"""A shot: its folder, its shot.toml, or the parsed shot file."""
 
 
 def parsed(source: Source) -> TomlFile:
-    """The parsed shot file of a folder; a parsed file is returned unchanged.
+    """The parsed shot file of a folder. A parsed file is returned unchanged.
 
-    Raises InputError if there is none, or as `parse_toml`.
+    Raises InputError if there is no shot file, or for the reasons of `parse_toml`.
     """
     return source if isinstance(source, TomlFile) else parse_toml(find_shot_file(Path(source)))
 
@@ -208,8 +210,8 @@ def parsed(source: Source) -> TomlFile:
 def shot_toml(source: Source) -> ShotToml:
     """A whole shot file, validated.
 
-    Raises InputError if it cannot be read, is not TOML, or declares anything unknown, incomplete or
-    impossible. Several problems are raised as one `InputErrors`.
+    Raises InputError if the file cannot be read or is not TOML. The same holds for unknown keys, missing keys
+    and impossible values. Several problems are raised as one `InputErrors`.
     """
     file = parsed(source)
     if isinstance(file, ShotToml):
@@ -219,7 +221,7 @@ def shot_toml(source: Source) -> ShotToml:
 
 
 def is_bar_driven(file: TomlFile) -> bool:
-    """True if motion and force of a shot come from the gauges of its bars, without cameras."""
+    """True if the gauges of bars measure motion and force of a shot, without cameras."""
     return bool({"gauges", "bars", "recorders"} & set(file.content)) and not {
         "flyer",
         "pictures",
@@ -247,6 +249,6 @@ def find_shot_file(path: Path) -> Path:
 
 
 def folder_of(folder_or_toml: str | Path) -> Path:
-    """The folder of a shot, given by its folder or its shot file."""
+    """The folder of a shot, from its folder or its shot file."""
     path = Path(folder_or_toml)
     return path.parent if path.is_file() else path

@@ -53,7 +53,7 @@ def _recordings_of(
 ) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
     """The channels of all stations, and the hashes of their files.
 
-    A unit stated in the shot file takes precedence over the unit in the recorder's file. If the two differ,
+    A unit declared in the shot file takes precedence over the unit in the recorder's file. If the two differ,
     `_recording_notes` reports it.
     """
     found, hashes = {}, {}
@@ -81,7 +81,7 @@ def _recordings_of(
 def _with_reflected(
     file: TomlFile, declared: BarsShotFile, gauge: GaugeSection, incident: Recording
 ) -> Recording:
-    """One record of a gauge whose incident and reflected pulses were exported separately.
+    """One record of a gauge with separate exports of the incident and the reflected pulse.
 
     Between the pulses the record has its zero value. Raises InputError if the start of the reflected pulse
     is missing, if the pulses would overlap, or if their units differ.
@@ -140,7 +140,7 @@ def _with_reflected(
 def _recording_notes(
     declared: BarsShotFile, recordings: Mapping[str, tuple[Recording, ...]]
 ) -> tuple[str, ...]:
-    """Notes on stated units that contradict the file, and on channels interpolated to uniform times."""
+    """Notes on declared units that contradict the file, and on channels interpolated to uniform times."""
     notes: list[str] = []
     for key, channels in recordings.items():
         gauge = getattr(declared.gauges, key.replace(" ", "_"))
@@ -168,7 +168,7 @@ def _shot_file_table(key: str) -> str:
 def _gauge_station(
     gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: BarsShotFile
 ) -> StationInput:
-    """A station as input of the reduction; channels of two recorders are synchronized."""
+    """A station as input of the reduction. Channels of two recorders are synchronized."""
     offsets = [declared.recorders[name].clock_offset for name in gauge.recorders]
     if len(set(gauge.recorders)) > 1:
         recordings = on_one_clock(recordings, offsets)
@@ -205,14 +205,15 @@ def _station_calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
 
 
 NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
-"""Placeholder for tests without a specimen: the bars touch."""
+"""Placeholder for tests in which the bars touch, without a specimen."""
 
 
 def load_waves(source: Source) -> WavesInput:
     """Load and check the input of `kolsky waves`.
 
     ``source``: the shot's folder with its shot.toml, the path of such a file, or the parsed file. Raises
-    InputError if a file is missing or damaged, or a declaration is unknown, incomplete or impossible.
+    InputError if a file is missing or damaged. The same error is raised for unknown, incomplete or impossible
+    declarations.
     """
     file = parsed(source)
     declared = file.validated(WavesShotFile)
@@ -253,7 +254,10 @@ def load_waves(source: Source) -> WavesInput:
 
 
 def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) -> Switches:
-    """The switches of the corrections. Raises InputError if one is on but cannot have an effect."""
+    """The switches of the corrections.
+
+    Raises InputError if a correction is on but cannot have an effect.
+    """
     switches = Switches(stated)
     idle = dict(NO_PART)
     if not two_stations:
@@ -274,7 +278,7 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
 def load_bars(source: Source) -> WavesInput:
     """Load and check the input of `kolsky wavespeed`: bars and gauges, no specimen.
 
-    The specimen of the result is a placeholder of zero length and must not be used.
+    The specimen of the result is a placeholder of zero length. It must not be used.
 
     Raises InputError as `load_waves`.
     """
@@ -456,8 +460,8 @@ class CheckedBars:
 def check_bars(source: Source) -> CheckedBars:
     """Read a shot between bars and find its pulses.
 
-    Raises InputError if a file is missing or damaged, a declaration is impossible, or the signals hold no
-    such test.
+    Raises InputError if a file is missing or damaged, if a declaration is impossible, or if the signals
+    contain no such test.
     """
     file = parsed(source)
     given = load_waves(file)
@@ -515,9 +519,9 @@ def _switch_words(given: WavesInput, key: str) -> str:
 
 
 def undeclared(shot: CheckedBars) -> list[str]:
-    """Keys of [uncertainty] that are not declared, so that their inputs are taken as exact.
+    """Keys of [uncertainty] that are not declared. Their inputs are taken as exact.
 
-    Of modulus and wave speed, one is enough.
+    Modulus or wave speed is enough; both are not needed.
     """
     stated = {key for key, value in shot.given.uncertainty.items() if value > 0.0}
     other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}

@@ -1,7 +1,7 @@
 """Corrections: a shot with one input changed to its estimated value, or with a changed curve.
 
-Each change of the curve is one entry of `FORMS`: a function of the curve and an amount. Amount 0 returns the
-declared curve.
+Each change of the curve is one entry of `FORMS`: a function of the curve and an amount. The amount 0 returns
+the declared curve.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,9 +26,10 @@ def with_gain(shot: Shot, value: float) -> Shot:
 
 
 def with_zero(shot: Shot, value: float) -> Shot:
-    """Subtract a zero offset from the volts of the test; the baseline is unchanged.
+    """Subtract a zero offset from the volts of the test. The baseline does not change.
 
-    The offset acts after a baseline that precedes the test, and before one that follows it.
+    The offset begins after a baseline that precedes the test. It ends before a baseline that follows the
+    test.
     """
     force = shot.force
     assert isinstance(force, ForceChannel)  # this cause needs a force channel
@@ -48,7 +49,10 @@ def with_force_clock(shot: Shot, lag: float) -> Shot:
 
 
 def with_flyer_clock(shot: Shot, lag: float) -> Shot:
-    """Shift the flyer's clock; the window ends at the last frame of the shifted motion at the latest."""
+    """Shift the flyer's clock.
+
+    The window ends no later than the last frame of the shifted motion.
+    """
     motion = replace(shot.flyer, time=shot.flyer.time - lag)
     first, last = shot.window
     return replace(shot, flyer=motion, window=(first, min(last, float(motion.time[-1]))))
@@ -73,7 +77,7 @@ def with_outline(name: str, sign: float = 1.0) -> Callable[[Shot, float], Shot]:
 
 
 def with_film(shot: Shot, factor: float) -> Shot:
-    """Scale the times of the frames; the window ends with them."""
+    """Scale the times of the frames. The end of the window is scaled too."""
     motion, line = replace(shot.flyer, time=factor * shot.flyer.time), shot.centre_line
     if line is not None:
         line = replace(line, time=factor * line.time)
@@ -82,7 +86,7 @@ def with_film(shot: Shot, factor: float) -> Shot:
 
 
 def with_pictures(shot: Shot, factor: float) -> Shot:
-    """Scale every length measured in the pictures; their uncertainties are unchanged."""
+    """Scale every length measured in the pictures. Their uncertainties do not change."""
     line = shot.centre_line
     if line is not None:
         line = replace(line, y=factor * line.y, Z=factor * line.Z)
@@ -96,7 +100,7 @@ def with_mirrored(shot: Shot, offset: float) -> Shot:
 
 
 def with_leak(shot: Shot, rate: float) -> Shot:
-    """Correct for a charge leak of the transducer; ``rate`` is added to a declared leak rate."""
+    """Correct for a charge leak of the transducer. ``rate`` is added to a declared leak rate."""
     force = shot.force
     assert isinstance(force, ForceChannel)  # this cause needs a force channel
     constant = 1.0 / (1.0 / force.transducer.time_constant + rate)
@@ -104,8 +108,8 @@ def with_leak(shot: Shot, rate: float) -> Shot:
 
 
 PAST_END = 2.0
-"""An extended curve ends at this multiple of its last s = sqrt(I1 - 3). Specimens exceed the curve by
-less."""
+"""An extended curve ends at this multiple of its last s = sqrt(I1 - 3). Specimens exceed the curve by less
+than this."""
 MORE_POINTS = 40
 """Number of points added past the last one."""
 SOFTEST = 0.02
@@ -116,9 +120,9 @@ FINEST = 4096
 
 
 def changed_curve(curve: MaterialCurve, amounts: Mapping[str, float]) -> MaterialCurve:
-    """The curve with the changes of `FORMS` that ``amounts`` names.
+    """The curve with the changes of `FORMS` in ``amounts``.
 
-    Raises ValueError if an amount leaves no curve of one branch.
+    Raises ValueError if the changed curve is not a curve of one branch.
     """
     changed = replace(curve, law=None)
     for name, amount in amounts.items():
@@ -155,7 +159,7 @@ def _tilt(curve: MaterialCurve, amount: float) -> MaterialCurve:
 
 
 def _past_end(curve: MaterialCurve, amount: float) -> MaterialCurve:
-    """Extend the curve so that T / (λ - 1/λ²) departs from its end tangent by ``amount`` at `PAST_END`."""
+    """Extend the curve: T / (λ - 1/λ²) departs from its end tangent by ``amount`` at `PAST_END`."""
     law = marlow_from_curve(curve.stretch, curve.stress)
     s = law.last * np.linspace(1.0, PAST_END, MORE_POINTS + 1)[1:]
     quotient = law.two_u_prime(s) + amount * law.quotient[-1] * (s / law.last - 1.0) ** 2
@@ -183,7 +187,7 @@ def _stretch_of(s: FloatArray, *, compression: bool) -> FloatArray:
 
 
 def _branch(curve: MaterialCurve, amount: float) -> MaterialCurve:
-    """Exchange tension and compression (amount 1), for a curve that was declared with the wrong one."""
+    """Exchange tension and compression (amount 1), for a curve that was declared on the wrong branch."""
     if amount < 0.5:
         return curve
     return replace(curve, stretch=2.0 - curve.stretch, stress=-curve.stress)

@@ -30,14 +30,14 @@ MOST_MODES = 1000
 SMALLEST_CURVE = 5
 """Smallest number of curve points with nonzero strain."""
 PAST_CURVE = 0.01
-"""A warning is given if more than this share of the specimen is strained beyond the curve [-]."""
+"""A warning is given if a larger share of the specimen than this is strained beyond the curve [-]."""
 
 
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:
-    """The quasi-static curve, with the conditioned curve if one is declared; or the curve of a declared law.
+    """The quasi-static curve and, if declared, the conditioned curve; or the curve of a declared law.
 
     Returns: the curve, from rest outward, and the hash of every file that was read. Raises InputError if a
-    file cannot be read or holds no such curve.
+    file cannot be read or has no such curve.
     """
     if isinstance(section, LawSection):
         return section.curve(), {}
@@ -189,7 +189,10 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
 
 
 def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
-    """The advice for strains that are too large: declare per cent if their size fits, else another column."""
+    """The advice for strains that are too large.
+
+    If their size fits per cent, it proposes per cent, otherwise another column.
+    """
     largest = float(np.abs(strain).max())
     percent = section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN
     return (

@@ -11,23 +11,24 @@ from kolsky.readers.recordings import list_channels
 from kolsky.shot.evidence import Evidence, Finding, power_of_1000, unit_cure
 
 LARGEST_TABLE = 1_000_000
-"""Largest file that is read a second time for its units [bytes]; tables of points have tens of thousands."""
+"""Largest file that is read a second time to find its units [bytes]. Tables of points have tens of
+thousands."""
 DENSITIES = (10.0, 25_000.0)
 """Smallest and largest density of a solid [kg/m^3]. Smaller values are gases, or numbers in g/cm^3 (up to
 10) declared as kg/m^3. Larger values exceed the densest metal (osmium, 22 600)."""
 FOAM_DENSITY = 100.0
 """A solid below this density contains more than 90 % gas [kg/m^3]; the lightest solid polymer has 850."""
 FOAM_POISSON = 0.45
-"""Largest Poisson's ratio accepted for such a foam [-]; measured values are near 0 and at most 0.35."""
+"""Largest Poisson's ratio accepted for such a foam [-]. Measured values are near 0 and at most 0.35."""
 BAR_DENSITY = 500.0
 """Smallest density of a bar [kg/m^3]: magnesium has 1 740, PMMA 1 180, wood 600."""
 BAR_SPEEDS = (300.0, 20_000.0)
-"""Smallest and largest wave speed of a bar [m/s]: polyethylene 700, PMMA 2 200, beryllium 12 900. A metal's
-modulus that is 1000 times too small gives at most 170."""
+"""Smallest and largest wave speed of a bar [m/s]: polyethylene 700, PMMA 2 200, beryllium 12 900. If a
+metal's modulus is 1000 times too small, its wave speed is at most 170."""
 SPECIMEN_SIZES = (0.1e-3, 0.3)
 """Smallest and largest length or diameter of a specimen in a bar test [m]."""
 SLENDERNESS = (0.02, 10.0)
-"""Length over diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
+"""Length divided by diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
 
 
 def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
@@ -42,7 +43,7 @@ def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
 
 
 def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
-    """Check that the unit in a column's heading, or in a line of units below it, is the declared unit."""
+    """Check the unit in a column's heading, or in a line of units below it, against the declared unit."""
     for key, heading, declared in _columns(e.file.content):
         stated = heading_unit(heading) or split_unit(heading)[1] or _unit_in_file(e, key, heading)
         kind = dimension_of(declared)
@@ -70,7 +71,10 @@ def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
 
 
 def _size(unit: str, kind: str) -> float | None:
-    """Value of a unit in SI, as instruments write it ("Volts" and "-" too); None for another quantity."""
+    """Value of a unit in SI, as instruments write it ("Volts" and "-" too).
+
+    None for a unit of another quantity.
+    """
     try:
         return unit_factor("1" if unit == "-" else unit, kind)
     except UnitError:
@@ -79,7 +83,7 @@ def _size(unit: str, kind: str) -> float | None:
 
 
 def _unit_in_file(e: Evidence, key: str, heading: str) -> str | None:
-    """The unit in a line of units or a row of a workbook; None if there is none or the file is large."""
+    """The unit in a line of units or a row of a workbook. None if there is none or if the file is large."""
     name = e.file.written(f"{key.partition('.')[0]}.file")
     path = e.file.path.parent / name if isinstance(name, str) else None
     if path is None or not path.is_file() or path.stat().st_size > LARGEST_TABLE:
@@ -158,7 +162,10 @@ def _voltage_column(section: Any) -> str | None:
 
 
 def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tuple[str, float]]:
-    """Dotted keys that end in a name, with their values in SI; invalid quantities are left to the schema."""
+    """Dotted keys that end in a name, with their values in SI.
+
+    The schema reports invalid quantities.
+    """
     if not isinstance(content, dict):
         return
     for name, value in content.items():

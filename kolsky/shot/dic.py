@@ -24,7 +24,9 @@ def dic(
     again: bool = False,
     progress: Progress = lambda stage, done, total: None,
 ) -> Surfaces:
-    """Correlate the pictures of a shot, or read a stored result; `kolsky dic` calls this and writes tables.
+    """Correlate the pictures of a shot, or read a stored result.
+
+    `kolsky dic` calls this function and writes tables.
 
     Parameters
     ----------
@@ -38,8 +40,8 @@ def dic(
     Raises
     ------
     InputError
-        If the shot cannot be used or has no pictures, the cameras cannot be calibrated, or nothing can be
-        measured.
+        If the shot cannot be used or has no pictures; if the cameras cannot be calibrated; or if nothing can
+        be measured.
     """
     pictures = load_pictures(shot).pictures
     place = usable_folder(results or pictures.toml.path.parent / "results")
@@ -89,7 +91,7 @@ def open_region_session(source: Path) -> Session:
 
 
 def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Drawn]], str]:
-    """Regions that the shot file does not declare, detected in the pictures, and how they were detected.
+    """Regions that the shot file does not declare, detected in the pictures, and the method of detection.
 
     Raises InputError if one of them cannot be detected.
     """
@@ -103,7 +105,7 @@ def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Drawn]], s
 
 
 def _shot_toml_of(path: Path) -> None:
-    """Raise InputError for an invalid shot file, whatever its name."""
+    """Raise InputError for an invalid shot file, whatever its file name."""
     shot_toml(path)
 
 

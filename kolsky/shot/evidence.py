@@ -29,7 +29,7 @@ LENGTH_FACTORS = (2.0, 0.5, 25.4, 1.0 / 25.4, *UNIT_FACTORS)
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """The data of a shot that have been read so far; a rule without data has no result."""
+    """The data of a shot that have been read so far. A rule without its data has no result."""
 
     file: TomlFile
     """The shot file, for keys, lines and values as written."""
@@ -44,7 +44,7 @@ class Evidence:
     force_noise: float = 0.0
     """Standard deviation of a sample [N]."""
     rest: float | None = None
-    """Time of the last static frame, on the clock of all times here [s]."""
+    """Time of the last static frame [s]; all times in this class use the same clock."""
     flyer_time: FloatArray | None = None
     """Times of the flyer's displacements [s], shape [n]."""
     travel: FloatArray | None = None
@@ -56,7 +56,7 @@ class Evidence:
     recorders: Mapping[str, FloatArray] = field(default_factory=dict)
     """Times of the samples of bars' recorders by the recorder's key [s], shape [k] each."""
     bar_transit: float = 0.0
-    """Time that a wave takes through the shorter bar [s]."""
+    """Transit time of a wave through the shorter bar [s]."""
 
     def finding(
         self, key: str, problem: str, *, cure: str, allowed: str | None = None, contradiction: bool = True
@@ -76,18 +76,21 @@ class Finding:
 
 
 def fitting_factor(ratio: float, factors: tuple[float, ...], *, tolerance: float) -> float | None:
-    """The factor that brings a ratio to 1 within a tolerance [-]; None if none does."""
+    """The factor by which a ratio becomes 1 within a tolerance [-]; None if there is none."""
     nearest = min(factors, key=lambda factor: abs(ratio * factor - 1.0))
     return nearest if abs(ratio * nearest - 1.0) <= tolerance else None
 
 
 def power_of_1000(ratio: float) -> float:
-    """The power of 1000 whose product with a ratio is nearest to 1: 1e3 for 0.0005."""
+    """The power of 1000 that brings a ratio nearest to 1: 1e3 for 0.0005."""
     return float(10.0 ** (-3 * round(math.log10(ratio) / 3.0)))
 
 
 def fitting_unit(written: str, si: str, factor: float) -> str | None:
-    """The unit `factor` times as large as a written one: "MPa" for "kPa" and 1000; None if there is none."""
+    """The unit `factor` times as large as a written one.
+
+    For example "MPa" for "kPa" and 1000; None if there is none.
+    """
     try:
         wanted = factor * unit_factor(written, si)
     except UnitError:
@@ -100,7 +103,7 @@ def unit_cure(
 ) -> str:
     """A sentence that proposes the correct unit of a column, or the correct value of a key.
 
-    It is empty if no unit fits, or if the value [SI] would lie outside ``span``.
+    It is empty if no unit fits, or if the value [SI] would be outside ``span``.
     """
     written = file.written(f"{key}.unit")
     if isinstance(written, str):
@@ -119,5 +122,5 @@ def unit_cure(
 
 
 def likely_causes(*sentences: str) -> str:
-    """The likely causes in the given order, as one text; empty sentences are left out."""
+    """The likely causes in the given order, as one text without empty sentences."""
     return "; or ".join(sentence for sentence in sentences if sentence)

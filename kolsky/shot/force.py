@@ -1,4 +1,4 @@
-"""Read [force] and [incident_force]: recorder channels with transducers; check range, zero and sign."""
+"""Read [force] and [incident_force]: recorder channels with transducers. Range, zero and sign are checked."""
 
 from dataclasses import replace
 from math import inf
@@ -20,8 +20,8 @@ from kolsky.shot.records import ForceChannel, IncidentForce
 
 _SECONDS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 QUIET_SIGMAS = 6.0
-"""Largest difference of a quiet span's two halves, in its standard deviations. White noise exceeds it once
-in 5e8. Filtered noise, whose successive samples are correlated, also stays below it."""
+"""Largest difference between the two halves of a quiet span, in its standard deviations. White noise exceeds
+it once in 5e8. Filtered noise with correlated successive samples also stays below it."""
 SMALLEST_BASELINE = 20
 """Smallest number of samples for the zero and the noise of the force."""
 
@@ -82,10 +82,14 @@ def _force_recording(path: Path, section: ForceSection) -> Recording:
 
 
 def check_range(scope: Recording, section: ForceSection, key: str = "force") -> None:
-    """Check that no sample reaches the recorder's full scale (with `bits`: its first or last code)."""
+    """Check that no sample reaches the recorder's full scale.
+
+    With `bits`, the full scale is its first or last code.
+    """
     limit = section.full_scale
     if section.bits is not None:
-        # Codes run from -2^(b-1) to 2^(b-1) - 1. Half a code is subtracted: printed volts are rounded.
+        # Codes run from -2^(b-1) to 2^(b-1) - 1. Half a code is subtracted, because printed volts are
+        # rounded.
         limit *= 1.0 - 1.5 / 2 ** (section.bits - 1)
     clipped = np.flatnonzero(np.abs(scope.value) >= limit)
     if clipped.size:
@@ -101,7 +105,9 @@ def check_range(scope: Recording, section: ForceSection, key: str = "force") -> 
 
 
 def check_signal(scope: Recording, toml: ShotToml) -> None:
-    """Raise InputError if every sample exceeds the previous one: a clock does, a signal has noise."""
+    """Raise InputError if every sample exceeds the previous one. Such a channel is a clock; a signal has
+    noise.
+    """
     if scope.value.size > SMALLEST_BASELINE and (np.diff(scope.value) > 0.0).all():
         raise toml.error(
             "force.voltage",
@@ -165,8 +171,9 @@ def _halves(volts: FloatArray) -> FloatArray:
 
 
 def _drifts(volts: FloatArray) -> bool:
-    """Whether the means of the halves differ by more than `QUIET_SIGMAS` times their noise."""
-    # A drift hardly changes successive differences: half their mean square is the variance of the noise.
+    """True if the means of the halves differ by more than `QUIET_SIGMAS` times their noise."""
+    # A drift hardly changes successive differences. Half their mean square is therefore the variance of the
+    # noise.
     noise = float(np.sqrt(0.5 * np.mean(np.diff(volts) ** 2)))
     allowed = QUIET_SIGMAS * noise * 2.0 / np.sqrt(volts.size)
     return bool(abs(np.diff(_halves(volts))[0]) > allowed)
@@ -175,12 +182,12 @@ def _drifts(volts: FloatArray) -> bool:
 def check_sign(
     force: FloatArray, scope_time: FloatArray, span: tuple[float, float], flyer: FlyerMotion, toml: ShotToml
 ) -> None:
-    """Check the sign of the force: a flyer that compresses the specimen pushes it.
+    """Check the sign of the force: a flyer that compresses the specimen pushes on it.
 
     ``force``: compression-positive force at the scope samples [N], shape [n]. ``scope_time``: their times on
     the shot's clock [s], shape [n]. ``span``: the window [s].
     """
-    # A bonded face may pull during the first waves, so the sign is checked only at larger compression.
+    # A bonded face may pull during the first waves. The sign is therefore checked only at larger compression.
     inside = flyer.time <= span[1]
     if np.ptp(flyer.displacement[inside]) < 0.1 * toml.declared.specimen.length:
         return
@@ -196,7 +203,7 @@ def check_sign(
 def incident_channel(toml: ShotToml) -> ForceChannel | None:
     """The channel of the incident force; None if the shot file declares none.
 
-    Raises InputError if its file cannot be read, it is clipped, or its baseline holds too few samples.
+    Raises InputError if its file cannot be read, if it is clipped, or if its baseline has too few samples.
     """
     declared = toml.declared.incident_force
     if declared is None:
@@ -218,11 +225,11 @@ def incident_channel(toml: ShotToml) -> ForceChannel | None:
 def incident_to_compare(toml: ShotToml, span: tuple[float, float]) -> dict[str, IncidentForce]:
     """The incident force as a field of the shot; empty if the shot does not compare it.
 
-    The pulse that accelerates the flyer ends before the flight, and the window begins at rest. Within the
-    window the incident force is therefore that of the specimen.
+    The pulse that accelerates the flyer ends before the flight, and the window begins at rest. The incident
+    force within the window is therefore that of the specimen.
 
-    ``span``: the window [s]. Raises InputError as `incident_channel`; if the recording does not cover the
-    window, or has another clock than [force].
+    ``span``: the window [s]. Raises InputError for the reasons of `incident_channel`. The same error is
+    raised if the recording does not cover the window, or has another clock than [force].
     """
     declared = toml.declared.incident_force
     if declared is None or not declared.compared:

@@ -1,4 +1,4 @@
-"""Record types for the inputs of a shot: their effects, and how each is tested as the cause of a misfit.
+"""Record types for the inputs of a shot: their effects, and the test of each as the cause of a misfit.
 
 The inputs are listed in `kolsky.shot.inputs`.
 """
@@ -36,7 +36,9 @@ Needs = Literal[
 
 
 class Model(Protocol):
-    """The model's force and outline at the optimum; give the effect of inputs that need no new simulation."""
+    """The model's force and outline at the optimum. They give the effect of inputs without a new
+    simulation.
+    """
 
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
         """The change of prediction minus data, from the changes of its parts, shape [k]."""
@@ -59,7 +61,7 @@ class Change:
     """Effect of a changed input: on the simulation, and on the data predicted from it."""
 
     values: Mapping[str, float] = field(default_factory=dict)
-    """Parameters of the simulation whose values differ from the shot's."""
+    """Parameters of the simulation with values that differ from the shot's."""
     specimen: Mapping[str, float] = field(default_factory=dict)
     """Factors on fields of the specimen."""
     motion: float = 1.0
@@ -80,9 +82,9 @@ class Change:
     """Increase of the points' distance from the axis [m]."""
     mirror: float = nan
     """For heights that count down from the other end: height of that end minus the length at rest [m]. NaN
-    if heights count up."""
+    for heights that count up."""
     film: float = 1.0
-    """Factor on the times of all frames, from the shot's zero on."""
+    """Factor on the times of all frames, counted from the shot's zero."""
     picture: float = 1.0
     """Factor on all lengths in the pictures: the flyer's motion and the outline."""
     time_constant: float = 0.0
@@ -90,14 +92,14 @@ class Change:
     leak: float = 0.0
     """Rate at which the charge of the force's transducer leaks [1/s]."""
     flyer_share: float = 0.0
-    """Share of the force at the flyer's face in the transmitted force's channel [-]."""
+    """Share of the force at the flyer's face that the transmitted force's channel contains [-]."""
     curve: Mapping[str, float] = field(default_factory=dict)
     """Changes of the quasi-static curve, see `kolsky.shot.corrections`."""
 
     def then(self, other: Change) -> Change:
         """Both changes combined.
 
-        Parameters take the other's value, factors multiply, lags and offsets add, and spreads add in
+        Parameters take the other's value. Factors multiply, lags and offsets add, and spreads add in
         quadrature.
         """
         factors = dict(self.specimen)
@@ -125,7 +127,7 @@ class Change:
 
     @property
     def sight(self) -> tuple[float, ...]:
-        """Key of the radii compared with one simulation: the times and places of the outline points."""
+        """Key of the radii that are compared with one simulation: times and places of the outline points."""
         mirror = inf if isnan(self.mirror) else self.mirror  # NaN differs from itself
         return self.outline_lag, self.y_offset, mirror, self.film, self.picture
 
@@ -136,7 +138,7 @@ class Change:
 
     @property
     def seen(self) -> tuple[float, ...]:
-        """Key of the data predicted from one simulation; equal for changes with equal predictions."""
+        """Key of the data predicted from one simulation. Changes with equal predictions have equal keys."""
         force = self.force_factor, self.force_offset, self.force_lag, self.spread
         channel = self.time_constant, self.leak, self.flyer_share
         return *force, *channel, *self.sight, self.Z_offset
@@ -165,9 +167,9 @@ class Cause:
     needs: Needs = "nothing"
     """Data that a shot must have for this cause to be tested."""
     scan: tuple[float, ...] = ()
-    """Coordinates far from the declared value that are tried before the search."""
+    """Coordinates far from the declared value. They are tried before the search."""
     finer: float = 0.0
-    """Spacing of further trials about the best of ``scan``, for a narrow minimum; 0 for none."""
+    """Spacing of further trials about the best coordinate of ``scan``, for a narrow minimum; 0 for none."""
     step: float
     """Step of the coordinate for finite differences."""
     typical: float
@@ -176,9 +178,9 @@ class Cause:
     mistakes: tuple[float, ...] = ()
     """Values of common mistakes, in the value's unit: a factor of two or ten, another definition."""
     allowance: float = 0.0
-    """Standard uncertainty added to the declared one: a limit that no laboratory can improve."""
+    """Standard uncertainty added to the declared one. No laboratory can do better than this limit."""
     onset: bool = False
-    """Whether the uncertainty of the flyer's onset is added too. If no frame shows the onset, an equal delay
+    """True if the uncertainty of the flyer's onset is added too. If no frame shows the onset, an equal delay
     of the force or the flyer is not a clock error."""
     value: Callable[[float], float] = _plain
     """Value at a coordinate."""
@@ -191,62 +193,62 @@ class Cause:
     exact: float = 0.0
     """The value without an error of the input: 1 for a factor, 0 for an offset."""
     simulated: bool = False
-    """Whether new simulations are needed."""
+    """True if new simulations are needed."""
     unit: str = "1"
-    """SI unit of the value. This and the next two fields are those of the input."""
+    """SI unit of the value. This field and the next two are those of the input."""
     declared: str = ""
     """Its key in [uncertainty], if there is one."""
     parameter: str = ""
-    """Name of the simulation parameter, if the input is one; its fixed value is then the value without an
+    """Name of the simulation parameter, if the input is one. Its fixed value is then the value without an
     error."""
 
 
 @dataclass(frozen=True)
 class Laboratory:
-    """Error of an input in a virtual laboratory."""
+    """Error of an input in a virtual test."""
 
     key: str
     """Dotted key in the laboratory's specification."""
     usual: str | float | None = None
-    """Standard uncertainty in a careful laboratory; None if it is not a source of error there."""
+    """Standard uncertainty in a careful laboratory. None if no error occurs in it."""
     order: int = 99
-    """Order among the error sources of a careful laboratory; the random draws depend on it."""
+    """Order among the error sources of a careful laboratory. The random draws depend on this order."""
     words: str = ""
-    """Its description there; that of the input if empty."""
+    """Its description in the virtual test. If empty, that of the input is used."""
     anew: bool = False
-    """Whether it is drawn for each shot separately although its declaration holds for all shots."""
+    """True if the error is drawn for each shot separately, although its declaration covers all shots."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """One input: its description, its place in shot.toml, and the effect of an error in it."""
+    """One input: its description, its key in shot.toml, and the effect of an error."""
 
     key: str
     """Its key; the key of [uncertainty] if there is one."""
     words: str
     """Its description in tables and sentences."""
     place: str = ""
-    """Table and key of shot.toml that declare it; empty if it is not declared."""
+    """Table and key of shot.toml that declare it; empty if no key declares it."""
     unit: str = "1"
     """SI unit of its step; "1" for a plain number."""
     relative: bool = False
-    """Whether its step and its uncertainty are relative to its value."""
+    """True if its step and its uncertainty are relative to its value."""
     shared: str = ""
     """Shots with this in common share the input: "rig", "curve" or "group"; empty if it is not shared."""
     needs: Needs = "nothing"
     """Data that a shot must have for the input's uncertainty to contribute to that of the result."""
     step: float = 0.0
-    """Step for its finite difference, in its unit or relative; 0 if it is not varied. For a parameter it is a
-    share of its scale, for a force a share of the largest force."""
+    """Step for its finite difference, in its unit or relative; 0 if it is not varied. For a parameter, the
+    step is a share of its scale. For a force, it is a share of the largest force."""
     parameter: str = ""
     """Name of the simulation parameter, if it is one."""
     specimen: str = ""
-    """The field of the specimen that it multiplies, if it does."""
+    """The field of the specimen that the input multiplies, if any."""
     seen: Callable[[Model, float], FloatArray] | None = None
-    """Exact first-order change of prediction minus data for a step; None if simulations are needed for it."""
+    """Exact first-order change of prediction minus data for a step. None if it needs simulations."""
     applied: Callable[[Shot, float], Shot] | None = None
     """The shot with the input at an estimated value of its `cause`: a factor, a lag or an offset."""
     cause: Cause | None = None
-    """How it is tested as a cause; None if its residual cannot be distinguished from others."""
+    """Its test as a cause. None if its residual cannot be distinguished from others."""
     laboratory: Laboratory | None = None
     """Its error in a virtual laboratory."""

@@ -1,10 +1,10 @@
 """The inputs of a shot, one record each: its description, its effect, and its possible error.
 
-An input is a number of shot.toml that the recorded data do not contain: a scale, a zero, a clock, a length,
-or a constant of the model. Three kinds of module use its record. `kolsky.uncertainty.input_changes` computes
-the effect of its declared uncertainty on the result. `kolsky.diagnosis.causes` tests whether it explains a
-misfit. `kolsky.studies.budget` and `kolsky.virtual` simulate a laboratory with an error in it. A new input is
-one entry of `INPUTS`.
+An input is a number of shot.toml that the recorded data do not contain. It is a scale, a zero, a clock, a
+length, or a constant of the model. Three kinds of module use its record. `kolsky.uncertainty.input_changes`
+computes the effect of its declared uncertainty on the result. `kolsky.diagnosis.causes` tests whether it
+explains a misfit. `kolsky.studies.budget` and `kolsky.virtual` simulate a laboratory with an error of the
+input. A new input is one entry of `INPUTS`.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _FACTOR: dict[str, Any] = {
 """A cause that is a factor on a simulated quantity; u is the factor minus 1."""
 _SHARES = (-0.1, -0.05, -0.025, 0.025, 0.05, 0.1)
 _FACTORS = (0.1, 0.5, 2.0, 10.0)
-"""Common mistakes of a scale: a radius for a diameter, one digit too many."""
+"""Common mistakes in a scale: a radius for a diameter, one digit too many."""
 _SIZE: dict[str, Any] = {
     "scan": (-0.5, *_SHARES, 1.0),
     "step": 2e-3,
@@ -90,7 +90,7 @@ def _of_specimen(name: str, laboratory: Laboratory, *, shared: str = "", **tried
 
 
 def _of_curve(name: str, *, key: str, words: str, check: str, form: str, **tried: Any) -> Input:
-    """A change of the quasi-static curve, see `kolsky.shot.corrections`; u is its amount."""
+    """A change of the quasi-static curve, see `kolsky.shot.corrections`. The coordinate u is its amount."""
     return Input(
         key=name,
         words=words,
@@ -130,7 +130,7 @@ INPUTS: dict[str, Input] = {
                 key=SENSITIVITY,
                 words="a force gain",
                 check="check force.sensitivity",
-                # The evaluated force times the gain is the simulated force.
+                # The evaluated force times the gain equals the simulated force.
                 changed=lambda u: Change(force_factor=u),
                 scan=_RATIOS,
                 step=1e-3,

@@ -1,7 +1,7 @@
 """Load and check a shot from a folder: from exports, a whole surface, pictures or bars.
 
-The window is the part of the shot that is simulated and compared. It lasts from rest until the first
-recording ends.
+The window is the part of the shot that is simulated and compared. It lasts from rest until the end of the
+first recording that ends.
 """
 
 from collections.abc import Callable
@@ -57,15 +57,17 @@ def window(
     *,
     symmetry_end: float | None = None,
 ) -> tuple[float, float]:
-    """The window on the shot's clock: as declared, else from the last static frame to the last usable one.
+    """The window on the shot's clock.
 
-    The last usable frame is covered by all recordings and lies before the end of symmetry.
+    As declared, otherwise from the last static frame to the last usable one.
+
+    The last usable frame lies before the end of symmetry, and all recordings cover it.
 
     ``toml``: the shot file. ``frame_time``: frame times on the shot's clock [s], shape [n_frames].
     ``flyer_end``: time of the last flyer displacement [s]. ``scope``: the force channel. ``scope_time``: its
     sample times on the shot's clock [s], shape [n_samples]. ``symmetry_end``: time at which the flyer leaves
-    its first direction [s], None if it does not or the time is unknown. Raises InputError if the specimen
-    already moves at the start, or the recordings do not cover the window.
+    its first direction [s]; None if it does not, or if the time is unknown. Raises InputError if the specimen
+    already moves at the start, or if the recordings do not cover the window.
     """
     declared = toml.declared
     rest = float(frame_time[declared.frames.static - 1])
@@ -123,7 +125,7 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     source
         The shot's folder with its shot.toml, the path of such a file, or the parsed file.
     measure
-        The function that correlates the pictures of a shot without exports; by default
+        The function that correlates the pictures of a shot without exports. The default is
         `kolsky.shot.optical_data.measured`, which stores the result in the shot's results folder.
 
     Returns
@@ -134,7 +136,7 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     Raises
     ------
     InputError
-        If a file is missing or damaged, a declaration is unknown, incomplete or impossible, or
+        If a file is missing or damaged; if a declaration is unknown, incomplete or impossible; or if
         declarations and recordings contradict each other.
 
     Examples
@@ -177,7 +179,7 @@ def load_pictures(source: Source) -> PicturedShot:
     Raises
     ------
     InputError
-        As `load_shot`, or if the shot has no pictures.
+        For the reasons of `load_shot`, or if the shot has no pictures.
     """
     toml, frames = _open(source)
     if toml.declared.pictures is None:
@@ -195,7 +197,7 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
     Raises
     ------
     InputError
-        As `load_shot`.
+        For the reasons of `load_shot`.
 
     Examples
     --------
@@ -219,7 +221,7 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
 
 
 def _with_surface(toml: ShotToml, frames: FrameTable, rest: float) -> Shot:
-    """A shot whose outline, and optionally flyer, come from exports of a whole surface."""
+    """A shot with an outline, and optionally a flyer, from exports of a whole surface."""
     from kolsky.shot.surface import measured_surface
 
     declared, folder = toml.declared, toml.path.parent
@@ -248,7 +250,7 @@ def _with_surface(toml: ShotToml, frames: FrameTable, rest: float) -> Shot:
 def _with_pictures(
     toml: ShotToml, frames: FrameTable, rest: float, measure: Callable[[PictureSet], OpticalData] | None
 ) -> Shot:
-    """A shot whose flyer and outline come from its pictures."""
+    """A shot with flyer and outline from its pictures."""
     shot = _with_picture_set(toml, frames, open_pictures(toml, frames))
     if measure is None:
         from kolsky.shot.optical_data import measured
@@ -311,7 +313,7 @@ def _compared_span(
     flyer: FlyerMotion,
     symmetry_end: float | None = None,
 ) -> tuple[float, float]:
-    """The window of a shot with cameras; the sign of the force is checked in it."""
+    """The window of a shot with cameras. The sign of the force is checked in it."""
     span = window(
         toml,
         frames.time + toml.declared.frames.clock_offset,
@@ -387,7 +389,7 @@ def _all_there(toml: ShotToml, folder: Path) -> None:
 
 
 REACH = 0.9
-"""Largest simulated approach of the faces, over the specimen's length [-]."""
+"""Largest simulated approach of the faces, divided by the specimen's length [-]."""
 
 
 def bar_force(reduction: Reduction, waves: FaceWaves) -> BarForce:
@@ -405,9 +407,9 @@ def driven_by_waves(
     centre_line: CentreLine | None = None,
     end: float | None = None,
 ) -> Shot:
-    """The shot whose front face moves with ``c0 (eps_i - eps_r)``, instead of with a measured flyer.
+    """The shot with a front face that moves with ``c0 (eps_i - eps_r)``, without a measured flyer.
 
-    All times are on the shot's clock, also if the transmitted force is from a transducer (`base.force`).
+    All times are on the shot's clock, even if a transducer measures the transmitted force (`base.force`).
     """
     motion = front_velocity(reduction, waves, sigma_zero=sigma_zero)
     path = front_path(motion)
@@ -442,7 +444,7 @@ def load_bar_driven(source: Source) -> Shot:
 
     ``source``: the shot's folder with its shot.toml, the path of such a file, or the parsed file. Returns: a
     shot without a centre line, identified from the force only. Raises InputError if a file is missing or
-    damaged, a declaration is impossible, or the signals are not those of such a test.
+    damaged, if a declaration is impossible, or if the signals are not those of such a test.
     """
     from kolsky.bars.reduction.analyse import analyse  # imports scipy.stats
 

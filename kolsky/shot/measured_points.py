@@ -1,4 +1,4 @@
-"""Fields of an image correlation: the measured values at the points of one surface, in every frame.
+"""Fields of an image correlation: measured values at the points of one surface, in every frame.
 
 They are read from `dic.h5`, for the bodies of a shot or for an image correlation without a shot.
 """
@@ -33,11 +33,11 @@ class FieldOfPoints:
     label: str
     """Quantity with its unit, for a list."""
     unit: str
-    """Unit of its values: "mm", "µm", "px", "%", or "" for outcomes."""
+    """Unit of its values: "mm", "µm", "px" or "%". Outcomes have ""."""
     values: FloatArray
-    """Values, NaN where there is none, shape [n_frames, n_points]."""
+    """Values, shape [n_frames, n_points]; NaN without a measurement."""
     sigma: FloatArray | None = None
-    """Their standard deviations, same shape; None for a field of standard deviations and for outcomes."""
+    """Their standard deviations, same shape. None for outcomes and for a field of standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,8 @@ class MeasuredPoints:
     surface: SurfaceHistory
     """Their motion."""
     pixels: tuple[FloatArray, ...]
-    """Pixel coordinates in the pictures of each camera [px], NaN where lost, each [n_frames, n_points, 2]."""
+    """Pixel coordinates in the pictures of each camera [px], each [n_frames, n_points, 2]; NaN for a lost
+    point."""
     reference: FloatArray
     """Pixel coordinates in the reference picture of camera 0 [px], shape [n_points, 2]."""
     cell: IntArray
@@ -59,7 +60,7 @@ class MeasuredPoints:
     unit: str = "m"
     """Unit of the surface: "m" or "px"."""
     plane: bool = False
-    """True for a plane seen by one camera: no out-of-plane motion, and y points down."""
+    """True for a plane seen by one camera. It has no out-of-plane motion, and y points down."""
     timed: bool = True
     """False if the times count frames."""
 
@@ -104,7 +105,7 @@ class MeasuredPoints:
     def places(self, camera: int, frame: int) -> FloatArray:
         """Pixel coordinates of all points in a picture [px], shape [n_points, 2].
 
-        A lost point has its last known place; it is NaN if the camera has not seen the point before.
+        A lost point has its last known place. It is NaN if the camera has not seen the point before.
         """
         history = self.pixels[camera][: frame + 1]
         known = np.asarray(np.isfinite(history).all(axis=2))

@@ -1,4 +1,4 @@
-"""Camera measurements of a shot: correlate once, store in the results folder, read back, write tables."""
+"""Camera measurements of a shot: correlate once, store the result, read it back, write tables."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -44,9 +44,9 @@ class Surfaces:
     path: Path
     """Its file."""
     fresh: bool
-    """True if it was computed in this call, False if it was read from the file."""
+    """True if the result was computed in this call, False if it was read from the file."""
     flight: FlightOfSpecimen | str
-    """The flyer's flight, or the reason why it is unknown."""
+    """The flyer's flight, or the reason why it could not be computed."""
 
     @property
     def warnings(self) -> list[str]:
@@ -87,10 +87,10 @@ def surfaces(
 
     ``pictures``: the pictures. ``folder``: folder of `RESULT_FILE`. The file is reused if inputs,
     declarations and the version of the software are unchanged. ``device``: where pictures are correlated,
-    "cpu" or a CUDA device. ``again``: correlate even if the file exists. ``progress``: called with the number
-    of frames done, stage by stage. ``cameras``: the calibration that
-    `kolsky.pictures.rig.calibrate_in_background` has started; None: calibrate here. Raises
-    InputError if the cameras cannot be calibrated or nothing can be measured.
+    "cpu" or a CUDA device. ``again``: True to correlate even if the file exists. ``progress``: called with
+    the number of frames done in each stage. ``cameras``: calibration started by
+    `kolsky.pictures.rig.calibrate_in_background`; None: calibrate here. Raises InputError if the cameras
+    cannot be calibrated or if nothing can be measured.
     """
     path, key = folder / RESULT_FILE, key_of(pictures)
     length = pictures.toml.declared.specimen.length
@@ -126,16 +126,16 @@ def measured(
     pictures
         The pictures.
     folder
-        Where the result is stored; by default the folder "results" of the shot.
+        Folder of the stored result; by default the folder "results" of the shot.
     device
         Where pictures are correlated.
     progress
-        Called with the number of frames done, stage by stage.
+        Called with the number of frames done in each stage.
 
     Raises
     ------
     InputError
-        As `surfaces`, or if the flyer was not found.
+        For the reasons of `surfaces`, or if the flyer was not found.
     """
     found = surfaces(
         pictures, folder or pictures.toml.path.parent / "results", device=device, progress=progress
@@ -178,10 +178,10 @@ def measured(
 
 
 def write_tables(folder: Path, found: Surfaces, number: np.ndarray) -> None:
-    """Write the outline and the flyer as exports that a shot can declare, the flight and the reporting table.
+    """Write the outline and the flyer as exports for a shot file, the flight and the reporting table.
 
-    ``folder``: an existing folder. ``found``: the stereo result. ``number``: number of each frame in the
-    shot's numbering, shape [n_frames].
+    ``folder``: an existing folder. ``found``: the stereo result. ``number``: number of each frame as counted
+    in the shot, shape [n_frames].
     """
     result = found.result
     line = result.centre

@@ -1,9 +1,12 @@
-"""Plausibility checks: compare a shot's inputs with each other and with usual values, before any computation.
+"""Plausibility checks of a shot's inputs, before any computation.
+
+Inputs are compared with each other and with usual values.
 
 A rule is one function and one line of `RULES`; rules for single declared values are in
 `kolsky.shot.declared_values`. A rule compares the known inputs and yields findings. A warning names both keys
-and both values. A contradiction is rejected, with the unit or factor that would correct it. `gate` is called
-as soon as a record is read. The message therefore names the cause, before a later check finds its effect.
+and both values. For a contradiction, the shot is rejected, with the unit or factor that would correct it.
+`gate` is called as soon as a record is read. It therefore reports the cause before a later check finds its
+effect.
 """
 
 import math
@@ -37,44 +40,48 @@ from kolsky.shot.evidence import (
 from kolsky.shot.records import ForceChannel, Shot, ShotBase
 
 FRAME_INTERVALS = (1e-9, 5e-3)
-"""Smallest and largest frame interval [s]. The fastest camera takes 1e9 pictures per second; at 200 per
-second an impact is shorter than one interval."""
+"""Smallest and largest frame interval [s]. The fastest camera takes 1e9 pictures per second. At 200 per
+second, an impact is shorter than one interval."""
 FORCE_STEPS = (1e-9, 1e-4)
 """Smallest and largest sampling interval of the force [s]: 10^4 to 10^9 samples per second."""
 FRAME_STEPS = (1e-8, 1e-3)
 """Usual frame intervals [s]: cameras of bar tests take 10^3 to 10^8 pictures per second."""
 FEWEST_FORCE_SAMPLES = 10
-"""Smallest number of force samples during the frames; with fewer, no force history can be compared."""
+"""Smallest number of force samples during the frames. With fewer samples, no force history can be
+compared."""
 SHORTEST_RECORD = 10.0
-"""Largest transit time through a bar over the duration of its record [-]; a shorter record contains no
+"""Largest transit time through a bar, divided by the duration of its record [-]. A shorter record contains no
 reflection."""
 LONGEST_FRAMES = 100.0
-"""Largest duration of the frames over that of the force record [-]; above it, less than 1 % is covered."""
+"""Largest duration of the frames, divided by that of the force record [-]. Above this limit, the record
+covers less than 1 % of the frames."""
 IMPACT_SPEEDS = (0.05, 500.0)
-"""Smallest and largest impact speed [m/s]. A fall of 0.2 mm gives 0.06 m/s; above 500 m/s soft specimens
+"""Smallest and largest impact speed [m/s]. A fall of 0.2 mm gives 0.06 m/s. Above 500 m/s soft specimens
 disintegrate."""
 LEAST_TRAVEL = 1e-3
-"""Smallest travel of the flyer over the specimen's length [-]. Below it, the unit of displacement is more
-likely wrong than the unit of time."""
+"""Smallest travel of the flyer, divided by the specimen's length [-]. Below it, the unit of displacement is
+more likely wrong than the unit of time."""
 RADIUS_TOLERANCE = 0.2
 """Largest difference between the outline at rest and the specimen's radius, relative to the radius [-]."""
 STIFFENING = 30.0
-"""Largest dynamic stress over the quasi-static one [-]: soft materials stiffen at most 10 times with strain
-rate, faces that stick add at most a factor of 3."""
+"""Largest dynamic stress, divided by the quasi-static one [-]. Soft materials stiffen at most 10 times with
+strain rate. Faces that stick add a factor of at most 3."""
 INERTIA = 3.0
-"""Largest inertial stress over rho v^2 [-]: a stopped column has 1, its reflected front 2."""
+"""Largest inertial stress, divided by rho v^2 [-]. A stopped column has 1, its reflected front 2."""
 SOFTENING = 1.0 / 30.0
-"""Smallest dynamic stress over the quasi-static one [-]: a pre-conditioned or swollen specimen has 0.2."""
+"""Smallest dynamic stress, divided by the quasi-static one [-]. A pre-conditioned or swollen specimen has
+0.2."""
 UNUSUAL = (0.2, 10.0)
-"""Dynamic over quasi-static stress outside which a warning is given [-]: soft materials stiffen at most 10
-times, and soften at most 5 times with conditioning."""
+"""Limits of dynamic stress divided by quasi-static stress for a warning [-]. Soft materials stiffen at most
+10 times, and soften at most 5 times with conditioning."""
 NOISE_SIGMAS = 10.0
 """A force below this many standard deviations of its baseline has not been transmitted yet."""
 CROSSINGS = 2.0
-"""Number of wave transits through the specimen until the force has arrived and stress is nearly uniform."""
+"""Number of wave transits through the specimen after which the force has arrived and stress is nearly
+uniform."""
 SENSITIVITIES = (1e-6, 10.0)
-"""Smallest and largest sensitivity of force transducers with amplifiers [V/N], from load cells to soft
-piezoelectric sensors."""
+"""Smallest and largest sensitivity of force transducers with amplifiers [V/N]. The range covers load cells
+and soft piezoelectric sensors."""
 SOFT_STRESSES = (1e3, 3e7)
 """Smallest and largest stress of a soft material at the end of a test [Pa], from gels to hard rubber."""
 SHORTEST_CURVE = 0.03
@@ -118,7 +125,7 @@ def _clocks(e: Evidence) -> Iterator[Finding]:
     if samples >= FEWEST_FORCE_SAMPLES and frames <= LONGEST_FRAMES * force:
         return
     usual = FORCE_STEPS[0] <= step <= FORCE_STEPS[1], FRAME_STEPS[0] <= frame_step <= FRAME_STEPS[1]
-    # The clock with an unusual step is named first; if both are alike, the slower one.
+    # The clock with an unusual step is named first. If both are equally unusual, the slower one is first.
     of_force = usual[1] if usual[0] != usual[1] else samples < FEWEST_FORCE_SAMPLES
     key, other, ratio = "frames.time", "force.time", frames / force
     if of_force:
@@ -137,7 +144,7 @@ def _clocks(e: Evidence) -> Iterator[Finding]:
 
 
 def _bar_clocks(e: Evidence) -> Iterator[Finding]:
-    """Check that a recorder of bars resolves the transit time of a wave, and records at least that long."""
+    """Check that a bar's recorder resolves the transit time of a wave, and records at least that long."""
     for key, time in e.recorders.items():
         step, span = float(np.median(np.diff(time))), float(np.ptp(time))
         if step * FEWEST_FORCE_SAMPLES <= e.bar_transit <= SHORTEST_RECORD * span:
@@ -169,7 +176,7 @@ def _impact_speed(e: Evidence) -> Iterator[Finding]:
     low, high = IMPACT_SPEEDS
     if low <= speed <= high or speed == 0.0 or far >= length:  # `_travel` names the cause of the latter
         return
-    # The power of 1000 of a unit (time or displacement) that gives a value in the middle of the range.
+    # The power of 1000 for a unit (time or displacement) with a value in the middle of the range.
     factor = power_of_1000(speed / 5.0)
     by_time = unit_cure(e.file, "frames.time", "s", 1.0 / factor)
     where = "flyer.displacement" if e.file.written("flyer") is not None else "surface.unit"
@@ -186,7 +193,7 @@ def _impact_speed(e: Evidence) -> Iterator[Finding]:
 
 
 def _speed(e: Evidence) -> float:
-    """Largest speed of the flyer over a tenth of its record [m/s]; noise would dominate single frames."""
+    """Largest speed of the flyer over a tenth of its record [m/s]. In single frames, noise would dominate."""
     assert e.travel is not None  # checked by the caller
     assert e.flyer_time is not None
     lag = max(1, e.travel.size // 10)
@@ -201,7 +208,7 @@ def _travel(e: Evidence) -> Iterator[Finding]:
     length, far = e.declared.specimen.length, float(np.abs(e.travel).max())
     if far < length or e.file.written("flyer") is None:  # errors of pictures or surfaces have other causes
         return
-    # A test compresses its specimen by at least a twentieth; for a column of frame numbers no factor fits.
+    # A test compresses its specimen by at least a twentieth. For a column of frame numbers, no factor fits.
     factor = next((f for f in (1.0 / 25.4, 1e-3, 1e-6) if 0.05 * length <= far * f < length), 1.0)
     yield e.finding(
         "flyer.displacement",
@@ -216,7 +223,10 @@ def _travel(e: Evidence) -> Iterator[Finding]:
 
 
 def _outline_size(e: Evidence) -> Iterator[Finding]:
-    """Check that the outline at rest has the specimen's radius and height; else name the likeliest cause."""
+    """Check that the outline at rest has the specimen's radius and height.
+
+    If it does not, the likeliest cause is named.
+    """
     if e.outline is None or e.rest is None:
         return
     static = e.outline.time <= e.rest
@@ -323,7 +333,9 @@ def _curve_reach(e: Evidence) -> Iterator[Finding]:
 
 
 def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, float]:
-    """Smallest and largest compressive nominal stress at a strain, by the curve's moduli [Pa], as magnitudes.
+    """Smallest and largest compressive nominal stress at a strain [Pa], as magnitudes.
+
+    They follow from the moduli of the curve.
 
     Each point of the curve gives the modulus mu of a neo-Hookean material with that stress,
     sigma = mu (lambda - lambda^-2). The smallest and the largest mu give the stresses at ``strain``.
@@ -337,7 +349,10 @@ def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, flo
 
 
 def _force_over_area(e: Evidence) -> Iterator[Finding]:
-    """Check force over area against the curve's stress, within the effects of rate, ends and inertia."""
+    """Check force over area against the curve's stress.
+
+    The limits allow for effects of rate, ends and inertia.
+    """
     if e.force is None or e.travel is None or e.curve is None or e.flyer_time is None or e.rest is None:
         return
     assert e.force_time is not None  # it comes with the force
@@ -417,7 +432,9 @@ def findings(evidence: Evidence) -> list[Finding]:
 
 
 def gate(evidence: Evidence) -> tuple[str, ...]:
-    """Reject contradictions; return the warnings, one sentence each.
+    """Reject contradictions.
+
+    Returns the warnings, one sentence each.
 
     Raises InputError for a contradiction, `InputErrors` for several.
     """
@@ -456,7 +473,7 @@ def with_warnings(shot: Shot) -> Shot:
 
 
 def travel_of(flyer: FlyerMotion, rest: float) -> dict[str, Any]:
-    """Times and travel of a flyer, as fields of `Evidence`; ``rest``: time of the last static frame [s]."""
+    """Times and travel of a flyer, as fields of `Evidence`. ``rest``: time of the last static frame [s]."""
     static = flyer.time <= rest
     zero = float(np.median(flyer.displacement[static])) if static.any() else 0.0
     return {"flyer_time": flyer.time, "travel": flyer.displacement - zero}

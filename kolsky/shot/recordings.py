@@ -45,7 +45,10 @@ class PictureFilm:
 
 
 def _picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
-    """Pictures at equal time intervals, up to the last frame with points; None if none can be read."""
+    """Pictures at equal time intervals, up to the last frame with points.
+
+    None if no picture can be read.
+    """
     from dic.images import PictureError  # for shots with pictures only
 
     valid = np.flatnonzero(result.outcome == FrameOutcome.VALID)
@@ -85,7 +88,7 @@ def part_of_picture(pixels: NDArray[np.float64], shape: tuple[int, int]) -> tupl
 PATH_POINTS = 801
 """Number of times at which the fitted path is drawn."""
 DIC_PAGE = "dic.html"
-"""The page of `kolsky dic`; linked if it is in the report's folder."""
+"""The page of `kolsky dic`. It is linked if it is in the report's folder."""
 
 
 @dataclass(frozen=True)
@@ -93,13 +96,13 @@ class MotionShown:
     """Motion of the front face, measured and fitted, on the shot's clock."""
 
     measured_time: FloatArray
-    """Frames, or samples of the bar's face [s], shape [n]."""
+    """Times of the frames, or of the samples of the bar's face [s], shape [n]."""
     measured: FloatArray
     """Displacement toward the specimen since rest [m], or velocity [m/s], shape [n]."""
     sigma: FloatArray
     """Standard deviation of each, as declared or measured, shape [n]."""
     is_velocity: bool
-    """Whether `measured` is a velocity."""
+    """True if `measured` is a velocity."""
     time: FloatArray
     """Times of the fitted path [s], shape [m]."""
     position: FloatArray
@@ -121,15 +124,16 @@ class ShotRecordings:
     value: FloatArray
     """The channel in `unit` as recorded, shape [k]."""
     unit: str
-    """ "V" of a transducer, "N" where the force comes from the bar's waves."""
+    """"V" for a transducer, "N" if the force comes from the bar's waves."""
     baseline: tuple[float, float] | None
-    """Window for zero and noise [s]; None if the force comes from waves."""
+    """Window for zero and noise [s]. None if the force comes from waves."""
     zero: float
     """Mean of the baseline, in `unit`."""
     window: tuple[float, float]
     """First and last time that is simulated and compared [s]."""
     symmetry_end: float | None
-    """Time at which the flyer leaves its first direction [s]; None if it does not, or was not measured."""
+    """Time at which the flyer leaves its first direction [s]. None if it does not, or if it was not
+    measured."""
     motion: MotionShown
     """The flyer, or the bar's face."""
     surface: dict[str, str] = field(default_factory=dict)
@@ -141,7 +145,7 @@ class ShotRecordings:
     numbers: dict[str, float] = field(default_factory=dict)
     """The numbers of the surfaces by name, from `kolsky.pictures.summary.numbers`; empty without surfaces."""
     pair: PicturePair | str = ""
-    """A pair of pictures with the points on it, or the reason why there is none."""
+    """A pair of pictures with the points drawn on it, or the reason why there is none."""
     film: PictureFilm | None = None
     """A few small pictures through the test; None if there are none."""
 
@@ -167,7 +171,7 @@ def shot_recordings(shot: Shot, folder: Path) -> ShotRecordings:
         window=shot.window,
         symmetry_end=shot.symmetry_end,
         motion=_motion(shot),
-        # No pictures exist if bars are the only instruments, or if no shot file was read.
+        # There are no pictures if bars are the only instruments, or if no shot file was read.
         **(surface_of(shot.file, folder) if shot.file and isinstance(shot.flyer, FlyerMotion) else {}),
     )
 

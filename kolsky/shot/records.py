@@ -1,5 +1,7 @@
-"""A shot: one test, its apparatus and its measurements, in SI on one clock; the smooth path of its front
-face."""
+"""A shot in SI on one clock: one test, its apparatus and its measurements.
+
+It also gives the smooth path of the front face.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -26,7 +28,7 @@ FEWEST_MOVING_FRAMES = 24
 
 
 def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> FlyerPath:
-    """The smooth path of a motion; its scale is taken as exact."""
+    """The smooth path of a motion. Its scale is taken as exact."""
     if isinstance(motion, FlyerMotion):
         return fit_flyer(
             motion,
@@ -38,7 +40,10 @@ def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> Flye
 
 
 def second_impact_time(motion: FlyerMotion, start: float) -> float | None:
-    """Time one frame and two sigmas before the second impact [s]; None if the displacements show none."""
+    """Time one frame and two sigmas before the second impact [s].
+
+    None if the displacements show no second impact.
+    """
     moving = motion.time > start
     if int(moving.sum()) < FEWEST_MOVING_FRAMES or int((~moving).sum()) < 1:
         return None
@@ -49,7 +54,10 @@ def second_impact_time(motion: FlyerMotion, start: float) -> float | None:
 
 
 def _with_zero_start(motion: FlyerMotion, start: float) -> FloatArray | None:
-    """Covariance of the displacements with their common zero error after rest [m²]; None if it is zero."""
+    """Covariance of the displacements with their common zero error after rest [m²].
+
+    None if it is zero.
+    """
     if motion.zero_sigma == 0.0:
         return None
     moved = (motion.time > start).astype(np.float64)
@@ -65,17 +73,17 @@ class ModelSettings:
     damping: float
     """Stiffness-proportional damping beta, Eq. (M.2) [s]."""
     damping_kind: str
-    """Part of the stiffness that beta acts on: "deviatoric" or "full"."""
+    """Part of the stiffness that beta multiplies: "deviatoric" or "full"."""
     mass_damping: float
     """Mass-proportional damping alpha [1/s]."""
 
 
 @dataclass(frozen=True)
 class ForceChannel:
-    """The transmitted force as recorded volts, with the transducer that converts them to newtons."""
+    """The transmitted force as recorded volts, and the transducer that converts them to newtons."""
 
     recording: Recording
-    """The channel, on the recorder's own clock."""
+    """The channel on the recorder's clock."""
     transducer: Transducer
     """Sensitivity, sign and full scale."""
     baseline: tuple[float, float]
@@ -96,7 +104,7 @@ class ForceChannel:
         return self.recording.value[(time >= self.baseline[0]) & (time <= self.baseline[1])]
 
     def raw_force(self) -> FloatArray:
-        """Force at every sample above the baseline's mean, compression-positive [N], shape [n_samples]."""
+        """Force at every sample minus the baseline's mean, compression-positive [N], shape [n_samples]."""
         volts = self.recording.value - self.baseline_volts().mean()
         return self.transducer.compression_sign * volts / self.transducer.sensitivity
 
@@ -119,12 +127,13 @@ class ForceChannel:
 
 @dataclass(frozen=True)
 class IncidentForce:
-    """The force at the flyer's own transducer, to be compared with simulations."""
+    """The force at the flyer's transducer, for comparison with simulations."""
 
     channel: ForceChannel
     """Its channel."""
     mass: float
-    """Mass between the sensing plane and the specimen, of a flyer that moves as one [kg]."""
+    """Mass between the sensing plane and the specimen [kg]. This part of the flyer moves as one rigid
+    body."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -142,13 +151,13 @@ class ShotBase(ResultViews):
     support: str
     """Support behind the specimen: "rigid", "bar" or "mesh"."""
     transmission_bar: Bar | None
-    """The bar if support is "bar"; for "mesh", a bar like the longest part, with the length of all parts."""
+    """The bar if support is "bar". For "mesh", a bar like the longest part, with the length of all parts."""
     transducer_depth: float = 0.0
     """Distance of the transmitted force's transducer behind the platen's face, on that bar [m]."""
     model: ModelSettings
     """Material constants that the curve does not give."""
     force: ForceChannel | BarForce
-    """The transmitted force, of a transducer or of the bar itself."""
+    """The transmitted force, measured by a transducer or by the bar."""
     curve: MaterialCurve
     """The quasi-static curve, from rest outward."""
     file: TomlFile | None = field(default=None, compare=False)
@@ -171,7 +180,7 @@ class ShotBase(ResultViews):
 
 
 def fields_of(base: ShotBase) -> dict[str, Any]:
-    """The fields of `ShotBase` in a record, as arguments for a record with more fields."""
+    """The fields of `ShotBase` in a record, as arguments for another record with more fields."""
     return {field.name: getattr(base, field.name) for field in fields(ShotBase)}
 
 
@@ -180,20 +189,21 @@ class Shot(ShotBase):
     """One test, ready to be identified."""
 
     flyer: FlyerMotion | FrontVelocity
-    """Motion of the front face: the flyer's displacement at the frames, with the zero of its file, or the
-    velocity of the incident bar's face."""
+    """Motion of the front face. It is the flyer's displacement at the frames, with the zero of its file, or
+    the velocity of the incident bar's face."""
     centre_line: CentreLine | None
     """The specimen's outline at the frames; None if it was not measured."""
     window: tuple[float, float]
     """First and last time that is simulated and compared, on the shot's clock [s]."""
     notes: tuple[str, ...] = ()
-    """Anomalies in the recordings and how they were treated, one sentence each."""
+    """Anomalies in the recordings and their treatment, one sentence each."""
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, from pictures [s]; None if unknown."""
     axis_by_radius: bool = False
-    """Whether the outline's axis was placed with the declared radius at rest; Z then depends on it."""
+    """True if the outline's axis was placed with the declared radius at rest. Z then depends on this
+    radius."""
     length_by_pictures: LengthByPictures | None = None
-    """The specimen's length as declared, as measured in pictures and as used; None without measurement."""
+    """The specimen's length as declared, as measured in pictures and as used. None without a measurement."""
 
     @cached_property
     def flyer_path(self) -> FlyerPath:
@@ -209,7 +219,7 @@ class Shot(ShotBase):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PicturedShot(ShotBase):
-    """One test whose pictures are still to be correlated."""
+    """One test with pictures that are not yet correlated."""
 
     pictures: PictureSet
     """Its pictures and frames."""
@@ -224,11 +234,11 @@ class OpticalData:
     centre_line: CentreLine
     """The specimen's outline at the frames."""
     source: Path
-    """The file that error messages about them name."""
+    """The file named by error messages about these measurements."""
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, on the shot's clock [s]; None if it does not."""
     offsets: Mapping[str, float] = field(default_factory=dict)
     """Standard uncertainties of the outline's position, by their keys of [uncertainty] [m]; empty if
     unknown."""
     rim: RimAtRest | None = None
-    """The flyer's rim at rest above the specimen's lower end; None if unknown."""
+    """Height of the flyer's rim at rest above the specimen's lower end; None if unknown."""

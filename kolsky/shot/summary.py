@@ -19,7 +19,7 @@ from kolsky.shot.plausibility import evidence_of, gate
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
 
 ABSOLUTE = 0.1
-"""From this time on, microseconds would lose their last digits [s]: the clock has been running for long."""
+"""Times after this are not written in microseconds [s]. They would lose their last digits."""
 _WRITTEN = {"1": ("um/m", 1e6), "m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
 
@@ -28,7 +28,7 @@ class Entry:
     """One line of the summary."""
 
     section: str
-    """The table of the shot file it belongs to."""
+    """The table of the shot file that contains the value."""
     name: str
     """Its description."""
     value: float | int | str
@@ -55,7 +55,7 @@ def _inside(shot: Shot, time: np.ndarray) -> np.ndarray:
 
 
 def _window_entries(shot: Shot) -> list[Entry]:
-    """The window, and how many samples of the front face lie in it."""
+    """The window, and its number of front-face samples."""
     (start, end), time = shot.window, shot.flyer.time
     what = "frames" if isinstance(shot.flyer, FlyerMotion) else "samples"
     return [
@@ -69,7 +69,7 @@ def _window_entries(shot: Shot) -> list[Entry]:
 
 
 def _picture_entries(shot: PicturedShot) -> list[Entry]:
-    """The pictures of both cameras, and how they are correlated."""
+    """The pictures of both cameras, and the settings of their correlation."""
     declared = shot.pictures.toml.declared
     assert declared.pictures is not None  # else there is no such shot
     assert declared.calibration is not None
@@ -271,7 +271,7 @@ def as_json(shot: ShotBase | CheckedBars) -> dict[str, Any]:
 
 
 def _layouts(shot: ShotBase) -> list[Entry]:
-    """The layout of tables that need one; a series of files is described by its first file."""
+    """The layout of tables that need one. A series of files is described by its first file."""
     found = (
         (name, layout_in_words(_first_of_table(shot.folder / name)))
         for name in shot.inputs
@@ -281,7 +281,7 @@ def _layouts(shot: ShotBase) -> list[Entry]:
 
 
 def _first_of_table(place: Path) -> Path:
-    """A file, or the first of those that a pattern such as `dic_*.csv` names."""
+    """A file, or the first file that matches a pattern such as `dic_*.csv`."""
     return place if place.exists() else min(place.parent.glob(place.name), default=place)
 
 
@@ -353,7 +353,7 @@ def print_table(shot: ShotBase | CheckedBars) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    # Text() keeps column names such as "[V]" from being read as markup.
+    # Text() prevents that column names such as "[V]" are read as markup.
     table = Table(title=Text(one_line(f"shot {shot.name}")), show_edge=False)
     for heading in ("", "what", "value"):
         table.add_column(heading, overflow="fold")

@@ -32,25 +32,25 @@ OUTCOMES = MappingProxyType(
         PointState.MISSING: PointOutcome.NOT_CONVERGED,
     }
 )
-"""Outcome of a point by its state in an export; an export does not give the reason for a missing point."""
+"""Outcome of a point by its state in an export. An export does not give the reason for a missing point."""
 WIDEST_ANGLE = 30.0
 """Largest angle between the axis of a fitted cylinder and the declared one [degrees]."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """The test frame (x, y, Z) in the coordinates of an export."""
+    """The axes x, y, Z of the test in the coordinates of an export."""
 
     rotation: FloatArray
     """Rows x, y, Z as unit vectors of the export's coordinates, shape [3, 3]."""
     origin: FloatArray
     """The point of the specimen's axis at y = 0, in the export's coordinates [m], shape [3]."""
     cylinder: Cylinder | None = None
-    """The best-fit cylinder that defines it, if one does."""
+    """The best-fit cylinder that defines the axes, if there is one."""
 
 
 def declared_placement(*, y: str, Z: str, origin: tuple[float, float, float]) -> Placement:
-    """Axes of the test along axes of the export."""
+    """Test axes that are parallel to axes of the export."""
     along, toward = _unit(y), _unit(Z)
     if abs(along @ toward) > 0.5:
         raise ValueError(f"y and Z must be different axes, got {y} and {Z}")
@@ -83,9 +83,9 @@ def surface_history(
 ) -> SurfaceHistory:
     """The points of an export in the test frame.
 
-    ``export``: the points. ``placement``: where the test frame lies. ``time``: times of the frames on the
+    ``export``: the points. ``placement``: position of the test frame. ``time``: times of the frames on the
     shot's clock [s], shape [n_frames]. ``sigma``: standard deviation of each component of a position [m].
-    Raises ValueError as `dic.surfaces.surface_history.SurfaceHistory`.
+    Raises ValueError for the reasons of `dic.surfaces.surface_history.SurfaceHistory`.
     """
     outcome = np.full(export.state.shape, int(PointOutcome.VALID))
     for state, meaning in OUTCOMES.items():
@@ -104,9 +104,9 @@ def surface_history(
 def flyer_motion(export: DicExport, placement: Placement, time: FloatArray, *, sigma: float) -> FlyerMotion:
     """Mean displacement toward the specimen of the points that are valid in every frame.
 
-    Other points are left out: with a tilted flyer they would cause steps of the mean.
+    Other points are left out. With a tilted flyer they would cause steps of the mean.
 
-    ``export``: points on the flyer. ``placement``: where the test frame lies; the flyer goes toward -y.
+    ``export``: points on the flyer. ``placement``: position of the test frame; the flyer moves toward -y.
     ``time``: times of the frames on the shot's clock [s], shape [n_frames]. ``sigma``: standard deviation of
     one displacement of the mean [m]. Raises ValueError if no point is valid in every frame.
     """
@@ -130,8 +130,8 @@ def measured_surface(
 ) -> tuple[CentreLine, FlyerMotion | None, dict[str, str]]:
     """The outline, the flyer's motion if its area was exported, and the hashes of the files by pattern.
 
-    Raises InputError if an export cannot be read, has a frame that the frames' file lacks, or does not fit
-    the declared axes.
+    Raises InputError if an export cannot be read, or if it does not fit the declared axes. The same error is
+    raised for a frame that is missing in the file of the frames.
     """
     from dic.surfaces.surface_history import centre_line  # imports image correlation
 
@@ -191,11 +191,11 @@ def _export(
 
 
 LEAST_HEIGHT = 0.2
-"""Smallest height of the outline at rest above the transmission platen, over the declared length [-]. A
+"""Smallest height of the outline at rest above the transmission platen, divided by the declared length [-]. A
 height of a tenth indicates a wrong length."""
 LARGEST_RADIUS = 3.0
-"""Largest radius of an outline over the declared radius [-]: that of a freely sliding specimen at a ninth of
-its length."""
+"""Largest radius of an outline, divided by the declared radius [-]. A freely sliding specimen reaches it at a
+ninth of its length."""
 
 
 def read_outline(
@@ -203,7 +203,7 @@ def read_outline(
 ) -> tuple[CentreLine, FrameTable]:
     """[centre_line]: the specimen's outline at the frames, and its source table.
 
-    Raises InputError if the file cannot be read, or its frames and times are not those of [frames].
+    Raises InputError if the file cannot be read, or if its frames and times are not those of [frames].
     """
     sigma = None
     if section.sigma_column is not None:
@@ -245,8 +245,8 @@ def check_outline(
 
     ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: its file. ``rest``: time
     of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the shot file.
-    ``line_of``: line in the file of a row, if the file is a table. Raises InputError for the first point that
-    cannot be on this specimen's outline, or if no point is in the window.
+    ``line_of``: line of a row in the file, if the file is a table. Raises InputError for the first point that
+    cannot be on this specimen's outline. The same error is raised if no point is in the window.
     """
     length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
     low, high = -0.1 * length, 1.1 * length
@@ -284,8 +284,8 @@ def check_outline(
 def each_once(line: CentreLine, table: FrameTable) -> tuple[CentreLine, tuple[str, ...]]:
     """The outline without duplicate points, and a note about the duplicates.
 
-    A repeated row in an export is one measurement. Counted several times it would have too much weight and
-    bias the result.
+    A repeated row in an export is one measurement. If it counted several times, it would have too much weight
+    and bias the result.
 
     ``line``: the outline, rows as in the file, shape [n].
     """
@@ -306,7 +306,7 @@ def each_once(line: CentreLine, table: FrameTable) -> tuple[CentreLine, tuple[st
 
 
 def _check_height(line: CentreLine, path: Path, static: BoolArray, length: float) -> None:
-    """Check that the height of the outline at rest fits the specimen's length."""
+    """Check the height of the outline at rest against the specimen's length."""
     if not static.any():
         return
     height = float(line.y[static].max())

@@ -1,7 +1,7 @@
-"""Classical reduction of tests: with bars, repeated tests, bars pressed together, and with a flyer.
+"""Classical reduction of bar tests, repeated tests, tests with touching bars, and flyer tests.
 
 A flyer test gives forces after mass compensation, and strain from the flyer's motion. Its reduction is a
-function of its input values, so that each can be varied for the uncertainty budget.
+function of its input values. Each of them can therefore be varied for the uncertainty budget.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -44,7 +44,7 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 
 AVERAGE = 10e-6
-"""Span over which forces are averaged before their balance is checked [s]."""
+"""Forces are averaged over this span before their balance is checked [s]."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class FlyerInput:
     mass: float = 0.0
     """Mass between its sensing plane and the specimen [kg]."""
     pictured: bool = False
-    """Whether the flyer's motion is from pictures, which also give its direction."""
+    """True if pictures give the flyer's motion. They also give its direction."""
     share: float = VALIDITY_SHARE
-    """Largest share of inertia, or of the difference of the forces, in the stress [-]."""
+    """Largest share of the stress that may come from inertia, or from the difference of the forces [-]."""
     switches: Switches = field(default_factory=Switches)
     """Which corrections are applied."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)
@@ -80,7 +80,7 @@ class Reduced:
 
 @dataclass(frozen=True)
 class FlyerTest:
-    """One flyer test whose input quantities can be varied."""
+    """One flyer test with input quantities that can be varied."""
 
     given: FlyerInput
     events: FlyerEvents
@@ -169,7 +169,7 @@ class FlyerTest:
 def _channel_force(
     name: str, channel: ForceChannel, given: FlyerInput, values: Mapping[str, float]
 ) -> ForceSignal:
-    """The force of a transducer; ``values`` replace the input quantities that they name."""
+    """The force of a transducer. Entries of ``values`` replace the input quantities of the same name."""
     relative = given.uncertainty.get("sensitivity", 0.0)
     return force_signal(
         channel.recording,
@@ -193,21 +193,23 @@ def _scaled(history: History, factor: float) -> History:
 
 
 EARLY = 0.05
-"""The clocks are compared up to this travel of the flyer, over the specimen's length [-]."""
+"""The clocks are compared up to this travel of the flyer, divided by the specimen's length [-]."""
 UNJUDGED = (
     "whether the forces on the faces are balanced is not known, because only the force behind the "
     "specimen was measured; cure: declare the flyer's transducer in [incident_force], or use the inverse "
     "method (kolsky identify), which needs no balance"
 )
-"""Text for the validity window if the force on the front face is not known."""
+"""Text for the validity window if the force on the front face is unknown."""
 
 
 def analyse_flyer(
     given: FlyerInput, *, progress: Callable[[str, int, int], None] = lambda stage, done, total: None
 ) -> FlyerResult:
-    """Forces, strain, stress, events, and the window in which stress and strain are a material curve.
+    """Forces, strain, stress, events, and the validity window.
 
-    Raises ValueError if the shot has no flyer motion, or the signals are not those of such a test: see
+    In this window, stress and strain are a material curve.
+
+    Raises ValueError if the shot has no flyer motion, or if the signals are not those of such a test: see
     `kolsky.bars`.
     """
     shot, motion = given.shot, given.shot.flyer
@@ -317,7 +319,7 @@ def _result(
 def _flyer_events(
     found: FlyerEvents, shot: Shot, *, pictured: bool
 ) -> tuple[tuple[str, float | None, float | None, str], ...]:
-    """The events of the test; with pictures, the end of symmetry is from the flyer's flight."""
+    """The events of the test. With pictures, the end of symmetry is found from the flyer's flight."""
     rows = [(e.name, e.time, e.sigma, e.how) for e in found.events if e.name != "end of symmetry"]
     if not pictured or not isinstance(shot.flyer, FlyerMotion):
         return tuple((e.name, e.time, e.sigma, e.how) for e in found.events)
@@ -400,9 +402,9 @@ def waves(
     shot
         A shot's folder, or its shot.toml.
     results
-        Where the surfaces of a shot with pictures are stored; by default the folder "results" of the shot.
+        Folder for the stored surfaces of a shot with pictures; by default the folder "results" of the shot.
     progress
-        Called with the number of steps done, stage by stage.
+        Called with the number of steps done in each stage.
 
     Returns
     -------
@@ -479,7 +481,7 @@ def repeats(
     *,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> RepeatedShots:
-    """Reduce repeats of one test between bars and average their stress over strain.
+    """Reduce repeats of one test between bars and average their stress at equal strain.
 
     Parameters
     ----------
@@ -511,7 +513,7 @@ def repeats(
 
 
 def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]:
-    """Name, wave speed and relative gain of a shot with the bars together, and notes on its files.
+    """Name, wave speed and relative gain of a shot with touching bars, and notes on its files.
 
     ``shot``: a shot's folder, or its shot.toml with the tables bars, recorders and gauges. Raises InputError
     if the shot or its files cannot be used.
@@ -534,7 +536,7 @@ def _fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: b
         lead = 2.0 * averaging_time(incident)
         first = min(arrival.time, arrival.onset) - lead
         way = (incident.position + transmission.position) / speed
-        # The pulse returns from the nearer of the far ends; no other wave reaches a gauge before.
+        # The pulse returns from the nearer far end. No other wave reaches a gauge earlier.
         free = min(2.0 * (s.bar.length - s.position) for s in (incident, transmission)) / speed
         last = min(arrival.time + free - lead, transmission.strain.end - way)
         found = wave_speed(

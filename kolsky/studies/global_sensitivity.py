@@ -1,7 +1,7 @@
 """Global sensitivity: Sobol indices and screening of misfits and peak force over a box of parameters.
 
-Either the solver runs every point of the sample, or a surrogate of the response is fitted to runs over the
-box.
+The solver runs every point of the sample. Alternatively, a surrogate of the response is fitted to runs over
+the box.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,7 +41,7 @@ CHUNK = 256
 
 @dataclass(frozen=True)
 class Observables:
-    """Force samples, bin means and outline points as one vector, and the scalar outputs computed from it."""
+    """Force samples, bin means and outline points as one vector, and the scalar outputs of this vector."""
 
     observations: Observations
     """The measurements."""
@@ -64,7 +64,7 @@ class Observables:
 
     @property
     def noise(self) -> FloatArray:
-        """Standard deviations of the vector's entries as measured, shape [k]."""
+        """Measured standard deviations of the vector's entries, shape [k]."""
         o = self.observations
         return np.concatenate([o.force.sigma, o.force_sigma, o.centre_line.sigma[self.counted]])
 
@@ -128,30 +128,32 @@ class GlobalSensitivity(ResultViews):
     runs: int
     """Total number of runs."""
     by_surrogate: bool
-    """True if a surrogate was used, False for the solver itself."""
+    """True if a surrogate was used, False if the solver ran all points."""
     errors: dict[str, float]
-    """Error of the surrogate at test runs, as a share of an output's variance [-]: scalars, "force",
-    "outline"; empty without a surrogate."""
+    """Error of the surrogate at test runs, as a share of an output's variance [-], for the scalars, "force"
+    and "outline". Empty without a surrogate."""
     refused: dict[str, str]
     """Outputs without indices, and why."""
     scalars: SobolIndices | None
-    """Indices of misfits and peak force; None if all are refused."""
+    """Indices of misfits and peak force; None if all are rejected."""
     force_times: FloatArray
     """Bin centres [s], shape [n_bins]."""
     force: HistoryIndices | None
-    """Indices of the force's bin means; None if refused."""
+    """Indices of the force's bin means; None if rejected."""
     outline_times: FloatArray
-    """Frame times of the outline points that every run reaches [s], shape [Q]; none without an outline."""
+    """Frame times of the outline points that every run reaches [s], shape [Q]. Empty without an outline."""
     outline_heights: FloatArray
     """Their heights [m], shape [Q]."""
     outline: HistoryIndices | None
-    """Indices of the radius at them; None if refused, or without an outline."""
+    """Indices of the radius at these points. None if rejected, or without an outline."""
 
     def outline_by_frame(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Generalised indices of the outline of every frame: its points' own, weighted by their variances.
+        """Generalised indices of the outline of every frame.
 
-        Returns: frames [s], shape [M]. Returns: indices [-], shape [d, M]; NaN where the outline hardly
-        varies. Raises ValueError if there are no indices of the outline.
+        They are the indices of its points, weighted by their variances.
+
+        Returns: frames [s], shape [M]. Returns: indices [-], shape [d, M]; NaN if the outline hardly varies.
+        Raises ValueError if there are no indices of the outline.
         """
         if self.outline is None:
             raise ValueError("there are no indices of the outline")
@@ -183,9 +185,9 @@ def solver_sensitivity(
     shot
         A loaded shot.
     box
-        Over parameters of `kolsky.inverse.parameters.PARAMETERS`.
+        A box over parameters of `kolsky.inverse.parameters.PARAMETERS`.
     held
-        Parameters held at another value than the shot's.
+        Parameters held at values that differ from the shot's.
     n
         Points of each of the d + 2 samples, a power of two.
     rng
@@ -196,7 +198,7 @@ def solver_sensitivity(
     Raises
     ------
     ValueError
-        If a run does not complete, a parameter is unknown or outside its range.
+        If a run does not complete, or if a parameter is unknown or outside its range.
     """
     sample = SaltelliSample.draw(box.dimension, n, rng)
     sets = [sample.A, sample.B, *(sample.mixed(i) for i in range(box.dimension))]
@@ -205,7 +207,7 @@ def solver_sensitivity(
     row = {point.tobytes(): i for i, point in enumerate(points)}
 
     def made(x: FloatArray) -> FloatArray:
-        """The stored runs; the same seed gives the same points."""
+        """The stored runs. The same seed gives the same points."""
         return vectors[[row[point.tobytes()] for point in x]]
 
     return _indices(
@@ -224,21 +226,22 @@ def global_sensitivity(
     rng: int = 1,
     numerics: Numerics | None = None,
 ) -> GlobalSensitivity:
-    """Sobol' indices on a surrogate of the response that was checked.
+    """Sobol' indices by a tested surrogate of the response.
 
     Parameters
     ----------
     shot, box, held, n, rng, numerics
         As in `solver_sensitivity`.
     runs, unseen
-        Runs of the surrogate's design, and others to check it with.
+        Runs of the surrogate's design, and further runs to test it.
 
     Raises
     ------
     ValueError
-        If a run does not complete, a parameter is unknown or outside its range.
+        If a run does not complete, or if a parameter is unknown or outside its range.
     doe.surrogates.protocol.SurrogateError
-        If the surrogate cannot be built, or no part of it is accurate enough; the message gives the remedy.
+        If the surrogate cannot be built, or if no part of it is accurate enough. The message gives the
+        remedy.
     """
     design = latin_hypercube(box, runs, rng=rng, optimise=True)
     others = latin_hypercube(box, unseen, rng=rng + 1)
@@ -262,7 +265,7 @@ def global_sensitivity(
 
 
 def _errors(observables: Observables, vectors: FloatArray, told: FloatArray) -> dict[str, float]:
-    """Mean square errors at the last runs over the variances of all runs."""
+    """Mean square errors at the last runs, divided by the variances of all runs."""
     real, spread = vectors[-len(told) :], vectors.var(axis=0)
     scalars = [observables.scalars(rows) for rows in (real, told, vectors)]
     miss = ((scalars[1] - scalars[0]) ** 2).mean(axis=0) / scalars[2].var(axis=0)
@@ -343,7 +346,7 @@ def screening(
     shot, box, held, numerics
         As in `solver_sensitivity`.
     trajectories
-        Number of trajectories; each needs one more run than there are parameters.
+        Number of trajectories. Each needs one more run than there are parameters.
     rng
         Seed.
 
@@ -352,12 +355,12 @@ def screening(
     outputs
         Names of the outputs, length s.
     effects
-        Of each parameter on each output.
+        Effects of each parameter on each output.
 
     Raises
     ------
     ValueError
-        If a run does not complete, or a parameter is unknown or outside its range.
+        If a run does not complete, or if a parameter is unknown or outside its range.
     """
     walks = morris(box, trajectories, rng=rng)
     observables, vectors = _observed(shot, walks.design.points, box, held, numerics)

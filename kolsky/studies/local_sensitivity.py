@@ -1,10 +1,10 @@
-"""Slopes of force and outline by each parameter, through time and over height: dF/dp(t), dZ/dp(y, t).
+"""Slopes of force and outline by each parameter: dF/dp(t) over time, dZ/dp(y, t) over height and time.
 
 Slopes are those of straight lines through runs at `LEVELS` values within a *reach* of the point, all in one
-batch. They are the mean slopes in the range of a search. The derivative at the point itself can be very
-different. Near incompressibility the specimen rings, and one per cent of stiffness shifts the phase so much
-that dF/dp increases without limit as the reach decreases; no mesh predicts the phase so accurately. The
-residuals of the lines are stored too.
+batch. They are the mean slopes in the range of a search. The derivative at the point can be very different.
+Near incompressibility the specimen rings, and one per cent of stiffness changes the phase noticeably. As the
+reach decreases, dF/dp then increases without limit; no mesh predicts the phase so accurately. The residuals
+of the lines are stored too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,9 +21,10 @@ from kolsky.inverse.parameters import PARAMETERS, checked_value, has_effect, par
 from kolsky.inverse.settings import Numerics
 
 LEVELS = 10
-"""Number of runs per parameter, without the point itself: enough to average the ringing in a slope."""
+"""Number of runs per parameter, without that at the point. They are enough to average the ringing in a
+slope."""
 REACH = 0.1
-"""Default reach of each parameter over its scale (`explicit.model.scale_of`)."""
+"""Default reach of each parameter, divided by its scale (`explicit.model.scale_of`)."""
 
 
 @dataclass(frozen=True)
@@ -52,25 +53,25 @@ class LocalSensitivity:
     point: FloatArray
     """Their values, in their units, shape [d]."""
     scale: FloatArray
-    """Scale of each parameter (a large change), in its unit, shape [d]."""
+    """Scale of each parameter (a large change) in its unit, shape [d]."""
     reach: float
-    """Largest change in the runs over the scale [-]."""
+    """Largest change in the runs, divided by the scale [-]."""
     grid: ObservationGrid
     """Times and heights of the evaluation."""
     force: FloatArray
     """Mean force over each bin at the point [N], shape [n_bins]."""
     radius: FloatArray
-    """Radius of the free side surface at the point [m], shape [n_frames, n_heights]; NaN where it does not
-    reach."""
+    """Radius of the free side surface at the point [m], shape [n_frames, n_heights]. NaN at heights that it
+    does not reach."""
     force_slope: FloatArray
     """dF/dp [N per unit], shape [d, n_bins]."""
     radius_slope: FloatArray
-    """dZ/dp [m per unit], shape [d, n_frames, n_heights]; NaN where the surface does not reach in every
-    run."""
+    """dZ/dp [m per unit], shape [d, n_frames, n_heights]. NaN at heights that the surface does not reach in
+    every run."""
     force_left: FloatArray
     """Root mean square residual of the line [N], shape [d, n_bins]."""
     radius_left: FloatArray
-    """The same for the radius [m], shape [d, n_frames, n_heights]; NaN as above."""
+    """Root mean square residual of the radius [m], shape [d, n_frames, n_heights]; NaN as above."""
 
 
 def local_sensitivity(
@@ -84,11 +85,11 @@ def local_sensitivity(
 ) -> LocalSensitivity:
     """Slopes of force and outline about a point, from one batch of runs.
 
-    ``forward``: the shot; its sampling is replaced by ``grid``. ``names``: parameters of
+    ``forward``: the shot; ``grid`` replaces its sampling. ``names``: parameters of
     `kolsky.inverse.parameters.PARAMETERS`. ``held``: values of parameters (also those in `names`) that differ
-    from the shot's. ``reach``: largest change over the parameter's scale, in (0, 0.5]. Raises ValueError if a
-    parameter is unknown, named twice or has no scale at its value, the reach is outside its range, or a run
-    does not complete.
+    from the shot's. ``reach``: largest change divided by the parameter's scale, in (0, 0.5]. Raises
+    ValueError if a parameter is unknown, named twice or has no scale at its value. The same error is raised
+    if the reach is outside its range, or if a run does not complete.
     """
     if not 0.0 < reach <= 0.5:
         raise ValueError(f"reach must be in (0, 0.5], got {reach}")
@@ -148,7 +149,7 @@ def mesh_change(
 
 
 def _point(forward: Forward, names: Sequence[str], held: Mapping[str, float]) -> dict[str, float]:
-    """Values of the named parameters and of those held at another value than the shot's."""
+    """Values of the named parameters and of parameters held at other values than the shot's."""
     if not names:
         raise ValueError("name at least one parameter")
     for name in names:
@@ -175,7 +176,7 @@ def _scale(name: str, value: float) -> float:
 
 
 def _levels(name: str, value: float, reach: float) -> FloatArray:
-    """Values about a point, shifted inwards at the end of the allowed range."""
+    """Values about a point. They are shifted inward at the end of the allowed range."""
     low, high = parameter(name).allowed
     levels = value + reach * np.setdiff1d(np.linspace(-1.0, 1.0, LEVELS + 1), [0.0])
     levels = levels + max(0.0, low - levels[0])
@@ -185,7 +186,7 @@ def _levels(name: str, value: float, reach: float) -> FloatArray:
 def _seen(
     forward: Forward, grid: ObservationGrid, columns: Mapping[str, FloatArray], numerics: Numerics
 ) -> tuple[FloatArray, FloatArray]:
-    """Force of every bin and radius at every frame and height, shapes [n, n_bins], [n, n_frames, n_y]."""
+    """Force of every bin [n, n_bins], and radius at every frame and height [n, n_frames, n_y]."""
     sampling = explicit.Sampling(force_times=grid.edges, surface_times=grid.frames)
     response = completed_runs(replace(forward, sampling=sampling), columns, numerics)
     force = np.diff(response.impulse_transmission, axis=1) / np.diff(grid.edges)
@@ -201,7 +202,7 @@ def completed_runs(
 ) -> explicit.Response:
     """Runs that must all complete.
 
-    ``columns``: values of each parameter, or one for all runs. Raises ValueError with the place and the
+    ``columns``: values of each parameter, or one value for all runs. Raises ValueError with the place and the
     ending of the first failed run, and the remedy.
     """
     response = forward.run(columns, numerics)
@@ -218,7 +219,7 @@ def completed_runs(
 
 
 def _line(x: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Slope and root mean square residual of the least-squares line, entry by entry."""
+    """Slope and root mean square residual of the least-squares line, for each entry."""
     away = x - x.mean()
     slope = np.tensordot(away, values, axes=1) / (away @ away)
     rest = values - values.mean(axis=0) - away.reshape(-1, *[1] * slope.ndim) * slope

@@ -1,7 +1,9 @@
-"""The method of Mates et al. (2012): factorial over friction and stiffness, surface through Phi, simplex.
+"""The method of Mates et al. (2012).
 
-Its cost and the surface through it, the interval in which the cost cannot be distinguished from its minimum,
-Eqs. (M.6)-(M.8), and the answer as text, JSON and a table of runs.
+Factorial design over friction and stiffness, surface through Phi, simplex.
+
+Its cost and the surface through it, the interval, and the answer as text, JSON and a table of runs. In the
+interval, the cost cannot be distinguished from its minimum, Eqs. (M.6)-(M.8).
 """
 
 from collections.abc import Callable, Mapping
@@ -31,7 +33,7 @@ GRID = 101
 
 @dataclass(frozen=True)
 class Surface:
-    """Runs of one mesh and radial basis functions through their cost."""
+    """Runs of one mesh, and radial basis functions through their cost."""
 
     runs: sweeping.Sweep
     """The runs."""
@@ -44,17 +46,17 @@ class Surface:
 
 
 def cost_of(found: Terms) -> float:
-    """Phi, Eq. (M.5) [-]; its force term where no outline was measured."""
+    """Phi, Eq. (M.5) [-]. Its force term without an outline."""
     return found.phi if found.has_shape else found.phi_force / SCALE_FORCE
 
 
 def delta_of(found: Terms) -> float:
-    """delta Phi, Eq. (M.8) [-]; its force term, Eq. (M.7), where no outline was measured."""
+    """delta Phi, Eq. (M.8) [-]. Its force term, Eq. (M.7), without an outline."""
     return found.sigma_phi if found.has_shape else found.sigma_phi_force / SCALE_FORCE
 
 
 def profile(fit: CostSurrogate, name: str = MOVED) -> tuple[FloatArray, FloatArray]:
-    """Values of a parameter and the least cost over the other at each, shape [GRID] each."""
+    """Values of a parameter, and the least cost over the other parameter at each value, shape [GRID] each."""
     box = fit.box
     axes = [np.linspace(0.0, 1.0, GRID)] * box.dimension
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
@@ -67,7 +69,9 @@ def profile(fit: CostSurrogate, name: str = MOVED) -> tuple[FloatArray, FloatArr
 
 
 def friction_constrained(fit: CostSurrogate, delta: float) -> bool:
-    """True if the largest friction of the design costs more than delta Phi over the least."""
+    """True if the cost at the largest friction of the design exceeds the least cost by more than delta
+    Phi.
+    """
     _, cost = profile(fit, FRICTION)
     return bool(cost[-1] - cost.min() > delta)
 
@@ -90,7 +94,10 @@ def surface_of(runs: sweeping.Sweep) -> Surface:
 
 
 def box_around(whole: Box, x: FloatArray, shares: list[float]) -> Box:
-    """A box about a point with these shares of the edges, moved to lie inside the whole one."""
+    """A box about a point with these shares of the edges.
+
+    It is moved to lie inside the whole box.
+    """
     bounds = {}
     for i, (name, share) in enumerate(zip(whole.names, shares, strict=True)):
         edge = share * (whole.upper[i] - whole.lower[i])
@@ -101,16 +108,16 @@ def box_around(whole: Box, x: FloatArray, shares: list[float]) -> Box:
 
 @dataclass(frozen=True)
 class CostInterval:
-    """Range of a parameter whose cost lies within delta Phi of the least."""
+    """Range of a parameter in which the cost is within delta Phi of the least cost."""
 
     low: float
     """Lower end, in the parameter's unit."""
     high: float
     """Upper end."""
     open_low: bool
-    """True if the cost is still within delta Phi at the lower bound of the design."""
+    """True if the cost at the lower bound of the design is still within delta Phi."""
     open_high: bool
-    """True if it is at the upper bound."""
+    """True if the cost at the upper bound is still within delta Phi."""
 
     def moved(self, distance: float) -> "CostInterval":
         """The same interval about another optimum, for example on another mesh."""
@@ -120,8 +127,8 @@ class CostInterval:
 def cost_interval(x: FloatArray, cost: FloatArray, delta: float) -> CostInterval:
     """The outermost values of a parameter with Phi <= min Phi + delta Phi.
 
-    A cost with several valleys has one interval over all valleys that cannot be distinguished from the
-    deepest.
+    A cost may have several valleys. One interval then covers all valleys that cannot be distinguished from
+    the deepest.
     """
     if not (np.isfinite(cost).all() and np.isfinite(delta) and delta >= 0.0):
         raise ValueError(f"the interval needs finite costs and an uncertainty >= 0, got {delta}")
@@ -143,20 +150,20 @@ def _crossing(x: FloatArray, cost: FloatArray, limit: float) -> float:
 
 
 BOUNDS = {FRICTION: (0.0, 2.0), MOVED: (0.75, 1.5)}
-"""The paper's designs: its Fig. 9, and for the stiffness factor the wider range of its Fig. 10."""
+"""The paper's designs: its Fig. 9 and, for the stiffness factor, the wider range of its Fig. 10."""
 LEVELS, LEVELS_ALONE = 10, 16
-"""Number of levels of each of two parameters, and of the stiffness factor if it is the only one."""
+"""Number of levels of each of two parameters, and of the stiffness factor alone."""
 REFINED_LEVELS = (3, 7)
 """Levels of friction and of the stiffness factor on the refined mesh."""
 REFINED_SHARE = (0.25, 0.16)
-"""Edges of the box on the refined mesh over those of the design."""
+"""Edges of the box on the refined mesh, as shares of those of the design."""
 MOST_BOXES, MOST_CHECKS = 3, 6
-"""Maximum number of boxes on the refined mesh, and of runs at the optimum there."""
+"""Maximum number of boxes on the refined mesh, and of runs at the optimum on this mesh."""
 CONFIRMED = 0.005
-"""A run at the optimum confirms the stiffness factor if it shifts by no more than this: half of the last
-digit in the paper."""
+"""A run at the optimum confirms the stiffness factor if it shifts by no more than this. It is half of the
+last digit in the paper."""
 SAME = 1e-6
-"""Points of the unit box closer than this count as one run."""
+"""Points of the unit box with a smaller distance than this are one run."""
 
 Progress = Callable[[str, int, int], None]
 
@@ -181,7 +188,7 @@ class PaperAnswer:
     predicted: float
     """Cost of the last run predicted by the surface on the refined mesh [-]."""
     confirmed: bool
-    """True if that run confirmed m inside the bounds of the design."""
+    """True if this run confirmed m inside the bounds of the design."""
     error: float
     """Leave-one-out error (rms) of the surface on the coarse mesh [-]."""
     design: tuple[float, float]
@@ -189,7 +196,7 @@ class PaperAnswer:
     meshes: tuple[tuple[int, int], tuple[int, int]]
     """The coarse and the refined mesh."""
     surfaces: tuple[Surface, ...]
-    """Every design that was run, in order; the last is the refined mesh's."""
+    """Every design that was run, in order. The last one is that of the refined mesh."""
     checks: tuple[tuple[dict[str, float], float], ...]
     """Runs at the optimum on the refined mesh: parameters and cost."""
 
@@ -214,29 +221,30 @@ def paper_method(
     ledger: Path | None = None,
     progress: Progress | None = None,
 ) -> PaperAnswer:
-    """Identify the stiffness factor as Mates et al. (2012) did, and confirm it on a refined mesh.
+    """Identify the stiffness factor by the method of Mates et al. (2012), and confirm it on a refined mesh.
 
     Parameters
     ----------
     shot
         A loaded shot.
     bounds
-        Bounds of the design for "stiffness_factor", and for "friction"; `BOUNDS` for what is missing.
+        Bounds of the design for "stiffness_factor" and for "friction". `BOUNDS` gives missing ones.
     held
-        Other parameters held at another value than the shot's; friction held is not varied.
+        Other parameters held at values that differ from the shot's. A held friction is not varied.
     numerics
         The coarse mesh and the arithmetic.
     refined_mesh
         Elements across the radius and along the length.
     ledger
-        File that stores the runs of the designs, so that none is repeated.
+        File that stores the runs of the designs. No run is repeated.
     progress
         Called with stage, runs done, runs in the stage.
 
     Raises
     ------
     ValueError
-        If a parameter or a bound is not allowed, too few runs complete, or a run at the optimum does not.
+        If a parameter or a bound is not allowed, if too few runs complete, or if a run at the optimum does
+        not.
     """
     numerics, held = numerics or Numerics(), dict(held or {})
     given = {**BOUNDS, **(bounds or {})}
@@ -360,7 +368,7 @@ STEM = "paper_method"
 
 
 def rows(answer: PaperAnswer) -> dict[str, str]:
-    """Names and values for a table, for comparison with our answer."""
+    """Names and values for a table, for comparison with the answer of `identify`."""
     span, (coarse, refined) = answer.interval, answer.meshes
     range_ = f"{span.low:.4g} to {span.high:.4g}"
     ends_open = [side for side, open_ in (("below", span.open_low), ("above", span.open_high)) if open_]
@@ -408,7 +416,7 @@ def paper_warnings(answer: PaperAnswer) -> list[str]:
 
 
 def to_json(answer: PaperAnswer) -> dict[str, Any]:
-    """The answer as one JSON object, SI; numbers that are not finite become null."""
+    """The answer as one JSON object, SI. Numbers that are not finite become null."""
     said = {
         "shot": answer.shot,
         "stiffness_factor": answer.factor,
@@ -433,7 +441,7 @@ def to_json(answer: PaperAnswer) -> dict[str, Any]:
 
 
 def write_paper_method(folder: Path, answer: PaperAnswer) -> None:
-    """Write paper_method.json and paper_method.csv, a row a run of the designs."""
+    """Write paper_method.json and paper_method.csv, one row per run of the designs."""
     tables = [surface.runs.table for surface in answer.surfaces]
     meshes = [answer.meshes[0]] * (len(tables) - 1) + [answer.meshes[1]]
     columns: dict[str, Any] = {

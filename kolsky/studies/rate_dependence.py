@@ -47,17 +47,17 @@ class SlowDynamics(ResultViews):
     sweeps: Mapping[str, Superposition]
     """Temperature sweeps by name."""
     moduli: tuple[ApparentModuli, ...]
-    """Moduli of each single test, then those of the shots."""
+    """Moduli of each single test, followed by those of the shots."""
     law: MaterialLaw
-    """The long-term law, up to the fitted factor."""
+    """The long-term law, without the fitted factor."""
     declared: bool
-    """True if the list declares it; otherwise it is neo-Hookean."""
+    """True if the list declares the law. Otherwise it is neo-Hookean."""
     verdict: RateVerdict
     """Prony series with 0, 1, 2, ... branches."""
     comparison: ModelComparison
     """Comparison of elastic model, series and creeping network."""
     fitted: ApparentModuli
-    """E(t) of the series that the data need."""
+    """E(t) of the series with the number of branches that the data need."""
     remarks: tuple[str, ...]
     """Remarks that a user must read."""
 
@@ -68,7 +68,10 @@ class SlowDynamics(ResultViews):
 
     @property
     def sentence(self) -> str:
-        """The number of branches in words; none is needed if a curve of the strain fits equally well."""
+        """The number of branches in words.
+
+        No branch is needed if a curve of the strain fits equally well.
+        """
         best = self.comparison.best
         return self.comparison.sentence if best.name == CURVE else self.verdict.sentence
 
@@ -83,8 +86,8 @@ def analyse_rate_dependence(
 ) -> SlowDynamics:
     """Place all tests on one axis of time and fit a Prony series to the slow ones.
 
-    ``shots``: identified shots of the same material, placed on the axis but not used in the fit. ``at_most``:
-    largest number of branches tried.
+    ``shots``: identified shots of the same material. They are placed on the axis but not used in the fit.
+    ``at_most``: largest number of branches tried.
     """
     remarks = [said for name, sweep in slow.sweeps.items() for said in _sweep_remarks(name, sweep)]
     if not slow.tests:
@@ -125,7 +128,10 @@ def analyse_rate_dependence(
 
 
 def shot_modulus(shot: RatedShot) -> ApparentModuli:
-    """The point of an identified shot, Eq. (M.1): m times the mean E_a of its curve over its strains."""
+    """The point of an identified shot, Eq. (M.1).
+
+    It is m times the mean E_a of its curve over its strains.
+    """
     largest, curve = shot.history.largest, shot.quasi_static.curve
     strain = curve.stretch - 1.0
     compression = bool(strain[np.argmax(np.abs(strain))] < 0.0)
@@ -146,7 +152,7 @@ def shot_modulus(shot: RatedShot) -> ApparentModuli:
 
 
 def _scale(tests: Sequence[Evidence], moduli: Sequence[ApparentModuli]) -> float:
-    """A shear modulus of the order of the measured ones [Pa], the reference of the fitted factor."""
+    """A shear modulus of the order of the measured ones [Pa]. The fitted factor refers to it."""
     seen = [float(np.median(one.modulus)) for one in moduli if one.modulus.size]
     if not seen:
         seen = [float(np.abs(test.values[np.isfinite(test.sigma)]).max()) for test in tests]

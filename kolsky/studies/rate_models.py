@@ -1,17 +1,17 @@
 """Model selection for the rate dependence: elastic, Prony series or Bergstrom-Boyce network.
 
-Each model is fitted to the same values, and compared by two criteria. With the weighted sum of squares Q (for
-shots -2 ln L), k parameters and n values,
+Each model is fitted to the same values. The models are compared by two criteria. With the weighted sum of
+squares Q (for shots -2 ln L), k parameters and n values,
 
     AICc = Q + 2 k + 2 k (k + 1) / (n - k - 1),    BIC = Q + k ln n,                                   (V.6)
 
-and the weight of a model is exp(-dBIC / 2) over the sum of all. It is the probability of the model if all
-were equally likely a priori (Kass and Raftery 1995). A model is chosen if it has the lowest BIC, all others
-differ by more than `STRONG`, and none has a lower AICc. Otherwise no model is chosen.
+The weight of a model is exp(-dBIC / 2) over the sum of all. It is the probability of the model if all were
+equally likely a priori (Kass and Raftery 1995). A model is chosen if it has the lowest BIC, all others differ
+by more than `STRONG`, and none has a lower AICc. Otherwise no model is chosen.
 
-If a law does not fit the strain dependence, a branch can also reduce the misfit, and tests at one rate cannot
+If a law does not fit the strain dependence, a branch can also reduce the misfit. Tests at one rate cannot
 distinguish the two. The models of histories therefore include a curve: the stress is any smooth function of
-the stretch only. If it is the best, no rate dependence is chosen.
+the stretch alone. If the curve is the best model, no rate dependence is chosen.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,25 +32,27 @@ from kolsky.material.relaxation.evidence import HistoryTest
 from kolsky.material.relaxation.rate_fit import FACTORS, REFUSED, STRENGTHS, RateFit
 
 STRONG = 6.0
-"""Smallest distance in BIC from the chosen model to every other [-]: odds of 20 to 1, "strong" evidence of
-Kass and Raftery (1995)."""
+"""Smallest distance in BIC from the chosen model to every other [-]. It means odds of 20 to 1, the "strong"
+evidence of Kass and Raftery (1995)."""
 POOR_FIT = 2.0
-"""If chi-square over degrees of freedom exceeds this, the fit is reported and no model is chosen."""
+"""If chi-square over degrees of freedom exceeds this, the fit is reported but no model is chosen."""
 NETWORK = "bergstrom_boyce"
 """Name of the network among the models, as in a shot file."""
 ELASTIC, CURVE = "elastic", "elastic curve"
 """Names of the models without rate dependence: the declared law, and any curve of the stretch."""
 MOST_PIECES = 6
-"""Maximum number of cubic pieces of a curve: 9 constants are as flexible as any law of `explicit.materials`
-[-]."""
+"""Maximum number of cubic pieces of a curve [-]. Its 9 constants are as flexible as any law of
+`explicit.materials`."""
 CREEP_STRENGTHS = (0.1, 1.0)
 """Initial ratios of the networks in the search [-]."""
 CREEP_RESISTANCES = (0.1, 1.0, 10.0)
-"""Initial resistances in the search, over the largest stress of the tests [-]."""
+"""Initial resistances in the search, divided by the largest stress of the tests [-]."""
 RESISTANCES = (1e-4, 1e4)
-"""Allowed resistances over that stress [-]: outside, the network flows immediately or never."""
+"""Allowed resistances divided by that stress [-]. Outside this range, the network flows immediately or
+never."""
 AT_END = 1e-3
-"""A constant is not determined if its logarithm is closer than this to the end of its range [-]."""
+"""A constant is not determined if the distance of its logarithm from the end of its range is below this
+[-]."""
 
 
 @dataclass(frozen=True)
@@ -66,10 +68,10 @@ class Candidate:
     values: Mapping[str, float]
     """The constants found, SI."""
     doubt: str = ""
-    """Reason why it cannot be chosen; empty if it can."""
+    """Reason why it cannot be chosen; empty if it can be chosen."""
 
     def aicc(self, n: int) -> float:
-        """Akaike's criterion for small samples of n values; infinite where n does not exceed k + 1 [-]."""
+        """Akaike's criterion for small samples of n values. It is infinite unless n exceeds k + 1 [-]."""
         k = self.parameters
         if n <= k + 1:
             return float("inf")
@@ -89,8 +91,8 @@ class ModelComparison:
     n_data: int
     """Number of fitted values."""
     scatter: float
-    """Smallest sum of squares over its degrees of freedom, 1 or more [-]: the deviances are already over
-    it."""
+    """Smallest sum of squares divided by its degrees of freedom, 1 or more [-]. The deviances are already
+    divided by it."""
     left_out: Mapping[str, str]
     """Models that were not fitted, and why."""
 
@@ -112,7 +114,7 @@ class ModelComparison:
         """Models that prevent the choice of the best one.
 
         A model that cannot be chosen is a rival only if its BIC is lower than that of the best. The law and a
-        curve are both elastic and not rivals of each other.
+        curve are both elastic and therefore no rivals of each other.
         """
         best, n = self.best, self.n_data
         return tuple(
@@ -162,8 +164,10 @@ class ModelComparison:
 
 
 def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> ModelComparison:
-    """Compare the Prony series of `required_branches` with the creeping network on slow tests; `law` is the
-    long-term law at factor 1."""
+    """Compare the Prony series of `required_branches` with the creeping network on slow tests.
+
+    `law` is the long-term law at factor 1.
+    """
     found = [
         Candidate(
             series_name(len(fit.model.series)),
@@ -193,7 +197,7 @@ def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> Model
 
 
 def series_name(branches: int) -> str:
-    """Name of a series as in `--relaxation`; "elastic" without branches."""
+    """Name of a series as in `--relaxation`. It is "elastic" without branches."""
     return (ELASTIC, "prony")[branches] if branches < 2 else f"prony:{branches}"
 
 
@@ -202,7 +206,10 @@ def _ends(names: Sequence[str]) -> str:
 
 
 def fit_curve(slow: Slow) -> Candidate:
-    """Fit histories by the cubic spline of the stretch whose number of pieces has the least BIC."""
+    """Fit histories by a cubic spline of the stretch.
+
+    Its number of pieces has the least BIC.
+    """
     values, sigma = slow_measured(slow)
     histories = [one for one in slow if isinstance(one, HistoryTest)]
     stretch = np.concatenate([one.stretch[np.isfinite(one.sigma)] for one in histories])
@@ -220,13 +227,19 @@ def fit_curve(slow: Slow) -> Candidate:
 
 
 def _least_squares(rows: FloatArray, values: FloatArray) -> Candidate:
-    """Fit a curve that is linear in its constants; unconstrained constants do not count."""
+    """Fit a curve that is linear in its constants.
+
+    Unconstrained constants do not count.
+    """
     solved, _, rank, _ = np.linalg.lstsq(rows, values)
     return Candidate(CURVE, int(rank), float(np.square(rows @ solved - values).sum()), {})
 
 
 def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
-    """Fit factor, ratio and resistance of the network; its exponents are the defaults of a shot file."""
+    """Fit factor, ratio and resistance of the network.
+
+    Its exponents are the defaults of a shot file.
+    """
     values, sigma = slow_measured(slow)
     stress = float(np.abs(values).max())
     names = ("factor", "creep_ratio", "creep_resistance")
@@ -264,7 +277,7 @@ def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
 
 
 def joint_models(slow: Slow, branches: int) -> list[tuple[str, RelaxationKind, int]]:
-    """Models available for the identification of shots and slow tests: name, kind and branches."""
+    """Models for the identification of shots and slow tests: name, kind and branches."""
     made: list[tuple[str, RelaxationKind, int]] = [
         (series_name(k), "prony", k) for k in range(1, min(branches, MOST_BRANCHES) + 1)
     ]
@@ -274,10 +287,12 @@ def joint_models(slow: Slow, branches: int) -> list[tuple[str, RelaxationKind, i
 
 
 def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
-    """Compare models identified from the same shots and slow tests, each relative to an elastic one.
+    """Compare models identified from the same shots and slow tests.
 
-    Each result holds its criteria minus those of the elastic model on the same data, mesh error included
-    (`kolsky.inverse.joint_result.ModelChoice`): the elastic deviance is 0 here.
+    Each is compared with an elastic model.
+
+    Each result contains its criteria minus those of the elastic model on the same data, with the mesh error
+    (`kolsky.inverse.joint_result.ModelChoice`). The elastic deviance is therefore 0 here.
 
     Parameters
     ----------
@@ -287,7 +302,7 @@ def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
     Raises
     ------
     ValueError
-        If a result was made without the comparison, or the results are not of the same values.
+        If a result was made without the comparison, or if the results do not use the same values.
     """
     found: list[Candidate] = []
     sizes = []
@@ -301,7 +316,7 @@ def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
         values = {key: e.value for key, e in result.estimates.items()}
         if not found:
             found.append(Candidate(ELASTIC, len(choice.elastic), 0.0, choice.elastic))
-        # a model favoured by a criterion is not chosen if synthetic elastic data or the mesh would show the
+        # a model favoured by a criterion is not chosen if synthetic elastic data or the mesh would give the
         # same
         doubt = "" if choice.asked_for or choice.aic >= 0.0 else choice.sentence
         found.append(Candidate(name, len(result.estimates), lower, values, doubt))

@@ -1,6 +1,8 @@
-"""A design of experiments over a shot's parameters: every run with outcome and misfit, none repeated.
+"""A design of experiments over a shot's parameters: every run with outcome and misfit.
 
-The design is made here or read from a CSV file of parameter values with units in its header.
+No run is repeated.
+
+The design is made here, or read from a CSV file of parameter values with units in its header.
 """
 
 import csv
@@ -41,10 +43,10 @@ from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
 
 KEPT = ("phi_force", "phi_shape", "chi2_force", "chi2_shape", "end time", "element", "R", "Y")
-"""Results of a run in the ledger, in this order, SI. The misfits are NaN if it did not complete; the element
-is -1 and its position NaN if it did."""
+"""Results of a run in the ledger, in this order, SI. The misfits of a failed run are NaN. For a completed
+run, the element is -1 and its position NaN."""
 CHUNK = {"cpu": 64, "cuda": 4096}
-"""Runs between two entries in the ledger, by class of device."""
+"""Number of runs between two entries in the ledger, by class of device."""
 
 
 @dataclass(frozen=True)
@@ -55,26 +57,26 @@ class Sweep(ResultViews):
     table: DesignTable
     """Points, outcomes and misfits."""
     held: dict[str, float]
-    """Parameters held at another value than the shot's."""
+    """Parameters held at values that differ from the shot's."""
     damaged: tuple[str, ...] = ()
-    """Prefixes of the keys of damaged runs in the ledger, which were repeated."""
+    """Prefixes of the keys of damaged runs in the ledger. These runs were repeated."""
 
 
 @dataclass(frozen=True)
 class ShotRuns:
-    """The shot as a function of points, for `doe.ledger.run_chunks`; it can be pickled."""
+    """The shot as a function of points, for `doe.ledger.run_chunks`. It can be pickled."""
 
     prepared: PreparedShot
     """The prepared shot."""
     names: tuple[str, ...]
     """Parameters varied, length d."""
     held: Mapping[str, float]
-    """Parameters held at another value than the shot's."""
+    """Parameters held at values that differ from the shot's."""
     numerics: Numerics
     """Mesh, precision, device."""
 
     def __call__(self, points: FloatArray) -> list[Run]:
-        """Simulate the points, shape [n, d]; every run holds the results in `KEPT`."""
+        """Simulate the points, shape [n, d]. Every run contains the results in `KEPT`."""
         columns = {name: points[:, i] for i, name in enumerate(self.names)}
         response = self.prepared.forward.run({**self.held, **columns}, self.numerics)
         rows = np.flatnonzero(response.completed)
@@ -95,9 +97,9 @@ class ShotRuns:
     def model_hash(self) -> bytes:
         """SHA-256 of all inputs of a run's result except the varied values.
 
-        Inputs, window, specimen, interface, held parameters, names, mesh and other numerical choices, class
-        of device, versions and the package's sources. The number of threads is not included, since the result
-        does not depend on it.
+        The inputs are window, specimen, interface, held parameters, names, mesh and other numerical choices,
+        class of device, versions and the package's sources. The number of threads is not included, because
+        the result does not depend on it.
         """
         device = self.numerics.device.partition(":")[0]
         settings = {
@@ -132,24 +134,24 @@ def sweep(
     design
         Points over parameters of `kolsky.inverse.parameters.PARAMETERS`.
     held
-        Parameters held at another value than the shot's.
+        Parameters held at values that differ from the shot's.
     numerics
         As in `kolsky.inverse.forward.Forward.run`.
     ledger
         File that stores each chunk of runs and supplies earlier runs; default: none.
     merge
-        Ledgers of other shards, first copied into `ledger`.
+        Ledgers of other shards. They are first copied into `ledger`.
     retry
-        Repeat the runs that the ledger records as not completed.
+        Repeat the runs that are recorded as failed in the ledger.
     executor, progress
         As in `doe.ledger.run_chunks`.
 
     Raises
     ------
     ValueError
-        If a parameter is unknown or outside its range, or `merge` is given without `ledger`.
+        If a parameter is unknown or outside its range, or if `merge` is given without `ledger`.
     doe.ledger.LedgerError
-        If a file is not a ledger, is damaged or in use.
+        If a file is not a ledger, is damaged or is in use.
     OSError
         If the ledger's folder cannot be made.
 
@@ -187,7 +189,10 @@ def sweep(
 
 @contextmanager
 def _merged(path: Path, model: bytes, others: tuple[Path, ...]) -> Iterator[Ledger]:
-    """A ledger with others merged into it; if one is rejected, a newly created ledger is removed."""
+    """A ledger with others merged into it.
+
+    If one is rejected, a newly created ledger is removed.
+    """
     fresh, made = not path.exists(), missing(path.parent)
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -207,7 +212,7 @@ def _merged(path: Path, model: bytes, others: tuple[Path, ...]) -> Iterator[Ledg
 
 
 def _refuse_strangers(ledger: Path, runs: list[Run]) -> None:
-    """Raise LedgerError if a row has a valid key but was not written by a sweep."""
+    """Raise LedgerError if a row has a valid key but does not come from a sweep."""
     for run in runs:
         known = run.outcome in Outcome.__members__ and Outcome[run.outcome].ok == run.completed
         if not known or run.results.shape != (len(KEPT),) or not float(run.results[5]).is_integer():
@@ -232,8 +237,10 @@ def _table(design: Design, runs: list[Run]) -> DesignTable:
 
 
 def columns(result: Sweep) -> dict[str, Any]:
-    """One row per run: parameters, outcome, Phi_F, Phi_S, Phi and chi-square; for a failed run also how, when
-    and where it ended."""
+    """One row per run: parameters, outcome, Phi_F, Phi_S, Phi and chi-square.
+
+    A failed run also has the reason, time and place of its failure.
+    """
     table = result.table
     made: dict[str, Any] = {"run": np.arange(len(table.outcomes))}
     made |= {f"{name} ({PARAMETERS[name].unit})": table.points[:, i] for i, name in enumerate(table.names)}
@@ -249,7 +256,7 @@ def columns(result: Sweep) -> dict[str, Any]:
 
 
 def counts(result: Sweep) -> dict[str, int]:
-    """Number of runs, and of those that completed."""
+    """Number of runs, and number of completed runs."""
     table = result.table
     return {"runs": len(table.outcomes), "completed": len(table.outcomes) - len(table.lost)}
 
@@ -260,7 +267,7 @@ def misfit_sum(table: DesignTable) -> FloatArray:
 
 
 def costs(table: DesignTable) -> FloatArray:
-    """Phi of every run, Eq. (M.5) [-]; only its force term if no outline was measured.
+    """Phi of every run, Eq. (M.5) [-]. Without an outline, its force term.
 
     NaN if a run did not complete, shape [n_runs].
     """
@@ -269,7 +276,9 @@ def costs(table: DesignTable) -> FloatArray:
 
 
 def least_misfit(result: Sweep) -> dict[str, Any]:
-    """The completed run with the smallest Phi, and its parameters in SI; by Phi_F without an outline.
+    """The completed run with the smallest Phi, and its parameters in SI.
+
+    Without an outline, with the smallest Phi_F.
 
     Values are None if no run completed.
     """
@@ -285,14 +294,16 @@ def least_misfit(result: Sweep) -> dict[str, Any]:
 
 
 MOST_RUNS = 1_000_000
-"""Maximum number of runs in a sweep; their histories must fit into memory."""
+"""Maximum number of runs in a sweep. Their histories must fit into memory."""
 HEADER = re.compile(r"\s*([a-z_]+)\s*(?:\(\s*([^()]+?)\s*\))?\s*")
 
 
 def read_design(path: Path) -> Design:
-    """Read a design from a CSV file: a header "stiffness_factor (1), damping (us)", then one point per line.
+    """Read a design from a CSV file.
 
-    A name without a unit is in SI. The design's box spans the values of each column.
+    It has a header "stiffness_factor (1), damping (us)", then one point per line.
+
+    A name without a unit is in SI. The design's box covers the values of each column.
     """
     text = decode(path, read_bytes(path))
     rows = csv.reader(StringIO(text, newline=""), strict=True)

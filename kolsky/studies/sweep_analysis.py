@@ -19,16 +19,17 @@ from kolsky.shot.records import Shot
 from kolsky.studies.sweep import Sweep, misfit_sum
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
-"""Analysed misfits, Eqs. (M.3) to (M.5), and their units."""
+"""Misfits in the analysis, Eqs. (M.3) to (M.5), and their units."""
 MOST_FITTED = 400
-"""Maximum number of runs used for an interpolant, whose equations are dense. The others test it."""
+"""Maximum number of runs used for an interpolant, because its equations are dense. The other runs test it."""
 LARGEST_ERROR = 0.2
-"""Largest accepted error (rms) of an interpolant over the standard deviation of the runs. Its square, 4 % of
-the variance, is the uncertainty of the variance shares."""
+"""Largest accepted error (rms) of an interpolant, divided by the standard deviation of the runs. Its square,
+4 % of the variance, is the uncertainty of the variance shares."""
 LEVELS = 41
-"""Points along each parameter of an effect and of a map."""
+"""Number of points along each parameter of an effect and of a map."""
 MOST_FORCES = 64
-"""Maximum number of runs along one parameter whose forces are simulated again: about one second."""
+"""Maximum number of runs along one parameter with forces that are simulated again. This takes about one
+second."""
 SAMPLE = 1024
 """Points of each sample of the indices."""
 
@@ -56,12 +57,12 @@ class Output:
     values: FloatArray
     """Values at every run, NaN if it did not complete, shape [n_runs]."""
     error: float
-    """Error of the interpolant over the standard deviation of the runs [-]: root mean square of
-    leave-one-out residuals or, with many runs, of the runs not used for it."""
+    """Error of the interpolant, divided by the standard deviation of the runs [-]. It is the root mean square
+    of leave-one-out residuals. With many runs, it is that of the runs not used for it."""
     refused: str
-    """The reason why the interpolant is not used; empty if it is accurate enough."""
+    """The reason why the interpolant is not used. Empty if it is accurate enough."""
     surrogate: CostSurrogate | None
-    """The interpolant; None if it could not be computed or is not accurate enough."""
+    """The interpolant. None if it could not be computed, or if it is not accurate enough."""
     effects: dict[str, Effect]
     """Main effects by parameter; empty without an interpolant."""
 
@@ -73,11 +74,11 @@ class SurfaceOptimum:
     output: str
     """Key of `OUTPUTS`: "Phi", or "Phi_F" without an outline."""
     at: dict[str, float]
-    """The parameters there, in their units."""
+    """The parameters at the minimum, in their units."""
     value: float
-    """The interpolant there, in the output's unit."""
+    """The interpolant at the minimum, in the output's unit."""
     at_bound: dict[str, str]
-    """ "lower" or "upper" for each parameter that lies at a bound of the box: its optimum may lie outside."""
+    """"lower" or "upper" for each parameter at a bound of the box. Its optimum may lie outside."""
     converged: bool
     """True if the search met its convergence criterion."""
 
@@ -87,7 +88,7 @@ class ForcesAlong:
     """Forces of the completed runs along one parameter."""
 
     x: FloatArray
-    """Values of the parameter [SI], rising, shape [n]."""
+    """Values of the parameter [SI], increasing, shape [n]."""
     steps: NDArray[np.int64]
     """Time steps of each run, shape [n]."""
     time: FloatArray
@@ -107,23 +108,26 @@ class SweepAnalysis(ResultViews):
     """Range of the parameters."""
     table: DesignTable
     outputs: dict[str, Output]
-    """The misfits, by name; only those of force without an outline."""
+    """The misfits by name. Without an outline, only those of the force."""
     indices: SobolIndices | None
-    """Shares of the variance of the outputs with an interpolant; None without any, or one parameter."""
+    """Shares of the variance of the outputs with an interpolant. None without an interpolant, or for one
+    parameter."""
     best: int | None
-    """Run with the smallest Phi (Phi_F without an outline); None if none completed."""
+    """Run with the smallest Phi (Phi_F without an outline). None if no run completed."""
     optimum: SurfaceOptimum | None = None
-    """Minimum of the interpolant of Phi (Phi_F without an outline); None without an accurate one."""
+    """Minimum of the interpolant of Phi (Phi_F without an outline). None without an accurate interpolant."""
     forces: ForcesAlong | None = None
     """Forces of a sweep over one parameter, if requested; see `forces_along`."""
 
     @property
     def judged(self) -> str:
-        """The output by which runs are ranked: "Phi", or "Phi_F" where no outline was measured."""
+        """The output that ranks the runs: "Phi", or "Phi_F" without an outline."""
         return "Phi" if "Phi" in self.outputs else "Phi_F"
 
     def map(self, output: str, first: str, second: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """An output in the plane of two parameters, with the others at the values of the best run.
+        """An output in the plane of two parameters.
+
+        The other parameters have the values of the best run.
 
         Returns: values of the two parameters [SI], shape [LEVELS]. Returns: the output, shape [LEVELS,
         LEVELS], rows along y. Raises ValueError if the output has no interpolant.
@@ -175,7 +179,10 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> S
 
 
 def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | None:
-    """Minimum of an interpolant by downhill simplex, from the best run and from the best point of a scan."""
+    """Minimum of an interpolant by downhill simplex.
+
+    It starts from the best run and from the best point of a scan.
+    """
     surrogate = output.surrogate
     if surrogate is None:
         return None
@@ -192,9 +199,11 @@ def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | No
 
 
 def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
-    """Minimum of the interpolant in plain types: point, value, bounds reached; or why there is none.
+    """Minimum of the interpolant in plain types: point, value and bounds reached.
 
-    The value is that of Phi (without an outline of Phi_F, in newtons).
+    If there is none, the reason.
+
+    The value is that of Phi. Without an outline, it is Phi_F in newtons.
     """
     found = analysis.optimum
     if found is None:
@@ -230,8 +239,8 @@ def _output(name: str, box: Box, points: FloatArray, values: FloatArray, rng: in
 def _too_large(error: float, runs: int, dimension: int) -> str:
     """The reason for rejection, with the number of runs needed if the misfit is smooth.
 
-    For a smooth function, the error is at least second order in the distance of the runs, which is
-    proportional to their number to the power of -1/d.
+    For a smooth function, the error is of second order or higher in the distance of the runs. This distance
+    is proportional to their number to the power of -1/d.
     """
     needed = int(np.ceil(runs * (error / LARGEST_ERROR) ** (dimension / 2.0)))
     return (
@@ -272,9 +281,11 @@ def _indices(box: Box, outputs: dict[str, Output], rng: int) -> SobolIndices | N
 
 
 def forces_along(shot: Shot, swept: Sweep, numerics: Numerics) -> ForcesAlong | None:
-    """Simulate the levels of one parameter again to get the forces; the ledger stores misfits only.
+    """Simulate the levels of one parameter again to get the forces.
 
-    Returns: None for several parameters, more than `MOST_FORCES` runs, or if none completed.
+    The ledger stores only misfits.
+
+    Returns: None for several parameters, for more than `MOST_FORCES` runs, or if no run completed.
     """
     if len(swept.table.names) != 1 or len(swept.table.points) > MOST_FORCES:
         return None

@@ -1,6 +1,8 @@
-"""Values that follow from the data files of a folder: signs, rest, noise, ranges, each with a remark.
+"""Values that follow from the data files of a folder.
 
-`kolsky new` writes values that are clear, with the reason; other values stay blank, and the remark gives the
+Signs, rest, noise and ranges, each with a remark.
+
+`kolsky new` writes values that are clear, with the reason. Other values stay blank, and the remark gives the
 reason.
 """
 
@@ -47,10 +49,10 @@ from kolsky.survey.tables import (
 )
 
 FEWEST_SAMPLES = 20
-"""Smallest number of samples of a baseline; the standard deviation of its mean is then a quarter of the
+"""Smallest number of samples of a baseline. The standard deviation of its mean is then a quarter of the
 noise."""
 SPARE = 0.9
-"""Share of the quiet part of a record that is used, because motion and force may begin below the noise."""
+"""Used share of the quiet part of a record. Motion and force may begin below the noise."""
 FEWEST_STATIC = 3
 """Smallest number of static frames of a shot."""
 _COMPRESSION = re.compile(r"compress|druck|stauch|crush", re.IGNORECASE)
@@ -91,7 +93,10 @@ def evidence(survey: Survey, picture: tuple[int, str] | None = None) -> Findings
 
 
 def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
-    """Add the static frames; returns the time of the last static frame on the frames' clock [s], if known."""
+    """Add the static frames.
+
+    Returns the time of the last static frame on the frames' clock [s], if known.
+    """
     frames = survey.parts.get("frames", survey.parts.get("flyer"))
     if frames is None or frames.frame is None:
         return None
@@ -123,8 +128,10 @@ def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) ->
 
 
 def _flyer_motion(table: TableEntry) -> tuple[int, str] | None:
-    """Number of the first frame in which the flyer moves, and its file; until then the specimen is at
-    rest."""
+    """Number of the first frame in which the flyer moves, and its file.
+
+    The specimen is at rest until then.
+    """
     quiet = _flyer_quiet(table)
     if quiet is None or table.frame is None:
         return None
@@ -153,7 +160,7 @@ def _flyer(table: TableEntry, shown: Findings) -> None:
 
 
 def _volts(table: TableEntry) -> FloatArray | None:
-    """Samples of the transmitted force [V], or None if its column is not clear."""
+    """Samples of the transmitted force [V]. None if its column is not clear."""
     column = voltage_of(table)
     if column is None or column.dimension != "V":
         return None
@@ -215,8 +222,10 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
 
 
 def _time(seconds: float, *, later: bool = False) -> str:
-    """A time rounded to a nanosecond toward the inside of its interval; ``later``: the time is the interval's
-    beginning."""
+    """A time rounded to a nanosecond toward the inside of its interval.
+
+    ``later``: the time is the interval's beginning.
+    """
     nanoseconds = 1e9 * seconds
     whole = np.ceil(nanoseconds - 1e-4) if later else np.floor(nanoseconds + 1e-4)  # doubles near 60 s: 1e-5
     return f"{whole / 1e3:.14g} us"
@@ -263,8 +272,10 @@ def new_text(
     pictures: PictureSurvey | None = None,
     last: str | None = None,
 ) -> str:
-    """The text of the new shot file: the blank one or the last shot's, completed with values from the
-    files."""
+    """The text of the new shot file.
+
+    It is the blank one or the last shot's, completed with values from the files.
+    """
     if last is not None:
         return with_notes(next_of_series(last, folder, contents), notes_of(contents))
     text = template(bars=bars, pictures=pictures is not None)
@@ -289,8 +300,10 @@ def new_text(
 
 
 def with_surface(text: str, found: SurfaceSurvey) -> str:
-    """The blank file with [surface] instead of [centre_line], and instead of [flyer] if the exports contain
-    it."""
+    """The blank file with [surface] instead of [centre_line].
+
+    If the exports contain the flyer, [surface] also replaces [flyer].
+    """
     if found.specimen is None:
         return text
     text = text[: text.index("[centre_line]")] + text[text.index("# [surface]") + 2 :]

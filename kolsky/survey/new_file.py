@@ -1,5 +1,7 @@
-"""A new shot file: the blank file completed from the folder's files and recordings, or the next shot of a
-series."""
+"""A new shot file.
+
+The blank file is completed from the folder's files and recordings, or the file is the next of a series.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +43,10 @@ _LINE = re.compile(rf"(?P<off># )?(?P<key>\w+) = {_VALUE}(?P<rest>\s*(?:#.*)?)")
 
 
 def _keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match[str] | None]]:
-    """Each line of a shot file, with its dotted key and its parts if it has a key; also if it is commented
-    out."""
+    """Each line of a shot file, with its dotted key and its parts if it has a key.
+
+    Commented-out lines are included.
+    """
     table = ""
     for line in text.split("\n"):
         match = _LINE.fullmatch(line)
@@ -53,7 +57,7 @@ def _keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match[str] | None]]:
 
 
 def fill_in(text: str, values: Mapping[str, str | None]) -> str:
-    """A shot file with other values; its remarks are kept.
+    """A shot file with other values. Its remarks are kept.
 
     ``text``: the shot file. ``values``: dotted key -> value in TOML syntax; None comments the line out. A
     value for a commented-out line makes it active. Raises KeyError if a key has no line.
@@ -140,8 +144,8 @@ def notes_of(survey: Survey) -> dict[str, str]:
 def next_of_series(text: str, folder: Path, survey: Survey) -> str:
     """The shot file of the next shot, made from that of the last one.
 
-    Values of the apparatus are kept; values that differ between shots are blank. A file that is not in the
-    folder is replaced by the one found for the same purpose, with its columns, or else left blank.
+    Values of the apparatus are kept. Values that differ between shots are blank. If a file is not in the
+    folder, the one found for the same purpose replaces it, with its columns. Otherwise it is left blank.
     """
     declared = {key: m["value"] for _, key, m in _keyed_lines(text) if m and m["off"] is None}
     changed: dict[str, str | None] = {key: BLANK for key in PER_SHOT if key in declared}
@@ -161,10 +165,9 @@ _TRANSMITTED_WORDS = re.compile(r"(?<![a-z])(tra(?!in|ck|ce)|out|ausgang|sortie)
 SIDES = {"incident": _INCIDENT_WORDS, "transmission": _TRANSMITTED_WORDS}
 """Beginnings of words that identify a bar in a channel's name."""
 REST_SHARE = 0.05
-"""Share of a record at its beginning that is taken as the rest level for the detection of a signal's
-onset."""
+"""Share of a record at its beginning that is the rest level for the detection of a signal's onset."""
 ONSET_SIGMAS = 8.0
-"""Threshold of the onset in standard deviations of the rest level; five successive samples must exceed it."""
+"""Threshold of the onset in standard deviations of the rest level. Five successive samples must exceed it."""
 
 Signal = tuple[str, Channel]
 """Name of a recorder, and a channel of its file."""
@@ -173,7 +176,7 @@ Signal = tuple[str, Channel]
 def with_recordings(text: str, survey: Survey) -> str:
     """The blank file with recorders and channels, and with properties of the recordings as remarks.
 
-    A channel is assigned if its name identifies the bar; otherwise it stays blank and the channels are
+    A channel is assigned if its name identifies the bar. Otherwise it stays blank and the channels are
     listed.
     """
     recorders = _recorders(survey.recordings)
@@ -274,8 +277,10 @@ def _chosen(table: str, channels: list[Signal], text: str) -> dict[str, str | No
 
 
 def _leaves_rest(channel: Channel) -> float | None:
-    """Onset of a signal, i.e. the time at which it leaves its rest level [s], on the file's clock; None if
-    unknown."""
+    """Onset of a signal on the file's clock [s].
+
+    It is the time at which the signal leaves its rest level. None if unknown.
+    """
     try:
         values, clock = channel.values(), channel.clock()
     except InputError:

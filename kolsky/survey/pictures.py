@@ -1,7 +1,7 @@
 """Survey of a folder's pictures: series of the test and series of a calibration target.
 
 Only unambiguous series are assigned: two series with one picture per frame, and two others with equal numbers
-of pictures. The cameras are numbered by the order of the names; a remark states this.
+of pictures. The cameras are numbered by the order of the names. A remark states this.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
 NUMBERED = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """Endings of pictures of a numbered series."""
 EARLY = 500
-"""Number of pictures in which the first motion is searched: reading more would take minutes."""
+"""Number of pictures in which the first motion is searched. More pictures would take minutes."""
 FEWEST = 3
 """Smallest number of pictures of a test or calibration series."""
 _NUMBER = re.compile(r"(.*?)(\d{1,18})(\D*)", re.DOTALL)
@@ -41,7 +41,7 @@ class SeriesEntry:
     shape: tuple[int, int]
     """Rows and columns [px]."""
     crop: tuple[float, float] | None
-    """Position on the sensor (x, y) [px] stated in the file; None if not stated."""
+    """Position on the sensor (x, y) in the file [px]. None if the file does not contain it."""
 
     @property
     def said(self) -> str:
@@ -54,17 +54,17 @@ class PictureSurvey:
     """The picture series of a folder by their role in a shot."""
 
     test: tuple[SeriesEntry, ...] = ()
-    """Both series of the test, in the order of their names; empty if they are not unambiguous."""
+    """Both series of the test, in the order of their names. Empty if they are ambiguous."""
     target: tuple[SeriesEntry, ...] = ()
-    """Both series of a calibration target; empty if they are not unambiguous."""
+    """Both series of a calibration target. Empty if they are ambiguous."""
     others: tuple[SeriesEntry, ...] = ()
     """Series that could not be assigned."""
 
 
 def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
-    """Survey the pictures in a folder and its direct subfolders; nothing is written.
+    """Survey the pictures in a folder and its direct subfolders. Nothing is written.
 
-    ``tables``: its tables; the frames' file gives the number of pictures per camera.
+    ``tables``: its tables. The frames' file gives the number of pictures per camera.
     """
     series = sorted(_series(folder), key=lambda one: one.name)
     frames = tables.parts.get("frames")
@@ -76,14 +76,19 @@ def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
 
 
 def _pair(series: list[SeriesEntry]) -> tuple[SeriesEntry, ...]:
-    """The two series of two cameras; empty unless there are exactly two, equal in number and size of
-    pictures."""
+    """The two series of two cameras.
+
+    Empty unless there are exactly two, equal in number and size of pictures.
+    """
     alike = len(series) == 2 and len({(one.count, one.shape) for one in series}) == 1
     return tuple(series) if alike else ()
 
 
 def _series(folder: Path) -> Iterator[SeriesEntry]:
-    """Every series in a folder and its subfolders; files that cannot be opened are left out."""
+    """Every series in a folder and its subfolders.
+
+    Files that cannot be opened are left out.
+    """
     from dic.images import PictureError, open_pictures
 
     numbered: dict[str, list[Path]] = {}
@@ -114,8 +119,9 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
 
 
 def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
-    """Index of the first picture of camera 0 that clearly differs from the previous ones, and the series'
-    name; or None.
+    """Index of the first picture of camera 0 that clearly differs from the previous ones.
+
+    The series' name is also returned. None if there is no such picture.
 
     The measure is the mean absolute difference from the first picture, as shown in the report of `kolsky
     check`. Only the first `EARLY` pictures are searched.
@@ -162,7 +168,7 @@ def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
 
 
 def picture_notes(pictures: PictureSurvey) -> Mapping[str, str]:
-    """Dotted key -> remark: how the cameras were distinguished, and how the pictures were cropped."""
+    """Dotted key -> remark on the order of the cameras and on the crop of the pictures."""
     notes = {}
     for camera, one in enumerate(pictures.test):
         notes[f"pictures.camera_{camera}"] = f"{one.said}; camera {camera} by the order of the names"

@@ -12,21 +12,23 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 
 DEPARTURE = 5.0
-"""Threshold in standard deviations beyond which a value is not noise; with `IN_A_ROW`, one false alarm in
-1e18 values."""
+"""Threshold in standard deviations above which a value is not noise. With `IN_A_ROW`, there is one false
+alarm in 1e18 values."""
 IN_A_ROW = 3
-"""Number of successive values beyond `DEPARTURE` that end the rest; a single one is an outlier."""
+"""Number of successive values beyond `DEPARTURE` that end the rest. A single value is an outlier."""
 CLEAR = 50.0
-"""Smallest amplitude of a signal in standard deviations; a smaller one is a disturbance, not the test."""
+"""Smallest amplitude of a signal in standard deviations. A smaller one is a disturbance and not the test."""
 ROUNDING = 0.29
 """Standard deviation of rounding, in steps of the last digit: 1/sqrt(12)."""
 FIRST_PUSH = 0.2
-"""Share of the largest departure at which the sign is determined: far above noise, long before the peak."""
+"""Share of the largest departure at which the sign is determined. It is far above noise and long before the
+peak."""
 LONGEST_TOP = 10
-"""Number of successive samples at the largest value that indicates clipping; a noisy peak repeats less."""
+"""Number of successive samples at the largest value that indicates clipping. A noisy peak has fewer."""
 
 MOST_POINTS = 2000
-"""Largest number of points of a curve for the estimate of its scatter; more change it by less than 2 %."""
+"""Largest number of points of a curve for the estimate of its scatter. More points change it by less than 2
+%."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,15 @@ class QuietStretch:
     level: float
     """Their mean."""
     scatter: float
-    """Their standard deviation, from differences of successive values, so that a slow drift has no effect."""
+    """Their standard deviation, from differences of successive values. A slow drift then has no effect."""
 
 
 def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
-    """The rest at the beginning of a record; None if there is no clear rest or no departure from it.
+    """The rest at the beginning of a record.
 
-    ``values``: the record, shape [n]. ``fewest``: fewest values of a rest.
+    None if there is no clear rest or no departure from it.
+
+    ``values``: the record, shape [n]. ``fewest``: smallest number of values of a rest.
     """
     x = np.asarray(values, dtype=np.float64)
     if x.size < fewest + IN_A_ROW or not np.isfinite(x).all():
@@ -81,7 +85,10 @@ def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
 
 
 def first_push(values: FloatArray, quiet: QuietStretch) -> int | None:
-    """Sign of the first large departure from the rest, if it is also the largest one; else None."""
+    """Sign of the first large departure from the rest.
+
+    None unless it is also the largest one.
+    """
     off = np.asarray(values, dtype=np.float64) - quiet.level
     largest = float(np.abs(off).max())
     first = off[np.flatnonzero(np.abs(off) >= FIRST_PUSH * largest)[0]]
@@ -90,7 +97,7 @@ def first_push(values: FloatArray, quiet: QuietStretch) -> int | None:
 
 
 def range_above(values: FloatArray) -> float | None:
-    """The smallest of 1, 2, 5 times a power of ten above all values; None for a clipped record."""
+    """The smallest of 1, 2, 5 times a power of ten above all values. None for a clipped record."""
     sizes = np.abs(np.asarray(values, dtype=np.float64))
     largest = float(sizes.max())
     if largest <= 0.0:
@@ -106,8 +113,8 @@ def range_above(values: FloatArray) -> float | None:
 def relative_scatter(x: FloatArray, y: FloatArray) -> float | None:
     """Relative standard deviation of the points about a smooth curve; None for too few points.
 
-    Each point is compared with the cubic through its four neighbours. The median is used, so that a kink or
-    an outlier has no effect.
+    Each point is compared with the cubic through its four neighbours. The median is used, because a kink or
+    an outlier does not affect it.
 
     ``x``, ``y``: the points, shape [n].
     """

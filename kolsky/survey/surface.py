@@ -1,4 +1,6 @@
-"""Survey of a folder's exports of DIC programs: series of files, their program, axes, rest and noise.
+"""Survey of a folder's exports of DIC programs.
+
+Series of files, their program, axes, rest and noise.
 
 A program is recognised by its column headings. The flyer's series and the axes of the test are identified
 from the motion; if the motion is ambiguous, they stay blank.
@@ -22,24 +24,24 @@ from kolsky.survey.signals import QuietStretch, quiet_stretch, two_figures
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 """Endings of exports."""
 FEWEST = 3
-"""Smallest number of files of a series: a shot needs this many static frames."""
+"""Smallest number of files of a series, because a shot needs this many static frames."""
 ONE_BODY = 0.05
-"""Largest scatter of the points' displacements for a rigid body, over its travel [-]. For a compressed
+"""Largest scatter of the points' displacements for a rigid body, divided by its travel [-]. For a compressed
 specimen with half of its height in view it is 0.5 / sqrt(12) = 0.14."""
 PRESSED = 0.10
-"""Smallest scatter of the points' displacements for a compressed specimen, over their travel [-]."""
+"""Smallest scatter of the points' displacements for a compressed specimen, divided by their travel [-]."""
 ALONG_AXIS = 0.9
-"""Smallest share of a motion along an axis of the program for which this is the test's axis: 26 degrees
-off."""
+"""Smallest share of a motion along an axis of the program that makes it the test's axis. It allows an angle
+of 26 degrees."""
 CLEARLY = 3.0
 """Smallest ratio of the larger to the smaller of two motions for an unambiguous choice [-]."""
 ARC = 0.088
-"""Smallest depth over width of a patch that shows a cylinder's curvature: an arc of 20 degrees to each side
-has tan(10 degrees) / 2."""
+"""Smallest ratio of depth to width of a patch that shows a cylinder's curvature. An arc of 20 degrees to each
+side has tan(10 degrees) / 2."""
 FEWEST_OF_CYLINDER = 30
 """Smallest number of points for a cylinder fit."""
 PLAUSIBLE = (0.5e-3, 0.5)
-"""Range of plausible extents of a specimen's points; outside it the unit is wrong [m]."""
+"""Range of plausible extents of a specimen's points [m]. Outside it, the unit is wrong."""
 _AXES = "XYZ"
 
 
@@ -52,7 +54,7 @@ class SeriesOfExports:
     program: str
     """Key of `LAYOUTS`."""
     unit: str
-    """Unit of its lengths; empty if it is not known."""
+    """Unit of its lengths; empty if unknown."""
     why_unit: str
     """Source of the unit, as text."""
     export: DicExport
@@ -60,15 +62,16 @@ class SeriesOfExports:
 
     @property
     def motion(self) -> FloatArray:
-        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]; 0 without
-        such points."""
+        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]. 0 without
+        such points.
+        """
         if not self._complete.any():
             return np.zeros((len(self.export.u), 3))
         return np.asarray(self.export.u[:, self._complete].mean(axis=1))
 
     @property
     def one_body(self) -> bool | None:
-        """Whether it moves as a rigid body; None if this is ambiguous."""
+        """True if it moves as a rigid body. None if this is ambiguous."""
         u = self.export.u[:, self._complete]
         if u.shape[1] < 2:
             return None
@@ -99,7 +102,7 @@ class SurfaceSurvey:
 
 
 def survey_surfaces(folder: Path) -> SurfaceSurvey:
-    """Find series of exports in a folder and all its subfolders; nothing is written."""
+    """Find series of exports in a folder and all its subfolders. Nothing is written."""
     doubtful: dict[str, str] = {}
     files: set[Path] = set()
     series = []
@@ -139,7 +142,10 @@ def survey_surfaces(folder: Path) -> SurfaceSurvey:
 
 
 def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
-    """Pattern and files of each series; the first file's name where the names differ in several numbers."""
+    """Pattern and files of each series.
+
+    If the names differ in several numbers, the first file's name is the pattern.
+    """
     groups: dict[tuple[Path, str], list[Path]] = {}
     if not folder.is_dir():
         return
@@ -167,8 +173,10 @@ def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
 
 
 def _read(pattern: str, paths: list[Path], layout: tuple[str, tuple[str, ...]]) -> SeriesOfExports:
-    """The points of a series, with its unit: that of the headings, else mm if the extent of the points is
-    plausible."""
+    """The points of a series, with its unit.
+
+    The unit is that of the headings, otherwise mm if the extent of the points is plausible.
+    """
     program, stated = layout
     export = read(paths, program)
     if stated:
@@ -186,7 +194,10 @@ def _read(pattern: str, paths: list[Path], layout: tuple[str, tuple[str, ...]]) 
 
 
 def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
-    """The program's axis toward the flyer and the evidence for it; None if no motion shows it."""
+    """The program's axis toward the flyer and the evidence for it.
+
+    None if no motion shows it.
+    """
     if survey.flyer is not None:
         motion = survey.flyer.motion
         way = motion[int(np.argmax(np.linalg.norm(motion, axis=1)))]
@@ -214,8 +225,10 @@ def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
 
 
 def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | None:
-    """The program's axis toward the cameras and the evidence for it: the visible side is convex toward
-    them."""
+    """The program's axis toward the cameras and the evidence for it.
+
+    The visible side is convex toward the cameras.
+    """
     motion = series.motion
     across = [k for k in range(3) if _AXES[k] != y[1]]
     way = motion[int(np.argmax(np.abs(motion[:, _AXES.index(y[1])])))][across]
@@ -228,11 +241,11 @@ def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | No
 
 
 def quiet_frames(series: SeriesOfExports) -> QuietStretch | None:
-    """The frames before a series moves, including the reference; None if they are not clear.
+    """The frames before a series moves, with the reference. None if they are not clear.
 
     The rest ends when the first component of the mean motion departs from it.
     """
-    # The reference has no displacement, and no noise.
+    # The reference has no displacement and no noise.
     rests = [quiet_stretch(component[1:], fewest=FEWEST) for component in series.motion.T]
     first = min((quiet for quiet in rests if quiet), key=lambda quiet: quiet.count, default=None)
     return None if first is None else QuietStretch(first.count + 1, first.level, first.scatter)
@@ -243,7 +256,7 @@ def scatter_at_rest(series: SeriesOfExports, count: int) -> float | None:
 
     It comes from the differences of neighbouring frames at rest.
 
-    ``count``: number of static frames, including the reference.
+    ``count``: number of static frames, with the reference.
     """
     steps = np.diff(series.export.u[1:count], axis=0)
     if steps.shape[0] < 2:
@@ -262,7 +275,10 @@ def spacing(series: SeriesOfExports) -> float:
 
 
 def shows_cylinder(series: SeriesOfExports, y: str, Z: str) -> bool:
-    """Whether the points at rest show the curvature of a cylinder, so that a cylinder can be fitted."""
+    """True if the points at rest show the curvature of a cylinder.
+
+    A cylinder can then be fitted.
+    """
     extent = np.ptp(series.export.X, axis=0)
     width = extent[next(k for k in range(3) if _AXES[k] not in (y[1], Z[1]))]
     depth = extent[_AXES.index(Z[1])]
@@ -332,10 +348,12 @@ def surface_values(survey: SurfaceSurvey) -> tuple[dict[str, str | None], dict[s
 
 
 def first_motion(survey: SurfaceSurvey) -> tuple[int, str] | None:
-    """Number of the first frame in which specimen or flyer moves, and the files that show it; or None.
+    """Number of the first frame in which specimen or flyer moves, and the files that show it.
 
-    The specimen is at rest until the flyer moves, so the earlier of both frames is safe. None without a clear
-    rest of the specimen.
+    None if it is not clear.
+
+    The specimen is at rest until the flyer moves. The earlier of both frames is therefore safe. None without
+    a clear rest of the specimen.
     """
     if survey.specimen is None or quiet_frames(survey.specimen) is None:
         return None

@@ -32,11 +32,11 @@ class ColumnEntry:
     name: str
     """Its heading, as used in a shot file."""
     unit: str
-    """Its unit as written in the heading or in the line below; empty if there is none."""
+    """Its unit as written in the heading or in the line below. Empty if there is none."""
     dimension: str
     """SI unit of its kind, one of `kolsky.base.units.SHOT_KINDS`; empty if unknown."""
     values: FloatArray
-    """Its values in `unit`, shape [n]; empty for a recorder's channel."""
+    """Its values in `unit`, shape [n]. Empty for a recorder's channel."""
 
     def toml(self) -> str:
         """The column in the syntax of a shot file."""
@@ -56,9 +56,9 @@ class TableEntry:
     path: Path
     """The file."""
     columns: tuple[ColumnEntry, ...]
-    """Its numeric columns; for a recorder's file its channels."""
+    """Its numeric columns. For a recorder's file, its channels."""
     layout: Mapping[str, str | int] = field(default_factory=dict)
-    """Keys of `layout` that it needs; empty for UTF-8 with commas, decimal points and one header line."""
+    """Keys of `layout` that it needs. Empty for UTF-8 with commas, decimal points and one header line."""
     clock: tuple[float, float, int] | None = None
     """First and last time [s] and number of samples, for a recorder's file that is not a plain table."""
 
@@ -80,16 +80,19 @@ class TableEntry:
         return [c for c in self.columns if c.dimension == dimension]
 
     def only(self, pattern: str, dimension: str) -> ColumnEntry | None:
-        """The only column of a kind whose name begins with the pattern; None if there is not exactly one."""
+        """The only column of a kind with a name that begins with the pattern.
+
+        None if there is not exactly one.
+        """
         return _single([c for c in self.of(dimension) if re.match(pattern, c.name, re.IGNORECASE)])
 
     def toml_layout(self) -> str:
-        """Its layout in the syntax of a shot file; empty if it needs none."""
+        """Its layout in the syntax of a shot file. Empty if it needs none."""
         said = (f"{k} = {v if isinstance(v, int) else quoted(v)}" for k, v in self.layout.items())
         return f"{{ {', '.join(said)} }}" if self.layout else ""
 
     def seconds(self) -> FloatArray:
-        """First time, last time and median step [s], shape [3]; NaN where not known."""
+        """First time, last time and median step [s], shape [3]; NaN if unknown."""
         time = self.time
         if self.clock is not None:
             first, last, count = self.clock
@@ -116,13 +119,12 @@ SUFFIXES = (
 )  # fmt: skip
 """Endings of files that may contain tables or recordings."""
 WORKBOOKS = ("excel", "excel 97")
-"""Formats whose sheets may be tables or recordings."""
+"""Formats with sheets that may be tables or recordings."""
 SHIFT = "on the file's clock"
 _SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
 _TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
 _SCOPE_ROWS = 200
-"""Smallest number of samples of a table without a column in volts for which it is taken as a recording of the
-force."""
+"""Smallest number of samples with which a table without a column in volts is a recording of the force."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,10 @@ class Survey:
 
 
 def survey(folder: Path) -> Survey:
-    """Survey the files of a folder; nothing is written, and unreadable files are listed."""
+    """Survey the files of a folder.
+
+    Nothing is written, and unreadable files are listed.
+    """
     parts: dict[str, list[TableEntry]] = {}
     doubtful: dict[str, str] = {}
     recordings: list[TableEntry] = []
@@ -183,7 +188,10 @@ def _is_recording(table: TableEntry) -> bool:
 
 
 def _part_of(table: TableEntry) -> str | None:
-    """The table of a shot file that a file belongs to; None if its columns do not identify it."""
+    """The table of a shot file for a file.
+
+    None if the columns of the file do not identify it.
+    """
     frame, lengths = table.frame, table.of("m")
     if frame is not None:
         if np.unique(frame.values).size < frame.values.size:
@@ -200,14 +208,14 @@ def _part_of(table: TableEntry) -> str | None:
 
 
 def strain_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of strains; else None."""
+    """The only column of strains. None if there are none or several."""
     return _single(
         [c for c in table.columns if QUANTITIES["strain"][1].search(c.name) and c.dimension in ("1", "")]
     )
 
 
 def stress_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of stresses; else None."""
+    """The only column of stresses. None if there are none or several."""
     return _single(
         [
             c
@@ -220,19 +228,25 @@ def stress_of(table: TableEntry) -> ColumnEntry | None:
 
 
 def sigma_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of standard deviations of lengths; else None."""
+    """The only column of standard deviations of lengths. None if there are none or several."""
     return _single([c for c in table.of("m") if _SIGMA.search(c.name)])
 
 
 def voltage_of(table: TableEntry) -> ColumnEntry | None:
-    """The transmitted force's column: the only one in volts, or the only one in volts with such a name."""
+    """The transmitted force's column.
+
+    It is the only one in volts, or the only one in volts with such a name.
+    """
     volts = table.of("V")
     named = [c for c in volts if _TRANSMITTED.search(c.name)]
     return volts[0] if len(volts) == 1 else (named[0] if len(named) == 1 else None)
 
 
 def displacement_of(table: TableEntry) -> ColumnEntry | None:
-    """The flyer's displacement: the only column of lengths that is not a standard deviation."""
+    """The flyer's displacement.
+
+    It is the only column of lengths that is not a standard deviation.
+    """
     lengths = [c for c in table.of("m") if not _SIGMA.search(c.name)]
     return lengths[0] if len(lengths) == 1 else None
 
@@ -278,8 +292,10 @@ def read_entry(path: Path) -> TableEntry:
 
 
 def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
-    """First and last time [s] and number of samples from a rate or interval in the header; None without
-    one."""
+    """First and last time [s] and number of samples, from a rate or interval in the header.
+
+    None without a rate or interval.
+    """
     try:
         first = contents.channels[0]
         clock = first.clock()
@@ -289,7 +305,10 @@ def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
 
 
 def _recorder(path: Path, contents: Contents) -> TableEntry:
-    """A file in a recorder's format: its channels, and the clock of the first one."""
+    """A file in a recorder's format.
+
+    Its channels, and the clock of the first channel.
+    """
     channels = tuple(
         ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0)) for c in contents.channels
     )

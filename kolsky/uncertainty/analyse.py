@@ -1,7 +1,7 @@
 """The uncertainty analysis of an optimum: declared inputs, profiles, other choices of the analyst,
 posterior.
 
-Other choices are another end of the window and other force bins; the same data and runs are searched again.
+Other choices are another end of the window and other force bins. The same data and runs are searched again.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from kolsky.uncertainty.profiles import (
 
 WINDOW_END, FORCE_BINS = "window_end", "force_bins"
 WINDOW_SHARES = (0.9, 0.8)
-"""Alternative window lengths over the full length [-]."""
+"""Alternative window lengths, as shares of the full length [-]."""
 LEAST_BINS = 8
 """Smallest number of force bins for a search."""
 SEARCH_TOLERANCE = 1e-5
@@ -91,7 +91,7 @@ def variations(
 
 
 def shorter_window(objective: Objective, model: Model, end: float) -> Data:
-    """The data inside a window that ends earlier, and their model."""
+    """The data inside a window with an earlier end, and their model."""
     seen = objective.observations
     line = seen.centre_line
     inside = seen.of_forces(lambda bins, _: bins.edges[1:]) <= end + SAME_TIME
@@ -122,7 +122,7 @@ def _first_bins(bins: ForceBins, end: float) -> ForceBins:
 
 
 def wider_bins(objective: Objective, model: Model) -> Data:
-    """The data with pairs of transmitted-force bins merged; an odd last bin stays."""
+    """The data with pairs of transmitted-force bins merged. An odd last bin stays."""
     bins = objective.observations.bins
     own = len(bins.mean)
     starts = np.arange(0, own, 2)
@@ -153,7 +153,7 @@ def wider_bins(objective: Objective, model: Model) -> Data:
 def _narrower_bins(
     runner: Runner, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
 ) -> Data:
-    """The data with every transmitted-force bin split in two, and a surrogate of the same runs for them."""
+    """The data with every transmitted-force bin split in two, and a surrogate of the same runs."""
     seen = answer.objective.observations
     edge = np.searchsorted(seen.force.time, seen.bins.edges - SAME_TIME)
     middle = (edge[1:] + edge[:-1]) // 2
@@ -168,7 +168,7 @@ def _narrower_bins(
     n, bins = len(seen.bins.mean), force_between(seen.force, halves)
 
     def twice(rows: FloatArray) -> FloatArray:
-        """Rows of bins and points in which both halves of a bin have the value of the bin."""
+        """Rows of bins and points. Both halves of a bin have the value of the bin."""
         return np.concatenate([np.repeat(rows[..., :n], 2, axis=-1), rows[..., n:]], axis=-1)
 
     front = answer.objective.front.over(twice)
@@ -194,9 +194,12 @@ def _narrower_bins(
 def _halves(
     prediction: Prediction, time: FloatArray, edge: NDArray[np.intp], halves: NDArray[np.intp]
 ) -> FloatArray:
-    """Means over the halves of bins by the trapezoid rule, those of a bin with its exact mean, [n, 2 n_bins].
+    """Means over the halves of bins by the trapezoid rule, [n, 2 n_bins].
 
-    The trapezoid rule misses changes between the samples; both halves get the same correction for them.
+    The mean of each bin is exact.
+
+    The trapezoid rule misses changes between the samples. Both halves get the same correction for these
+    changes.
     """
     F = prediction.force
     steps = 0.5 * (F[:, 1:] + F[:, :-1]) * np.diff(time)
@@ -239,7 +242,7 @@ class UncertaintyAnalysis:
     """Effect of each input on the data vector and on the answer."""
 
     def sigma_systematic(self, name: str) -> float:
-        """Standard uncertainty of a parameter from the declared ones, root sum of squares."""
+        """Standard uncertainty of a parameter from the declared uncertainties, root sum of squares."""
         return float(np.sqrt(sum(part.shifts.get(name, 0.0) ** 2 for part in self.systematic)))
 
     def added_to(self, result: Identification) -> Identification:
@@ -349,7 +352,7 @@ def _posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
 
 
 def noise_shares(answer: LinearisedOptimum, systematic: tuple[Declaration, ...]) -> FloatArray:
-    """Share of the noise in each parameter's variance from noise and declared inputs, shape [d]."""
+    """Share of noise in each parameter's variance by noise and declared inputs, shape [d]."""
     noise = np.diag(answer.objective.covariance(answer.slope, answer.vector))
     names = answer.local.names
     declared = [sum(part.shifts.get(name, 0.0) ** 2 for part in systematic) for name in names]
@@ -359,9 +362,9 @@ def noise_shares(answer: LinearisedOptimum, systematic: tuple[Declaration, ...])
 def wider_interval(profile: ParameterProfile, noise_share: float) -> float:
     """Factor on the answer's interval if its noise part had the same relative error as the profile [-].
 
-    The rise is proportional to the square of the distance. If a profile's rise is too large by the share e of
-    its level, its interval ends at sqrt(1 - e) of the correct distance. The noise variance is then larger by
-    1 / (1 - e).
+    The rise is proportional to the square of the distance. If a profile's rise exceeds its level by the share
+    e, its interval ends at sqrt(1 - e) of the correct distance. The correct noise variance is then larger by
+    the factor 1 / (1 - e).
     """
     e = profile.error / profile.level
     return float(np.sqrt(1.0 + noise_share * e / (1.0 - e))) if e < 1.0 else np.inf
@@ -370,7 +373,7 @@ def wider_interval(profile: ParameterProfile, noise_share: float) -> float:
 def analysis_warnings(
     profiles: tuple[ParameterProfile, ...], sampled: PosteriorSummary | None, shares: FloatArray
 ) -> Iterator[str]:
-    """Warnings on profiles that are not confirmed or not closed, and on chains that are too short."""
+    """Warnings on unconfirmed profiles, open profiles, and chains that are too short."""
     for profile, share in zip(profiles, shares, strict=False):
         if wider_interval(profile, float(share)) > WARN_WIDER:
             yield (

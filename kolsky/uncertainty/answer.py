@@ -21,10 +21,12 @@ from kolsky.uncertainty.mesh_error import mesh_change, numerical_parts
 
 
 def error_sources(found: Search, directions: InputDirections | None) -> Sources:
-    """All sources of error of the optimum, as changes of the data vector; runs the mesh-error simulations.
+    """All sources of error of the optimum, as changes of the data vector.
+
+    The simulations for the mesh error are run.
 
     ``directions``: effect of each input on the data vector; None omits the declared uncertainties of
-    shot.toml. Raises ValueError as `kolsky.uncertainty.mesh_error.mesh_change`.
+    shot.toml. Raises ValueError for the reasons of `kolsky.uncertainty.mesh_error.mesh_change`.
     """
     runner, fine = found.runner, found.fine
     declared = runner.problem.shot.uncertainty

@@ -2,7 +2,7 @@
 
 The noise of flyer motion and material curve comes from replicates, that of the outline from its modes.
 
-For several shots, a material constant is one number for all of them. Specimen dimensions and outline
+For several shots, a material constant has one value for all of them. Specimen dimensions and outline
 positions are independent in each shot; their parts add in quadrature. Scale and clock of the force are in the
 weights.
 """
@@ -41,9 +41,9 @@ class InputChanges:
     """Changes of the data vector by the noise of the inputs."""
 
     replicates: Mapping[str, FloatArray]
-    """Source -> data of each replicate minus the reference's, shape [n, k]: "flyer motion", "material
-    curve". Sources known as patterns of one standard deviation are scaled by root n (`as_drawn`): `OUTLINE`,
-    and "flyer motion" if the path is a nuisance of the fit."""
+    """Source -> data of each replicate minus the reference's, shape [n, k]: "flyer motion", "material curve".
+    Sources given as patterns of one standard deviation are scaled by root n (`as_drawn`). They are `OUTLINE`
+    and, if the path is a nuisance of the fit, "flyer motion"."""
     scales: Mapping[str, FloatArray]
     """Source -> change by one standard uncertainty of a common scale, shape [k]: "force scale", "motion
     scale"."""
@@ -60,7 +60,9 @@ class InputChanges:
 
 
 def as_drawn(patterns: FloatArray) -> FloatArray:
-    """Patterns of one standard deviation each as replicates with the same mean square, shape [n, k]."""
+    """Patterns of one standard deviation each, scaled to replicates with the same mean square, shape [n,
+    k].
+    """
     none = np.zeros((1, patterns.shape[1]))
     return np.asarray(np.sqrt(len(patterns)) * patterns) if len(patterns) else none
 
@@ -71,11 +73,11 @@ def input_changes(objective: Objective, replicates: Replicates | None) -> InputC
     Parameters
     ----------
     objective
-        Defines the data vector and the scale error of the force.
+        The objective, which defines the data vector and the scale error of the force.
     replicates
         Runs with other motions and curves, the reference first; None omits their noise. An outline point that
-        a replicate does not reach has zero change. If no other motion was run, the noise patterns in the
-        weights are used instead.
+        a replicate does not reach has zero change. Without runs of other motions, the noise patterns in the
+        weights are used.
     """
     scales = {}
     if objective.observations.force_sigma_gain > 0.0:
@@ -111,8 +113,8 @@ class Sources:
     """Deviations of runs from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k]. Each
     route, and the difference of two routes, applies its linear map to them."""
     declared: FloatArray | None = None
-    """Changes by the declared uncertainties of shot.toml, shape [n, k]; their mean square is the sum over the
-    keys. The joint answer counts them separately, in `Estimate.sigma_systematic`."""
+    """Changes by the declared uncertainties of shot.toml, shape [n, k]. Their mean square is the sum over the
+    keys. For the joint answer they are a separate part, `Estimate.sigma_systematic`."""
 
     def roughness(self, gain: FloatArray) -> FloatArray | None:
         """Standard deviation of an optimum from the response's roughness, shape [d]; None if it is smooth."""
@@ -169,7 +171,7 @@ def route_difference(
 ) -> RouteDifference | None:
     """Force-only minus outline-only result with its budget; None if one of them is missing.
 
-    Their residuals are independent, so their covariances add.
+    Their residuals are independent. Their covariances therefore add.
     """
     by_part = {optimum.part: optimum for optimum in optima}
     if not {"force", "shape"} <= set(by_part):
@@ -195,7 +197,7 @@ def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[
 def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
     """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
 
-    A material constant has one row; an independent input of each shot has one row per shot. The scale of the
+    A material constant has one row. An independent input of each shot has one row per shot. The scale of the
     curve is excluded, because m absorbs it completely.
 
     ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a changed input does
@@ -299,7 +301,7 @@ def outlines_with_diameter(
     ends: Sequence[int],
     sigmas: FloatArray,
 ) -> FloatArray:
-    """Change of prediction minus data by larger diameters, where they define the outline's axis."""
+    """Change of prediction minus data by larger diameters, if they define the outline's axis."""
     found, start = change.copy(), 0
     for shot, one, end, sigma in zip(shots, data, ends, sigmas.tolist(), strict=True):
         if shot.axis_by_radius:
@@ -310,8 +312,10 @@ def outlines_with_diameter(
 
 
 def _place_change(problem: JointProblem, sigmas: FloatArray, key: str) -> FloatArray:
-    """Change of prediction minus data by a larger Z or y of every outline, shape [k]; the model is
-    unchanged."""
+    """Change of prediction minus data by a larger Z or y of every outline, shape [k].
+
+    The model is unchanged.
+    """
     change = np.zeros(len(problem.stack.data))
     start = 0
     for one, end, sigma in zip(problem.stack.shots, problem.stack.ends, sigmas, strict=True):

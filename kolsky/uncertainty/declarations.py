@@ -17,11 +17,11 @@ from kolsky.uncertainty.input_changes import InputDirections, input_directions, 
 UNDECLARED = "not declared, counted as exact"
 VARIED = "varied"
 ALIKE = 0.95
-"""The data cannot distinguish two inputs if the cosine of their residual changes exceeds this [-]."""
+"""The data cannot distinguish two inputs if the cosine of their residual changes exceeds this value [-]."""
 
 
 def declarations(runner: Runner, directions: InputDirections) -> tuple[Declaration, ...]:
-    """Every key that shot.toml may declare uncertain, and the shift of the optimum by it.
+    """Every key that shot.toml may declare uncertain, and the shift of the optimum due to it.
 
     Parameters
     ----------
@@ -70,7 +70,9 @@ def declarations(runner: Runner, directions: InputDirections) -> tuple[Declarati
 
 
 def _sensitivity(directions: InputDirections, key: str) -> dict[str, Any]:
-    """The fields of a `Declaration` that need no declared uncertainty; empty if it has no direction."""
+    """The fields of a `Declaration` that need no declared uncertainty. Empty for an input without a
+    direction.
+    """
     if key not in directions.keys:
         return {}
     one = directions[key]
@@ -97,7 +99,7 @@ def _by_name(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
 
 
 INVISIBLE = 1e-3
-"""The data do not reveal an input if a smaller share of its change remains in the residual [-]."""
+"""The data do not reveal an error of an input if the visible share of its change is below this [-]."""
 
 
 def amount_text(part: Declaration) -> str:
@@ -118,8 +120,10 @@ def relative_moves(part: Declaration, answer: Mapping[str, float]) -> dict[str, 
 
 
 def elasticity(part: Declaration, answer: Mapping[str, float]) -> dict[str, float]:
-    """The logarithmic derivative of each free parameter by an input that is a scale; empty for other
-    inputs."""
+    """The logarithmic derivative of each free parameter by an input.
+
+    Empty if the input is no scale.
+    """
     if not INPUTS[part.key].relative:
         return {}
     return {name: share / part.amount for name, share in relative_moves(part, answer).items()}
@@ -148,7 +152,7 @@ def caution(parts: Sequence[Declaration], answer: Mapping[str, float]) -> Iterat
 
 
 def invisible_inputs(parts: Sequence[Declaration]) -> Iterator[str]:
-    """Report inputs that leave no residual, and inputs that the data cannot distinguish."""
+    """Report inputs without a visible residual, and inputs that the data cannot distinguish."""
     for part in parts:
         if isfinite(part.visible) and part.visible < INVISIBLE:
             words = INPUTS[part.key].words

@@ -1,17 +1,17 @@
-"""Change of "prediction minus data" by a step of an input, from runs or from the data only.
+"""Change of "prediction minus data" by a step of an input. Some inputs need runs, others only the data.
 
-All directions, and the Jacobian by the free parameters, come from runs on the surrogate's mesh: with another
-mesh, the ringing of the mesh would not cancel. Parameters and curves share one batch. A change of the mesh,
-of its mass, or of unnamed friction has a separate batch. A scale, a zero, a clock and a position of a
-measurement need no run.
+All directions, and the Jacobian by the free parameters, come from runs on the surrogate's mesh. With
+different meshes, their ringing would not cancel. Parameters and curves share one batch. A change of the mesh,
+of its mass, or of unnamed friction has a separate batch. No run is needed for a scale, a zero, a clock or a
+position of a measurement.
 
-The free parameters absorb a part of the change by a wrong input, which shifts the optimum. The rest remains
-in the residual:
+A wrong input changes the prediction. The free parameters absorb a part of this change, which shifts the
+optimum. The rest remains in the residual:
 
     shift = -G c,    rest = c + J shift,    visible share = |rest / sigma|^2 / |c / sigma|^2
 
-with the direction c, the Jacobian J and the least-squares map G (`Objective.gain`). A share near zero is
-an input that the data cannot show to be wrong.
+with the direction c, the Jacobian J and the least-squares map G (`Objective.gain`). If the share is near
+zero, the data cannot reveal an error of the input.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from kolsky.shot.records import ForceChannel, Shot
 def outline_follows(change: FloatArray, step: float, diameter: float, n_force: int) -> FloatArray:
     """Change of prediction minus data by a larger diameter, if the diameter defines the outline's axis.
 
-    If the axis lies the declared radius behind the undeformed surface, it moves back with a larger radius,
-    and every measured Z increases equally. The outlines of model and measurement then increase equally; only
-    the effect of strain remains.
+    If the axis lies the declared radius behind the undeformed surface, it moves back with a larger radius.
+    Every measured Z then increases equally. The outlines of model and measurement increase equally; only the
+    effect of strain remains.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def outline_follows(change: FloatArray, step: float, diameter: float, n_force: i
     step
         Relative increase of the diameter.
     diameter
-        The declared one [m].
+        The declared value [m].
     n_force
         Entries of the force at the head of the data vector.
     """
@@ -69,20 +69,20 @@ def height_follows(shot: Shot, step: float) -> float:
 
     If the length is partly measured in the pictures, errors of length and heights are correlated
     (`kolsky.pictures.specimen_length`). The correlated part of the height error is in the direction of the
-    length, the rest in that of the heights; both are independent.
+    length. The rest is in that of the heights. Both parts are independent.
     """
     found = shot.length_by_pictures
     return 0.0 if found is None else found.y_per_length * step * shot.specimen.length
 
 
 SHARES = {"stiffness_factor": 0.003}
-"""Step over its scale (`explicit.model.scale_of`) for a free parameter that is not an input [-]."""
+"""Step of a free parameter that is not an input, divided by its scale (`explicit.model.scale_of`) [-]."""
 SHARE = 0.05
-"""The same for the others [-]."""
+"""Reference change of the other inputs [-]."""
 PERCENT = 0.01
 """Reference change of a scale (relative) and of friction [-]."""
 ROUNDING = 1e-9
-"""Rounding tolerance of a logarithm at a whole number."""
+"""Rounding tolerance for a logarithm that is a whole number."""
 
 
 def parameter_step(name: str, value: float) -> float:
@@ -119,7 +119,10 @@ def plain_amount(key: str, value: float) -> float:
 
 
 def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, seen: Observations) -> str:
-    """The reason why an input has no (separate) effect on this shot's answer; empty if it has one."""
+    """The reason why an input has no separate effect on this shot's answer.
+
+    Empty if it has one.
+    """
     if key in free:
         return "free, found from the data"
     laws = {shot.interface.faces, shot.interface.side}
@@ -138,7 +141,8 @@ class ModelAtOptimum:
     """The run at the optimum, used for inputs that need no separate run.
 
     A scale and a clock act on the data, but their effect is computed from the model's force and outline.
-    These have no noise, and the same mesh ringing as the Jacobian; see `kolsky.shot.input_records.Model`.
+    These have no noise, and their ringing is that of the mesh of the Jacobian; see
+    `kolsky.shot.input_records.Model`.
     """
 
     objective: Objective
@@ -146,11 +150,13 @@ class ModelAtOptimum:
     observations: Observations
     """The measurements."""
     reference: Response
-    """The run at the optimum; its times include `CLOCK` before and after each frame."""
+    """The run at the optimum. Its times include `CLOCK` before and after each frame."""
 
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
-        """A change of prediction minus data, composed of changes of the transmitted force, all forces and the
-        outline, shape [k]."""
+        """A change of prediction minus data, shape [k].
+
+        It is composed of changes of the transmitted force, all forces and the outline.
+        """
         n, change = self.objective.n_force, np.zeros(len(self.objective.data))
         change[:n], change[n:] = force, outline
         change[: len(self.observations.bins.mean)] += transmitted
@@ -166,8 +172,9 @@ class ModelAtOptimum:
         return np.asarray(0.5 * (self._seen(y=y + step) - self._seen(y=y - step)))
 
     def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
-        """Change of prediction minus data by the outline's heights that are correlated with a longer specimen
-        (`height_follows`), shape [k]; zero without an outline."""
+        """Change of prediction minus data by the heights that grow with a longer specimen (`height_follows`),
+        shape [k]. Zero without an outline.
+        """
         heights = height_follows(shot, step)
         if heights == 0.0 or not self.objective.counted.any():
             return np.zeros(len(self.objective.data))
@@ -241,7 +248,7 @@ class MovedRuns:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """Inputs in the common batch: parameters that change only their value when named."""
+        """Inputs in the common batch: parameters with no other effect than their value when named."""
         held = self.runner.problem.settings.held
         return tuple(
             key
@@ -251,7 +258,7 @@ class MovedRuns:
 
     @cached_property
     def rows(self) -> dict[tuple[str, int], int]:
-        """Row of the common batch by name and sign; ("", 0) is the optimum."""
+        """Row of the common batch by name and sign. ("", 0) is the optimum."""
         keys = [("", 0)] + [(name, sign) for name in self.runner.problem.box.names for sign in (1, -1)]
         for key in self.named:
             value = self.value(key)
@@ -326,7 +333,9 @@ class MovedRuns:
         return self.common.select([0]), np.nan_to_num(np.array(slopes)).T
 
     def change(self, key: str, step: float) -> FloatArray:
-        """Change of the predicted data vector, by central difference if both signs are possible, shape [k].
+        """Change of the predicted data vector, shape [k].
+
+        It is a central difference if both signs are possible.
 
         Raises RunLost if a run with the changed input did not complete.
         """
@@ -341,8 +350,10 @@ class MovedRuns:
         return np.asarray(centre - down)
 
     def moved(self, key: str, sign: int, step: float) -> FloatArray | None:
-        """The predicted data vector with an input increased or decreased; None if the value is not
-        allowed."""
+        """The predicted data vector with an input increased or decreased.
+
+        None if the value is not allowed.
+        """
         if self._is_alone(key):
             if step != self.steps[key]:
                 raise ValueError(f"{key} was moved by {self.steps[key]:.6g}, not by {step:.6g}")
@@ -380,7 +391,7 @@ class MovedRuns:
 
 
 def _scaled_law(curve: MaterialCurve, factor: float) -> MaterialLaw:
-    """The law of a curve whose stresses are all multiplied."""
+    """The law of a curve with all stresses multiplied."""
     if curve.law is not None:
         return curve.law.scaled(factor)
     return material_law(replace(curve, stress=factor * curve.stress))
@@ -395,8 +406,8 @@ class InputDirection:
     step: float
     """Its increase, in its unit or relative."""
     change: FloatArray
-    """Change of prediction minus data by the step, shape [k]; zero at an outline point that the changed model
-    does not reach."""
+    """Change of prediction minus data by the step, shape [k]. It is zero at an outline point that the changed
+    model does not reach."""
     value: float
     """Its declared value in SI; NaN for a scale or an offset without a value."""
 
@@ -417,18 +428,18 @@ class InputDirections:
     objective: Objective
     """The objective with the discrepancies of the optimum."""
     vector: FloatArray
-    """Predicted data vector there on the surrogate's mesh, shape [k]."""
+    """Predicted data vector at the optimum on the surrogate's mesh, shape [k]."""
     jacobian: FloatArray
     """Its derivative by the free parameters, shape [k, d]."""
     directions: tuple[InputDirection, ...]
     """One per input with an effect on the answer."""
     absent: Mapping[str, str] = field(default_factory=dict)
-    """Key -> why an input has none: it is free, has no effect, or its run did not complete."""
+    """Key -> reason why an input has no direction: it is free, has no effect, or its run did not complete."""
 
     def __getitem__(self, key: str) -> InputDirection:
         """The direction of an input.
 
-        Raises KeyError if it has none; the message gives the reason.
+        Raises KeyError if it has no direction; the message gives the reason.
         """
         for one in self.directions:
             if one.key == key:
@@ -461,9 +472,11 @@ class InputDirections:
         return float(np.sum(whitened(self.rest(key)) ** 2)) / whole if whole > 0.0 else 0.0
 
     def likeness(self, one: str, other: str) -> float:
-        """Cosine of the residual changes by two inputs, -1 to 1; near +-1 they cannot be distinguished.
+        """Cosine of the residual changes by two inputs, -1 to 1.
 
-        Zero if one of them leaves no residual.
+        Near +-1 the data cannot distinguish them.
+
+        It is zero if one of them leaves no residual.
         """
         a, b = self.objective.whitened(self.rest(one)), self.objective.whitened(self.rest(other))
         size = float(np.linalg.norm(a) * np.linalg.norm(b))
@@ -483,7 +496,7 @@ def input_directions(
     ``runner``: runs points of the identification's problem. ``x``: the optimum in SI, shape [d].
     ``objective``: with the discrepancies of the optimum. ``steps``: key -> step that replaces the default
     one, for example a declared uncertainty. ``only``: inputs to be changed; default: all. Raises ValueError
-    if the run at the optimum, or one for the Jacobian, does not complete.
+    if the run at the optimum or a run for the Jacobian does not complete.
     """
     shot, box, held = runner.problem.shot, runner.problem.box, runner.problem.settings.held
     absent = {
@@ -539,5 +552,8 @@ def declared_changes(directions: InputDirections, uncertainty: Mapping[str, floa
 
 
 def in_quadrature(rows: list[FloatArray]) -> FloatArray:
-    """Changes scaled by root n, so that their mean square is the sum of the squares, shape [n, k]."""
+    """Changes scaled by root n, shape [n, k].
+
+    Their mean square is then the sum of the squares.
+    """
     return np.asarray(np.sqrt(len(rows)) * np.array(rows))

@@ -1,4 +1,4 @@
-"""The mesh error of an answer: runs with other meshes and elements, correction, its uncertainty, roughness.
+"""The mesh error of an answer: runs with other meshes and elements, correction, uncertainty, roughness.
 
 The error is estimated from three changes of the prediction: from the surrogate's mesh to the refined one,
 from one element to the other, and between two graded meshes. For several shots, these changes are separate
@@ -23,34 +23,35 @@ from kolsky.inverse.settings import Numerics
 from kolsky.inverse.work import Launch, run_side_by_side
 
 ORDER = 3.2
-"""Order of the mesh error in the parameters, as `populations.mesh_order` fits it over both elements on seed
-1, with a standard error of 0.4."""
+"""Order of the mesh error in the parameters. `populations.mesh_order` fits it over both elements on seed 1,
+with a standard error of 0.4."""
 LOW_ORDER = 2.1
-"""The same on twelve tests of seed 2, with a standard error of 0.5. The difference of the two corrections is
-the standard uncertainty of the correction."""
+"""The same order on twelve tests of seed 2, with a standard error of 0.5. The standard uncertainty of the
+correction is the difference of the two corrections."""
 ELEMENT_ORDER = 1.5
-"""Order of convergence of the two elements' answers to each other, fitted in the same way."""
+"""Order at which the answers of the two elements converge to each other, fitted in the same way."""
 WITHOUT_ELEMENT_SHARE = 3.5
-"""Standard uncertainty of the correction over its size if the other element could not be run. It is the root
-mean square of the remaining error of three parameters in the tests used for `WINDOWS`."""
+"""Standard uncertainty of the correction, as a share of its size, if the other element could not be run. It
+is the root mean square of the remaining error of three parameters in the tests used for `WINDOWS`."""
 WINDOWS = 12
-"""Number of time windows of a test. In each, the mesh error has the size of the distance of the two elements,
-with independent sign. Chosen on the twenty noise-free tests of `populations.mesh_windows`: the errors of m,
-nu and beta over their stated uncertainties have root mean squares of 1.04, 1.04 and 1.03. With one window for
-the whole test they had 0.42, 0.54 and 0.96 of the distance: early and late errors of a coarse mesh were added
-with one sign."""
+"""Number of time windows of a test. In each window, the mesh error has the size of the distance of the two
+elements, with independent sign. The number was chosen on the twenty noise-free tests of
+`populations.mesh_windows`. There the errors of m, nu and beta, divided by their stated uncertainties, have
+root mean squares of 1.04, 1.04 and 1.03. With one window for the whole test they had 0.42, 0.54 and 0.96 of
+the distance: early and late errors of a coarse mesh were added with one sign."""
 
 
 GRADED_ORDER = 2.0
-"""Order of a graded mesh's error: that of bilinear elements. 2.5 and 3 leave larger errors of m and beta in
-the tests used for `ELEMENT_SHARE`."""
+"""Order of a graded mesh's error, which is that of bilinear elements. Orders of 2.5 and 3 leave larger errors
+of m and beta in the tests used for `ELEMENT_SHARE`."""
 ELEMENT_SHARE = 0.5
-"""Share of the elements' distance that counts in addition to the extrapolation from graded meshes [-]. Chosen
-on 97 noise-free tests (`python -m populations.mesh_errors`): the errors of m, nu and beta over their stated
-uncertainties, free separately or together, have root mean squares of 0.72 to 1.24, 0.90 in all."""
+"""Share of the elements' distance that counts in addition to the extrapolation from graded meshes [-]. It was
+chosen on 97 noise-free tests (`python -m populations.mesh_errors`), with m, nu and beta free separately or
+together. Their errors, divided by their stated uncertainties, have root mean squares of 0.72 to 1.24, 0.90 in
+all."""
 GRADED_ALONE_SHARE = 1.6
-"""Standard uncertainty over the extrapolation from graded meshes if the other element could not be run [-]:
-root mean square in the same tests."""
+"""Standard uncertainty as a share of the extrapolation from graded meshes [-], if the other element could not
+be run. It is the root mean square in the same tests."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class GradedChange:
     coarser: FloatArray
     """Data on the coarser graded mesh minus those on the finer one, shape [k]."""
     ratio: float
-    """Elements across the radius of the finer one over those of the coarser one [-], > 1."""
+    """Elements across the radius of the finer mesh divided by those of the coarser one [-], > 1."""
     graded: FloatArray | float = 0.0
     """Data on the finer graded mesh minus those on the refined one, shape [k]; 0 if both are the same."""
 
@@ -82,7 +83,7 @@ class LostRun:
     numerics: Numerics
     """Its mesh, grading and element."""
     why: str
-    """How it ended, or of which shots it was, without a full stop."""
+    """How it ended, or the shots it belongs to, without a full stop."""
     is_graded: bool
     """True if its mesh is one of `GradedChange`."""
 
@@ -97,15 +98,15 @@ class MeshChange:
     """Data with the other element minus those with this one, both on the surrogate's mesh, shape [k]; None
     if it could not be run."""
     ratio: float
-    """Elements across the radius of the refined mesh over those of the surrogate's [-], > 1."""
+    """Elements across the radius of the refined mesh divided by those of the surrogate's mesh [-], > 1."""
     windows: IntArray | None = None
     """Window of each entry, see `windows_of`, shape [k]; None for one window."""
     graded: GradedChange | None = None
-    """Changes by graded meshes; None if they were not run, on purpose or because one of them is in `lost`."""
+    """Changes by graded meshes. None if they were not run by choice, or because one of them is in `lost`."""
     element_share: float = ELEMENT_SHARE
     """Share of the elements' distance that counts in addition to the extrapolation from graded meshes [-]."""
     lost: tuple[LostRun, ...] = ()
-    """Failed runs; another formula is used for their part of the error."""
+    """Failed runs. Another formula replaces them in the error."""
 
     def __post_init__(self) -> None:
         if not self.ratio > 1.0:
@@ -146,7 +147,7 @@ class MeshChange:
         return np.asarray(np.hypot(missed, apart))
 
     def in_windows(self, gain: FloatArray, change: FloatArray) -> FloatArray:
-        """Shift of the optimum by a change of the data with an independent sign in each window, [d]."""
+        """Shift of the optimum by a change of the data with an independent sign in each window, shape [d]."""
         windows = np.zeros(len(change), int) if self.windows is None else self.windows
         moved = np.zeros((windows.max(initial=0) + 1, len(gain)))
         np.add.at(moved, windows, (gain * change).T)
@@ -167,8 +168,8 @@ def numerical_parts(
 ) -> Mapping[str, FloatArray]:
     """Standard uncertainties from the numerics by source, shape [d] each.
 
-    ``mesh``, ``gain``: as of `MeshChange`. ``roughness``: standard deviation of the optimum from the
-    response's roughness, shape [d]; None if it is smooth.
+    ``mesh``, ``gain``: as for `MeshChange`. ``roughness``: standard deviation of the optimum from the
+    response's roughness, shape [d]; None if the response is smooth.
     """
     found = {"mesh": mesh.sigma(gain)}
     return found if roughness is None else {**found, "roughness": roughness}
@@ -187,7 +188,7 @@ class MeshRun:
 
 
 BOTH_ELEMENTS = 2
-"""Number of runs of `mesh_error_numerics` on the surrogate's mesh; graded ones follow."""
+"""Number of runs of `mesh_error_numerics` on the surrogate's mesh. Graded runs follow them."""
 
 
 def mesh_change(runner: Runner, fine: RefinedOptimum) -> MeshChange:
@@ -204,14 +205,17 @@ def mesh_change(runner: Runner, fine: RefinedOptimum) -> MeshChange:
 
 
 def mesh_error_numerics(runner: Runner, fine: RefinedOptimum) -> list[Numerics]:
-    """Both elements on the surrogate's mesh, then the graded mesh of the steps, if there is one."""
+    """Both elements on the surrogate's mesh, then the graded mesh of the steps, if used."""
     problem = runner.problem
     found = [problem.numerics, problem.numerics.with_other_element()]
     return found if problem.halfway == problem.refined else [*found, problem.halfway]
 
 
 def mesh_error_runs(runner: Runner, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
-    """Runs at a point; on the surrogate's mesh, at the shifted point that resembles the refined mesh."""
+    """Runs at a point.
+
+    On the surrogate's mesh, the point is shifted to resemble the refined mesh.
+    """
     launches = []
     for k, one in enumerate(numerics):
         values = runner.at(point, one.mesh) if k < BOTH_ELEMENTS else runner.problem.point(point)
@@ -238,8 +242,9 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
             f"the run at the answer on the surrogate's mesh of {across} x {along} elements did not "
             "complete, so the error of the refined mesh cannot be estimated: refine the surrogate's mesh"
         )
-    # If the mesh is run at shifted points, in phase with the refined one, the shift is removed by means of
-    # the slopes, which are valid there. A run that is out of phase with the data has other slopes.
+    # A mesh may be run at shifted points, in phase with the refined mesh. The shift is then removed by means
+    # of the slopes, which are valid at these points. A run that is out of phase with the data has other
+    # slopes.
     offset = runner.offset(numerics.mesh)
     # If a surface slides, the model is the quadratic, which does not follow the jumps of single runs.
     model = fine.model(x)[0]
@@ -264,15 +269,16 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
 
 JOINT_ELEMENT_SHARE = 1.0
 """Share of the elements' distance that counts as uncertainty [-]. The mesh error is similar in all shots,
-while their combined noise is small. In fifty synthetic draws of seed 90731, the errors of m, nu and beta over
-their stated uncertainties have root mean squares of 0.94, 1.17 and 0.69. With a share of 0.5, as for one
-shot, they had 1.26, 1.64 and 1.45 in fifty draws of seed 52631 (docs/validation/planted_shots.md)."""
+while their combined noise is small. In fifty synthetic draws of seed 90731, the errors of m, nu and beta,
+divided by their stated uncertainties, have root mean squares of 0.94, 1.17 and 0.69. With a share of 0.5, as
+for one shot, they were 1.26, 1.64 and 1.45 in fifty draws of seed 52631
+(docs/validation/planted_shots.md)."""
 
 
 def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
     """Mesh change at an optimum: data on the search mesh with both elements, and on the refined mesh.
 
-    Raises ValueError if the run with the element of the search does not complete there.
+    Raises ValueError if the run with the element of the search does not complete on the search mesh.
     """
     numerics = problem.mesh
     coarse = problem.predict("check", found.x[None], numerics)[0]
@@ -320,7 +326,10 @@ def _joint_lost(problem: JointProblem, numerics: Numerics, vector: FloatArray, *
 
 
 def _joint_windows(stack: Stack) -> IntArray:
-    """Windows of every shot, [k]; slow tests and priors do not depend on the mesh and get window 0."""
+    """Windows of every shot, [k].
+
+    Slow tests and priors do not depend on the mesh; their window is 0.
+    """
     each = [WINDOWS * i + windows_of(shot.objective.times) for i, shot in enumerate(stack.shots)]
     found = np.zeros(len(stack.data), int)
     found[: stack.ends[-1]] = np.concatenate(each)
@@ -330,8 +339,8 @@ def _joint_windows(stack: Stack) -> IntArray:
 def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
     """Error of the refined mesh as patterns of each shot, by Richardson and by the element, shape [n, k].
 
-    Each row is one standard deviation: the uncertainty of the extrapolation equals its size, and the
-    difference of the two elements decreases as q^-1.5 with the ratio q of the meshes.
+    Each row is one standard deviation. The uncertainty of the extrapolation equals its size. The difference
+    of the two elements decreases as q^-1.5 with the ratio q of the meshes.
     """
     rows = [change.error]
     if change.element is not None:

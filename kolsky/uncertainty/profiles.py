@@ -1,8 +1,8 @@
-"""Profile likelihoods and posterior of a shot's parameters, on a surrogate that is confirmed by runs
-along the profiles.
+"""Profile likelihoods and posterior of a shot's parameters.
 
-The data vector is reduced to the components that can change; `sample_posterior` needs emcee (extra
-[bayes]).
+They use a surrogate, which runs along the profiles confirm.
+
+The data vector is reduced to the components that can change. `sample_posterior` needs emcee (extra [bayes]).
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def _reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> Reduce
 
 
 def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
-    """The likelihood with the objective's weights, its noise and discrepancies, fixed."""
+    """The likelihood with the objective's weights. Its noise and discrepancies are fixed."""
     short, prior = _reduce_residuals(model, objective), objective.prior
     p = len(short.triangle)
     if prior is None:
@@ -77,7 +77,7 @@ def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box
 def full_likelihood(
     model: CorrectedSurrogate, objective: Objective, box: Box, *, taus: tuple[float, float] | None = None
 ) -> Likelihood:
-    """The likelihood of the whole data vector, a channel for the force and one for the outline."""
+    """The likelihood of the whole data vector, with one channel for the force and one for the outline."""
     force, shape = taus or (objective.force_discrepancy, objective.shape_discrepancy)
     n = objective.n_force
     channels = [Channel("force", objective.noise[:n], discrepancy=force)]
@@ -96,7 +96,8 @@ def full_likelihood(
 
 
 TOLERANCE = 0.1
-"""The surrogate is accepted if the error of the rise at runs along a profile, over the level, is smaller."""
+"""The surrogate is accepted if its error of the rise is below this, as a share of the level. The error is
+found by runs along a profile."""
 WARN_WIDER = 4.0 / 3.0
 """A profile is reported if its error would widen the answer's interval by more than this factor."""
 ROUNDS = 3
@@ -104,11 +105,11 @@ ROUNDS = 3
 ALONG = 6
 """Number of runs along each profile to test the surrogate."""
 REACH = 1.5
-"""Rise over the level up to which a profile is tested."""
+"""Rise up to which a profile is tested, divided by the level."""
 MAP_REACH = 3.0
-"""Rise over the level up to which a map is drawn."""
+"""Rise up to which a map is drawn, divided by the level."""
 NEAR = 8.0
-"""Half edge of the first box for profiles of several parameters, over their sigma."""
+"""Half edge of the first box for profiles of several parameters, in units of sigma."""
 APART = 1e-3
 """Smallest distance of two runs of a surrogate, in the unit box."""
 MAP = 81
@@ -124,19 +125,19 @@ class LinearisedOptimum:
     local: Box
     """Box of the last design."""
     objective: Objective
-    """With the discrepancies of the optimum."""
+    """The objective with the discrepancies of the optimum."""
     vector: FloatArray
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     slope: FloatArray
-    """Its Jacobian there, shape [k, d]."""
+    """Jacobian of `vector`, shape [k, d]."""
     steeper: FloatArray
     """Jacobian on the refined mesh minus that of the surrogate, shape [k, d]."""
     smooth: bool = False
-    """True if the response is smooth about the optimum; always for one parameter."""
+    """True if the response is smooth about the optimum. For one parameter it always is."""
 
     @classmethod
     def of(cls, fine: RefinedOptimum) -> LinearisedOptimum:
-        """From the model corrected to the last run on the refined mesh, and its surrogate."""
+        """The optimum by the model corrected to the last run on the refined mesh, and its surrogate."""
         x, local = fine.x, fine.box
         slope = jacobian(fine.model, local, x)
         steeper = slope - jacobian(fine.surrogate, local, x)
@@ -159,7 +160,7 @@ class ParameterProfiles:
     profiles: tuple[ParameterProfile, ...]
     """One per free parameter."""
     map: PairMap | None
-    """The rise over the plane of two free parameters; None for another number of them."""
+    """The rise over the plane of two free parameters. None for one parameter, or for more than two."""
     model: CorrectedSurrogate
     """The surrogate, corrected to the refined mesh at the optimum."""
     objective: Objective
@@ -167,19 +168,19 @@ class ParameterProfiles:
     box: Box
     """Range of the surrogate."""
     optimum: FloatArray
-    """The most likely point on it, in SI, shape [d]."""
+    """The most likely point on this surrogate, in SI, shape [d]."""
 
 
 def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterProfiles:
     """Profile every free parameter.
 
-    First near the answer; if the data do not close an interval there, in the whole box. The surrogate is
-    tested by runs along the profiles, which are then added to it, until their rise agrees to a tenth of the
-    level.
+    The first surrogate covers a box near the answer. If the data do not close an interval there, it covers
+    the whole box. Runs along the profiles test the surrogate and are added to it. This is repeated until the
+    rise agrees to a tenth of the level.
 
     ``runner``: runs points of the identification's problem, with all runs on the surrogate's mesh.
-    ``answer``: its optimum. Raises ValueError, RuntimeError if no surrogate or profile can be made from the
-    runs; the message gives the reason.
+    ``answer``: its optimum. Raises ValueError or RuntimeError if no surrogate or profile can be made from the
+    runs. The message gives the reason.
     """
     local, whole = _near(runner, answer), runner.problem.box
     found = _in_box(runner, answer, local)
@@ -189,8 +190,9 @@ def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterPr
 
 
 def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
-    """First box of the profiles: that of the last design; for several parameters, `NEAR` sigma about the
-    answer, with a new design."""
+    """First box of the profiles: that of the last design. For several parameters, `NEAR` sigma about the
+    answer, with a new design.
+    """
     whole = runner.problem.box
     if whole.dimension == 1:
         return answer.local
@@ -213,7 +215,7 @@ def _in_box(runner: Runner, answer: LinearisedOptimum, box: Box) -> ParameterPro
         found = profile_likelihoods(likelihood, start, correlation=answer.correlation)
         errors = _test_along(runner, found, model, objective)
         before, worst = worst, float(np.max(errors / [profile.level for profile in found.profiles]))
-        # If further runs do not halve the error, the response is rough, and more runs cannot help.
+        # If further runs do not halve the error, the response is rough. More runs then do not help.
         if turn == ROUNDS - 1 or worst <= TOLERANCE or worst > 0.5 * before:
             break
     told = verdicts(likelihood, found)
@@ -249,8 +251,8 @@ def surrogate_of(
 ) -> tuple[CorrectedSurrogate, Objective]:
     """The surrogate of all runs in a box, corrected to the refined mesh at the optimum.
 
-    Near the answer, it agrees with value and slope at the optimum. In the whole box it agrees only in value,
-    because the box is too wide for a slope from two neighbouring runs.
+    Near the answer, it agrees with value and slope at the optimum. In the whole box it agrees only in value:
+    the box is too wide for a slope from two neighbouring runs.
 
     ``runs``: points and predictions on the surrogate's mesh. ``box``, ``whole``: range of the surrogate, and
     the whole range of the design. Returns: the surrogate, and the objective over the points that all its runs
@@ -272,7 +274,10 @@ def surrogate_of(
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
-    """Mask of points not too close to an earlier one: close pairs make a surrogate ill-conditioned."""
+    """Mask of the points that are not too close to an earlier one.
+
+    Close pairs make a surrogate ill-conditioned.
+    """
     kept: list[int] = []
     for row in range(len(unit)):
         if all(np.linalg.norm(unit[row] - unit[other]) >= least for other in kept):
@@ -299,7 +304,10 @@ def _test_along(
 
 
 def _along(profile: Profile) -> NDArray[np.intp]:
-    """Rows of a profile to run: evenly spread over the range of small rise, both ends included."""
+    """Rows of a profile to run.
+
+    They are evenly spread over the range of small rise, both ends included.
+    """
     low = np.flatnonzero(profile.rise <= REACH * profile.level)
     return np.unique(low[np.linspace(0, len(low) - 1, ALONG).round().astype(int)])
 
@@ -330,7 +338,7 @@ def _span(profile: Profile) -> tuple[float, float]:
 
 
 TAU_SCALE = 10.0
-"""Scale of the half-normal prior of a discrepancy, over the median noise of its channel."""
+"""Scale of the half-normal prior of a discrepancy, divided by the median noise of its channel."""
 MOST_SAMPLES = 4000
 """Maximum number of stored samples."""
 NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
@@ -340,9 +348,9 @@ NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
 def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
     """Sample parameters and discrepancies.
 
-    The prior of a parameter is uniform in the box of the profiles, times the Gaussian of its declared
-    uncertainty where it has one. The time correlation of the residuals enters as a power of the likelihood:
-    one over the mean factor of the profiles.
+    The prior of a parameter is uniform in the box of the profiles. A declared uncertainty multiplies it by a
+    Gaussian. The time correlation of the residuals enters as a power of the likelihood: one divided by the
+    mean factor of the profiles.
 
     ``found``: the profiles and their surrogate. ``seed``: seed of the chains. Raises ImportError if emcee is
     not installed: `pip install 'kolsky[bayes]'`.

@@ -19,11 +19,11 @@ from kolsky.uncertainty.mesh_error import LostRun
 SIGMA_RATIO = 1.3
 """A declared sigma is implausible if the scatter of the data differs by this factor or more."""
 WHITE = 3.0
-"""Noise is not white when its lag-1 correlation is beyond this many times 1 / sqrt(samples)."""
+"""Noise is not white if its lag-1 correlation exceeds this many times 1 / sqrt(samples)."""
 
 
 def _conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
-    """Ratio of m for the conditioned curve to m for the first pull."""
+    """Ratio of m from the conditioned curve to m from the first pull."""
     if "conditioned_ratio" in checks:
         ratio = checks["conditioned_ratio"]
         yield (
@@ -34,7 +34,7 @@ def _conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def symmetry_warning(checks: Mapping[str, float]) -> Iterator[str]:
-    """Warning if the window ends where the flyer leaves its first direction, or after that."""
+    """Warning if the window ends when the flyer leaves its first direction, or later."""
     end, last = checks.get("symmetry_end", float("inf")), checks.get("window_end", 0.0)
     if end <= last:
         yield (
@@ -70,7 +70,7 @@ def flyer_warnings(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def force_noise_warnings(checks: Mapping[str, float]) -> Iterator[str]:
-    """Warning if the noise of the force is not white; the sigma of a bin assumes white noise."""
+    """Warning if the noise of the force is not white. The sigma of a bin assumes white noise."""
     if "force_noise_correlation" not in checks:
         return  # a force from bar waves: its noise is handled by the wave reduction
     c, n = checks["force_noise_correlation"], checks["force_baseline_samples"]
@@ -84,7 +84,7 @@ def force_noise_warnings(checks: Mapping[str, float]) -> Iterator[str]:
 
 
 def _outline_noise_warnings(result: Identification) -> Iterator[str]:
-    """Warning if the outline residuals are below the noise: then the declared sigma must be wrong."""
+    """Warning if the outline residuals are below the noise. The declared sigma must then be wrong."""
     t = result.terms
     if t.n_shape and isfinite(t.chi2_shape) and t.chi2_shape / t.n_shape < SIGMA_RATIO**-2:
         ratio = sqrt(t.n_shape / t.chi2_shape)
@@ -118,11 +118,11 @@ def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator
 
 
 FOLDED = -0.4
-"""The edge counts as folded over if the area at an element's corner over the undeformed one is below this
-[-]. Chosen on impacts with friction of 0.1, 0.3 and 0.5, validated on random ones
-(docs/validation/folding)."""
+"""The edge is reported as folded if an element's corner has a smaller area than this, relative to its
+undeformed area [-]. The limit was chosen on impacts with friction of 0.1, 0.3 and 0.5, and validated on
+random ones (docs/validation/folding)."""
 ARTIFICIAL = 0.01
-"""Energy of hourglass control over the strain energy above which it is reported."""
+"""Energy of hourglass control above which it is reported, divided by the strain energy."""
 
 
 def past_curve_warning(share: float, reached: float, checks: Mapping[str, float]) -> Iterator[str]:
@@ -160,19 +160,19 @@ def folded_warning(
     """Warning if the edge of a sliding specimen folded over in the batch's first simulation.
 
     If a face slides with friction and its edge rolls onto the platen, the elements there are bent into a
-    fold. If a corner is turned inside out by more than `FOLDED`, the edge separates and jumps along the
+    fold. A corner may be turned inside out by more than `FOLDED`. The edge then separates and jumps along the
     platen by up to 0.2 mm, although the run completes (docs/validation/folding).
 
     Parameters
     ----------
     response
-        The batch, with its nodes; a batch without nodes is not checked.
+        The batch, with its nodes. A batch without nodes is not checked.
     mesh
         Its mesh.
     interface
         The interface as the shot declares it.
     named
-        Named parameters; one that causes sliding replaces that interface.
+        Named parameters. A parameter that causes sliding replaces that interface.
     """
     laws = [contact_law(law) for law in (interface.faces, interface.side)]
     slides = any_slides(named) or any(law.needs_friction for law in laws)
@@ -209,7 +209,7 @@ def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
 
 
 def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
-    """Report the runs that were damaged in a ledger and were therefore repeated."""
+    """Report runs that were damaged in a ledger and therefore repeated."""
     if damaged:
         said = ", ".join(damaged[:5]) + (", ..." if len(damaged) > 5 else "")
         yield (
@@ -219,8 +219,9 @@ def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
 
 
 def sliding_warning(interface: Interface, named: list[str]) -> Iterator[str]:
-    """Warning if a named parameter that causes sliding replaced the declared interface; see
-    `kolsky.inverse.forward.Forward.run`."""
+    """Warning if a named parameter that causes sliding replaced the declared interface. See
+    `kolsky.inverse.forward.Forward.run`.
+    """
     names = [name for name in named if any_slides([name])]
     if names and {interface.faces, interface.side} != {SLIDING_LAW}:
         yield (
@@ -230,19 +231,21 @@ def sliding_warning(interface: Interface, named: list[str]) -> Iterator[str]:
 
 
 def equivalent_strain(s: float, branch: float) -> float:
-    """Nominal strain of a uniaxial test with the same I1: lam^2 + 2 / lam = 3 + s^2 on one branch."""
+    """Nominal strain of a uniaxial test with the same I1, from lam^2 + 2 / lam = 3 + s^2 on one branch."""
     roots = np.roots([1.0, 0.0, -(3.0 + s**2), 2.0]).real
     lam = roots.max() if branch > 0.0 else roots[roots > 0.0].min()
     return float(lam - 1.0)
 
 
 DISAGREE = 2.5
-"""Force and outline disagree beyond this many standard uncertainties of their difference. With 2.0, one
-correct shot in twenty would be reported with one parameter, and one in seven with three."""
+"""Force and outline disagree if they differ by more than this many standard uncertainties of their
+difference. With 2.0, one correct shot in twenty would be reported with one parameter, and one in seven with
+three."""
 HALF = 0.5
-"""The mesh error is reported if the interval without it would be shorter than this share."""
+"""The mesh error is reported if it is the main part of the interval: without it, the interval would be
+shorter than this share."""
 IMBALANCE = 0.01
-"""An unaccounted share of the external work above this is reported."""
+"""A missing share of the external work above this is reported."""
 
 
 def _unit(e: Estimate) -> str:
@@ -274,7 +277,7 @@ def _route_disagreement(result: Identification) -> Iterator[str]:
 
 
 def _force_only_warning(result: Identification) -> Iterator[str]:
-    """Warning if there is no outline: then nothing can contradict a wrong model."""
+    """Warning if there is no outline. Nothing can then contradict a wrong model."""
     if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
         yield (
             "no outline was measured: the value depends on the force only, and nothing shows whether the "
@@ -283,7 +286,7 @@ def _force_only_warning(result: Identification) -> Iterator[str]:
 
 
 def route_warnings(result: Identification) -> Iterator[str]:
-    """Warning if the optima by force and outline, two measurements of one specimen, disagree.
+    """Warning if the optima by force and by outline disagree. They are two measurements of one specimen.
 
     Their difference is compared with its standard uncertainty, see
     `kolsky.uncertainty.budgets.route_difference`, separately for each parameter.
@@ -309,7 +312,7 @@ def route_warnings(result: Identification) -> Iterator[str]:
 
 
 def _method_warnings(result: Identification) -> Iterator[str]:
-    """Warning if methods find different optima: the misfit then has several valleys or is rough."""
+    """Warning if methods find different optima. The misfit then has several valleys or is rough."""
     for method, name, distance in disagreements(result.methods):
         if isfinite(distance):
             yield (
@@ -332,7 +335,7 @@ def _paper_warning(result: Identification) -> Iterator[str]:
 
 
 def bound_warnings(result: Identification) -> Iterator[str]:
-    """Warning if an interval extends beyond the design, where there are no runs."""
+    """Warning if an interval extends beyond the design. There are no runs outside the design."""
     design = result.design
     for i, name in enumerate(design.names):
         e, low, high = result.estimates[name], design.lower[i], design.upper[i]
@@ -419,7 +422,7 @@ def collect_warnings(
     Parameters
     ----------
     result
-        The finished identification; its own `warnings` are not read.
+        The finished identification; its field `warnings` is not used.
     checks
         The figures of `kolsky.inverse.problem.PreparedShot.checks`.
     interface
@@ -427,7 +430,7 @@ def collect_warnings(
     lost_replicates : int
         Runs of the noise stage that did not complete.
     mesh
-        Mesh of the check run; if omitted, its elements are not checked.
+        Mesh of the check run. If omitted, its elements are not checked.
     lost_meshes
         Failed runs for the mesh error.
 

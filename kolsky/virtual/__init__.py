@@ -1,1 +1,4 @@
-"""The virtual laboratory: complete shot folders from a chosen truth, with the faults of a real laboratory."""
+"""Synthetic tests: complete shot folders from a chosen truth.
+
+They have the faults of a real laboratory.
+"""

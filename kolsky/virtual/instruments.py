@@ -1,4 +1,6 @@
-"""Instrument readings of a synthetic shot: forces in volts, path, outline, curve, and the recorder's file.
+"""Instrument readings of a synthetic shot.
+
+Forces in volts, path, outline, curve, and the recorder's file.
 
 Transducer, amplifier, cable and recorder are applied one after the other. Each file format is one entry of
 `FORMATS`.
@@ -22,15 +24,17 @@ from kolsky.virtual.truth import SurfaceHistory, Truth
 
 
 def with_inertia(force: FloatArray, mass: float, acceleration: FloatArray) -> FloatArray:
-    """Force on the sensing plane [N]: force on the specimen plus inertia of the platen, Eq. (E.5)."""
+    """Force on the sensing plane [N], Eq. (E.5): force on the specimen plus inertia of the platen."""
     return np.asarray(force + mass * acceleration)
 
 
 def droop(signal: FloatArray, step: float, time_constant: float) -> FloatArray:
-    """The signal of a transducer with charge leakage: a first-order high-pass, the inverse of Eq. (U.6).
+    """The signal of a transducer with charge leakage.
 
-    ``signal``: uniform samples, 0 at rest, shape [n]. ``step``: time from sample to sample [s].
-    ``time_constant``: time in which the output of a constant force falls to 1/e [s].
+    It is a first-order high-pass, the inverse of Eq. (U.6).
+
+    ``signal``: uniform samples, 0 at rest, shape [n]. ``step``: sampling interval [s]. ``time_constant``:
+    time in which the output of a constant force falls to 1/e [s].
     """
     return np.asarray(signal - low_pass(signal, step, 1.0 / (2.0 * np.pi * time_constant)))
 
@@ -48,9 +52,9 @@ def sampled(
     """Samples of a delayed signal with jitter of the sample times, shape of `times`.
 
     ``signal``: uniform samples, at rest before the first, shape [n]. ``start``, ``step``: time of the first
-    sample and from one to the next [s]. ``times``: nominal times of the recorder [s]. ``delay``: delay of the
-    signal [s]. ``jitter``: standard deviation of a sample's time [s]. ``rng``: stream of the jitter. Raises
-    ValueError if the recorder goes on after the signal ends.
+    sample, and sampling interval [s]. ``times``: nominal times of the recorder [s]. ``delay``: delay of the
+    signal [s]. ``jitter``: standard deviation of a sample's time [s]. ``rng``: random stream of the jitter.
+    Raises ValueError if the record ends after the signal.
     """
     at = times - delay + jitter * rng.standard_normal(len(times))
     known = start + step * np.arange(len(signal))
@@ -60,7 +64,7 @@ def sampled(
 
 
 def baseline(times: FloatArray, level: float, drift: float) -> FloatArray:
-    """The recorder's zero: a level at time 0 and its change with time [V], of the times' shape."""
+    """The recorder's zero [V], of the times' shape: a level at time 0, and its change with time."""
     return np.asarray(level + drift * times)
 
 
@@ -70,7 +74,10 @@ def code_step(full_scale: float, bits: int) -> float:
 
 
 def quantised(volts: FloatArray, full_scale: float, bits: int) -> FloatArray:
-    """Voltage rounded to the recorder's nearest code, clipped to the first and last code, Eq. (E.7)."""
+    """Voltage rounded to the recorder's nearest code, Eq. (E.7).
+
+    It is clipped to the first and last code.
+    """
     step = code_step(full_scale, bits)
     codes = np.clip(np.rint(volts / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
     return np.asarray(codes * step)
@@ -79,7 +86,7 @@ def quantised(volts: FloatArray, full_scale: float, bits: int) -> FloatArray:
 _RECORD_AFTER = 5e-6
 """Recording time after the last frame [s]."""
 _LANDED = 1e-7
-"""Two surface nodes with a smaller height difference lie on a platen [m]."""
+"""Two surface nodes with a smaller height difference than this lie on a platen [m]."""
 FINER = 8
 """Number of curve points between two surface nodes."""
 
@@ -111,7 +118,7 @@ class Outline:
 def record_forces(quantities: Specification, truth: Truth, *, shot: int) -> Scope:
     """Both forces as stored by the recorder.
 
-    Raises ValueError if the recorder starts after the frames, so that there is no baseline.
+    Raises ValueError if the recorder starts after the frames. There would be no baseline.
     """
     scope, wrong = quantities.scope, quantities.imperfections
     last = truth.surface.time[-1] + max(wrong.trigger, 0.0) + _RECORD_AFTER
@@ -158,7 +165,7 @@ def _volts(
 
 
 def side_displacement(truth: Truth) -> FloatArray:
-    """Visible displacement of the flyer's side: path of the centre plus pitch times radius, Eq. (E.3) [m]."""
+    """Visible displacement of the flyer's side [m], Eq. (E.3): path of the centre plus pitch times radius."""
     surface = truth.surface
     return np.asarray(surface.displacement + surface.tilt * truth.flyer_radius)
 
@@ -191,9 +198,11 @@ def measure_outline(quantities: Specification, truth: Truth, *, shot: int) -> Ou
 
 
 def free_outline(surface: SurfaceHistory, frame: int) -> tuple[FloatArray, FloatArray]:
-    """Height and radius of the free side surface in one frame [m], a fine curve, heights ascending.
+    """Height and radius of the free side surface in one frame [m].
 
-    Nodes on a platen are left out, except for the last one on each side. Between nodes, the curve is a cubic
+    They form a fine curve with ascending heights.
+
+    Nodes on a platen are left out, except the last one on each side. Between nodes, the curve is a cubic
     spline over the node index.
     """
     y, r = surface.y[frame], surface.r[frame]
@@ -210,7 +219,7 @@ def free_outline(surface: SurfaceHistory, frame: int) -> tuple[FloatArray, Float
 
 
 def measure_curve(quantities: Specification, *, shot: int) -> tuple[FloatArray, FloatArray]:
-    """Nominal strain [-] and stress [Pa] of the quasi-static test, tension-positive, from rest outward."""
+    """Nominal strain [-] and stress [Pa] of the quasi-static test, tension-positive, beginning at rest."""
     slow, material = quantities.quasi_static, quantities.material
     strain = np.linspace(0.0, -slow.largest_strain, slow.points)
     stress = uniaxial_stress(law_of(material.law, material.parameters, material.shear_modulus), 1.0 + strain)
@@ -220,7 +229,7 @@ def measure_curve(quantities: Specification, *, shot: int) -> tuple[FloatArray, 
 
 TIME, INCIDENT, TRANSMITTED = "Time (s)", "CH1 incident (V)", "CH2 transmitted (V)"
 _VOLT_DIGITS = 9
-"""Significant digits of a printed voltage: more than any recorder's bits."""
+"""Significant digits of a printed voltage. They exceed the bits of any recorder."""
 GROUP = "scope"
 """Group of the channels in a TDMS file."""
 

@@ -1,6 +1,8 @@
-"""Shots of a specification: truths are simulated together, folders are written by several processes.
+"""Shots of a specification.
 
-A folder contains all files that a laboratory would have; the truth is in a subfolder.
+Truths are simulated together, and several processes write the folders.
+
+A folder contains all files that a laboratory would have. The truth is in a subfolder.
 """
 
 import hashlib
@@ -22,8 +24,8 @@ from kolsky.virtual.specification import Series, ShotSpecification
 from kolsky.virtual.truth import Job, Truth, TruthError, try_truths
 
 TRUTH = "truth.json"
-"""File with the answer of a synthetic shot; read only by the virtual laboratory and by studies of the
-package."""
+"""File with the answer of a synthetic shot. Only the modules of synthetic tests and studies of the package
+read it."""
 SURFACE = "truth_surface.npz"
 _ANSWER_LIMIT = 1_000_000
 """Largest size of `TRUTH` when read [bytes]."""
@@ -38,7 +40,7 @@ def write_shot(
     device: str = "cpu",
     threads: int | None = None,
 ) -> None:
-    """Write the folder of one shot, completely or not at all; the truth last."""
+    """Write the folder of one shot, completely or not at all. The truth is written last."""
     q, number = shot.quantities, shot.number
     tables = shot_tables(q, truth.surface)
     form = FORMATS[q.scope.format]
@@ -102,7 +104,7 @@ def _answer_tables(shot: ShotSpecification) -> dict[str, Any]:
 
 
 def _relaxation(shot: ShotSpecification) -> dict[str, Any]:
-    """The true constants of [relaxation] by parameter name; empty if there is none."""
+    """The true constants of [relaxation] by parameter name; empty without relaxation."""
     declared = shot.quantities.relaxation
     return {} if declared is None else {"relaxation": dict(declared.declared().values)}
 
@@ -116,7 +118,10 @@ def _hash(shot: ShotSpecification) -> str:
 
 
 def _holds_shot(shot: ShotSpecification, folder: Path) -> bool:
-    """True if the folder holds this shot; raises InputError if it holds something else."""
+    """True if the folder contains this shot.
+
+    Raises InputError if it contains something else.
+    """
     if not folder.exists() or not any(folder.iterdir()):
         return False
     answer = folder / TRUTH
@@ -133,7 +138,7 @@ def _holds_shot(shot: ShotSpecification, folder: Path) -> bool:
 
 
 TRUTHS_PER_GPU = 128
-"""Number of truths simulated in parallel on a GPU: each takes one multiprocessor (large GPUs have more) and
+"""Number of truths simulated in parallel on a GPU. Each uses one multiprocessor (large GPUs have more) and
 some MB."""
 
 
@@ -144,7 +149,7 @@ class Made:
     name: str
     folder: Path
     fresh: bool
-    """False if the folder held it already."""
+    """False if the folder already contained it."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +166,10 @@ Place = tuple[ShotSpecification, Path]
 
 
 def place_of(series: Series, shot: ShotSpecification, out: Path) -> Path:
-    """Folder of a shot: `out` itself without a population, else one of the shot's name in it."""
+    """Folder of a shot.
+
+    It is `out` without a population, otherwise a folder in it with the shot's name.
+    """
     return out if series.declared.population is None else out / shot.name
 
 
@@ -175,11 +183,13 @@ def make(
     workers: int = 1,
     progress: Callable[[Made], None] | None = None,
 ) -> list[Made]:
-    """Make the shots of a specification, those on one mesh together; existing shots are kept.
+    """Make the shots of a specification, those on one mesh together.
 
-    ``out``: folder of the shot, or of the population's folders. ``numbers``: which shots; all if left out.
-    Raises InputError if a specification cannot be made, or a folder holds something else. If a simulation
-    ends early, or pictures cannot be made, this is reported after the other shots are made.
+    Existing shots are kept.
+
+    ``out``: folder of the shot, or of the population's folders. ``numbers``: numbers of the shots; default:
+    all. Raises InputError if a specification cannot be made, or if a folder contains something else. If a
+    simulation ends early, or if pictures cannot be made, this is reported after the other shots are made.
     """
     chosen = [series.shot(number) for number in (series.numbers if numbers is None else numbers)]
     places = [(shot, place_of(series, shot, out)) for shot in chosen]
@@ -196,7 +206,8 @@ def make_places(
 ) -> list[Made]:
     """Make shots of any specifications, each in a separate folder.
 
-    ``device``, ``threads``, ``workers``, ``progress``: as in `make`. Raises InputError as `make`.
+    ``device``, ``threads``, ``workers``, ``progress``: as in `make`. Raises InputError for the reasons of
+    `make`.
     """
     done, todo, refused = [], [], []
     for shot, folder in places:
@@ -223,7 +234,7 @@ def make_places(
 def _all_made(
     todo: Sequence[Place], device: str, threads: int | None, workers: int
 ) -> Iterator[Made | NotMade]:
-    """Make shots one batch after the other, or over processes."""
+    """Make shots in successive batches, or in several processes."""
     jobs = [_job(shot) for shot, _ in todo]
     shared = gpus(device) if workers > 1 else gpus(device)[:1]
     batches = gpu_batches(todo, jobs, len(shared)) if shared else _of_one_model(todo, jobs, workers)
@@ -250,7 +261,10 @@ def _job(shot: ShotSpecification) -> Job:
 
 
 def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> list[list[Place]]:
-    """Batches of shots simulated together on a CPU: those of one model, limited to a share of a worker."""
+    """Batches of shots simulated together on a CPU.
+
+    A batch has shots of one model, limited to a share of a worker.
+    """
     groups: dict[Any, list[Place]] = {}
     for place, job in zip(todo, jobs, strict=True):
         groups.setdefault(job.group, []).append(place)
@@ -273,7 +287,10 @@ def gpu_batches(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[
 def _over_gpus(
     pool: Executor, batches: Sequence[Sequence[Place]], shared: Sequence[str], device: str, threads: int
 ) -> Iterator[Made | NotMade]:
-    """Simulate one batch per GPU at a time, and write the folders of each as soon as it is finished."""
+    """Simulate one batch per GPU at a time.
+
+    The folders of a batch are written as soon as it is finished.
+    """
     waiting, idle = list(batches), list(shared)
     running: dict[Future[Any], tuple[str, Sequence[Place]]] = {}
     writing: set[Future[Any]] = set()

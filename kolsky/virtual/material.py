@@ -13,9 +13,11 @@ from kolsky.base.arrays import FloatArray
 
 
 def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> AnyLaw:
-    """The quasi-static law: the constants as given, scaled to the shear modulus [Pa].
+    """The quasi-static law.
 
-    Raises ValueError if the law is unknown, or the given constants do not match it or are not allowed.
+    Its given constants are scaled to the shear modulus [Pa].
+
+    Raises ValueError if the law is unknown, or if the given constants do not match it or are not allowed.
     """
     kind = law_class(name)
     names = [spec.name for spec in kind.PARAMETERS]
@@ -39,8 +41,8 @@ def what_relaxes(
 ) -> tuple[RateDependence, ...]:
     """The relaxation of a specimen; empty without relaxation.
 
-    ``declared``: from [relaxation] of its specification. ``strengths``, ``times``: from its [material], used
-    if there is no [relaxation]. Raises ValueError if the constants are not allowed.
+    ``declared``: from [relaxation] of its specification. ``strengths``, ``times``: from its [material]. They
+    are used without [relaxation]. Raises ValueError if the constants are not allowed.
     """
     if declared is None:
         return relaxation_of(strengths, times)

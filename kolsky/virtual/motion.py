@@ -1,5 +1,7 @@
-"""The flyer's true motion: a smooth ramp, a sampled one, or that of the whole apparatus (Mates et al.
-2012)."""
+"""The flyer's true motion (Mates et al. 2012).
+
+It is a smooth ramp, a sampled motion, or that of the whole apparatus.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -68,7 +70,10 @@ def flyer_samples(
 
 
 def static_curve(diameter: float, length: float, modulus: float) -> tuple[FloatArray, FloatArray]:
-    """Approximate compression [m] and force [N] of a bonded neo-Hookean cylinder, stiffer when flat."""
+    """Approximate compression [m] and force [N] of a bonded neo-Hookean cylinder.
+
+    A flat cylinder is stiffer.
+    """
     stretch = np.linspace(1.0, 0.04, 300)
     area = np.pi * diameter**2 / 4.0
     flat = 1.0 + 0.5 * (0.25 * diameter / length) ** 2 / stretch**3
@@ -76,7 +81,7 @@ def static_curve(diameter: float, length: float, modulus: float) -> tuple[FloatA
 
 
 def disc(diameter: float, height: float, shear_modulus: float) -> PulseShaper:
-    """A neo-Hookean disc that slides on the steel: F = mu A (lam^-2 - lam) to a stretch of 0.2.
+    """A neo-Hookean disc that slides on the steel: F = mu A (lam^-2 - lam), down to a stretch of 0.2.
 
     ``diameter``, ``height``: before the test [m]. ``shear_modulus``: at the rate of the test [Pa].
     """
@@ -86,19 +91,25 @@ def disc(diameter: float, height: float, shear_modulus: float) -> PulseShaper:
 
 
 def loading(compression: FloatArray, force: FloatArray, unloading: float | None = None) -> PulseShaper:
-    """A law from its loading curve; it unloads along its steepest slope unless another is given [N/m]."""
+    """A law from its loading curve.
+
+    It unloads along its steepest slope unless another slope is given [N/m].
+    """
     steepest = float((np.diff(force) / np.diff(compression)).max())
     return PulseShaper(compression, force, steepest if unloading is None else unloading)
 
 
 _BARS_DURATION = 1.6e-3
-"""Default integration time of the whole apparatus from the flyer's start on [s]."""
+"""Default integration time of the whole apparatus [s], beginning at the flyer's start."""
 LONGEST = 0.1
 """Longest record [s]."""
 
 
 class Path1D(Protocol):
-    """A displacement toward the specimen and its velocity, from a start on."""
+    """A displacement toward the specimen and its velocity.
+
+    Both begin at a start time.
+    """
 
     @property
     def start(self) -> float:
@@ -125,7 +136,7 @@ class Ramp:
     rise: float
     """Time of the ramp [s]."""
     slowdown: float = 0.0
-    """Share of the speed lost after `over` [-]."""
+    """Share of the speed that is lost after `over` [-]."""
     over: float = 1.0
     """Duration of the slowdown after the ramp [s]."""
 
@@ -148,8 +159,10 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Sampled:
-    """A motion through samples with cubic interpolation; at rest before, with constant speed after the
-    end."""
+    """A motion through samples with cubic interpolation.
+
+    It is at rest before, and has constant speed after the end.
+    """
 
     start: float
     """Start time [s]."""
@@ -222,8 +235,8 @@ def _read_samples(path: Path) -> tuple[FloatArray, FloatArray]:
 def ramp_of(motion: MotionTable, length: float) -> tuple[Ramp, float]:
     """The ramp of [motion] for a specimen of given length [m], and the time from start to end [s].
 
-    The end is where the nominal compression is reached: with T after the ramp, Eq. (E.2),
-    speed (rise / 2 + T (1 - slowdown / 3)) = compression x length.
+    The end is the time at which the nominal compression is reached. With T after the ramp, Eq. (E.2), speed
+    (rise / 2 + T (1 - slowdown / 3)) = compression x length.
     """
     after = (motion.compression * length / motion.speed - 0.5 * motion.rise) / (1.0 - motion.slowdown / 3.0)
     if not 0.0 < after < LONGEST:

@@ -58,9 +58,9 @@ class Rig:
 def rig_of(q: Specification, *, shot: int) -> Rig:
     """The cameras of a specification.
 
-    The upper end of the view is `flyer_share` of the picture's length beyond the specimen's face at rest. The
-    cameras therefore look at ``y = L + (share - 1/2) field``. The focal lengths are such that `field` fills
-    the picture.
+    The upper end of the view is `flyer_share` of the picture's length above the specimen's face at rest. The
+    cameras therefore look at ``y = L + (share - 1/2) field``. The focal lengths are chosen for a picture
+    filled by `field`.
 
     Raises ValueError if a picture does not fit on its sensor around the point that its camera looks at.
     """
@@ -87,7 +87,10 @@ def rig_of(q: Specification, *, shot: int) -> Rig:
 
 
 def _crop(at: FloatArray, picture: tuple[int, int], sensor: tuple[int, int], camera: int) -> tuple[int, int]:
-    """Whole pixels of the offset that brings `at` to the picture's middle; kept on the sensor if nearly."""
+    """Whole pixels of the offset that brings `at` to the picture's middle.
+
+    It is kept on the sensor if it is nearly inside.
+    """
     wanted = np.rint(at - 0.5 * (np.array(picture) - 1.0))
     most = np.array(sensor) - np.array(picture)
     found = np.clip(wanted, 0, most)
@@ -125,14 +128,16 @@ def _small(vector: FloatArray) -> FloatArray:
 MARGIN = 6.0
 """Smallest distance of the board from the edge of a picture [px]."""
 TRIES = 2000
-"""Maximum number of drawn poses to find one that is fully visible in both cameras."""
+"""Maximum number of drawn poses until one is fully visible in both cameras."""
 
 Pose = tuple[FloatArray, FloatArray]
 
 
 def target_of(q: Specification) -> Any:
-    """The target of a specification; its width is `share` of the sensor's field at the distance of the
-    axis."""
+    """The target of a specification.
+
+    Its width is `share` of the sensor's field at the distance of the axis.
+    """
     c = q.calibration
     width = c.share * min(q.cameras.sensor) * q.cameras.pixel
     if c.target == "chessboard":
@@ -244,7 +249,7 @@ def lens_model(q: Specification) -> str:
 
 
 def _rounded(metres: float) -> float:
-    """A length rounded as by a manufacturer: to 0.01 mm, or to 0.001 mm if small."""
+    """A length rounded in the way of a manufacturer: to 0.01 mm, or to 0.001 mm if small."""
     step = 1e-5 if metres > 2e-4 else 1e-6
     return float(np.round(metres / step)) * step
 
@@ -261,7 +266,8 @@ def _in_view(points: FloatArray, rig: Rig) -> bool:
 GRAIN = 0.012
 """Standard deviation of the reflectance of bare material, texel by texel [-]."""
 SHARP = 0.05
-"""Smaller motion during an exposure is neglected [px]; its blur would widen the point spread by 4e-4 px."""
+"""Smaller motion than this during an exposure is neglected [px]. Its blur would widen the point spread by
+4e-4 px."""
 
 
 def scene_of(q: Specification, surface: SurfaceHistory, *, shot: int) -> Scene:
@@ -287,7 +293,10 @@ def scene_of(q: Specification, surface: SurfaceHistory, *, shot: int) -> Scene:
 
 
 def instants_of(q: Specification, surface: SurfaceHistory) -> Instants:
-    """Instants of the exposures: one if the motion is below `SHARP`, otherwise two or more by the blur."""
+    """Instants of the exposures.
+
+    There is one if the motion is below `SHARP`, otherwise two or more, depending on the blur.
+    """
     speed = np.abs(np.gradient(surface.displacement, surface.time))
     blur = speed * q.optics.exposure / q.cameras.pixel
     points = np.where(blur > SHARP, 1 + np.maximum(1, np.ceil(blur)), 1).astype(np.int64)
@@ -304,7 +313,7 @@ class _At(NamedTuple):
 
 
 def _at(surface: SurfaceHistory, time: FloatArray) -> _At:
-    """Interpolate between frames by monotone cubics, which do not overshoot at the start of the motion."""
+    """Interpolate between frames by monotone cubics. They do not overshoot at the start of the motion."""
     inside = np.clip(time, surface.time[0], None)
     y, r, d, tilt = (
         PchipInterpolator(surface.time, values, axis=0, extrapolate=True)(inside)
@@ -382,7 +391,7 @@ def _covered(
     name: str,
     shot: int,
 ) -> Texture:
-    """Paint or bare material on the side of a rigid body; its faces are bare."""
+    """Paint or bare material on the side of a rigid body. Its faces are bare."""
     rim = 2.0 * q.cameras.pixel
     area = Area(_around(radius, reach), (along[0] - rim, along[1] + rim))
     if not speckled:
@@ -396,7 +405,10 @@ def _covered(
 
 
 def _paint(q: Specification, area: Area, rng: np.random.Generator) -> Texture:
-    """Speckles of the specification; the texel pitch equals the distance of the rays."""
+    """Speckles of the specification.
+
+    The texel pitch equals the distance of the rays.
+    """
     s, pixel = q.speckle, q.cameras.pixel
     size = s.size * pixel
     if s.kind == "sprayed":
@@ -457,7 +469,7 @@ def expose_series(
 ) -> Iterable[NDArray[np.uint16]]:
     """Grey values of the frames of one camera, in order.
 
-    Every frame of every camera has its own random stream, so that the pictures do not depend on the
+    Every frame of every camera has a separate random stream. The pictures therefore do not depend on the
     distribution of the work.
     """
     o, shape = q.optics, (q.cameras.picture[1], q.cameras.picture[0])

@@ -1,4 +1,4 @@
-"""The tables of a specification: true quantities, cameras, and [imperfections] of the test that is made.
+"""The tables of a specification: true quantities, cameras, and [imperfections] of the test.
 
 If all imperfections are zero, the declarations have no errors.
 """
@@ -94,7 +94,7 @@ class CamerasTable(Section):
     sensor: Size = (512, 512)
     """Columns and rows of the whole sensor, which the calibration pictures show [px]."""
     picture: Size = (128, 128)
-    """Columns and rows of the pictures of the test, a crop of it [px]."""
+    """Columns and rows of the pictures of the test [px]. They are a crop of the sensor."""
     field: f.Length = 7.2e-3
     """Length along the axis that a picture shows at the distance of the axis [m]."""
     distance_0: f.Length = 0.305
@@ -107,11 +107,12 @@ class CamerasTable(Section):
     elevation: Angle = 0.0
     """Elevation of both cameras above the plane across the axis, toward the flyer [rad]."""
     flyer_side: Literal["up", "down", "left", "right"] = "up"
-    """Side of the pictures from which the flyer comes."""
+    """Side of the pictures on which the flyer enters."""
     flyer_share: Annotated[float, _part(-0.4, 0.6, "a share of the picture")] = 0.03
-    """Share of a picture's length covered by the flyer at rest; negative: distance out of view [-]."""
+    """Share of a picture's length covered by the flyer at rest [-]. A negative value is a distance out of
+    view."""
     aside: f.Offset = 0.0
-    """Lateral position at which they look, across the axis [m]."""
+    """Lateral position at which the cameras look, across the axis [m]."""
     misalignment: Angle = 3e-3
     """Standard deviation of roll and aiming error, independent for each camera [rad]."""
     distortion_0: Numbers = (-0.17, 0.0, 0.0, 0.0, 0.0)
@@ -156,30 +157,30 @@ class OpticsTable(Section):
     spread: Annotated[float, Field(ge=0.0, le=5.0)] = 0.6
     """Standard deviation of the point spread in focus [px]."""
     aperture: Width = 0.0
-    """Diameter of the entrance pupil; 0: sharp at every distance [m]."""
+    """Diameter of the entrance pupil [m]; 0: sharp at every distance."""
     defocus: f.Offset = 0.0
     """Distance of the plane of focus behind the axis [m]."""
     white: Share = 0.7
-    """Grey value of white paint over the largest one [-]."""
+    """Grey value of white paint divided by the largest one [-]."""
     black: Share = 0.02
-    """Grey value without light over the largest one [-]."""
+    """Grey value without light divided by the largest one [-]."""
     bits: Annotated[int, Field(ge=8, le=16)] = 12
     full_well: Annotated[float, Field(gt=0.0, le=1e7)] = 15_000.0
     """Electrons of the largest grey value."""
     read_noise: Annotated[float, Field(ge=0.0, le=1e5)] = 30.0
     """Standard deviation without light [electrons]."""
     flicker: Annotated[float, _part(0.0, 0.5, "a standard deviation")] = 0.005
-    """Standard deviation of the lamp's brightness from frame to frame [-]."""
+    """Standard deviation of the lamp's brightness between frames [-]."""
     fixed_pattern: Annotated[float, _part(0.0, 0.5, "a standard deviation")] = 0.003
     """Standard deviation of the pixels' gains [-]."""
     lamp_gradient: Annotated[float, _part(-0.9, 0.9, "a relative difference")] = 0.06
-    """Brightness at the right edge of the picture over that at its left edge, minus 1 [-]."""
+    """Brightness at the right edge of the picture divided by that at its left edge, minus 1 [-]."""
     ambient: Share = 0.7
-    """Share of the light that comes from all sides; the rest shades the surface [-]."""
+    """Share of the light that comes from all sides [-]. The rest shades the surface."""
     highlight: Share = 0.0
-    """Height of the specular highlight over white paint [-]."""
+    """Height of the specular highlight divided by white paint [-]."""
     gloss: Annotated[float, Field(ge=1.0, le=1e4)] = 80.0
-    """Exponent of the highlight: the larger, the smaller [-]."""
+    """Exponent of the highlight [-]. A larger exponent gives a smaller highlight."""
     lamp_height: Angle = math.radians(11.0)
     """Elevation of the lamp above the plane across the axis, toward the flyer [rad]."""
     lamp_side: Angle = math.radians(6.0)
@@ -206,31 +207,31 @@ class SpeckleTable(Section):
     kind: Literal["sprayed", "printed"] = "sprayed"
     """Drops at random positions with random sizes, or equal dots close to a lattice."""
     size: Annotated[float, Field(ge=0.5, le=60.0)] = 6.0
-    """Mean diameter of a drop [px]; below 3 too fine, above 10 too coarse for most subsets."""
+    """Mean diameter of a drop [px]. Below 3 it is too fine, above 10 too coarse for most subsets."""
     size_spread: Annotated[float, Field(ge=0.0, le=1.0)] = 0.25
-    """Standard deviation of a drop's diameter over its mean; sprayed only [-]."""
+    """Standard deviation of a drop's diameter divided by its mean [-]; sprayed only."""
     coverage: Annotated[float, Field(gt=0.0, lt=0.95)] = 0.5
-    """Share of the surface that is dark; below 0.2 sparse [-]."""
+    """Share of the surface that is dark [-]; below 0.2 the pattern is sparse."""
     jitter: Annotated[float, Field(ge=0.0, le=0.5)] = 0.2
-    """Largest distance of a printed dot from its lattice point, over the lattice step [-]."""
+    """Largest distance of a printed dot from its lattice point, divided by the lattice step [-]."""
     dark: Share = 0.16
     bright: Share = 0.97
     """Reflectance of drops and ground [-]."""
     softness: Annotated[float, Field(ge=0.0, le=1.0)] = 0.3
-    """Width of a drop's rim over its diameter [-]."""
+    """Width of a drop's rim divided by its diameter [-]."""
     flyer: bool = True
     platen: bool = False
     """True if flyer and transmission platen are painted."""
     bare: Share = 0.3
     """Reflectance of unpainted surfaces [-]."""
     scratch: Width = 0.0
-    """Width of a scratch down to the bare specimen; 0: none [m]."""
+    """Width of a scratch down to the bare specimen [m]; 0: none."""
     flake: Width = 0.0
-    """Radius of a patch whose paint has flaked off; 0: none [m]."""
+    """Radius of a patch with flaked paint [m]; 0: none."""
     loose: Width = 0.0
-    """Radius of a patch whose paint has come loose; 0: none [m]."""
+    """Radius of a patch with loose paint [m]; 0: none."""
     loose_slip: f.Offset = 0.0
-    """Axial slip of its middle at the last frame [m]."""
+    """Axial slip of the patch's middle at the last frame [m]."""
 
 
 class CalibrationTable(Section):
@@ -241,13 +242,13 @@ class CalibrationTable(Section):
     rows: Annotated[int, Field(ge=5, le=60)] = 10
     """Numbers of dots, inner corners or squares (charuco)."""
     share: Annotated[float, Field(ge=0.2, le=0.9)] = 0.58
-    """Width of the target over that of the sensor's field [-]."""
+    """Width of the target divided by that of the sensor's field [-]."""
     poses: Annotated[int, Field(ge=4, le=200)] = 20
     tilt: Angle = math.radians(20.0)
     """Largest tilt out of the plane of the view [rad]."""
     bits: Annotated[int, Field(ge=8, le=16)] = 8
     noise: Annotated[float, _part(0.0, 0.2, "a standard deviation")] = 0.004
-    """Standard deviation of a grey value over the largest one [-]."""
+    """Standard deviation of a grey value divided by the largest grey value [-]."""
 
     @model_validator(mode="after")
     def _one_way_up(self) -> "CalibrationTable":
@@ -262,15 +263,15 @@ class Imperfections(Section):
     """[imperfections]: errors of the synthetic test."""
 
     length: Relative = 0.0
-    """Declared length over the true one, minus 1 [-]."""
+    """Declared length divided by the true one, minus 1 [-]."""
     diameter: Relative = 0.0
-    """Declared diameter over the true one, minus 1 [-]."""
+    """Declared diameter divided by the true one, minus 1 [-]."""
     density: Relative = 0.0
-    """Declared density over the true one, minus 1 [-]."""
+    """Declared density divided by the true one, minus 1 [-]."""
     sensitivity: Relative = 0.0
-    """Declared sensitivity of the transmitted force over the nominal one, minus 1 [-]."""
+    """Declared sensitivity of the transmitted force divided by the nominal one, minus 1 [-]."""
     curve: Relative = 0.0
-    """Stresses in the quasi-static table over the true ones, minus 1 [-]."""
+    """Stresses in the quasi-static table divided by the true ones, minus 1 [-]."""
     poisson: f.Number = 0.0
     """Declared Poisson's ratio minus the true one [-]."""
     damping: f.Time = 0.0
@@ -282,13 +283,14 @@ class Imperfections(Section):
     Z_offset: f.Offset = 0.0
     """Given radii of the outline minus the true ones [m]."""
     gain: Relative = 0.0
-    """Voltage of the transmitted force over the value by its sensitivity, minus 1 [-]."""
+    """Voltage of the transmitted force divided by the value from its sensitivity, minus 1 [-]."""
     baseline: f.SignedVoltage = 0.0
-    """Offset of the transmitted signal from the flyer's start on [V]."""
+    """Offset of the transmitted signal [V], beginning at the flyer's start."""
     slip_friction: f.Friction = 0.0
     """Coulomb coefficient of faces that the shot file declares as bonded; 0: they are bonded [-]."""
     tilt: Angle = 0.0
-    """Final pitch of the flyer in the cameras' plane, growing with its path, camera side ahead [rad]."""
+    """Final pitch of the flyer in the cameras' plane [rad]. It increases with the flyer's path, with the
+    camera side ahead."""
     off_centre: f.Offset = 0.0
     """Distance of the specimen from the flyer's axis, toward the cameras [m]."""
 
@@ -309,7 +311,7 @@ class MaterialTable(Section):
     parameters: dict[str, f.Number] = Field(
         default={"C10": 1.0, "C20": 0.1, "C30": 0.02}, validate_default=True
     )
-    """The law's constants; moduli may have any common factor, because `shear_modulus` scales them [-]."""
+    """The law's constants [-]. Moduli may have any common factor, because `shear_modulus` scales them."""
     shear_modulus: f.Modulus = 24.7e3
     """mu_0 of the quasi-static curve [Pa]."""
     stiffness_factor: f.Number = 1.0
@@ -319,7 +321,7 @@ class MaterialTable(Section):
     """beta: deviatoric stress = 2 beta m mu_0 x deviatoric rate of deformation [s]."""
     mass_damping: f.Rate = 0.0
     prony_strengths: Numbers = ()
-    """Modulus of each branch over that of the long-term law [-]; empty: no relaxation."""
+    """Modulus of each branch divided by that of the long-term law [-]; empty: no relaxation."""
     prony_times: Times = ()
     """Relaxation time of each branch [s]."""
 
@@ -341,7 +343,7 @@ class MaterialTable(Section):
 
 
 class QuasiStaticTable(Section):
-    """[quasi_static]: the slow uniaxial test of the same material, which gives the curve."""
+    """[quasi_static]: the slow uniaxial test of the same material. It gives the curve."""
 
     largest_strain: Relative = 0.64
     """Nominal compressive strain of the last point [-]."""
@@ -357,7 +359,7 @@ class QuasiStaticTable(Section):
 
 
 class InterfaceTable(Section):
-    """[interface]: contact of the specimen with the platens, both true and declared."""
+    """[interface]: contact of the specimen with the platens. The declared contact is the true one."""
 
     faces: f.ContactLawName = HOLDING_LAW
     side: f.ContactLawName = HOLDING_LAW
@@ -388,7 +390,7 @@ class MotionTable(Section):
     striker_length: f.Length = 0.25
     """Length of the striker, for "bars" [m]."""
     duration: f.PositiveTime | None = None
-    """Longest recorded time from the start on, for motions that never reach `compression` [s]."""
+    """Longest recorded time after the start [s], for motions that never reach `compression`."""
 
     @model_validator(mode="after")
     def _ranges(self) -> "MotionTable":
@@ -422,11 +424,11 @@ class ChannelTable(Section):
     sensitivity: f.Sensitivity = 0.0112
     compression: Literal["positive", "negative"] = "positive"
     platen_mass: f.Mass = 0.0071
-    """Mass between the sensing plane and the specimen, whose inertia the transducer measures [kg]."""
+    """Mass between the sensing plane and the specimen [kg]. The transducer also measures its inertia."""
     time_constant: f.PositiveTime | None = None
-    """Time constant of the droop; none: no droop [s]."""
+    """Time constant of the droop [s]; none: no droop."""
     bandwidth: Frequency | None = None
-    """-3 dB frequency of a first-order low-pass; none: unlimited [Hz]."""
+    """-3 dB frequency of a first-order low-pass [Hz]; none: unlimited."""
     delay: f.Time = 0.0
     """Delay of the signal [s]; not declared."""
     baseline: f.SignedVoltage = 0.003
@@ -450,7 +452,7 @@ class FramesTable(Section):
     static: Annotated[int, Field(ge=3, le=1000)] = 12
     """Number of frames before the flyer starts."""
     phase: Relative = 0.0
-    """Time from the last frame before the start to the start, in frames [-], from 0 to below 1."""
+    """Time from the last frame before the start until the start, in frames [-], from 0 to below 1."""
     clock_offset: f.Time = 0.0
     """Shot's clock = the cameras' + this; declared correctly [s]."""
 
@@ -465,13 +467,13 @@ class ExportsTable(Section):
     """[exports]: outline and flyer displacement, as exported by a correlation program."""
 
     write: bool = True
-    """True to write them; without them the shot needs pictures."""
+    """True to write them. Without them the shot needs pictures."""
     flyer_sigma: f.Length = 1e-6
     outline_sigma: f.Length = 4e-6
     points: Annotated[int, Field(ge=4, le=1000)] = 14
     """Number of outline points in a frame."""
     lowest: Relative = 0.08
-    """Height of the first point over the current height of the specimen [-]."""
+    """Height of the first point divided by the current height of the specimen [-]."""
     highest: Relative = 0.92
 
     @model_validator(mode="after")
@@ -482,16 +484,17 @@ class ExportsTable(Section):
 
 
 class TruthTable(Section):
-    """[truth]: the solver run that the instruments measure, finer than any analysis."""
+    """[truth]: the solver run that the instruments measure. It is finer than any analysis."""
 
     mesh: Mesh = (96, 129)
     grading: f.Number = 2.0
     element: Literal["fbar", "one_point", "middle"] = "fbar"
-    """An element of the solver, or the mean of both, which is closer to the limit of fine meshes."""
+    """An element of the solver, or the mean of both elements. The mean is closer to the limit of fine
+    meshes."""
 
 
 class Specification(Section):
-    """A specification of one shot, in SI; every table has defaults, a shot like `runs/open-01`."""
+    """A specification of one shot, in SI. Every table has defaults, which give a shot like `runs/open-01`."""
 
     format: Literal[1] = 1
     name: f.Name = "virtual"
@@ -499,8 +502,8 @@ class Specification(Section):
     specimen: SpecimenTable = SpecimenTable()
     material: MaterialTable = MaterialTable()
     relaxation: RelaxationSection | None = None
-    """True relaxation, declared in the shot file with the same keys. None: no relaxation, or the undeclared
-    one of [material]."""
+    """True relaxation, with the same keys in the shot file. None: no relaxation, or the undeclared one of
+    [material]."""
     quasi_static: QuasiStaticTable = QuasiStaticTable()
     interface: InterfaceTable = InterfaceTable()
     transmission: TransmissionSection = TransmissionSection(support="rigid")

@@ -1,4 +1,6 @@
-"""shot.toml of a synthetic shot from its specification, and a specification from a real shot's shot.toml.
+"""shot.toml of a synthetic shot from its specification.
+
+A specification can also be made from a real shot's shot.toml.
 
 The declared values are the true ones, except for [imperfections].
 """
@@ -26,7 +28,7 @@ HEAD = "# Made by kolsky virtual make; its answer is in truth.json, which no oth
 QUIET = 5e-6
 """Time from the end of the baseline to the last static frame [s]."""
 _NO_DROOP = 1e6
-"""A time constant much longer than any test [s]."""
+"""A time constant that is much longer than any test [s]."""
 SMALLEST_BASELINE = 20
 """Smallest number of baseline samples needed for its zero and noise."""
 
@@ -34,7 +36,7 @@ Tables = Mapping[str, Mapping[str, Any]]
 
 
 def shot_tables(quantities: Specification, surface: SurfaceHistory) -> dict[str, dict[str, Any]]:
-    """The tables of shot.toml as TOML values; quantities are texts with units."""
+    """The tables of shot.toml as TOML values. Quantities are texts with units."""
     q, wrong = quantities, quantities.imperfections
     form = FORMATS[q.scope.format]
     incident, transmitted = form.columns
@@ -189,7 +191,10 @@ def _channel(channel: ChannelTable) -> dict[str, Any]:
 
 
 def _no_droop(q: Specification) -> dict[str, str]:
-    """A time constant without effect, if [incident_force] would otherwise inherit that of [force]."""
+    """A time constant without effect.
+
+    It is used if [incident_force] would otherwise inherit that of [force].
+    """
     taken_over = q.transmitted.time_constant is not None and q.incident.time_constant is None
     return {"time_constant": f"{_NO_DROOP:.9g} s"} if taken_over else {}
 
@@ -206,7 +211,7 @@ def _uncertainty(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _value(value: Any) -> str:
-    """A value as TOML writes it; tables inline."""
+    """A value in TOML syntax; tables are inline."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -233,10 +238,12 @@ KNOT = 2e-6
 
 
 def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -> Path:
-    """Write the specification of a shot, and its flyer's path; returns the specification's file.
+    """Write the specification of a shot, and its flyer's path.
+
+    Returns the specification's file.
 
     ``shot``: a loaded shot with a flyer, an outline and a force channel. ``folder``: output folder.
-    ``answer``: identified parameters by name; missing ones have the shot file's values, and the stiffness
+    ``answer``: identified parameters by name. Missing ones have the shot file's values, and the stiffness
     factor is 1.
     """
     flyer, force, line = shot.flyer, shot.force, shot.centre_line
@@ -320,7 +327,10 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
 
 
 def declared_sizes(uncertainty: Mapping[str, float]) -> dict[str, str | float]:
-    """A shot's declared standard uncertainties as keys and sizes of a budget; those of 0 are left out."""
+    """A shot's declared standard uncertainties as keys and sizes of a budget.
+
+    Uncertainties of 0 are left out.
+    """
     sizes: dict[str, str | float] = {}
     for key, sigma in uncertainty.items():
         one = INPUTS.get(key)
@@ -332,9 +342,10 @@ def declared_sizes(uncertainty: Mapping[str, float]) -> dict[str, str | float]:
 
 
 def yeoh_of(curve: MaterialCurve) -> tuple[dict[str, float], float]:
-    """Yeoh's law through a curve: constants over the shear modulus, and the shear modulus [Pa].
+    """Yeoh's law through a curve: constants divided by the shear modulus, and the shear modulus [Pa].
 
-    Non-negative least squares in the stress, weighted by its sigma; the law is linear in its constants.
+    The method is non-negative least squares in the stress, weighted by its sigma. The law is linear in its
+    constants.
     """
     lam = curve.stretch
     x = lam**2 + 2.0 / lam - 3.0

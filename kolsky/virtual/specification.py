@@ -1,6 +1,8 @@
-"""A specification file: read, checked, and expanded to its shots; [population] draws quantities from ranges.
+"""A specification file: read, checked, and expanded to its shots.
 
-Each shot and subject has its own random stream, so that a new subject does not change the others.
+[population] draws quantities from ranges.
+
+Each shot and subject has a separate random stream. A new subject therefore does not change the others.
 """
 
 import math
@@ -26,8 +28,8 @@ from kolsky.virtual.schema import Specification
 def stream(seed: int, shot: int, *subject: str) -> np.random.Generator:
     """The random stream of one subject of one shot, independent of all other draws and shots.
 
-    ``seed``: the specification's. ``shot``: number of the shot in its population, from 1; 0 without one.
-    ``subject``: words that name the drawn quantity, e.g. "noise", "transmitted".
+    ``seed``: that of the specification. ``shot``: number of the shot in its population, beginning at 1; 0
+    without a population. ``subject``: words for the drawn quantity, e.g. "noise", "transmitted".
     """
     return np.random.default_rng([seed, shot, *(crc32(word.encode()) for word in subject)])
 
@@ -50,7 +52,7 @@ class Draw(Section):
     spread: Literal["even", "log", "normal"] = "even"
     """Uniform, uniform in the logarithm, or normal with mean `mean` and standard deviation `sigma`."""
     choose: list[Any] | None = None
-    """List of values, or of tables whose keys are set together; one entry is chosen."""
+    """List of values, or of tables. The keys of a table are set together. One entry is chosen."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Draw":
@@ -76,7 +78,10 @@ class Draw(Section):
         return self
 
     def _bounds(self) -> tuple[float, float, str | None, bool]:
-        """The two numbers, their unit, and whether both are whole numbers; no unit for plain numbers."""
+        """The two numbers, their unit, and True if both are whole numbers.
+
+        Plain numbers have no unit.
+        """
         first, second = (getattr(self, key) for key in _KINDS[self.spread])
         if isinstance(first, str) and isinstance(second, str):
             matches = [full_match(_WRITTEN, text) for text in (first, second)]
@@ -94,7 +99,7 @@ class Draw(Section):
         return float(first), float(second), None, whole
 
     def value(self, rng: np.random.Generator) -> Any:
-        """A drawn value as it would be written in a specification."""
+        """A drawn value in the form of a specification."""
         if self.choose is not None:
             return self.choose[int(rng.integers(len(self.choose)))]
         first, second, unit, whole = self._bounds()
@@ -118,7 +123,7 @@ class Population(Section):
 
 
 def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot: int) -> dict[str, Any]:
-    """The specification of one shot as it would be written, without [population] and [budget].
+    """The specification of one shot in written form, without [population] and [budget].
 
     ``content``: the specification as written. ``population``: its [population]. Each key of each shot has a
     separate stream. Raises ValueError if a part of a drawn key's path is not a table.
@@ -140,7 +145,7 @@ def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot
 
 
 NAME = "SPEC.toml"
-"""The name of a specification that `kolsky virtual new` writes."""
+"""The name of the specification from `kolsky virtual new`."""
 
 
 class SpecificationFile(Specification):
@@ -156,15 +161,15 @@ class ShotSpecification:
     """The specification of one synthetic shot."""
 
     number: int
-    """Its number in the population, from 1; 0 if the specification is that of a single shot."""
+    """Its number in the population, beginning at 1. It is 0 if the specification is that of a single shot."""
     name: str
-    """Its name, which is that of its folder in a population."""
+    """Its name. In a population, it is the name of its folder."""
     content: dict[str, Any]
-    """The specification as it would be written, without [population]."""
+    """The specification in written form, without [population]."""
     quantities: Specification
-    """The same in SI."""
+    """The content in SI."""
     folder: Path
-    """Folder of the specification and of the files that it names."""
+    """Folder of the specification and of its other files."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +178,7 @@ class Series:
 
     file: TomlFile
     declared: SpecificationFile
-    """The declared values in SI; a drawn quantity has its written or default value."""
+    """The declared values in SI. A drawn quantity has its written or default value."""
 
     @property
     def numbers(self) -> range:
@@ -210,10 +215,10 @@ class Series:
 
 
 def read_specification(path: str | Path) -> Series:
-    """Read and check a specification, with the first shot that it draws.
+    """Read and check a specification, with its first drawn shot.
 
-    ``path``: the file, or the folder with a `SPEC.toml`. Raises InputError if it cannot be read, is not TOML,
-    or declares anything unknown or not allowed.
+    ``path``: the file, or the folder with a `SPEC.toml`. Raises InputError if it cannot be read or is not
+    TOML, or if it declares anything unknown or not allowed.
     """
     path = Path(path)
     if path.is_dir():

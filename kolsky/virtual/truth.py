@@ -17,18 +17,18 @@ from kolsky.virtual.schema import Specification
 
 @dataclass(frozen=True)
 class SurfaceHistory:
-    """Specimen and flyer at the true times of the frames, static ones included."""
+    """Specimen and flyer at the true times of the frames, including static ones."""
 
     time: FloatArray
     """Times on the shot's clock [s], shape [n_frames]."""
     r: FloatArray
     """Radius of the side surface's nodes, transmission platen first [m], shape [n_frames, n_nodes]."""
     y: FloatArray
-    """Their height above the transmission platen's initial plane [m], shape [n_frames, n_nodes]."""
+    """Height of these nodes above the transmission platen's initial plane [m], shape [n_frames, n_nodes]."""
     displacement: FloatArray
     """Displacement of the flyer's centre toward the specimen [m], shape [n_frames]."""
     tilt: FloatArray
-    """Pitch of the flyer in the cameras' plane, camera side ahead [rad], shape [n_frames]."""
+    """Pitch of the flyer in the cameras' plane, with the camera side ahead [rad], shape [n_frames]."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Truth:
 
 
 class TruthError(Exception):
-    """A simulation of a truth did not reach its end; the message gives the reason."""
+    """A simulation of a truth did not reach its end. The message gives the reason."""
 
 
 MARGIN = 15e-6
@@ -67,7 +67,8 @@ class Job:
     end: float
     """Time from start to end of the record [s]."""
     frames: FloatArray
-    """True times of the frames from the start on, static ones below or at 0 [s], shape [n_frames]."""
+    """True times of the frames after the start [s], shape [n_frames]. Those of static frames are 0 or
+    negative."""
 
     @property
     def last(self) -> float:
@@ -77,7 +78,9 @@ class Job:
 
     @classmethod
     def of(cls, quantities: Specification, folder: Path = Path()) -> "Job":
-        """The simulation of a specification; files that it names are in `folder`.
+        """The simulation of a specification.
+
+        Its other files are in `folder`.
 
         Raises ValueError if its motion is not possible.
         """
@@ -96,7 +99,7 @@ class Job:
 
     @property
     def group(self) -> Hashable:
-        """Key of the solver model; shots with the same key are simulated together."""
+        """Key of the solver model. Shots with the same key are simulated together."""
         q = self.quantities
         kind = "prony" if q.relaxation is None else q.relaxation.kind
         relaxing = kind, sum(len(one) for one in q.relaxing)
@@ -120,7 +123,9 @@ def _elements_of(quantities: Specification) -> list[Specification]:
 
 
 def middle(truths: Sequence[Truth | TruthError]) -> Truth | TruthError:
-    """The mean of the truths of one shot; if any simulation failed, the first failure.
+    """The mean of the truths of one shot.
+
+    If any simulation failed, the first failure.
 
     ``truths``: one per element, at the same times.
     """
@@ -152,7 +157,7 @@ def middle(truths: Sequence[Truth | TruthError]) -> Truth | TruthError:
 
 
 KNOT = 2.5e-7
-"""Distance of the knots of the platen's motion, and of the force's samples [s]."""
+"""Distance of the knots of the platen's motion, and of the samples of the force [s]."""
 
 
 def simulate_truths(
@@ -162,7 +167,7 @@ def simulate_truths(
     device: str = "cpu",
     threads: int | None = None,
 ) -> list[Truth]:
-    """Simulate the truths of several shots; all of them must reach their end.
+    """Simulate the truths of several shots. All of them must reach their end.
 
     ``specifications``, ``folder``, ``device``, ``threads``: as in `try_truths`. Raises TruthError if a
     simulation did not reach its end. Raises ValueError if a specification cannot be simulated.
@@ -182,11 +187,11 @@ def try_truths(
     device: str = "cpu",
     threads: int | None = None,
 ) -> list[Truth | TruthError]:
-    """Simulate the truths of several shots; a failed simulation does not affect the others.
+    """Simulate the truths of several shots. A failed simulation does not affect the others.
 
-    Shots with one mesh and one kind of material form one launch. On a GPU the launches run in parallel, so
-    that shots of forty geometries take little longer than one. Each result is bit-identical to a separate
-    run.
+    Shots with one mesh and one kind of material form one launch. On a GPU, the launches run in parallel.
+    Shots of forty geometries therefore take little longer than one. Each result is bit-identical to a
+    separate run.
     """
     elements = [_elements_of(quantities) for quantities in specifications]
     each = iter(_try_each([one for both in elements for one in both], folder, device, threads))
@@ -208,7 +213,7 @@ def _try_each(
         [_tilt(job, response, row) for row, job in enumerate(batch)]
         for batch, response in zip(batches, responses, strict=True)
     ]
-    # If a flyer tilts, the cameras record another run.
+    # If a flyer tilts, the cameras record a separate run.
     tilted = [i for i, group in enumerate(tilts) if any(np.any(tilt) for tilt in group)]
     shifts = [
         [
@@ -229,7 +234,7 @@ def _try_each(
 
 
 def _failure(job: Job, response: explicit.Response, row: int) -> TruthError | None:
-    """The failure of a simulation; None if it reached its end."""
+    """The failure of a simulation. None if it reached its end."""
     if response.end_times[row] >= job.last * (1.0 - 1e-9):
         return None
     return TruthError(
@@ -241,13 +246,19 @@ def _failure(job: Job, response: explicit.Response, row: int) -> TruthError | No
 def _run(
     batches: Sequence[tuple[Sequence[Job], Sequence[FloatArray]]], device: str, threads: int | None
 ) -> list[explicit.Response]:
-    """Simulate batches of jobs, one model per batch, with an added flyer displacement for each job [m]."""
+    """Simulate batches of jobs, one model per batch.
+
+    Each job has an added flyer displacement [m].
+    """
     problems = [_problem(jobs, shift) for jobs, shift in batches]
     return explicit.run_side_by_side(problems, device=device, threads=threads)
 
 
 def _problem(jobs: Sequence[Job], shift: Sequence[FloatArray]) -> explicit.Problem:
-    """The batch of jobs of one model; `shift` is added at the times of the force [m]."""
+    """The batch of jobs of one model.
+
+    `shift` is added at the times of the force [m].
+    """
     first = jobs[0].quantities
     last = max(job.last for job in jobs)
     times = KNOT * np.arange(int(np.ceil(last / KNOT)) + 1, dtype=np.float64)
@@ -292,7 +303,7 @@ def _mesh(quantities: Specification) -> explicit.Mesh:
 
 
 def _motion(job: Job, add: FloatArray, times: FloatArray) -> explicit.PlatenMotion:
-    """The flyer's motion over the group's time; it is constant after the end of its job."""
+    """The flyer's motion over the group's time. It is constant after the end of its job."""
     inside = times <= job.last
     held = np.minimum(times, job.last) + job.path.start
     position = job.path.displacement(held)
@@ -309,7 +320,7 @@ def _support(quantities: Specification) -> explicit.CharacteristicBar:
 
 
 def _bar(quantities: Specification) -> Bar | None:
-    """The bar behind the transmission platen, None for a rigid one."""
+    """The bar behind the transmission platen; None for a rigid one."""
     declared = quantities.transmission.bar
     return None if declared is None else Bar(**declared.model_dump())
 

@@ -1,1 +1,1 @@
-"""The flyer: its path, smooth from rest; its flight in three dimensions; the events of its test."""
+"""The flyer: its smooth path from rest, its flight in three dimensions, and the events of its test."""

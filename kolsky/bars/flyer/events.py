@@ -1,12 +1,14 @@
-"""Events of a flyer test: full speed, separation, arrest, push-back, second impact, end of symmetry.
+"""Events of a flyer test.
 
-Events are searched in the path and in the force signals; a kink is the time at which one part of a curve
+Full speed, separation, arrest, push-back, second impact, end of symmetry.
+
+Events are searched in the path and in the force signals. A kink is the time at which one part of a curve
 ends.
 
-A joint connects the flyer to the incident bar. The wave accelerates it to its full speed. The reflected
-tension loads the joint until it breaks (separation). The flyer compresses the specimen until it stops
-(arrest), is pushed back, and hits the bar again (second impact): Mates et al. (2012), Fig. 5. The
-displacement shows the motion only. The flyer's transducer shows joint and impact best, the transmitted force
+A joint connects the flyer to the incident bar. The wave accelerates the flyer to its full speed. The
+reflected tension loads the joint until it breaks (separation). The flyer compresses the specimen until it
+stops (arrest). It is pushed back, and hits the bar again (second impact): Mates et al. (2012), Fig. 5. The
+displacement shows only the motion. The flyer's transducer shows joint and impact best, the transmitted force
 the push-back.
 """
 
@@ -21,7 +23,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
 
 STEPS = 80
-"""Number of positions in the span that are tried before the best one is refined."""
+"""Number of trial positions in the span, before the best one is refined."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +33,12 @@ class Kink:
     time: float
     """Its time [s]."""
     sigma: float
-    """Its standard uncertainty, enlarged where the curve does not fit within its noise [s]."""
+    """Its standard uncertainty [s]; it is larger if the curve does not fit within its noise."""
     change: float
-    """Factor of the part that ends or begins there, in the unit of the data over s^power."""
+    """Factor of the part that ends or begins at the kink, in the unit of the data over s^power."""
     gain: float
-    """Decrease of chi-square by the kink over chi-square per degree of freedom with it [-]; about 2 without a
-    kink."""
+    """Decrease of chi-square by the kink, divided by chi-square per degree of freedom with it [-]; about 2
+    without a kink."""
 
 
 def find_kink(
@@ -97,11 +99,12 @@ def find_kink(
 
 
 RINGING = 20e-6
-"""Default span over which transducer signals are averaged [s]: longer than a flyer of 25 mm rings."""
+"""Default span over which transducer signals are averaged [s]. It is longer than the ringing of a 25 mm
+flyer."""
 _CERTAIN = 25.0
-"""Fall of chi-square from which on a kink is one: five standard deviations."""
+"""Smallest decrease of chi-square for a kink: five standard deviations."""
 EXCURSION = 3.0
-"""A jump of the transducer's signal is an impact when it is this many times the largest of the flight."""
+"""A jump of the transducer's signal is an impact if it is this many times the largest jump of the flight."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,7 @@ class Event:
     sigma: float | None
     """Standard uncertainty of the time [s]; None if it was not found."""
     how: str
-    """Method by which it was found, or the reason why it was not."""
+    """Method by which the event was found, or the reason why it was not found."""
 
 
 def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> Event | None:
@@ -143,13 +146,17 @@ def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> E
     )
     if kink.gain < _CERTAIN or kink.change > 0.0:
         return None
-    # The average rounds a corner over its span: known to that span's standard deviation at best.
+    # The average rounds a corner over its span. The corner is therefore uncertain by at least the standard
+    # deviation of that span.
     spread = float(np.hypot(kink.sigma, ringing / np.sqrt(12.0)))
     return Event("", kink.time, spread, "the tensile dip of the flyer's transducer ends")
 
 
 def first_jump(signal: Signal, after: float, rest: float, ringing: float) -> Event | None:
-    """First jump of a signal relative to its past average, far larger than those during the flight."""
+    """First jump of a signal relative to its past average.
+
+    It must be far larger than the jumps during the flight.
+    """
     n = max(2, round(ringing / signal.interval))
     total = np.cumsum(np.concatenate([[0.0], signal.value]))
     past = (total[n:-1] - total[: -n - 1]) / n  # the mean of the n samples before each
@@ -162,7 +169,7 @@ def first_jump(signal: Signal, after: float, rest: float, ringing: float) -> Eve
     if not beyond.size:
         return None
     i = int(beyond[0])
-    # It began between the last sample within the flight's own excursions and this one.
+    # The jump began between the last sample within the range of the flight and this sample.
     calm_before = np.flatnonzero(np.abs(step[:i]) <= limit / EXCURSION)
     start = float(t[calm_before[-1]]) if calm_before.size else float(t[i])
     width = max(float(t[i]) - start, signal.interval)
@@ -173,7 +180,7 @@ def first_jump(signal: Signal, after: float, rest: float, ringing: float) -> Eve
 
 
 def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, ringing: float) -> Event:
-    """The transmitted force falls to half its peak after the arrest."""
+    """The time at which the transmitted force falls to half its peak after the arrest."""
     name = "push-back"
     if arrest.time is None:
         return Event(name, None, None, "no arrest of the flyer was found")
@@ -197,8 +204,9 @@ def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, rin
 
 
 def _back_face_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> FloatArray:
-    """Velocity of the bar's face under a force: from the emitted wave, plus twice its reflection from a free
-    end.
+    """Velocity of the bar's face under a force.
+
+    It is that of the emitted wave, plus twice its reflection from a free end.
     """
     at, F, _ = moving_average(force, ringing)
     returns = range(1, int((time[-1] - at[0]) / bar.round_trip) + 1)
@@ -209,7 +217,7 @@ def _back_face_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: floa
 
 
 def moving_average(signal: Signal, span: float) -> tuple[FloatArray, FloatArray, float]:
-    """Times and centred moving averages of a signal over a span, and the noise of one."""
+    """Times and centred moving averages of a signal over a span, and the noise of one average."""
     n = 2 * round(0.5 * span / signal.interval) + 1
     if n >= signal.value.size:
         raise ValueError(
@@ -223,7 +231,7 @@ def moving_average(signal: Signal, span: float) -> tuple[FloatArray, FloatArray,
 _JOINT_SPAN = 200e-6
 """Longest time from full speed to separation in the search [s]."""
 _AFTER_IMPACT = 8
-"""Frames after a second impact from which its time is taken, where only the displacement shows it."""
+"""Number of frames after a second impact for its time, if only the displacement shows it."""
 
 
 @dataclass(frozen=True)
@@ -244,8 +252,9 @@ class FlyerEvents:
 
     @property
     def usable(self) -> tuple[float, str]:
-        """Last time at which the data are used [s], and the reason: lost symmetry, second impact or end of
-        the record.
+        """Last time at which the data are used [s], and the reason.
+
+        The reason is lost symmetry, second impact or end of the record.
         """
         found = [
             (event.time, event.name)
@@ -266,14 +275,14 @@ def flyer_events(
 ) -> FlyerEvents:
     """Find the events of a flyer's test in its records.
 
-    Returns: each event with time, sigma and how it was found, or why it was not.
+    Returns: each event with time, sigma and the method by which it was found, or why it was not found.
 
     ``motion``: the flyer's displacement toward the specimen at the frames, on the shot's clock. ``rest``: a
     time in the static frames [s]. ``incident``: force at the flyer's transducer, compression positive [N].
     ``transmitted``: transmitted force, compression positive [N]. ``bar``: the transmission bar. The motion of
     the specimen's back face is then computed from the transmitted force and its reflections from the bar's
-    free end, and arrest is relative to that face. If left out, the face is at rest; needs `transmitted`.
-    ``ringing``: span over which the transducers' signals are averaged [s]; longer than the flyer rings.
+    free end. Arrest is relative to that face. Needs `transmitted`. Without a bar, the face is at rest.
+    ``ringing``: span over which the transducers' signals are averaged [s], longer than the flyer's ringing.
     """
     if not ringing >= 0.0:
         raise ValueError(f"ringing is {ringing:g} s, must be >= 0 s")
@@ -283,7 +292,7 @@ def flyer_events(
     if impact.time is None:
         kept = motion
     else:
-        # One frame more than sigma needs: the jump must not bend the path before it.
+        # One frame more than sigma requires. Otherwise, the jump would bend the path in front of it.
         use = motion.time < impact.time - 2.0 * (impact.sigma or 0.0)
         kept = FlyerMotion(motion.time[use], motion.displacement[use], motion.sigma[use])
     path = fit_flyer(kept, start=rest)
@@ -303,7 +312,9 @@ def flyer_events(
 
 
 def second_impact(motion: FlyerMotion, *, rest: float) -> Event:
-    """The flyer hits the incident bar: a jump of its velocity after it turned back.
+    """The impact of the flyer on the incident bar.
+
+    It is a jump of the flyer's velocity after it turned back.
 
     ``motion``: its displacement at the frames. ``rest``: a time in the static frames [s].
     """
@@ -311,14 +322,14 @@ def second_impact(motion: FlyerMotion, *, rest: float) -> Event:
 
 
 def _turning(motion: FlyerMotion) -> int | None:
-    """Frame of the largest displacement, None if the flyer still moves forward at the end."""
+    """Frame of the largest displacement. None if the flyer still moves forward at the end."""
     top = int(np.argmax(motion.displacement))
     back = motion.displacement[top] - motion.displacement[-1]
     return top if back > 5.0 * motion.sigma[top] else None
 
 
 def _full_speed(path: FlyerPath) -> Event:
-    """The acceleration's fall through zero at the largest velocity."""
+    """The zero crossing of the acceleration at the largest velocity."""
     from scipy.optimize import brentq  # loaded where it is of use
 
     name, t = "full speed", np.linspace(path.start, path.end, 8 * path.knots.size)
@@ -338,7 +349,7 @@ def _full_speed(path: FlyerPath) -> Event:
 def _separation(
     motion: FlyerMotion, speed: Event, arrest: Event, incident: Signal | None, ringing: float
 ) -> Event:
-    """The end of the joint's pull, in the transducer if there is one, else in the displacement."""
+    """The end of the joint's pull, from the transducer if there is one, otherwise from the displacement."""
     name = "separation"
     if speed.time is None:
         return Event(name, None, None, speed.how)
@@ -354,7 +365,7 @@ def _separation(
     kink = find_kink(
         t, motion.displacement[near], motion.sigma[near], (t[2], last), degree=2, power=2, begins=False
     )
-    # The part that ends at the kink bends the path down: the joint slowed the flyer until then.
+    # The part that ends at the kink bends the path down: until then, the joint slowed the flyer.
     if kink.gain > _CERTAIN and kink.change < 0.0:
         return Event(name, kink.time, kink.sigma, "the flyer's deceleration by the joint ends (displacement)")
     seen = "neither transducer nor displacement show" if incident is not None else "the displacement shows no"
@@ -362,7 +373,7 @@ def _separation(
 
 
 def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None, ringing: float) -> Event:
-    """Zero of the velocity relative to the back face."""
+    """The zero of the velocity relative to the back face."""
     name = "arrest"
     if speed.time is None:
         return Event(name, None, None, speed.how)
@@ -388,7 +399,10 @@ def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None
 def _second_impact(
     motion: FlyerMotion, turn: int | None, incident: Signal | None, rest: float, ringing: float
 ) -> Event:
-    """The jump of the flyer's transducer, or of the slope of its displacement, after it turned back."""
+    """The jump of the flyer's transducer, or of the slope of its displacement.
+
+    It occurs after the flyer turned back.
+    """
     name = "second impact"
     if turn is None:
         return Event(name, None, None, "the flyer does not turn back in the record")
@@ -398,11 +412,11 @@ def _second_impact(
             return replace(found, name=name)
     kink = _slope_jump(motion, turn, motion.time.size)
     if kink is not None:
-        # The contact lasts: only the neighbouring frames determine when it began.
+        # The contact lasts for a time. Only the neighbouring frames determine its beginning.
         for _ in range(3):
             last = int(np.searchsorted(motion.time, kink.time)) + _AFTER_IMPACT
             kink = _slope_jump(motion, turn, last) or kink
-        # The speed changes between two frames, so no frame shows the change.
+        # The speed changes between two frames. No frame shows the change.
         frame = float(np.median(np.diff(motion.time)))
         sigma = float(np.hypot(kink.sigma, frame / np.sqrt(12.0)))
         return Event(name, kink.time, sigma, "the flyer's velocity jumps (displacement)")
@@ -410,7 +424,7 @@ def _second_impact(
 
 
 def _slope_jump(motion: FlyerMotion, turn: int, last: int) -> Kink | None:
-    """The jump of the velocity toward the specimen, between turning back and a frame."""
+    """The jump of the velocity toward the specimen, between the turning point and a frame."""
     t, x, sigma = (array[turn:last] for array in (motion.time, motion.displacement, motion.sigma))
     if t.size < 12:
         return None

@@ -1,5 +1,4 @@
-"""Flight of a flyer from its rigid motion: velocity, direction, tilt, end of symmetry (the paper's Fig.
-6)."""
+"""Flight of a flyer from its rigid motion: velocity, direction, tilt, end of symmetry (paper, Fig. 6)."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -20,9 +19,9 @@ from kolsky.base.hdf5 import adding_to, data, put
 from kolsky.base.records import FlyerMotion
 
 _LARGEST_LATERAL = 50e-6
-"""Largest lateral displacement of a body before its poses are known [m]."""
+"""Largest assumed lateral displacement of a body before its first known pose [m]."""
 _LARGEST_ROTATION = 10e-3
-"""Largest rotation of it [rad]."""
+"""Largest rotation of the body [rad]."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +33,11 @@ class Flight:
     lateral: tuple[FlyerPath, FlyerPath]
     """Displacements along x and Z [m]."""
     turn: tuple[FlyerPath, FlyerPath]
-    """Rotations about x and Z, which tilt the flyer's face [rad]; units of length in their docstrings are rad
-    here."""
+    """Rotations about x and Z, which tilt the flyer's face [rad]. In their docstrings, read rad for units of
+    length."""
 
     def velocity(self, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Velocity toward the specimen, along x, along Z [m/s] and its sigma, both [n, 3]."""
+        """Velocity toward the specimen, along x and along Z [m/s], and its sigma, both [n, 3]."""
         paths = (self.toward, *self.lateral)
         return (
             np.stack([path.velocity(time) for path in paths], axis=-1),
@@ -48,9 +47,9 @@ class Flight:
     def orientation(self, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Angle of the velocity vector to the compression axis [rad] and its sigma, both [n].
 
-        ``phi = atan2(|v across|, v toward the specimen)``, 0 along the axis, its cosine is the paper's
-        Fig. 6. The sigma is the noise of the velocity across over the speed, the root mean square of all
-        its directions: an angle below it is not distinguished from 0, and an angle is never negative.
+        ``phi = atan2(|v across|, v toward the specimen)``, 0 along the axis. Its cosine is in the paper's
+        Fig. 6. The sigma is the noise of the transverse velocity divided by the speed, as root mean square
+        over all directions. An angle below its sigma is not distinguished from 0. An angle is never negative.
         """
         v, s = self.velocity(time)
         speed = np.linalg.norm(v, axis=-1)
@@ -79,8 +78,8 @@ class Flight:
 def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMotion | None = None) -> Flight:
     """Fit smooth paths to the rigid motion of a flyer that rests until `start`.
 
-    If fewer than three poses at rest are known, the flyer is assumed to have rested at its first poses,
-    within `UNSEEN` and `UNTURNED`.
+    With fewer than three poses at rest, the flyer is assumed to have rested at its first poses, within
+    `UNSEEN` and `UNTURNED`.
     """
     time, ok = _times(body, t)
     u, r = body.displacement, body.rotation
@@ -114,7 +113,7 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMot
 
 
 def _noise_of_one(covariance: FloatArray) -> FloatArray:
-    """Each frame's own part of the noise, by the variance of second differences, shape [n]."""
+    """The independent part of each frame's noise, by the variance of second differences, shape [n]."""
     if len(covariance) < 3:
         return np.asarray(np.sqrt(np.diag(covariance)))
     inner = np.diag(np.diff(np.diff(covariance, n=2, axis=0), n=2, axis=1)) / 6.0  # 1, -2, 1 squared
@@ -123,16 +122,17 @@ def _noise_of_one(covariance: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class SymmetryEnd:
-    """Time at which the flyer leaves the direction that it had just after separating."""
+    """Time at which the flyer leaves its direction just after separation."""
 
     reference: FloatArray
     """Unit direction just after separation: toward the specimen, x, Z [-], shape [3]."""
     share: FloatArray
-    """Part of the velocity across the reference over the speed [-], shape [n_times]."""
+    """Transverse part of the velocity relative to the reference direction, divided by the speed [-], shape
+    [n_times]."""
     sigma: FloatArray
     """Its standard uncertainty from the noise of velocity and reference [-], shape [n_times]."""
     row: int | None
-    """First time at which symmetry has ended, None if it has not."""
+    """First time at which symmetry has ended; None if it has not."""
 
 
 def symmetry_end(
@@ -145,18 +145,18 @@ def symmetry_end(
     coverage: float = 2.0,
     times_in_row: int = 3,
 ) -> SymmetryEnd:
-    """Find where the flyer's velocity leaves its direction just after separation.
+    """Find the time at which the flyer's velocity leaves its direction just after separation.
 
-    The relative transverse velocity is the component across the reference direction over the speed. Symmetry
-    ends at the first of `times_in_row` successive times at which it exceeds `share` by more than `coverage`
-    of its sigmas. When a flyer comes to rest, noise hides its direction; this is not an end of symmetry. A
-    flyer that is pushed back along the axis keeps its direction.
+    The relative transverse velocity is the component across the reference direction, divided by the speed.
+    Symmetry ends at the first of `times_in_row` successive times at which it exceeds `share` by more than
+    `coverage` of its sigmas. When a flyer comes to rest, noise hides its direction; this is not an end of
+    symmetry. A flyer that is pushed back along the axis keeps its direction.
 
     ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
-    flyer has separated from the bar [s]. ``over``: span after it whose displacement gives the reference
-    direction [s]. ``share``: part of the velocity that may lie across the reference direction [-], in (0, 1).
-    ``coverage``: sigmas by which it must be exceeded [-]. ``times_in_row``: successive times that must agree.
-    Raises ValueError: options out of range, or a span outside the paths.
+    flyer has separated from the bar [s]. ``over``: span after separation; its displacement gives the
+    reference direction [s]. ``share``: allowed transverse part of the velocity [-], in (0, 1). ``coverage``:
+    number of sigmas by which it must be exceeded [-]. ``times_in_row``: number of successive times that must
+    agree. Raises ValueError if an option is out of range, or if a span is outside the paths.
     """
     at = np.asarray(time, dtype=np.float64)
     if not 0.0 < share < 1.0 or not over > 0.0 or not coverage >= 0.0 or times_in_row < 1:
@@ -190,13 +190,13 @@ def _times(body: BodyMotion, t: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_
 
 
 SHARE = 0.05
-"""Part of the velocity across the first direction from which on symmetry has ended [-]: a twentieth, 3°."""
+"""Transverse part of the velocity above which symmetry has ended [-]: a twentieth, or 3°."""
 _SPAN = 0.1
-"""Displacement that gives the first direction, over the length of the specimen [-]. A new direction must last
-over the same displacement: warm air moves the flyer's image by hundredths of a pixel, which over a shorter
-travel looks like a new direction."""
+"""Displacement for the first direction, divided by the length of the specimen [-]. A new direction must last
+over the same displacement. Warm air moves the flyer's image by hundredths of a pixel. Over a shorter travel,
+this would look like a new direction."""
 FEWEST_IN_ROW = 3
-"""Smallest number of successive frames that must show another direction."""
+"""Smallest number of successive frames that must have another direction."""
 
 
 @dataclass(frozen=True)
@@ -206,15 +206,15 @@ class FlightOfSpecimen:
     flight: Flight
     """The flyer's smooth paths."""
     time: FloatArray
-    """Frame times from rest on [s], shape [n]."""
+    """Frame times, beginning at rest [s], shape [n]."""
     length: float
     """Length of the specimen at rest [m]."""
     posed: float = -np.inf
-    """Time of the first moving frame whose pose is known [s]: before it, directions and tilt are not."""
+    """Time of the first moving frame with a known pose [s]. Before it, directions and tilt are unknown."""
     separation: float = np.nan
-    """Time of its greatest velocity, after which only the specimen acts on it [s]."""
+    """Time of its greatest velocity [s]. After it, only the specimen exerts a force on the flyer."""
     symmetry: SymmetryEnd | None = None
-    """End of symmetry by its direction; None if that is not known."""
+    """End of symmetry by its direction; None if unknown."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -223,18 +223,18 @@ class FlightOfSpecimen:
 
     @property
     def end(self) -> float | None:
-        """Time at which symmetry ends [s], None if it does not."""
+        """Time at which symmetry ends [s]; None if it does not end."""
         if self.symmetry is None or self.symmetry.row is None:
             return None
         return float(self.time[self.symmetry.row])
 
 
 def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
-    """The flight of the flyer in a stereo result, or why it is not known.
+    """The flight of the flyer in a stereo result, or the reason why it is unknown.
 
     Separation is the time of the greatest velocity toward the specimen. The first direction is that of the
-    displacement over a tenth of the specimen's length after it. It begins where the uncertainty of the
-    lateral velocity is below `SHARE` of the speed. If this is never reached, no end of symmetry is given.
+    displacement over a tenth of the specimen's length after it. It begins when the uncertainty of the lateral
+    velocity is below `SHARE` of the speed. If this never happens, no end of symmetry is given.
 
     ``length``: length of the specimen at rest [m].
     """
@@ -274,15 +274,18 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
 
 
 def frames_in(span: float, time: FloatArray) -> int:
-    """Successive frames that cover a span, at least `FEWEST_IN_ROW`.
+    """Number of successive frames that cover a span, at least `FEWEST_IN_ROW`.
 
-    ``span``: time to be covered [s]. ``time``: frame times [s], shape [n].
+    ``span``: time that the frames must cover [s]. ``time``: frame times [s], shape [n].
     """
     return max(FEWEST_IN_ROW, 1 + int(np.ceil(span / float(np.median(np.diff(time))) - 1e-9)))
 
 
 def columns(found: FlightOfSpecimen) -> dict[str, FloatArray]:
-    """The flight as columns with units, one row for each frame from rest on; NaN where it is not known."""
+    """The flight as columns with units, one row per frame from rest on.
+
+    NaN if unknown.
+    """
     t = found.time
     table = {"time (s)": t}
 
@@ -328,7 +331,7 @@ def add_to(path: Path, found: FlightOfSpecimen) -> None:
 
 
 def printed(found: FlightOfSpecimen | str) -> dict[str, str]:
-    """The same as lines for a terminal."""
+    """The summary of the flight as lines for a terminal."""
     rows = summary(found)
     table = {}
     if "flyer_velocity_m_s" in rows:

@@ -1,10 +1,12 @@
-"""The path of the incident bar's face from its waves; it replaces the camera's measurement of a flyer.
+"""The path of the incident bar's face from its waves.
+
+It replaces the camera's measurement of a flyer.
 
 The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kolsky.bars.flyer.path`, from
-rest, with jerks that have a prior N(0, tau^2); tau and the noise maximise the marginal likelihood, with at
-least the declared noise. There are two differences from a flyer's path (`kolsky.bars.flyer`). The
-observations are velocities at many samples instead of positions at few frames, and tau is constant, because a
-bar's waves last for the whole record. Errors of scale and zero of the velocity are common to all samples.
+rest. The jerks have a prior N(0, tau^2). Tau and the noise maximise the marginal likelihood, with at least
+the declared noise. There are two differences from a flyer's path (`kolsky.bars.flyer`). The observations are
+velocities at many samples instead of positions at few frames. Tau is constant, because a bar's waves last for
+the whole record. Errors of scale and zero of the velocity are common to all samples.
 """
 
 from collections.abc import Mapping
@@ -19,18 +21,20 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import ForceHistory, FrontVelocity
 
 MOST_KNOTS = 300
-"""Largest number of knots of a path, and largest number of sample means to which it is fitted."""
+"""Largest number of knots of a path, and largest number of sample means used for its fit."""
 LEAD = 4
-"""Knots before the first sample, because an arrival is detected slightly after the wave begins."""
+"""Number of knots before the first sample. An arrival is detected slightly after the wave begins."""
 FEWEST_SAMPLES = 20
 
 
 def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float = 0.0) -> FrontVelocity:
-    """The face's velocity on the shot's clock, with its uncertainty split into noise and scale.
+    """The face's velocity on the shot's clock.
 
-    ``reduction``: its `front_velocity` has one sigma for noise and systematic parts. ``waves``: the waves
-    from which it was computed; they give the noise of the samples. ``sigma_zero``: standard uncertainty of
-    the velocity's zero [m/s].
+    Its uncertainty is split into noise and scale.
+
+    ``reduction``: its `front_velocity` has one sigma for noise and systematic parts. ``waves``: the waves of
+    this velocity; they give the noise of the samples. ``sigma_zero``: standard uncertainty of the velocity's
+    zero [m/s].
     """
     speed, v = waves.incident_bar.wave_speed, reduction.front_velocity
     own, slow = (speed * float(np.hypot(s["incident"], s["reflected"])) for s in _sigmas(waves))
@@ -39,9 +43,9 @@ def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float 
 
 
 def back_force(reduction: Reduction, waves: FaceWaves) -> tuple[ForceHistory, float]:
-    """The force on the transmission bar on the shot's clock, with its noise; its scale's sigma [-].
+    """The force on the transmission bar on the shot's clock with its noise; sigma of its scale [-].
 
-    The noise is the low-frequency level, which determines the noise of means and integrals.
+    The noise is the level at low frequencies, because this level determines the noise of means and integrals.
     """
     bar, F = waves.transmission_bar, reduction.back_force
     own, slow = (bar.impedance * bar.wave_speed * s["transmitted"] for s in _sigmas(waves))
@@ -50,12 +54,12 @@ def back_force(reduction: Reduction, waves: FaceWaves) -> tuple[ForceHistory, fl
 
 
 def front_path(motion: FrontVelocity) -> FlyerPath:
-    """Fit the path of a face whose velocity is known.
+    """Fit the path of a face with known velocity.
 
-    ``motion``: the velocity from the wave's arrival on; the path starts a few samples before it. Raises
-    ValueError if times are not uniform and increasing, a value is not finite, there are fewer than 20
-    samples, the noise is not positive, or the fit fails. Returns: with the covariance of noise, scale and
-    zero. There are no static frames, so `static_scatter` is 1.
+    ``motion``: the velocity from the wave's arrival on. The path starts a few samples before it. Raises
+    ValueError if times are not uniform and increasing, if a value is not finite, or if there are fewer than
+    20 samples. The same error is raised if the noise is not positive, or if the fit fails. Returns: the path
+    with the covariance of noise, scale and zero. There are no static frames; `static_scatter` is therefore 1.
     """
     _check(motion)
     per_mean = -(-motion.time.size // MOST_KNOTS)
@@ -106,7 +110,7 @@ def _most_likely(y: FloatArray, G: FloatArray) -> tuple[float, float]:
         inside = float(np.sum(np.log(variance) + along / variance))
         return inside + beyond * float(np.log(noise)) + across / noise
 
-    # The highest tau reaches the largest velocity within a step; the lowest has no effect over the record.
+    # The highest tau reaches the largest velocity within a step. The lowest has no effect over the record.
     high = float(np.log(10.0 * max(np.abs(y).max(), 10.0)))
     low = high - np.log(max(np.abs(y).max(), 10.0)) - 2.0 * np.log(float(y.size)) - 5.0
     starts = np.linspace(low, high, 5)[1:]
@@ -125,15 +129,15 @@ def _most_likely(y: FloatArray, G: FloatArray) -> tuple[float, float]:
 
 
 def _sigmas(waves: FaceWaves) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Noise of a sample, and that of white noise with the same level at low frequencies."""
+    """Noise of a sample, and white noise with the same level at low frequencies."""
     return waves.sigma, waves.sigma if waves.white is None else waves.white
 
 
 def _scale(history: History, noise: float) -> float:
-    """Relative part of a history's sigma beyond the noise, common to all samples [-]."""
+    """Relative part of a history's sigma that is not noise and is common to all samples [-]."""
     size = float(np.sum(history.value**2))
     left = float(np.sum(history.sigma**2 - noise**2))
-    # If sigma contains only noise, the difference is round-off of either sign.
+    # If sigma contains only noise, the difference is round-off with either sign.
     return float(np.sqrt(left / size)) if size > 0.0 and left > 0.0 else 0.0
 
 
@@ -186,5 +190,5 @@ class BarForce:
         return self.measured
 
     def noise_checks(self) -> dict[str, float]:
-        """Checks of the noise: none, it was estimated by the reduction."""
+        """Checks of the noise. There are none, because the reduction has estimated the noise."""
         return {}

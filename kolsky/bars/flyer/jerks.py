@@ -1,4 +1,4 @@
-"""The flyer's jerks as Gaussian unknowns: prior and noise of largest marginal likelihood, and the posterior.
+"""The flyer's jerks as Gaussian unknowns: prior, noise and posterior by the marginal likelihood.
 
 `Evidences` evaluates the marginal likelihood of many smoothnesses at once.
 """
@@ -13,16 +13,18 @@ from scipy.linalg import lapack
 from kolsky.base.arrays import FloatArray
 
 ZERO_PRIOR = 100.0
-"""Prior standard deviation of the zero about the static frames' mean, in sigmas: practically free."""
+"""Prior standard deviation of the zero about the static frames' mean, in sigmas. The zero is practically
+free."""
 MOST_STARTS, SETTLED = 5, 1e-6
-"""Largest number of starts of the search for the smoothness, and the relative gain below which no further
-start is made."""
+"""Two numbers: largest number of starts of the search for the smoothness, and the relative gain below which
+the search stops."""
 EQUAL_SIGMAS = 0.05
-"""Relative difference below which sigmas count as equal [-]."""
+"""Relative difference below which sigmas are equal [-]."""
 ADDED, LEAST_ADDED = 0.3, 1e-3
-"""Noise common to all frames, over the typical sigma: at the start of the search, and its lower limit."""
+"""Noise common to all frames at the start of the search, and its lower limit, divided by the typical
+sigma."""
 VANISHED, BACK = 0.1, 1.0
-"""Added noise below which the search is restarted, and the added noise of the restart, over the typical
+"""Added noise below which the search is restarted, and the added noise of the restart, divided by the typical
 sigma."""
 CHANGE_PER_OCTAVE = 2.0
 """Prior standard deviation of the change of log tau from one control point to the next."""
@@ -32,7 +34,7 @@ def hat_functions(frames: FloatArray) -> FloatArray:
     """Linear hat functions in log(1 + frames) with control points at 0, 3, 6, 12, ... frames.
 
     ``frames``: middles of the spans, in frames since the start, increasing, shape [n_spans]. Returns: one
-    column a control point, rows adding up to 1 [-], shape [n_spans, n_controls].
+    column per control point; the sum of each row is 1 [-], shape [n_spans, n_controls].
     """
     control = [0.0, 3.0]
     while control[-1] < frames[-1]:
@@ -42,9 +44,9 @@ def hat_functions(frames: FloatArray) -> FloatArray:
 
 
 def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean and covariance of z for y = G z + e with e, z ~ N(0, 1); the residual.
+    """Mean and covariance of z for y = G z + e with e, z ~ N(0, 1), and the residual.
 
-    By QR of the stacked least-squares problem, because G'G would square the condition number.
+    The method is QR of the stacked least-squares problem. G'G would square the condition number.
 
     ``y``: data in units of the noise [-], shape [n_frames]. ``G``: response of each datum to each unknown
     [-], shape [n_frames, n_unknowns]. Returns: mean [n_unknowns], covariance [n_unknowns, n_unknowns] and
@@ -54,8 +56,8 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     stacked = np.zeros((n + p, p + 1), order="F")
     stacked[:n, :p], stacked[:n, p] = G, y
     np.fill_diagonal(stacked[n:], 1.0)
-    # LAPACK is called directly: SciPy's copies and checks take as long as the factorisation of such small
-    # matrices.
+    # LAPACK is called directly. For such small matrices, SciPy's copies and checks take as long as the
+    # factorisation.
     work = int(lapack.dgeqrf_lwork(n + p, p + 1)[0])
     factors = lapack.dgeqrf(stacked, lwork=work, overwrite_a=True)[0]
     R = factors[:p, :p]
@@ -66,16 +68,18 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
 @cache
 def _above(n: int) -> NDArray[np.bool_]:
-    """On or above the diagonal, shape [n, n]."""
+    """Entries on or above the diagonal, shape [n, n]."""
     return np.triu(np.ones((n, n), dtype=bool))
 
 
 def noise_parts(weight: FloatArray) -> FloatArray:
-    """Parts of each frame's variance over its declared variance: a multiple of the declared one, and a part
-    that is equal in all frames.
+    """Parts of each frame's variance, divided by its declared variance.
 
-    ``weight``: typical sigma over sigma [-], shape [n_frames]; 0 where a frame has no displacement. Returns:
-    shape [n_frames, 2], or [n_frames, 1] if the sigmas are equal and the two parts cannot be distinguished.
+    They are a multiple of the declared variance, and a part that is equal in all frames.
+
+    ``weight``: typical sigma divided by sigma [-], shape [n_frames]; 0 for a frame without displacement.
+    Returns: shape [n_frames, 2]. If the sigmas are equal, the two parts cannot be distinguished and the shape
+    is [n_frames, 1].
     """
     known = weight[weight > 0.0]
     if np.ptp(known) <= EQUAL_SIGMAS * known.max():
@@ -91,15 +95,15 @@ def maximum_likelihood(
     parts: FloatArray | None = None,
     shared: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Log noise scales and log tau at the control points, of largest marginal likelihood.
+    """Log noise scales, and log tau at the control points, of largest marginal likelihood.
 
-    Returns: log of noise over declared sigma, at least 0, and logs of the further parts, shape [n_parts]; log
-    tau at the control points, shape [n_controls].
+    Returns: log of noise over declared sigma, at least 0, and logs of the further parts, shape [n_parts].
+    Then log tau at the control points, shape [n_controls].
     """
-    # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
+    # Highest tau: the whole travel within a frame. Lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
     n, n_parts = hats.shape[1], 1 if parts is None else parts.shape[1]
-    # Noise larger than the whole travel is excluded: a line search there overflows.
+    # Noise larger than the whole travel is excluded, because a line search there overflows.
     bounds = [(0.0, highest)] + [(np.log(LEAST_ADDED), highest)] * (n_parts - 1) + [(lowest, highest)] * n
     data = (y, weight, spans, hats, parts, shared)
     begin = [0.0] + [np.log(ADDED)] * (n_parts - 1)
@@ -109,7 +113,7 @@ def maximum_likelihood(
     added = np.zeros(x.size, dtype=bool)
     added[1:n_parts] = x[1:n_parts] < np.log(VANISHED)
     if added.any():
-        # Where a part has vanished, the likelihood is flat in its logarithm, even if more of that part would
+        # For a vanished part, the likelihood is flat in its logarithm, even if more of that part would
         # improve it.
         other, likelier, problem = _searched(np.where(added, np.log(BACK), x), data, bounds)
         x = other if likelier < value and not problem else x
@@ -119,9 +123,7 @@ def maximum_likelihood(
 def _searched(
     x: FloatArray, data: tuple[object, ...], bounds: list[tuple[float, float]]
 ) -> tuple[FloatArray, float, str]:
-    """Point at which the search for the least `evidence` from x converges, its value, and the reason of a
-    failure (or "").
-    """
+    """Search for the least `evidence` from x: its point, its value, and the reason of a failure or ""."""
     from scipy.optimize import minimize  # loaded where it is of use
 
     value = np.inf
@@ -129,7 +131,7 @@ def _searched(
         best = minimize(
             evidence, x, args=data, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-8}
         )
-        # A line search ended by round-off has converged if a new start from there brings no improvement.
+        # If round-off ends a line search, it has converged if a new start from there brings no improvement.
         settled = bool(best.success) or abs(value - best.fun) < SETTLED * max(abs(best.fun), 1.0)
         x, value = best.x, float(best.fun)
         if settled:
@@ -169,22 +171,23 @@ def evidence(
     The method is a Kalman filter over the state (zero, x, v, a) followed by the disturbance smoother (Durbin
     and Koopman, Time Series Analysis by State Space Methods, 2012, sections 4.3, 4.5 and 7.3). It remains
     accurate as tau approaches zero, and uses 4 x 4 matrices. The dense equations (as in `posterior`) divide
-    small matrices among the threads of BLAS and took up to 40 times as long on two busy cores. The recursions
-    multiply by `dot`, which takes a third of the time of ``@`` for such small matrices; all other operations
-    are vectorised over the frames.
+    small matrices among the threads of BLAS. On two busy cores they take up to 40 times as long. The
+    recursions multiply by `dot`, which takes a third of the time of ``@`` for such small matrices. All other
+    operations are vectorised over the frames.
 
     Returns: the value, with the prior of the changes of log tau, and its gradient, shape [n_parts +
     n_controls].
 
     ``theta``: log noise scales, then log tau at the control points, shape [n_parts + n_controls]. ``y``:
     displacement over sigma, about the static frames' mean [-], shape [n_frames]. ``weight``: typical sigma
-    over sigma [-], shape [n_frames]; 0, with y = 0, where a frame has no displacement. ``spans``: lengths of
-    the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static. ``hats``: values
-    of `hat_functions` at the spans [-], shape [n_spans, n_controls]. ``parts``: parts of each frame's
-    variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts]; None: the declared
-    variance only. ``shared``: an error that is correlated between frames, a first-order autoregression of
-    variance 1 as an additional state: its size over sigma in each frame [-], 0 where a frame has no
-    displacement, and its correlation with the previous frame [-], shape [n_frames] each; None: no such error.
+    over sigma [-], shape [n_frames]. A frame without displacement has weight 0 and y = 0. ``spans``: lengths
+    of the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static. ``hats``:
+    values of `hat_functions` at the spans [-], shape [n_spans, n_controls]. ``parts``: parts of each frame's
+    variance (`noise_parts`), shape [n_frames, n_parts]. The scales multiply them. None: the declared variance
+    alone. ``shared``: an error that is correlated between frames, as an additional state. It is a first-order
+    autoregression of variance 1. There are two arrays, shape [n_frames] each. The first is its size over
+    sigma in each frame [-], 0 for a frame without displacement. The second is its correlation with the
+    previous frame [-]. None: no such error.
     """
     parts = np.ones((y.size, 1)) if parts is None else parts
     scales, tau = np.split(theta, [parts.shape[1]])
@@ -199,7 +202,7 @@ def evidence(
     S, K, left, eye = np.empty(n), np.empty((n, m)), np.empty((n, m, m)), np.eye(m)
     if shared is not None:
         growth[:, 4, 4] = 1.0 - shared[1] ** 2
-    # Views of the frames are made once: to make one takes as long as to multiply two of these matrices.
+    # Views of the frames are made once. Making a view takes as long as a product of two of these matrices.
     rows, turns = seen[:, None], np.swapaxes(steps, 1, 2)
     forward = list(zip(seen, rows, steps, turns, growth, own.tolist(), strict=True))
     for k, (z, row, step, turned, new, noise_k) in enumerate(forward):
@@ -215,7 +218,7 @@ def evidence(
         expected[k] = now = step.dot(state)
         state = rest.dot(now) + gain
     miss = (y - np.sum(seen * expected, axis=1)) / S
-    # Backward pass: information of all later frames, r and N, after each frame.
+    # Backward pass. It gives r and N, the information of all later frames, after each frame.
     back = left @ steps
     r, N = np.zeros((n, m)), np.zeros((n, m, m))
     ahead = np.einsum("kj,kji->ki", seen, steps)
@@ -243,21 +246,24 @@ def evidence(
 
 @dataclass(frozen=True)
 class Evidences:
-    """-2 log of the marginal likelihood of several log scales and log tau, and its gradients; the data are
-    described in `kolsky.bars.flyer.jerks.evidence`."""
+    """-2 log of the marginal likelihood of several log scales and log tau, and its gradients.
+
+    The data are described in `kolsky.bars.flyer.jerks.evidence`.
+    """
 
     thetas: FloatArray
     """Log noise scales, then log tau at the control points, shape [n, n_parts + n_controls]."""
     y: FloatArray
     """Displacement over sigma [-], shape [n_frames]."""
     weight: FloatArray
-    """Typical sigma over sigma [-], 0 where a frame has no displacement, shape [n_frames]."""
+    """Typical sigma over sigma [-], 0 for a frame without displacement, shape [n_frames]."""
     spans: FloatArray
     """Lengths of the spans in frames [-], shape [n_spans]."""
     hats: FloatArray
     """Hat functions at the spans [-], shape [n_spans, n_controls]."""
     parts: FloatArray | None = None
-    """Parts of each frame's variance, shape [n_frames, n_parts]; None: the declared variance only."""
+    """Parts of each frame's variance, shape [n_frames, n_parts]. None: the declared variance is the only
+    part."""
     shared: tuple[FloatArray, FloatArray] | None = None
     """Size and correlation of an error that is correlated between frames; None: no such error."""
 
@@ -319,7 +325,8 @@ class Evidences:
     @cached_property
     def _filtered(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Variances of the filter's predictions and its innovations over them [n, n_frames], its gains [n,
-        n_frames, m], and the factors I - K z' on the state, [n, n_frames, m, m]."""
+        n_frames, m], and the factors I - K z' on the state [n, n_frames, m, m].
+        """
         # no displacement: no information on the noise
         own = np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)
         seen, steps, kicks, P = _state_space(self.weight, self.spans, self.shared)

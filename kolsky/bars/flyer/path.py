@@ -1,11 +1,13 @@
-"""The flyer's path: a cubic spline that starts at rest, fitted to the noisy displacement at the frames.
+"""The flyer's path: a cubic spline that starts at rest.
 
-`fit_flyer` returns the path with its posterior uncertainty. In spans where no frame shows the flyer, the
+It is fitted to the noisy displacement at the frames.
+
+`fit_flyer` returns the path with its posterior uncertainty. In spans in which no frame shows the flyer, the
 uncertainty of the smoothness is added.
 
-Elsewhere the frames determine the smoothness of the motion, and the likeliest smoothness tau is used
-(`fit_flyer`). Where frames are missing, e.g. before the flyer comes into view, tau is known only to a factor
-of two or three. The error of the path with the likeliest tau is then larger than its posterior covariance.
+In other spans, the frames determine the smoothness of the motion, and the likeliest smoothness tau is used
+(`fit_flyer`). In spans with missing frames, e.g. before the flyer comes into view, tau is uncertain by a
+factor of two or three. The error of the path with the likeliest tau then exceeds its posterior covariance.
 The log tau of these spans are therefore drawn around the likeliest values, with weights by their likelihood
 (importance sampling). The covariance is that of the mixture about the path:
 
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
 
 
 ONSET = (0.5, 0.99)
-"""Shares of the largest velocity between which a motion sets in."""
+"""Shares of the largest velocity that limit the onset of a motion."""
 
 
 @dataclass(frozen=True)
@@ -54,16 +56,17 @@ class FlyerPath:
     covariance: FloatArray
     """Posterior covariance of `jerk` [m^2/s^6], shape [n, n]."""
     zero: float
-    """The recorded displacement at rest, subtracted from it [m]."""
+    """The recorded displacement at rest, which is subtracted [m]."""
     noise_scale: float
-    """Noise used over noise declared, at least 1; the median if it differs from frame to frame [-]."""
+    """Noise used, divided by the declared noise, at least 1 [-]. It is the median if it differs between
+    frames."""
     chi2_per_dof: float
-    """Residual sum of squares in declared sigmas over (frames - effective parameters); about 1 if the
-    declared sigma is right [-]."""
+    """Residual sum of squares in declared sigmas, divided by (frames - effective parameters) [-]. It is about
+    1 if the declared sigma is right."""
     dof: float
     """Frames minus effective parameters [-]."""
     static_scatter: float
-    """Scatter of the static frames over the declared sigma: a check without a fit [-]."""
+    """Scatter of the static frames, divided by the declared sigma [-]. This check needs no fit."""
 
     @property
     def start(self) -> float:
@@ -92,7 +95,7 @@ class FlyerPath:
     def position(self, time: ArrayLike) -> FloatArray:
         """Displacement toward the specimen [m], shape of `time`.
 
-        Raises ValueError if a time is outside [start, end]; likewise in the methods below.
+        Raises ValueError if a time is outside [start, end]. The methods below raise the same error.
         """
         return np.asarray(self._spline(self._inside(time)))
 
@@ -105,7 +108,7 @@ class FlyerPath:
         return np.asarray(self._spline(self._inside(time), 2))
 
     def sigma_position(self, time: ArrayLike) -> FloatArray:
-        """Standard uncertainty of `position`, the zero's included [m], shape of `time`."""
+        """Standard uncertainty of `position`, with that of the zero [m], shape of `time`."""
         return self._sigma(time, 0)
 
     def sigma_velocity(self, time: ArrayLike) -> FloatArray:
@@ -125,9 +128,9 @@ class FlyerPath:
     def sigma_onset(self) -> float:
         """Standard uncertainty of the time at which the motion begins [s].
 
-        An error of ``sigma_position`` in displacement equals a time error of that over the velocity. The
-        largest of these is taken, between the times at which the path first reaches half and nearly all of
-        its largest velocity. Where no frame shows this part, the smoothness determines the path.
+        An error of ``sigma_position`` in displacement equals an error of ``sigma_position / velocity`` in
+        time. The result is the largest of these, between the times at which the path first reaches half and
+        nearly all of its largest velocity. If no frame shows this part, the smoothness determines the path.
         """
         velocity = self.velocity(self.knots)
         first, last = (int(np.argmax(velocity >= share * velocity.max())) for share in ONSET)
@@ -140,18 +143,18 @@ class FlyerPath:
     def replicates(self, n: int, rng: np.random.Generator) -> list["FlyerPath"]:
         """Paths drawn from the posterior, to propagate the flyer's noise through a calculation.
 
-        ``n``: number of paths. ``rng``: source of the draws; the same state gives the same paths.
+        ``n``: number of paths. ``rng``: random generator. The same state gives the same paths.
         """
-        # Eigenvectors rather than Cholesky: the covariance spans many decades and may be semidefinite.
+        # Eigenvectors are used, not Cholesky: the covariance spans many decades and may be semidefinite.
         scale = np.sqrt(np.diag(self.covariance))
         values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
         root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
         return [replace(self, jerk=self.jerk + root @ rng.standard_normal(values.size)) for _ in range(n)]
 
     def noise_patterns(self, count: int) -> FloatArray:
-        """Jerks of one standard deviation each of independent patterns of the path's noise, [q, n_spans].
+        """Independent patterns of the path's noise, as jerks of one standard deviation each, [q, n_spans].
 
-        Those with the largest effect on the velocity come first; all of them together give the covariance.
+        Patterns with the largest effect on the velocity come first. All of them together give the covariance.
 
         ``count``: largest number of patterns.
         """
@@ -165,7 +168,7 @@ class FlyerPath:
         return np.asarray(turned[:count] @ root.T)
 
     def scaled(self, factor: float) -> "FlyerPath":
-        """The path with every displacement multiplied; its covariance is not changed."""
+        """The path with every displacement multiplied by a factor. Its covariance does not change."""
         return replace(self, jerk=factor * self.jerk)
 
     def faster(self, factor: float) -> "FlyerPath":
@@ -217,11 +220,14 @@ def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:
 
 
 def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[History, History, History]:
-    """Nominal compression, its rate and its second derivative for one moving face; the other face is at rest.
+    """Nominal compression, its rate and its second derivative for one moving face.
+
+    The other face is at rest.
 
     ``path``: the moving face, toward the specimen; at rest before the path's start. ``time``: times, not
     after the path's end [s], shape [n]. ``length``: length of the specimen before the test [m]. Returns: in
-    [-], [1/s] and [1/s^2]. Raises ValueError if the length is not positive or a time is after the path's end.
+    [-], [1/s] and [1/s^2]. Raises ValueError if the length is not positive, or if a time is after the path's
+    end.
     """
     if not length > 0.0:
         raise ValueError(f"length is {length:g} m, must be > 0 m")
@@ -243,11 +249,11 @@ def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[His
 
 
 DRAWS = 128
-"""Number of draws: about 60 of them have a significant weight, which gives a standard deviation to a
+"""Number of draws. About 60 of them have a significant weight, which gives a standard deviation within a
 tenth."""
 _WIDER = 1.5
-"""Width of the sampling distribution over that of the likelihood, whose tails are heavier than normal
-ones."""
+"""Width of the sampling distribution, divided by that of the likelihood. The tails of the likelihood are
+heavier than normal ones."""
 STEP = 0.05
 """Half the distance of central differences of the slope, in log tau."""
 _LEAST_CURVATURE = 0.1
@@ -273,7 +279,7 @@ Solution = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def controls_in_gaps(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: FloatArray) -> BoolArray:
-    """Control points of log tau that act on a span with an end that no frame shows, shape [n_controls]."""
+    """Control points of log tau that affect a span with an end in no frame, shape [n_controls]."""
     hidden = np.isin(knots, t[~seen])
     return np.asarray((hats[hidden[:-1] | hidden[1:]] > 0.0).any(axis=0))
 
@@ -281,9 +287,9 @@ def controls_in_gaps(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: Fl
 def importance_draws(
     theta: FloatArray, free: BoolArray, deviances: Callable[[FloatArray], Deviances]
 ) -> tuple[FloatArray, FloatArray]:
-    """Draws around the likeliest values of some unknowns, and their weights, which add up to one.
+    """Draws around the likeliest values of some unknowns, and their weights, with the sum one.
 
-    Draws come in pairs with opposite signs; the same call gives the same draws.
+    Draws come in pairs with opposite signs. The same call gives the same draws.
     """
     rows = np.flatnonzero(free)
     steps = STEP * np.eye(theta.size)[rows]
@@ -315,7 +321,7 @@ def mixed_covariance(
 FEWEST_STATIC = 3
 _FEWEST_MOVING = 8
 LONGEST_STEP = 2.5
-"""Longest step from one displacement to the next without knots of the path between them, in frames."""
+"""Longest step between two displacements without additional knots of the path, in frames."""
 
 
 def fit_flyer(
@@ -327,25 +333,27 @@ def fit_flyer(
 ) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 
-    Raises ValueError if times are not increasing, a value is not finite, a sigma is not positive, fewer than
-    3 frames are at or before `start`, or fewer than 8 after it, or the covariance is of another shape.
+    Raises ValueError if times are not increasing, if a value is not finite, or if a sigma is not positive.
+    The same error is raised if fewer than 3 frames are at or before `start`, if fewer than 8 are after it, or
+    if the covariance has another shape.
 
     Returns: from `start` to the last frame.
 
     Parameters
     ----------
     motion : FlyerMotion
-        The displacement at the frames; its zero is arbitrary. The frames may be unevenly spaced.
+        The displacement at the frames. Its zero is arbitrary. The frames may be unevenly spaced.
     start : float
-        A time in the static frames [s]: there the motion starts with x = v = a = 0. A start after the
-        beginning of the true motion distorts the ramp; an earlier start has no effect.
+        A time in the static frames [s]. At this time the motion starts with x = v = a = 0. A start after the
+        beginning of the true motion distorts the ramp. An earlier start has no effect.
     covariance
-        Of the displacements between the frames [m²], shape [n_frames, n_frames], if they have a common part
-        in addition to `FlyerMotion.sigma`, the independent noise of each frame. The path is the same; the
-        effect of the common part is added to its covariance.
+        Covariance of the displacements between the frames [m²], shape [n_frames, n_frames]. It describes a
+        common part in addition to `FlyerMotion.sigma`, the independent noise of each frame. The path is the
+        same. The effect of the common part is added to its covariance.
     restart
         Time just before the second impact, which changes the flyer's velocity within few frames [s]. After it
-        a separate smoothness is used, with jerks at first as large as at the start. None if there is none.
+        a separate smoothness is used, with jerks at first as large as at the start. None without a second
+        impact.
     """
     _check(motion, start)
     if covariance is not None and covariance.shape != 2 * motion.time.shape:
@@ -407,7 +415,10 @@ def fit_flyer(
 
 
 def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: float) -> FloatArray:
-    """Hat functions of log tau over the spans: one set from the start, and a further set from a restart."""
+    """Hat functions of log tau over the spans.
+
+    There is one set from the start, and a further set from a restart.
+    """
     if restart is None:
         return hat_functions(frames)
     since = (restart - start) / frame
@@ -421,8 +432,10 @@ def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: 
 def _shared_noise(
     motion: FlyerMotion, t: FloatArray, sigma: FloatArray, seen: BoolArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Argument `shared` of `evidence`: size over sigma and correlation between frames; None without such an
-    error."""
+    """Argument `shared` of `evidence`: size over sigma, and correlation between frames.
+
+    None without such an error.
+    """
     if motion.shared_sigma is None or not motion.shared_sigma.any():
         return None
     size = np.zeros(t.size)
@@ -433,10 +446,13 @@ def _shared_noise(
 def whitening(
     t: FloatArray, s: FloatArray, memory: float, shared: tuple[FloatArray, FloatArray] | None
 ) -> Callable[..., FloatArray]:
-    """The map that makes the displacements' errors independent with variance 1; for columns [n_frames, ...].
+    """The map that makes the displacements' errors independent with variance 1.
 
-    Without a shared error it divides by `s`. With one it is L^-1 of the covariance ``s^2 + q q' exp(-|dt| /
-    memory)`` = L L', q the shared error's size over sigma; `back` selects the transposed map.
+    It is applied to columns [n_frames, ...].
+
+    Without a shared error, the map divides by `s`. With a shared error, it is L^-1 of the covariance ``s^2 +
+    q q' exp(-|dt| / memory)`` = L L'. Here q is the shared error's size over sigma. `back` selects the
+    transposed map.
     """
     if shared is None:
         return lambda columns, back=False: np.asarray((columns.T / s).T)
@@ -448,9 +464,9 @@ def whitening(
 
 
 def _without_gaps(time: FloatArray, frame: float) -> tuple[FloatArray, BoolArray]:
-    """Times, with added frame times where more than one frame is missing, and a mask of the measured ones.
+    """Times with added frame times in gaps of more than one frame, and a mask of the measured ones.
 
-    Without knots there, a single constant jerk would have to accelerate a flyer from rest to its speed.
+    Without knots in the gap, one constant jerk would have to accelerate a flyer from rest to its speed.
     """
     steps = np.diff(time)
     added = [

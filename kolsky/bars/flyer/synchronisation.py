@@ -1,10 +1,10 @@
-"""Cameras against oscilloscope: the lag of the flyer's motion behind the signals.
+"""Cameras and oscilloscope: the lag of the flyer's motion relative to the signals.
 
-The clocks are synchronised by a trigger; this is a cross-check. The force of a transducer behind a mass,
-integrated twice, gives the motion of that mass. The face velocity from the bar's waves, integrated once,
-gives the motion of the face. Either is fitted to the displacement measured by the cameras, with the lag
-between the clocks as the only nonlinear unknown. Displacements are compared because the noise of the cameras
-is white and known there.
+A trigger synchronises the clocks; this is a cross-check. The force of a transducer behind a mass, integrated
+twice, gives the motion of that mass. The face velocity from the bar's waves, integrated once, gives the
+motion of the face. Either motion is fitted to the displacement measured by the cameras. The lag between the
+clocks is the only nonlinear unknown. Displacements are compared because the noise of the cameras in
+displacement is white and known.
 """
 
 from collections.abc import Callable
@@ -24,8 +24,8 @@ REACH = 200e-6
 FEWEST_FRAMES = 8
 """Smallest number of moving frames: three more than the number of unknowns."""
 UNLIKE = 25.0
-"""Chi-square per degree of freedom above which signal and cameras show different motions: five times the
-noise."""
+"""Chi-square per degree of freedom above which signal and cameras show different motions. It equals five
+times the noise."""
 COVERAGE = 2.0
 """Standard uncertainties within which clocks agree [-]."""
 
@@ -41,29 +41,32 @@ class Agreement(StrEnum):
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """The lag of the cameras' clock, from measurements of one motion by both instruments."""
+    """The lag of the cameras' clock.
+
+    Both instruments have measured one motion.
+    """
 
     lag: float
     """Time to be added to the cameras' times, in addition to the declared offset [s]."""
     sigma: float
-    """Its standard uncertainty, of the fit and of the declared trigger [s]."""
+    """Its standard uncertainty by the fit and the declared trigger [s]."""
     gain: float
-    """Motion measured by the cameras over motion computed from the signal [-]; 1 if mass and sensitivity are
-    right."""
+    """Motion measured by the cameras, divided by the motion computed from the signal [-]. It is 1 if mass and
+    sensitivity are correct."""
     sigma_gain: float
     """Its standard uncertainty [-]."""
     chi2_per_dof: float
-    """Residual sum of squares in the cameras' sigmas over degrees of freedom [-]."""
+    """Residual sum of squares in the cameras' sigmas, divided by the degrees of freedom [-]."""
     frames: int
     """Frames used, those at rest included."""
     frame_interval: float
     """Median time from frame to frame [s]."""
     at_edge: bool
-    """True if the best lag is at the edge of those searched."""
+    """True if the best lag is at an end of the search range."""
 
     @property
     def agreement(self) -> Agreement:
-        """The verdict at k = 2; undecided if the uncertainty of the lag is larger than a frame interval."""
+        """The verdict at k = 2. It is undecided if the uncertainty of the lag exceeds a frame interval."""
         if self.chi2_per_dof > UNLIKE:
             return Agreement.UNLIKE
         if self.at_edge or COVERAGE * self.sigma > self.frame_interval:
@@ -103,16 +106,16 @@ def synchronise(
     sigma_zero: float = 0.0,
     reach: float = REACH,
 ) -> Synchronisation:
-    """Lag between the cameras and a transducer that sits behind a mass on the flyer.
+    """Lag between the cameras and a transducer behind a mass on the flyer.
 
-    ``F = m a + F_s``, so ``x = (integral of (F - F_s)) / m`` twice. The force of the specimen, F_s, is not
-    known. For a short travel it is modelled as ``Z v + k x`` plus a part proportional to a, with free
-    factors; the factor of a is `gain`.
+    ``F = m a + F_s`` gives ``x = (integral of (F - F_s)) / m`` by two integrations. The force of the
+    specimen, F_s, is unknown. For a short travel it is modelled as ``Z v + k x`` plus a part proportional to
+    a. The factors are free; that of a is `gain`.
 
     ``motion``: the flyer's displacement at the frames, on the declared clock; its zero is arbitrary.
     ``force``: force at the transducer [N], compression positive, baseline removed. ``mass``: mass between its
     sensing plane and the specimen [kg]. ``rest``: a time on the signal's clock before the wave arrives [s];
-    integration begins there. ``travel``: displacement up to which frames are used [m]; some 5 % of the
+    integration begins there. ``travel``: displacement up to which frames are used [m], about 5 % of the
     specimen's length. ``sigma_zero``: standard uncertainty of the force's zero [N]. ``reach``: largest lag in
     the search, in either direction [s].
     """
@@ -167,12 +170,12 @@ class _Fit:
         self.interval = float(np.median(np.diff(motion.time)))
 
     def columns(self, lag: float) -> FloatArray:
-        """The curves at the frames, and the constant: before the signal's start they are zero."""
+        """The curves at the frames, and the constant. Before the signal's start the curves are zero."""
         at = np.maximum(self.t + lag, self.time[0])
         return np.column_stack([np.ones(at.size), *(np.interp(at, self.time, row) for row in self.curves)])
 
     def weighted(self, lag: float) -> tuple[FloatArray, FloatArray]:
-        """Equations in units of sigma, the known zeros' priors below."""
+        """Equations in units of sigma, followed by the priors of the known zeros."""
         G, y = self.columns(lag) / self.sigma[:, None], self.y / self.sigma
         keep = np.append(True, ~self.known | (self.prior > 0.0))
         rows = np.flatnonzero(self.known & (self.prior > 0.0))

@@ -1,6 +1,9 @@
-"""Propagation of a signal along a bar, and the bar's wave speed from a pulse that passes two stations.
+"""Propagation of a signal along a bar, and the bar's wave speed.
 
-Signals are padded and tapered (no wrap-around) and move forward or back, with or without dispersion.
+The wave speed is found from a pulse that passes two stations.
+
+Signals are padded and tapered, because they would otherwise wrap around. They move forward or back, with or
+without dispersion.
 """
 
 from dataclasses import dataclass, replace
@@ -17,14 +20,14 @@ from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import ComplexArray, FloatArray
 
 _ROLL_OFF = 0.2
-"""Width of a band's half-cosine edge, as a share of its limit; it ends at the limit."""
+"""Width of a band's half-cosine edge, as a share of its limit. It ends at the limit."""
 
 
 def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None = None) -> Signal:
-    """The signal within a window, faded to zero by half-cosines outside.
+    """The signal within a window. Outside, half-cosines fade it to zero.
 
-    ``signal``: the signal; samples inside the window are not changed. ``window``: first and last time on the
-    shot's clock [s]. ``taper``: length of each fade [s]; without it a fiftieth of the window.
+    ``signal``: the signal. Samples inside the window do not change. ``window``: first and last time on the
+    shot's clock [s]. ``taper``: length of each fade [s]; default: a fiftieth of the window.
     """
     first, last = window
     if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
@@ -43,7 +46,7 @@ def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None
 def fade_ends(value: FloatArray, before: int, length: int, *, fade: int, rising: bool = True) -> FloatArray:
     """Samples after `before` zeros, with half-cosines of `fade` samples from both ends' values to zero.
 
-    Shape [length]; the result has no jump even if the record does not end at zero. Without `rising` only the
+    Shape [length]. The result has no jump even if the record does not end at zero. Without `rising`, only the
     end is faded.
     """
     padded = np.zeros(length)
@@ -57,7 +60,10 @@ def fade_ends(value: FloatArray, before: int, length: int, *, fade: int, rising:
 
 
 def edge_filter(frequency: FloatArray, limit: float) -> FloatArray:
-    """Low-pass [-] at frequencies [Hz]: 1, then a half-cosine to 0 at the limit, `ROLL_OFF` of it wide."""
+    """Low-pass [-] at frequencies [Hz]: 1, then a half-cosine to 0 at the limit.
+
+    The half-cosine is `ROLL_OFF` of the limit wide.
+    """
     if not isfinite(limit):
         return np.ones(frequency.size)
     share = np.clip((frequency / limit - 1.0 + _ROLL_OFF) / _ROLL_OFF, 0.0, 1.0)
@@ -65,9 +71,9 @@ def edge_filter(frequency: FloatArray, limit: float) -> FloatArray:
 
 
 def mean_square(factor: ComplexArray, length: int, memory: float = 1.0) -> float:
-    """Mean square of a filter's response [-]: variance of noise after over before.
+    """Mean square of a filter's response [-]: variance of the noise after the filter over that before.
 
-    Noise with a given `memory` (samples per independent one) is taken as white up to that part of the band,
+    Noise with a given `memory` (samples per independent one) is modelled as white up to a part of the band,
     and zero above.
     """
     weight = np.full(factor.size, 2.0)
@@ -79,7 +85,7 @@ def mean_square(factor: ComplexArray, length: int, memory: float = 1.0) -> float
 
 
 _LARGEST_GAIN = 10.0
-"""Largest amplification of a spectral component; propagation ends the band where it is exceeded [-]."""
+"""Largest amplification of a spectral component [-]. Propagation ends the band where this is exceeded."""
 _SLOPES = 1024
 """Number of frequencies in the search for the delay of the slowest component."""
 FEWEST_SAMPLES = 8
@@ -91,14 +97,14 @@ class Propagation:
     """A signal at another position of the bar, and the effects of propagation."""
 
     signal: Signal
-    """The signal there; its sigma is that of the samples' noise after propagation."""
+    """The signal at the other position. Its sigma is that of the samples' noise after propagation."""
     band: float
-    """Frequency above which the signal was filtered out [Hz]; inf if all was kept."""
+    """Frequency above which the signal was filtered out [Hz]; inf without a filter."""
     energy: float
-    """Sum of squares of the result over that of the signal (windowed, if there is a window) [-]: 1 in a bar
-    without loss, minus the part outside the result's times."""
+    """Sum of squares of the result, divided by that of the signal (in its window, if any) [-]. It is 1 in a
+    bar without loss, minus the part outside the result's times."""
     noise_gain: float
-    """Sigma of a sample after over before [-]."""
+    """Sigma of a sample after propagation, divided by sigma before [-]."""
     largest_gain: float
     """Largest amplification of a spectral component in the band [-]."""
     size: float
@@ -120,21 +126,21 @@ def propagation(
 ) -> Propagation:
     """Propagate a wave's signal along a bar, Eq. (B.9).
 
-    The result begins at the arrival of the signal's start with `waveguide.wave_speed`, and only the deviation
-    from a pure time shift is applied by the Fourier transform. In a bar without dispersion the samples are
-    unchanged and their times exact. The signal is padded beyond its ends, longer than the delay of the
-    slowest component, so no component wraps around.
+    The result begins at the arrival of the signal's start with `waveguide.wave_speed`. The Fourier transform
+    applies only the deviation from a pure time shift. In a bar without dispersion, the samples are unchanged
+    and their times exact. The padding of the signal is longer than the delay of the slowest component.
+    Therefore no component wraps around.
 
     ``signal``: one wave's signal (strain, force, velocity), free of other waves within `window` at least.
     ``waveguide``: the bar. ``distance``: distance along the wave's direction [m]; negative: back toward the
-    wave's origin. ``window``: first and last time that belong to the wave, on the shot's clock [s]; outside,
-    the signal fades to zero within a fiftieth of the window. ``band``: frequency at which a half-cosine edge,
-    `spectra.ROLL_OFF` of it wide, ends the spectrum [Hz]. ``start``: time of the result's first sample [s],
-    if the result needs a different clock; interpolated within the band of the sampling. ``samples``: length
-    of the result; without it, that of the signal. ``largest_gain``: amplification at which the band of a
-    lossy bar ends when going back [-], > 1. Returns: with the band that was kept and the amplification of the
-    noise. Raises ValueError if an argument is outside its range, a sample is not finite, or the band is
-    empty.
+    wave's origin. ``window``: first and last time of the wave on the shot's clock [s]. Outside, the signal
+    fades to zero within a fiftieth of the window. ``band``: frequency at which the spectrum ends [Hz]. Its
+    half-cosine edge is `spectra.ROLL_OFF` of the band wide. ``start``: time of the result's first sample [s],
+    if the result needs a different clock. The result is interpolated within the band of the sampling.
+    ``samples``: length of the result; default: that of the signal. ``largest_gain``: amplification at which
+    the band of a lossy bar ends for propagation back [-], > 1. Returns: with the band that was kept and the
+    amplification of the noise. Raises ValueError if an argument is outside its range, if a sample is not
+    finite, or if the band is empty.
     """
     _check(signal, distance, window, band, largest_gain)
     value = signal.value if window is None else windowed(signal, window).value
@@ -189,7 +195,7 @@ def propagation(
 def _with_noise(
     signal: Signal, start: float, value: FloatArray, noise: float, at_rest: float, unit: str
 ) -> Signal:
-    """Filtered signal with the sigma and the memory of its noise; `at_rest` is the gain of slow noise."""
+    """Filtered signal with the sigma and the memory of its noise. `at_rest` is the gain of slow noise."""
     memory = max(1.0, signal.memory * (at_rest / noise) ** 2) if noise > 0.0 else signal.memory
     return replace(signal, start=start, value=value, sigma=signal.sigma * noise, unit=unit, memory=memory)
 
@@ -243,15 +249,15 @@ class BarsTogether(ResultViews):
     """Wave speed and relative gain from a pulse between two stations, Eq. (B.11)."""
 
     bar: Bar
-    """The bar with Young's modulus from the fitted speed and its stated density."""
+    """The bar with Young's modulus from the fitted speed and the declared density."""
     wave_speed: float
     """Fitted c0 [m/s]."""
     gain: float
     """Fitted ratio of the later to the earlier pulse [-]; ideally 1 (-1 after one free end)."""
     covariance: FloatArray
-    """Covariance of `wave_speed` and `gain`, shape [2, 2], from the residual's variance times its correlation
-    length in samples, or from the noise of both gauges if that is larger. It does not include distance and
-    Poisson's ratio."""
+    """Covariance of `wave_speed` and `gain`, shape [2, 2]. It is based on the residual's variance times its
+    correlation length in samples. The noise of both gauges is used if it is larger. Distance and Poisson's
+    ratio are not included."""
     distance: float
     """Distance between the stations [m]; d(c0) / c0 = d(distance) / distance."""
     time: FloatArray
@@ -261,17 +267,17 @@ class BarsTogether(ResultViews):
     residual: FloatArray
     """Fitted minus measured later pulse [-], shape [n]."""
     rms: float
-    """Root mean square of the residual over the peak of the later pulse [-]."""
+    """Root mean square of the residual, divided by the peak of the later pulse [-]."""
     largest: float
-    """Largest residual over that peak [-]."""
+    """Largest residual divided by that peak [-]."""
     plain_rms: float
-    """The same rms for a plain shift with its own best speed and gain [-]."""
+    """The residual's rms for a plain shift with its best speed and gain [-]."""
     plain_wave_speed: float
     """Speed of that plain shift [m/s]."""
     band: float
     """Frequency up to which the earlier pulse exceeds its noise and is used [Hz]; inf without noise."""
     alike: float
-    """Correlation length of the residuals in samples: their integrated correlation [-], >= 1."""
+    """Correlation length of the residuals in samples, by their integrated correlation [-], >= 1."""
     by_poisson: float
     """Change of the fitted c0 per unit of Poisson's ratio [m/s]."""
     rms_by_poisson: tuple[float, float]
@@ -295,16 +301,16 @@ def wave_speed(
     incident_window: tuple[float, float],
     transmitted_window: tuple[float, float],
 ) -> BarsTogether:
-    """Fit c0 and the relative gain to a shot of the two bars without a specimen.
+    """Fit c0 and the relative gain to a test of the two bars without a specimen.
 
-    The pulse at the transmission gauge is the pulse at the incident gauge, dispersed over the distance
-    between them, times the ratio of the two channels' gains.
+    The pulse at the transmission gauge is computed from that at the incident gauge. It is dispersed over the
+    distance between them and multiplied by the ratio of the two channels' gains.
 
     ``incident``, ``transmission``: the stations; bars of the same diameter, density, modulus and Poisson's
-    ratio. ``incident_window``: first and last time of the pulse at the incident gauge [s]: as long as no
-    other wave is there. ``transmitted_window``: times at the transmission gauge over which the pulses are
-    compared [s]. Raises ValueError if the bars or sampling intervals differ, a window is outside its signal,
-    or the speed found is at the edge of the search.
+    ratio. ``incident_window``: first and last time of the pulse at the incident gauge [s], without any other
+    wave. ``transmitted_window``: times at the transmission gauge over which the pulses are compared [s].
+    Raises ValueError if the bars or sampling intervals differ, if a window is outside its signal, or if the
+    fitted speed is at an end of the search range.
     """
     for name in ("diameter", "density", "youngs_modulus", "poisson"):
         first, second = getattr(incident.bar, name), getattr(transmission.bar, name)
@@ -344,8 +350,8 @@ def _fit(
         raise ValueError(f"the later window holds {measured.size} samples, needs 20 or more")
     stated = bar.wave_speed
     peak = float(np.abs(measured).max())
-    # Noise of the first pulse above that frequency would steepen the model's slopes and make the uncertainty
-    # of the speed too small.
+    # Noise of the first pulse above that frequency would steepen the model's slopes. The uncertainty of the
+    # speed would then be too small.
     band = _above_noise(windowed(first, first_window))
 
     def model(speed: float, poisson: float | None) -> FloatArray:
@@ -368,7 +374,7 @@ def _fit(
         return carried.signal.value
 
     def solve(poisson: float | None, start: float) -> tuple[float, float, FloatArray, FloatArray]:
-        """Speed, gain, residual over the peak, and its Jacobian by c0 / stated and gain."""
+        """Speed, gain, residual divided by the peak, and its Jacobian by c0 / declared and gain."""
         found = least_squares(
             lambda x: (x[1] * model(x[0] * stated, poisson) - measured) / peak,
             [start / stated, 1.0],
@@ -380,8 +386,8 @@ def _fit(
         )
         return float(found.x[0] * stated), float(found.x[1]), found.fun, found.jac
 
-    # The sum of squares has a single minimum only near the right shift, so the best of many shifts is the
-    # start.
+    # The sum of squares has a single minimum only near the correct shift. The search therefore starts at the
+    # best of many shifts.
     trials = stated * np.linspace(1.0 - _SEARCH, 1.0 + _SEARCH, 81)
     overlap = [_cosine(model(float(speed), None), measured) for speed in trials]
     best = int(np.argmax(overlap))
@@ -399,7 +405,7 @@ def _fit(
     )
     width = min(bar.poisson + _POISSON_STEP, 0.499) - max(bar.poisson - _POISSON_STEP, 0.0)
     alike = _correlated_samples(residual)
-    # Only slow noise changes speed and gain, and all slow noise of the first pulse is in the band.
+    # Only slow noise changes speed and gain. All slow noise of the first pulse is in the band.
     noise = (gain * first.sigma) ** 2 * first.memory + later.sigma**2 * later.memory
     variance = max(alike * float(residual @ residual) / (residual.size - 2), noise / peak**2)
     scale = np.array([stated, 1.0])
@@ -425,7 +431,9 @@ def _fit(
 
 
 def _above_noise(pulse: Signal) -> float | None:
-    """Frequency above which no component of a pulse is five times its noise, with room for an edge."""
+    """Frequency above which no component of a pulse exceeds five times its noise, plus the width of an
+    edge.
+    """
     if not pulse.sigma > 0.0:
         return None
     spectrum = np.abs(rfft(pulse.value))
@@ -443,7 +451,7 @@ def _cosine(a: FloatArray, b: FloatArray) -> float:
 
 
 def _correlated_samples(residual: FloatArray) -> float:
-    """Integrated correlation of a residual [samples], up to where it first passes zero."""
+    """Integrated correlation of a residual [samples], up to its first zero crossing."""
     n = residual.size
     lagged = np.correlate(residual, residual, mode="full")[n - 1 :]
     if lagged[0] == 0.0:

@@ -1,8 +1,8 @@
 """Bars as guides of one longitudinal wave: wavenumber, attenuation, stiffness, impedance.
 
 Elastic bars follow the first mode of a solid round bar with a free surface, after Pochhammer (1876) and Chree
-(1889): the frequency equation is solved once for each Poisson's ratio, tabulated, polished by Newton steps.
-Polymer bars have a complex modulus or a measured propagation coefficient.
+(1889). The frequency equation is solved once for each Poisson's ratio and tabulated; Newton steps refine the
+solution. Polymer bars have a complex modulus or a measured propagation coefficient.
 """
 
 from collections.abc import Callable
@@ -22,15 +22,16 @@ from kolsky.base.arrays import ComplexArray, FloatArray
 Array = NDArray[Any]
 
 _SERIES = 1e-3
-"""Below this |s| the Onoe function is its series: the next term is s^4 / 23040, below round-off."""
+"""Below this |s| the Onoe function is replaced by its series. The next term is s^4 / 23040, below
+round-off."""
 
 
 def frequency_equation(k: Array, w: Array, poisson: float) -> tuple[Array, Array, Array]:
     """Residual of the frequency equation and its derivatives by K and W.
 
-    With p = alpha^2 a^2 = W^2 (c0/c_L)^2 - K^2, q = beta^2 a^2 = W^2 (c0/c_T)^2 - K^2 and the Onoe function
-    O(s) = z J0(z) / J1(z), z^2 = s, which is real for real s of either sign (Graff 1975, Eq. 8.2.34, times
-    p / (J1 J1)):
+    With p = alpha^2 a^2 = W^2 (c0/c_L)^2 - K^2 and q = beta^2 a^2 = W^2 (c0/c_T)^2 - K^2. The Onoe function
+    O(s) = z J0(z) / J1(z), z^2 = s, is real for real s of either sign. The equation is Graff 1975, Eq.
+    8.2.34, times p / (J1 J1):
 
     f = 2 p (q + K^2) - (q - K^2)^2 O(p) - 4 K^2 p O(q).
     """
@@ -48,7 +49,7 @@ def frequency_equation(k: Array, w: Array, poisson: float) -> tuple[Array, Array
 
 
 def rayleigh_speed(poisson: float) -> float:
-    """Speed of surface waves over c0, the limit of the first mode at high frequency [-].
+    """Speed of surface waves divided by c0 [-]. It is the limit of the first mode at high frequency.
 
     With x = (c / c_T)^2: x^3 - 8 x^2 + (24 - 16 g) x - 16 (1 - g) = 0, g = (c_T / c_L)^2 (Graff 1975,
     Eq. 6.1.86).
@@ -66,7 +67,10 @@ def _slownesses(poisson: float) -> tuple[float, float]:
 
 
 def onoe(s: Array) -> Array:
-    """z J0(z) / J1(z) with z^2 = s (Onoe, McNiven and Mindlin 1962); scaled functions where s < 0."""
+    """z J0(z) / J1(z) with z^2 = s (Onoe, McNiven and Mindlin 1962).
+
+    For s < 0, scaled functions are used.
+    """
     s = np.asarray(s)
     small = np.abs(s) < _SERIES
     if np.iscomplexobj(s):
@@ -80,7 +84,7 @@ def onoe(s: Array) -> Array:
 
 
 def _onoe_slope(s: Array, value: Array) -> Array:
-    """dO/ds from the Riccati equation that O obeys, 2 s O' = 2 O - O^2 - s."""
+    """dO/ds from the Riccati equation of O, 2 s O' = 2 O - O^2 - s."""
     small = np.abs(s) < _SERIES
     slope = (2.0 * value - value**2 - s) / (2.0 * np.where(small, 1.0, s))
     return np.asarray(np.where(small, -0.25 - s / 48.0 - s**2 / 512.0, slope))
@@ -94,8 +98,7 @@ def _check_poisson(poisson: float) -> None:
 TABLE_ERROR = 1e-9
 """Largest relative error of a table's wavenumber [-], measured between its knots."""
 FIRST_TABLE = 8.0
-"""omega a / c0 up to which a table reaches at first; it is doubled until it covers the required
-frequencies."""
+"""omega a / c0 at which a table ends at first. It is doubled until it covers the required frequencies."""
 _SCAN = 400
 """Number of phase velocities in the search for a bracket of the slowest root."""
 
@@ -103,8 +106,8 @@ _SCAN = 400
 def dispersion_table(poisson: float, largest: float = FIRST_TABLE) -> CubicHermiteSpline:
     """Slowness c0 / c of the first mode against omega a / c0, cached by Poisson's ratio.
 
-    Knots lie on the frequency equation, with exact slopes. Intervals are halved until the cubic between the
-    knots is within `TABLE_ERROR` of the root in their middle.
+    Knots satisfy the frequency equation and have exact slopes. Intervals are halved until the cubic between
+    the knots is within `TABLE_ERROR` of the root in their middle.
     """
     _check_poisson(poisson)
     doublings = max(0, int(np.ceil(np.log2(max(largest, FIRST_TABLE) / FIRST_TABLE))))
@@ -169,7 +172,7 @@ def _refined(
         found, slope = solve(middles)
         error = np.abs(CubicHermiteSpline(knots, values, slopes)(middles) / found - 1.0)
         places = np.flatnonzero(open_) + 1
-        # The error falls with the fourth power: halves of accurate intervals need no check.
+        # The error decreases with the fourth power. Halves of accurate intervals need no check.
         again = (error > TABLE_ERROR) & (middles - knots[places - 1] > 1e-7)
         knots, values = np.insert(knots, places, middles), np.insert(values, places, found)
         slopes = np.insert(slopes, places, slope)
@@ -180,7 +183,10 @@ def _refined(
 
 
 def _slowest_root(w: FloatArray, poisson: float) -> FloatArray:
-    """Largest wavenumber at each frequency: the first mode, bracketed by a scan and closed in on."""
+    """Largest wavenumber at each frequency, which is the first mode.
+
+    A scan brackets the root; an iteration then refines it.
+    """
     slowest = 0.9 * rayleigh_speed(poisson)
     k = np.empty_like(w)
     pending = np.arange(w.size)
@@ -204,7 +210,7 @@ def _slowest_root(w: FloatArray, poisson: float) -> FloatArray:
 
 
 def _closed_in(low: FloatArray, high: FloatArray, w: FloatArray, poisson: float) -> FloatArray:
-    """Newton's method inside a bracket, with bisection where a step leaves it."""
+    """Newton's method inside a bracket, with bisection if a step leaves it."""
     sign = np.sign(frequency_equation(low, w, poisson)[0])
     k = 0.5 * (low + high)
     for _ in range(80):
@@ -225,13 +231,13 @@ def _closed_in(low: FloatArray, high: FloatArray, w: FloatArray, poisson: float)
 def wavenumber(frequency: ArrayLike, poisson: float) -> Array:
     """Wavenumber of the first mode.
 
-    Complex frequencies are those of waves under an exponential window, or of a viscoelastic bar by the
-    correspondence principle; the table then only starts a Newton iteration on the frequency equation.
+    Complex frequencies belong to waves under an exponential window or, by the correspondence principle, to a
+    viscoelastic bar. The table then gives only the start of a Newton iteration on the frequency equation.
 
-    ``frequency``: omega a / c0 [-], real or complex with a real part that outweighs the imaginary one, any
-    sign. ``poisson``: poisson's ratio, in [0, 0.5). Returns: k a [-], same shape; odd in the frequency.
-    Relative error below `dispersion_table.TABLE_ERROR`. Raises ValueError if Poisson's ratio is outside its
-    range or a frequency is not finite.
+    ``frequency``: omega a / c0 [-], real or complex, any sign. The real part of a complex frequency must
+    exceed the imaginary part. ``poisson``: Poisson's ratio, in [0, 0.5). Returns: k a [-], same shape; odd in
+    the frequency. The relative error is below `dispersion_table.TABLE_ERROR`. Raises ValueError if Poisson's
+    ratio is outside its range, or if a frequency is not finite.
     """
     w = np.asarray(frequency)
     if not np.isfinite(w).all():
@@ -250,7 +256,7 @@ def wavenumber(frequency: ArrayLike, poisson: float) -> Array:
 
 
 def phase_velocity(ratio: ArrayLike, poisson: float) -> FloatArray:
-    """Phase velocity of the first mode over c0 [-], against radius over wavelength.
+    """Phase velocity of the first mode divided by c0 [-], as a function of radius over wavelength.
 
     ``ratio``: a / Lambda [-], >= 0. ``poisson``: poisson's ratio, in [0, 0.5).
     """
@@ -265,9 +271,9 @@ def phase_velocity(ratio: ArrayLike, poisson: float) -> FloatArray:
 def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
     """Frequency of the first mode, the inverse of `wavenumber`.
 
-    ``wavenumber``: k a [-], real or complex with a real part that outweighs the imaginary one, any sign.
-    ``poisson``: poisson's ratio, in [0, 0.5). Returns: omega a / c0 [-], same shape. Raises ValueError if
-    Poisson's ratio is outside its range or a wavenumber is not finite.
+    ``wavenumber``: k a [-], real or complex, any sign. The real part of a complex wavenumber must exceed the
+    imaginary part. ``poisson``: Poisson's ratio, in [0, 0.5). Returns: omega a / c0 [-], same shape. Raises
+    ValueError if Poisson's ratio is outside its range, or if a wavenumber is not finite.
     """
     k = np.asarray(wavenumber)
     if not np.isfinite(k).all():
@@ -288,12 +294,14 @@ def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
 
 
 def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
-    """Axial strain averaged over the cross-section over that on the surface [-], where gauges are bonded.
+    """Axial strain averaged over the section, divided by that on the surface [-].
 
-    This is the factor M1 of Tyas and Watson (2001). Their M2, the mean stress over E times the mean strain,
-    is (c / c0)^2: at a free surface this follows from the balance of axial momentum.
+    Gauges are bonded to the surface.
 
-    ``frequency``: omega a / c0 [-], real or complex. ``poisson``: poisson's ratio, in [0, 0.5).
+    This is the factor M1 of Tyas and Watson (2001). Their M2 is the mean stress divided by E times the mean
+    strain. It equals (c / c0)^2, which follows from the balance of axial momentum at a free surface.
+
+    ``frequency``: omega a / c0 [-], real or complex. ``poisson``: Poisson's ratio, in [0, 0.5).
     """
     if not poisson > 0.0:
         raise ValueError("without Poisson's ratio the mean strain is that of the surface")
@@ -308,7 +316,7 @@ def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
 
 
 def _polished(k: Array, w: Array, poisson: float) -> Array:
-    """A few Newton steps in the complex plane, from a start that is already close."""
+    """A few Newton steps in the complex plane, from a nearby start."""
     result = np.array(k)
     moving = np.flatnonzero(np.abs(np.ravel(w)) > 1e-4)  # below, the residual is round-off
     if poisson == 0.0:
@@ -320,7 +328,7 @@ def _polished(k: Array, w: Array, poisson: float) -> Array:
         f, slope, _ = frequency_equation(result[moving], at[moving], poisson)
         change = f / slope
         result[moving] -= change
-        # Newton's method doubles the digits: the next step would change round-off.
+        # Newton's method doubles the digits. The next step would change only round-off.
         moving = moving[np.abs(change) > 1e-8 * np.abs(result[moving])]
     raise ValueError(
         f"no wavenumber found at omega a / c0 = {at[moving[0]]:.6g}; the damping must be small, the "
@@ -333,15 +341,15 @@ _SURFACE_BAND = 2.0
 
 
 class Waveguide(Protocol):
-    """A bar as propagation, separation and forces need it."""
+    """Properties of a bar that propagation, separation and forces need."""
 
     @property
     def wave_speed(self) -> float:
-        """Speed used for arrival times [m/s]: dispersion is the difference from a shift at this speed."""
+        """Speed used for arrival times [m/s]. Dispersion is the difference from a shift at this speed."""
 
     @property
     def largest_frequency(self) -> float:
-        """Frequency up to which the guide is known [Hz]; inf if everywhere."""
+        """Frequency up to which the properties are known [Hz]; inf without a limit."""
 
     def wavenumber(self, omega: ArrayLike) -> ComplexArray:
         """Wavenumber k [rad/m] at angular frequencies omega [rad/s], real or with a small imaginary part."""
@@ -359,15 +367,15 @@ class ElasticWaveguide:
 
     Raises ValueError if a property of the bar is outside its range.
 
-    ``bar``: diameter, Young's modulus, density and Poisson's ratio. ``dispersive``: whether the bar's own
-    Poisson's ratio makes it disperse; if False, every wave travels at c0. ``surface``: whether the strain of
-    a gauge on the surface differs from the section's mean (M1 of Tyas and Watson). The band then ends at
-    omega a / c0 = `SURFACE_BAND`.
+    ``bar``: diameter, Young's modulus, density and Poisson's ratio. ``dispersive``: True if Poisson's ratio
+    of the bar causes dispersion. If False, every wave travels at c0. ``surface``: True if the strain of a
+    gauge on the surface differs from the section's mean (M1 of Tyas and Watson). The band then ends at omega
+    a / c0 = `SURFACE_BAND`.
     """
 
     bar: Bar
     dispersive: bool = True
-    """True if waves of different length travel at different speeds."""
+    """True if waves of different length have different speeds."""
     surface: bool = False
     """True if strains are those of the surface."""
 
@@ -385,11 +393,11 @@ class ElasticWaveguide:
 
     @property
     def largest_frequency(self) -> float:
-        """Everywhere, unless a surface gauge ends the band [Hz]."""
+        """Infinite, unless a surface gauge limits the band [Hz]."""
         return _SURFACE_BAND * self.wave_speed / (pi * self.bar.diameter) if self.surface else inf
 
     def wavenumber(self, omega: ArrayLike) -> ComplexArray:
-        """Eq. (B.3): k a is the first mode's at omega a / c0 [rad/m]."""
+        """Eq. (B.3): k a of the first mode at omega a / c0 [rad/m]."""
         w = np.asarray(omega)
         if not self.dispersive:
             return np.asarray(w / self.wave_speed, dtype=complex)
@@ -418,7 +426,7 @@ def area(bar: Bar) -> float:
 
 
 def check_bar(bar: Bar) -> None:
-    """Raise ValueError for a bar whose waves cannot be computed."""
+    """Raise ValueError for a bar with waves that cannot be computed."""
     for name in ("diameter", "length", "youngs_modulus", "density"):
         value = getattr(bar, name)
         if not (isfinite(value) and value > 0.0):
@@ -428,7 +436,7 @@ def check_bar(bar: Bar) -> None:
 
 
 def _impedance_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
-    """Eq. (B.5): rho A omega / k [N s/m] of a bar whose waves have the speed omega / k [m/s]."""
+    """Eq. (B.5): rho A omega / k [N s/m] of a bar with the wave speed omega / k [m/s]."""
     return bar.density * area(bar) * speed
 
 
@@ -468,7 +476,7 @@ class PronyModulus:
         return modulus
 
     def scaled(self, factor: float) -> "PronyModulus":
-        """The same with all moduli times `factor`."""
+        """The modulus with all moduli times `factor`."""
         if factor == 1.0:
             return self
         return PronyModulus(self.long_term * factor, tuple(factor * part for part in self.moduli), self.times)
@@ -481,23 +489,25 @@ class PronyModulus:
 
 @dataclass(frozen=True)
 class ViscoelasticWaveguide:
-    """A polymer bar with a complex modulus and, by the correspondence principle, geometric dispersion.
+    """A polymer bar with a complex modulus.
 
-    Poisson's ratio is real and constant. The bar's own Young's modulus is not used.
+    Geometric dispersion follows by the correspondence principle.
+
+    Poisson's ratio is real and constant. Young's modulus of the bar is not used.
     """
 
     bar: Bar
     """The bar: diameter, density, Poisson's ratio."""
     modulus: PronyModulus
     dispersive: bool = True
-    """True if waves also disperse by the bar's finite radius."""
+    """True if the finite radius of the bar also causes dispersion."""
 
     def __post_init__(self) -> None:
         check_bar(self.bar)
 
     @property
     def wave_speed(self) -> float:
-        """Speed of the first arrival, with the instantaneous modulus [m/s]."""
+        """Speed of the first arrival [m/s], with the instantaneous modulus."""
         return float(np.sqrt(self.modulus.instantaneous / self.bar.density))
 
     @property

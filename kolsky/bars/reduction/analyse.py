@@ -43,14 +43,14 @@ from kolsky.base.arrays import FloatArray
 
 LARGEST_BEND = 1.0
 """Largest disagreement of the budget's two steps, in combined standard uncertainties. A wave speed shifts
-steep fronts, which is nonlinear; `quoted_values.remarks` names the affected values."""
+steep fronts, which is nonlinear. `quoted_values.remarks` names the affected values."""
 Progress = Callable[[str, int, int], None]
 
 
 def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total: None) -> WavesResult:
-    """Reduce a classical test, with a list of all corrections and full propagation of uncertainty.
+    """Reduce a classical test, with a list of all corrections and propagated uncertainty.
 
-    Raises ValueError if the signals do not contain such a test: see the parts in `kolsky.bars`.
+    Raises ValueError if the signals do not contain such a test; see the modules in `kolsky.bars`.
     """
     progress("waves", 0, 3)
     tension = given.load == "tension"
@@ -122,8 +122,9 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
 
 
 def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, tension: bool) -> Windows:
-    """Windows from the shot file, from travel times or, with two stations on a bar, for overlapping
-    pulses.
+    """Windows from the shot file or from travel times.
+
+    With two stations on a bar, the windows are those for overlapping pulses.
     """
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
@@ -136,7 +137,7 @@ def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, te
 
 
 def _soft(acts: Mapping[str, str], valid: Validity) -> tuple[str, ...]:
-    """The remark on a soft specimen with hardly any valid part of the curve."""
+    """The remark on a soft specimen for which the curve has almost no valid part."""
     heavy = acts["radial inertia"].startswith("on: the specimen is soft")
     return (f"validity of the curve: {valid.sentence}",) if heavy and valid.nearly_empty else ()
 
@@ -175,7 +176,7 @@ def _aligned(
     carried: FaceWaves,
     found: tuple[Mapping[str, Alignment], Mapping[str, str]],
 ) -> VariedTest:
-    """The test with the alignments that are switched on; each is listed with its effect."""
+    """The test with the active alignments. Each is listed with its effect."""
     possible, missing = found
     both = replace(varied, aligned=possible).carried({}, dispersive=True)
     for wave, alignment in possible.items():
@@ -214,7 +215,7 @@ def _log_dispersion(log: AuditLog, plain: FaceWaves, carried: FaceWaves, given: 
 def _budget_with_means(
     varied: VariedTest, best: Mapping[str, Station], reduction: Reduction, summary: Summary
 ) -> tuple[Budget, Summary]:
-    """The budget; means that jump within the inputs' uncertainty are not reported."""
+    """The budget. Means that jump within the inputs' uncertainty are not reported."""
     try:
         return _budget(varied, best, reduction, summary), summary
     except ValueError as error:
@@ -250,7 +251,7 @@ def _budget(
 
 
 def _true_histories(budget: Budget, sign: float) -> dict[str, FloatArray]:
-    """True strain and stress with their standard uncertainties; `sign` -1 makes tension positive."""
+    """True strain and stress with their standard uncertainties. `sign` -1 makes tension positive."""
     found = {}
     for name, unit in TRUE.items():
         history = budget.history(name, unit)

@@ -1,4 +1,4 @@
-"""Inertia corrections: the specimen's, radial and axial, and that of a mass between gauge and specimen."""
+"""Inertia corrections: radial and axial inertia of the specimen, and a mass between gauge and specimen."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,15 +20,15 @@ def radial_pressure(
 ) -> FloatArray:
     """Mean pressure on the faces of a disc from its radial inertia [Pa].
 
-    An incompressible disc of initial radius a0 that stays homogeneous under the nominal compression e has
-    the radial velocity ``r e' / (2 (1 - e))`` and therefore the radial acceleration
-    ``r / 2 (e'' / (1 - e) + 3 e'^2 / (2 (1 - e)^2))``. Radial equilibrium with a free side surface at
-    ``a^2 = a0^2 / (1 - e)`` gives a pressure that falls as ``a^2 - r^2``, whose mean is
+    An incompressible disc has the initial radius a0 and stays homogeneous under the nominal compression e.
+    Its radial velocity is ``r e' / (2 (1 - e))``, and its radial acceleration ``r / 2 (e'' / (1 - e) + 3 e'^2
+    / (2 (1 - e)^2))``. The side surface at ``a^2 = a0^2 / (1 - e)`` is free. By radial equilibrium, the
+    pressure falls as ``a^2 - r^2``. Its mean is
 
     ``p = (rho a0^2 / 8) (e'' / (1 - e)^2 + 3 e'^2 / (2 (1 - e)^3))``.
 
-    H. Kolsky, Proc. Phys. Soc. B 62 (1949) 676 has the small-strain term, S. K. Samanta, J. Mech. Phys.
-    Solids 19 (1971) 117 and T. L. Warren, M. J. Forrestal, Exp. Mech. 50 (2010) 1253 the finite strain.
+    The small-strain term is in H. Kolsky, Proc. Phys. Soc. B 62 (1949) 676. The finite strain is in S. K.
+    Samanta, J. Mech. Phys. Solids 19 (1971) 117 and T. L. Warren, M. J. Forrestal, Exp. Mech. 50 (2010) 1253.
     """
     e, e1, e2 = (np.asarray(x, dtype=np.float64) for x in (strain, rate, second))
     if e.size and not e.max() < 1.0:
@@ -49,14 +49,16 @@ def correct_radial_inertia(
     *,
     apply: bool = True,
 ) -> tuple[History, Correction]:
-    """Nominal stress without the share of radial inertia, Eq. of `radial_pressure` over 1 - e.
+    """Nominal stress without the share of radial inertia.
 
-    The force of the pressure is ``p A0 / (1 - e)``, as the face has grown; its nominal stress is
-    ``p / (1 - e)``. The uncertainties of strain, rate and second derivative are taken as independent.
+    The share is Eq. of `radial_pressure` over 1 - e.
+
+    The force of the pressure is ``p A0 / (1 - e)``, because the face has grown. Its nominal stress is ``p /
+    (1 - e)``. The uncertainties of strain, rate and second derivative are taken as independent.
 
     ``stress``: nominal stress [Pa], compression positive. ``strain``, ``rate``, ``second``: nominal
-    compression [-], [1/s], [1/s^2]. ``apply``: False leaves the stress as it is. Raises ValueError as
-    `radial_pressure`, and if shapes differ.
+    compression [-], [1/s], [1/s^2]. ``apply``: False returns the stress unchanged. Raises ValueError for the
+    reasons of `radial_pressure`, and if shapes differ.
     """
     _one_shape(stress.value, (strain, rate, second))
     rho, a0 = specimen.density, specimen.radius
@@ -83,25 +85,30 @@ def correct_radial_inertia(
 def axial_stress(
     second: ArrayLike, *, density: float, length: float, back_acceleration: ArrayLike = 0.0
 ) -> FloatArray:
-    """Mean nominal stress along a specimen above that at its back face, from axial inertia [Pa].
+    """Mean nominal stress along a specimen minus that at its back face [Pa].
 
-    A homogeneous compression e of a specimen of length L whose back face accelerates by a_b gives the
-    material at the height Y above that face the acceleration ``a_b + e'' Y``; the force there is the back
-    force plus the rate of momentum of the material between. Its mean over Y is the back stress plus ``rho L
-    (a_b / 2 + L e'' / 6)``; at the front face it is ``rho L (a_b + L e'' / 2)`` above. With the first-order
-    radial term this is the correction of E. D. H. Davies, S. C. Hunter, J. Mech. Phys. Solids 11 (1963) 155;
-    D. A. Gorham, J. Phys. D 22 (1989) 1888 has the convective ones.
+    The difference is due to axial inertia.
+
+    A specimen of length L is compressed homogeneously by e, and its back face has the acceleration a_b. At
+    the height Y above that face, the material has the acceleration ``a_b + e'' Y``. The force there is the
+    back force plus the rate of momentum of the material between. Its mean over Y is the back stress plus
+    ``rho L (a_b / 2 + L e'' / 6)``. At the front face, it is the back stress plus ``rho L (a_b + L e'' /
+    2)``. With the first-order radial term, this is the correction of E. D. H. Davies, S. C. Hunter, J. Mech.
+    Phys. Solids 11 (1963) 155. D. A. Gorham, J. Phys. D 22 (1989) 1888 gives the convective terms.
     """
     e2, a = np.asarray(second, dtype=np.float64), np.asarray(back_acceleration, dtype=np.float64)
     return np.asarray(density * length * (a / 2.0 + length * e2 / 6.0))
 
 
 def axial_by_analysis(second: ArrayLike, specimen: Specimen, back: ArrayLike) -> dict[str, FloatArray]:
-    """Mean nominal stress along a specimen minus the stress of each analysis, from axial inertia [Pa].
+    """Mean nominal stress along a specimen minus the stress of each analysis [Pa].
 
-    One wave has the stress at the back face, two waves that at the front, three waves the mean of both. With
-    `axial_stress` s and the front stress ``rho L (a_b + L e'' / 2)`` above the back one, they lack s,
-    s less that, and s less half of it: ``-rho L^2 e'' / 12`` for three waves.
+    The differences are due to axial inertia.
+
+    One wave gives the stress at the back face, two waves that at the front, three waves the mean of both. Let
+    s be `axial_stress`. The front stress exceeds the back stress by ``d = rho L (a_b + L e'' / 2)``. The
+    differences are therefore s for one wave, s - d for two, and s - d / 2 for three. The last one is ``-rho
+    L^2 e'' / 12``.
 
     ``second``: second derivative of the nominal compression [1/s^2], shape [n]. ``back``: acceleration of the
     back face in the direction of the incident wave [m/s^2], shape [n] or scalar.
@@ -119,11 +126,11 @@ def correct_axial_inertia(
     *,
     apply: bool = True,
 ) -> tuple[History, Correction]:
-    """Mean nominal stress along the specimen from that at its back face, which rests, see `axial_stress`.
+    """Mean nominal stress along the specimen from that at its resting back face, see `axial_stress`.
 
     ``back_stress``: nominal stress at the transmission side (one wave) [Pa]. ``second``: second derivative of
-    the nominal compression [1/s^2]. ``apply``: False leaves the stress as it is. Raises ValueError if shapes
-    differ.
+    the nominal compression [1/s^2]. ``apply``: False returns the stress unchanged. Raises ValueError if
+    shapes differ.
     """
     _one_shape(back_stress.value, (second,))
     rho, length = specimen.density, specimen.length
@@ -161,7 +168,7 @@ def _one_shape(like: FloatArray, histories: Sequence[History]) -> None:
 
 
 WAY = "three waves"
-"""The analysis whose motion is used."""
+"""The analysis of the motion that is used."""
 KEYS = ("radial inertia", "axial inertia")
 """Switches of the corrections."""
 
@@ -179,13 +186,16 @@ class SpecimenMotion:
 
 
 def _averaged_samples(reduction: Reduction, bars: Mapping[str, Bar]) -> int:
-    """Samples in the time that a wave needs to cross the thicker bar's diameter, odd: centred means."""
+    """Number of samples for centred means, odd.
+
+    It is the time of a wave across the thicker bar's diameter.
+    """
     step = float(reduction.time[1] - reduction.time[0])
     return max(3, round(max(bar.diameter / bar.wave_speed for bar in bars.values()) / step) | 1)
 
 
 def specimen_motion(reduction: Reduction, bars: Mapping[str, Bar]) -> SpecimenMotion:
-    """Averaged rate, its derivative, and the back face's acceleration."""
+    """Averaged rate, its derivative, and the acceleration of the back face."""
     step = float(reduction.time[1] - reduction.time[0])
     width = _averaged_samples(reduction, bars)
 
@@ -193,7 +203,7 @@ def specimen_motion(reduction: Reduction, bars: Mapping[str, Bar]) -> SpecimenMo
         return moving_mean(history.value, width)
 
     def slope(history: History, unit: str) -> History:
-        # A central difference of means of `width` white samples keeps the two at either end.
+        # In a central difference of means of `width` white samples, the two samples at either end remain.
         return History(np.gradient(averaged(history), step), history.sigma / (width * step), unit)
 
     rate = reduction.rate[WAY]
@@ -205,7 +215,7 @@ def specimen_motion(reduction: Reduction, bars: Mapping[str, Bar]) -> SpecimenMo
 
 
 def inertial_share(reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar]) -> float:
-    """Largest stress of radial and axial inertia over the largest stress, by three waves [-]."""
+    """Largest stress of radial and axial inertia divided by the largest stress, by three waves [-]."""
     added = inertial_stress(reduction, specimen, specimen_motion(reduction, bars))
     largest = float(
         np.abs(moving_mean(reduction.stress[WAY].value, _averaged_samples(reduction, bars))).max()
@@ -224,11 +234,13 @@ def inertial_stress(reduction: Reduction, specimen: Specimen, motion: SpecimenMo
 def corrections_that_act(
     reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], switches: Switches, *, share: float
 ) -> dict[str, str]:
-    """Which of `KEYS` are applied: key -> reason. A switch that is not given is on for a soft specimen.
+    """The entries of `KEYS` that are applied: key -> reason.
+
+    Without a given switch, a correction is on for a soft specimen.
 
     ``reduction``: the reduction before these corrections. ``specimen``: the specimen before the test.
-    ``share``: share of the stress above which inertia is significant [-]; a specimen that reaches it counts
-    as soft. Returns: an entry for each key of `KEYS`; the reason begins with "on" or "off".
+    ``share``: share of the stress above which inertia is significant [-]. A specimen that reaches it is soft.
+    Returns: an entry for each key of `KEYS`. The reason begins with "on" or "off".
     """
     part = inertial_share(reduction, specimen, bars)
     size = f"inertia reaches {100.0 * part:.2g} % of the largest stress, the limit is {100.0 * share:g} %"
@@ -246,10 +258,10 @@ def corrections_that_act(
 def correct_inertia(
     reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], acts: Mapping[str, str]
 ) -> tuple[Reduction, tuple[Correction, ...]]:
-    """The stresses corrected for the inertia of the specimen, where the switches are on.
+    """The stresses corrected for the inertia of the specimen, if the switches are on.
 
     ``specimen``: the specimen before the test; its density is used. Returns: both entries of the log, applied
-    or not; their sizes are those of the stress by three waves.
+    or not. Their sizes are those of the stress by three waves.
     """
     motion = specimen_motion(reduction, bars)
     strain = reduction.strain[WAY]
@@ -280,11 +292,11 @@ def correct_inertia(
 def valid_span(
     reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], *, share: float, tension: bool
 ) -> Validity:
-    """The span in which imbalance and inertia, before its correction, stay within a share of the stress.
+    """The span in which imbalance and uncorrected inertia stay within a share of the stress.
 
     ``reduction``: the reduction before corrections of inertia, compression positive. ``specimen``: the
-    specimen before the test. ``bars``: the bars by side. ``share``: the share [-]. ``tension``: whether the
-    specimen is pulled.
+    specimen before the test. ``bars``: the bars by side. ``share``: the share [-]. ``tension``: True for a
+    tension test.
     """
     sign = -1.0 if tension else 1.0
     added = sign * inertial_stress(reduction, specimen, specimen_motion(reduction, bars))
@@ -304,12 +316,12 @@ SIDES = ("incident", "transmission")
 
 
 def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
-    """Acceleration of a face whose path is known, by image correlation or from bar waves.
+    """Acceleration of a face with a known path, by image correlation or from bar waves.
 
-    ``path``: smooth path from rest: `kolsky.bars.flyer.path.fit_flyer`, or
+    ``path``: smooth path from rest. It is from `kolsky.bars.flyer.path.fit_flyer`, or from
     `kolsky.bars.flyer.front_path.front_path` for the interface velocity of bar waves. ``time``: times, not
-    after the path's end; before its start the face rests [s], shape [n]. Returns: acceleration and its
-    standard uncertainty [m/s^2]. Raises ValueError if a time is after the path's end.
+    after the path's end [s], shape [n]. Before the path's start the face is at rest. Returns: acceleration
+    and its standard uncertainty [m/s^2]. Raises ValueError if a time is after the path's end.
     """
     t = np.asarray(time, dtype=np.float64)
     moving = t >= path.start
@@ -328,14 +340,14 @@ def compensate_mass(
     apply: bool = True,
     source: str = "the face's motion",
 ) -> tuple[History, Correction]:
-    """Force on the specimen from that at a gauge, with a moving mass between the two.
+    """Force on the specimen from that at a gauge, with a moving mass between them.
 
-    ``F = F_gauge - m a`` before the specimen.
+    ``F = F_gauge - m a`` in front of the specimen.
 
     ``time``: times of the histories on one clock [s], shape [n], increasing. ``force``: force at the gauge
     [N]. ``acceleration``: acceleration of the mass in the direction of the incident wave [m/s^2]. ``mass``:
     mass between the sensing plane and the specimen [kg]. ``sigma_time``: standard uncertainty of the
-    acceleration's clock against the force's [s]. ``apply``: False leaves the force unchanged; the correction
+    acceleration's clock against the force's [s]. ``apply``: False returns the force unchanged. The correction
     is still measured.
     """
     t = np.asarray(time, dtype=np.float64)

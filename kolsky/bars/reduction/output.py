@@ -1,5 +1,4 @@
-"""A reduction to its files: HDF5 with units, CSV tables, and one CSV with metadata for a materials
-database."""
+"""A reduction as files: HDF5 with units, CSV tables, and one CSV with metadata for a materials database."""
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping
@@ -30,7 +29,7 @@ WAYS = {"one wave": "one_wave", "two waves": "two_waves", "three waves": "three_
 def write_hdf5(path: Path, result: ReducedTest) -> None:
     """Write everything to one HDF5 file, atomically.
 
-    Raises OSError if the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written. An older file is then unchanged.
     """
     with writing(path, FORMAT) as place:
         entry = group(place.file, place.path, "NXentry", default="reduction")
@@ -163,7 +162,10 @@ def _histories(r: Reduction) -> Iterator[tuple[str, str, History]]:
 
 
 def _tables(entry: OpenGroup, result: ReducedTest) -> None:
-    """Corrections, budget, facts, inputs, settings, remarks; the unit of each row is in a separate column."""
+    """Corrections, budget, facts, inputs, settings, remarks.
+
+    The unit of each row is in a separate column.
+    """
     log, rows = group(entry, "corrections"), result.corrections
     for name in ("name", "key", "unit", "reason"):
         _text(log, name, [getattr(c, name) for c in rows])
@@ -252,9 +254,11 @@ DATABASE_FORMAT = "kolsky bar test, version 1"
 
 
 def write_database(path: Path, result: WavesResult) -> Path:
-    """Write metadata as lines "# key: value", then the table of the quoted analysis; returns the path.
+    """Write metadata as lines "# key: value", then the table of the reported analysis.
 
-    ``path``: where to; replaced atomically if it exists.
+    Returns the path.
+
+    ``path``: path of the file. An existing file is replaced atomically.
     """
     with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         for key, value in metadata(result).items():
@@ -267,8 +271,10 @@ def write_database(path: Path, result: WavesResult) -> Path:
 
 
 def columns(result: WavesResult) -> dict[str, FloatArray]:
-    """Columns of the table by name, shape [n] each; `load_case` determines whether compression or tension is
-    positive."""
+    """Columns of the table by name, shape [n] each.
+
+    `load_case` determines whether compression or tension is positive.
+    """
     r, way, extra = result.reduction, result.analysis, result.extra
     strain, rate, stress = r.strain[way], r.rate[way], r.stress[way]
     table = {
@@ -357,5 +363,5 @@ def _inside(time: FloatArray, span: tuple[float, float] | None) -> FloatArray:
 
 
 def _one_line(text: str) -> str:
-    """A text as one line that a spreadsheet does not interpret as a formula."""
+    """A text as one line that a spreadsheet does not read as a formula."""
     return text_cell(" ".join(text.split()))

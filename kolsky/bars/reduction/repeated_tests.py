@@ -1,5 +1,7 @@
-"""Repeated tests on one axis: mean, scatter, confidence band (Type A), and uncertainty common to all
-tests."""
+"""Repeated tests on one axis.
+
+Mean, scatter, confidence band (Type A), and uncertainty common to all tests.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +25,7 @@ class Curve:
     value: FloatArray
     """The quantity, shape [n]."""
     sigma: FloatArray | None = None
-    """Standard uncertainty that is independent from test to test, e.g. from noise; None if unknown."""
+    """Standard uncertainty that is independent between tests, e.g. from noise; None if unknown."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,8 @@ class Repeats:
     scatter: FloatArray
     """Experimental standard deviation between tests, n - 1, Eq. (U.14), shape [n]."""
     within: FloatArray | None
-    """Root mean square of the tests' own sigmas, shape [n]; None if one is unknown. If the scatter is not
-    larger, the tests differ only by their noise."""
+    """Root mean square of the tests' sigmas, shape [n]; None if one is unknown. If the scatter is not larger
+    than this, the tests differ only by noise."""
     remarks: tuple[str, ...]
     """Parts that were cut off, in words."""
 
@@ -60,12 +62,13 @@ class Repeats:
         return self.scatter / np.sqrt(self.count)
 
     def combined(self, shared: FloatArray | float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Standard uncertainty of the mean, including the part common to all tests, and its degrees of
-        freedom.
+        """Standard uncertainty of the mean and its degrees of freedom.
 
-        ``shared``: standard uncertainty from what does not differ between the tests: moduli, gauge factors,
-        ..., shape [n]. It is not reduced by repeating and its degrees of freedom count as infinite. Returns:
-        eq. (U.16) and the effective degrees of freedom by Welch and Satterthwaite, shape [n] both.
+        The part common to all tests is included.
+
+        ``shared``: standard uncertainty of all that the tests have in common: moduli, gauge factors, ...,
+        shape [n]. Repetition does not reduce it. Its degrees of freedom are infinite. Returns: Eq. (U.16) and
+        the effective degrees of freedom by Welch and Satterthwaite, shape [n] both.
         """
         u = np.hypot(self.sigma, shared)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -89,12 +92,13 @@ class Repeats:
 def average(curves: Sequence[Curve], *, points: int | None = None) -> Repeats:
     """Mean and scatter of repeated tests over their common range.
 
-    Curves are interpolated linearly to a uniform axis from the latest start to the earliest end; parts
+    Curves are interpolated linearly to a uniform axis, from the latest start to the earliest end. Parts
     outside are cut off and reported in a remark.
 
     ``curves``: the tests, at least two. ``points``: points of the common axis, at least 2; by default the
     smallest number of points of any test in that range. Raises ValueError if there are fewer than two tests,
-    an axis does not increase, lengths differ, a value is not finite, or the tests have no range in common.
+    or if the tests have no range in common. The same error is raised if an axis does not increase, lengths
+    differ, or a value is not finite.
     """
     if len(curves) < 2:
         raise ValueError(f"a scatter needs at least 2 tests, got {len(curves)}")
@@ -167,19 +171,19 @@ class RepeatedTests(ResultViews):
         return History(self.repeats.mean, self.repeats.combined(self.shared)[0], self.unit)
 
     def band(self, probability: float = 0.95) -> tuple[FloatArray, FloatArray]:
-        """Confidence band of the mean, scatter and shared parts together, shape [n] both ends."""
+        """Confidence band of the mean, with scatter and shared parts, shape [n] both ends."""
         return self.repeats.band(probability, shared=self.shared)
 
 
 def repeated_tests(reductions: Mapping[str, Reduction]) -> RepeatedTests:
     """Average the nominal stress of several tests over their strain.
 
-    Only the loading is used, the longest part of each test with increasing strain; a remark gives its ends.
-    The tests use the same bars, gauges and instruments. Their standard uncertainties, noise included, are
-    therefore taken as common to all, which makes the band slightly too wide.
+    Only the loading is used: the longest part of each test with increasing strain. A remark gives its ends.
+    The tests use the same bars, gauges and instruments. Their standard uncertainties, with noise, are
+    therefore taken as common to all. This makes the band slightly too wide.
 
     ``reductions``: reductions by the names of the tests, with their full bands
-    (`kolsky.bars.reduction.analyse`). Raises ValueError as `average`.
+    (`kolsky.bars.reduction.analyse`). Raises ValueError for the reasons of `average`.
     """
     curves, remarks, unit = [], [], ""
     for name, reduction in reductions.items():
@@ -206,9 +210,9 @@ def repeated_tests(reductions: Mapping[str, Reduction]) -> RepeatedTests:
 
 
 def rising(value: FloatArray) -> slice:
-    """The longest stretch of samples in which each is larger than the one before; of equals the first.
+    """The longest stretch of increasing samples. If several are equally long, the first one.
 
-    Raises ValueError if no sample is larger than the one before.
+    Raises ValueError if no sample exceeds the previous one.
     """
     up = np.concatenate([[False], np.diff(value) > 0.0, [False]])
     starts = np.flatnonzero(~up[:-1] & up[1:])

@@ -1,12 +1,11 @@
-"""Waves at the specimen: propagation of windowed pulses to the bar's face, and separation of overlapping
-waves.
+"""Waves at the specimen: propagation of pulses to the bar's face, and separation of overlapping waves.
 
 Opposed gauges that were recorded in separate files are resampled to one clock first. With several gauges on
-one bar the waves in both directions are the solution of a small linear system at each frequency. With one
-gauge per bar, the echo from the free end is predicted and subtracted.
+one bar, a small linear system at each frequency gives the waves in both directions. With one gauge per bar,
+the echo from the free end is predicted and subtracted.
 
-After Zhao and Gary (1997) and Bacon (1999), with every gauge weighted by its noise (Bussac and others 2002).
-Numbers of equations are those of docs/theory/bars.md.
+The method follows Zhao and Gary (1997) and Bacon (1999). Every gauge is weighted by its noise (Bussac and
+others 2002). Numbers of equations are those of docs/theory/bars.md.
 """
 
 from collections.abc import Sequence
@@ -27,9 +26,9 @@ from kolsky.base.arrays import ComplexArray, FloatArray
 from kolsky.base.records import Recording
 
 BAND = 2.0
-"""omega a / c0 up to which waves are kept under dispersion: a second mode propagates above about 2.3."""
+"""omega a / c0 up to which waves are kept under dispersion. A second mode propagates above about 2.3."""
 _GUARD = 256
-"""Samples on either side of a window that are used in an interpolation."""
+"""Number of samples on either side of a window that an interpolation uses."""
 
 
 def face_waves(
@@ -45,21 +44,21 @@ def face_waves(
 ) -> FaceWaves:
     """The three waves at the specimen's faces.
 
-    The incident wave is propagated forward by its gauge's distance, the others backward by theirs, Eq. (R.4),
-    with the dispersion and attenuation of the guides. Without guides a wave is only moved in time, by x / c0;
-    fractions of a sample are then interpolated as for a band-limited signal, which changes neither its energy
-    nor its noise.
+    The incident wave is propagated forward by its gauge's distance, the other waves backward by theirs, Eq.
+    (R.4). The guides give dispersion and attenuation. Without guides, a wave is only moved in time, by x /
+    c0. Fractions of a sample are then interpolated as for a band-limited signal. This changes neither its
+    energy nor its noise.
 
     ``incident``, ``transmission``: the strains at the two stations, on one clock, with equal sampling
     intervals. ``windows``: time windows of the waves at the gauges. The shortest determines the length of the
     result. ``guides``: the incident and the transmission bar as waveguides; None neglects dispersion.
     ``band``: frequency up to which waves are propagated [Hz], inf for all. Default: the lower `BAND` of the
-    bars; above it, a gauge measures several modes at once, and noise would be propagated like a wave of the
-    first mode. ``arrival``: arrival of the incident wave at its gauge [s]; the corresponding time at the face
+    bars. Above it, a gauge measures several modes at once, and noise would be propagated like a wave of the
+    first mode. ``arrival``: arrival of the incident wave at its gauge [s]. The corresponding time at the face
     is time 0 of the result. Default: the beginning of the incident window. ``delays``: delays of the
-    reflected and the transmitted wave at their gauges relative to the travel times [s]: for waves that are
-    aligned by their arrivals. ``apart``: the separated incident, reflected and transmitted wave at their
-    gauges, if available; the windows then only select the part to use.
+    reflected and the transmitted wave at their gauges relative to the travel times [s], for waves aligned by
+    their arrivals. ``apart``: the separated incident, reflected and transmitted wave at their gauges, if
+    available. The windows then only select the part to use.
     """
     interval = incident.strain.interval
     if abs(transmission.strain.interval / interval - 1.0) > 1e-9:
@@ -109,10 +108,10 @@ def face_waves(
 def _widened(
     pairs: tuple[tuple[float, float], ...], incident: BarSignal, transmission: BarSignal
 ) -> tuple[tuple[float, float], ...]:
-    """Windows extended over the time in which the gauge measures this wave only, or no wave.
+    """Windows extended over the time in which the gauge measures only this wave, or no wave.
 
-    A wave that is cut off before its end has an edge, and dispersion spreads the edge's high frequencies into
-    the window. The fade of a tenth beyond the window must not overlap the next wave.
+    If a wave is cut off before its end, it has an edge. Dispersion spreads the edge's high frequencies into
+    the window. The fade of a tenth outside the window must not overlap the next wave.
     """
     before = (incident.strain.start, pairs[1][0], transmission.strain.start)
     widened = []
@@ -142,7 +141,7 @@ def _at_face(
     guide: Waveguide | None,
     band: float,
 ) -> Signal:
-    """`count` samples of one wave at the face; the first belongs to the time `start` at the gauge."""
+    """`count` samples of one wave at the face. The first belongs to the time `start` at the gauge."""
     strain = signal.strain
     if guide is None:
         return replace(strain, value=sampled_from(strain, start, count))
@@ -155,9 +154,9 @@ def _at_face(
 def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
     """A signal's values at ``start + k * interval``, band-limited between its samples.
 
-    ``start``: time of the first value [s]; a fraction of a sample is applied as a phase shift in the Fourier
-    transform of the samples, extended by `GUARD` samples on both sides, after subtraction of the line through
-    their ends. ``count``: number of values. Returns: values in the signal's unit, shape [count].
+    ``start``: time of the first value [s]. A fraction of a sample is applied as a phase shift in the Fourier
+    transform of the samples. Before this, the line through their ends is subtracted, and `GUARD` samples are
+    added on both sides. ``count``: number of values. Returns: values in the signal's unit, shape [count].
     """
     place = (start - signal.start) / signal.interval
     whole = round(place)
@@ -185,14 +184,16 @@ LEAST = 50
 
 
 def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> tuple[Recording, ...]:
-    """Recordings of one station over the time that all of them cover, at the times of the first.
+    """Recordings of one station at the times of the first.
 
-    Recordings with the same time base are not changed. Those of another recorder are interpolated as
-    band-limited signals, which changes neither energy nor noise.
+    They cover the time that all recordings have in common.
+
+    Recordings with the same time base do not change. Those of another recorder are interpolated as
+    band-limited signals. This changes neither energy nor noise.
 
     ``recordings``: one for each channel, each on its recorder's clock. ``offsets``: shot's clock minus
-    recorder's clock of each [s]. Raises ValueError if the intervals differ, or the recordings have hardly a
-    sample in common. Returns: all on the first one's recorder's clock.
+    recorder's clock of each [s]. Raises ValueError if the intervals differ, or if the recordings have too few
+    samples in common. Returns: all on the clock of the first recorder.
     """
     first = recordings[0]
     start, interval = uniform_clock(first)
@@ -227,11 +228,11 @@ def _shifted(recording: Recording, shift: float) -> Signal:
 
 
 PADDING = 4
-"""The transform is this many times as long as the record."""
+"""Length of the transform divided by that of the record."""
 _WRAPPED = 1e-7
-"""Remainder of a wave that wraps around the transform, under the exponential window [-]."""
+"""Part of a wave that wraps around the transform, under the exponential window [-]."""
 LARGEST_CONDITION = 1e6
-"""Ratio of singular values of the gauges' matrix above which two stations count as one."""
+"""Ratio of singular values of the gauges' matrix above which two stations are not independent."""
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,7 @@ class SeparatedWaves:
     """The waves at the specimen's face of one bar, and the face's force and velocity with them."""
 
     time: FloatArray
-    """Times at the face on the shot's clock [s], shape [n]; they end when a wave at the face has not yet
+    """Times at the face on the shot's clock [s], shape [n]. They end when a wave at the face has not yet
     reached a gauge."""
     toward: History
     """Strain of the wave toward the specimen, compression positive [-]."""
@@ -250,15 +251,15 @@ class SeparatedWaves:
     velocity: History
     """Velocity of the face toward the specimen [m/s]."""
     misfit: tuple[float, ...]
-    """Root mean square of the difference between each gauge's strain and that of the two waves there, over
-    the gauge's sigma [-]; 0 within round-off with two gauges, which two waves always fit exactly; about 1
-    with more."""
+    """Root mean square of the difference between each gauge's strain and that of the two waves at the gauge,
+    divided by the gauge's sigma [-]. With two gauges it is 0 within round-off, because two waves always fit
+    exactly. With more gauges it is about 1."""
     singular: FloatArray
-    """Frequencies at which the gauges cannot distinguish the two waves [Hz]: zero, and with two gauges all at
-    which half-waves fit between them. Noise there grows with the square root of time, because only the quiet
-    start separates the waves."""
+    """Frequencies at which the gauges cannot distinguish the two waves [Hz]. They are zero and, with two
+    gauges, all frequencies at which half-waves fit between them. Noise at these frequencies grows with the
+    square root of time, because only the quiet start separates the waves."""
     noise_gain: float
-    """Largest sigma of `toward` and `away` over that of the quietest gauge [-]."""
+    """Largest sigma of `toward` and `away`, divided by that of the quietest gauge [-]."""
 
 
 def separate(
@@ -270,21 +271,22 @@ def separate(
 ) -> SeparatedWaves:
     """Separate the two waves of a bar by two or more gauges, Eqs. (B.12) to (B.15).
 
-    Both waves must be absent when the records begin. This quiet start is used through an exponential window:
-    the equations are solved at frequencies with a small negative imaginary part, where no frequency is
-    singular, and the window is removed at the end. For two gauges the result equals that of the iteration in
-    time (each wave from the other, one travel time earlier) and depends on no constant.
+    Both waves must be absent when the records begin. An exponential window makes use of this quiet start. The
+    equations are solved at frequencies with a small negative imaginary part, where no frequency is singular.
+    The window is removed at the end. For two gauges, the result equals that of the iteration in time: each
+    wave follows from the other, one travel time earlier. It depends on no constant.
 
-    ``gauges``: stations of one bar with the same sampling; their records may start at different times.
+    ``gauges``: stations of one bar with the same sampling. Their records may start at different times.
     ``waveguide``: the bar. ``band``: frequency at which the waves end [Hz], by a half-cosine edge. ``end``:
     last time at the face [s]. Returns: with sigmas that grow in time. Raises ValueError if there are fewer
-    than two stations, two share a place, records differ in sampling or do not overlap.
+    than two stations, or if two are at the same place. The same error is raised if records differ in sampling
+    or do not overlap.
     """
     interval, begin, values, sigma, memory = _common(gauges)
     position = np.array([gauge.position for gauge in gauges])
     n = values.shape[1]
     far, near = float(position.max()), float(position.min())
-    # Two gauges: the returning wave is known from the near one. More gauges: every record contributes.
+    # With two gauges, the near gauge gives the returning wave. With more gauges, every record contributes.
     known = begin + interval * (n - 1) - (near if len(gauges) == 2 else far) / waveguide.wave_speed
     last = known if end is None else min(end, known)
     if last <= begin:
@@ -292,7 +294,7 @@ def separate(
             "the records end before a wave at the specimen has reached a gauge. Cure: longer records"
         )
 
-    # Zeros up to the pad stand for the quiet start: times before the record, when waves were still far.
+    # Zeros up to the pad represent the quiet start: times before the record, when no wave had arrived.
     lead = int(np.ceil(far / waveguide.wave_speed / interval)) + 64
     length = next_fast_len(PADDING * (n + lead), real=True)
     decay = -log(_WRAPPED) / (length * interval)
@@ -391,7 +393,7 @@ def _from(gauge: BarSignal, begin: float, n: int) -> FloatArray:
 
 
 def _back(spectrum: ComplexArray, kept: NDArray[np.bool_], length: int) -> FloatArray:
-    """Samples of spectra that are known where `kept`, the last axis being the frequencies."""
+    """Samples of spectra that are known at `kept`. The last axis is that of the frequencies."""
     full = np.zeros((*spectrum.shape[:-1], kept.size), dtype=complex)
     full[..., kept] = spectrum
     return irfft(full, length, axis=-1)
@@ -400,8 +402,8 @@ def _back(spectrum: ComplexArray, kept: NDArray[np.bool_], length: int) -> Float
 def _noise(response: FloatArray, decay: float, sigma: FloatArray, n: int, count: int) -> FloatArray:
     """Sigma at each time from white noise of the gauges, Eq. (B.15).
 
-    `response` is the response to a sample in the weighted records, shape [j, length]; without the weights it
-    increases by exp(decay) per sample.
+    `response` is the response to one sample in the weighted records, shape [j, length]. Without the weights
+    it increases by exp(decay) per sample.
     """
     length = response.shape[1]
     lag = np.arange(length)
@@ -412,7 +414,7 @@ def _noise(response: FloatArray, decay: float, sigma: FloatArray, n: int, count:
     for answer, scatter in zip(response, sigma, strict=True):
         square = ((answer * np.exp(decay * lag)) ** 2)[used][order]  # lags 1 - n to count - 1
         running = np.concatenate([[0.0], np.cumsum(square)])
-        # At time i the samples 0 to n - 1 take part: lags i - n + 1 to i.
+        # At time i the samples 0 to n - 1 contribute: lags i - n + 1 to i.
         i = np.arange(count)
         variance += scatter**2 * (running[i + n] - running[i])
     return np.sqrt(variance)
@@ -430,14 +432,14 @@ def _singular(waveguide: Waveguide, spacing: float, highest: float, n_gauges: in
 def overlapping_windows(
     incident: BarSignal, far: BarSignal, transmission: BarSignal, *, tension: bool = False
 ) -> Windows:
-    """Windows that do not end where the reflected wave meets the incident one.
+    """Windows that continue while the reflected wave overlaps the incident one.
 
-    They last until the reflected wave returns from the far end of the incident bar, the transmitted one from
-    that of its bar, or a record ends.
+    They last until the reflected wave returns from the far end of the incident bar, or the transmitted one
+    from that of its bar. They end earlier if a record ends.
 
     ``incident``, ``far``: the two stations of the incident bar, the first one nearer to the specimen.
-    ``tension``: whether the incident pulse is one of tension. Raises ValueError if `far` is not farther from
-    the specimen, there is no pulse, or no part of the records remains.
+    ``tension``: True for a tensile incident pulse. Raises ValueError if `far` is not farther from the
+    specimen, if there is no pulse, or if no part of the records remains.
     """
     if far.position <= incident.position:
         raise ValueError(
@@ -467,10 +469,10 @@ def overlapping_windows(
 def separated(
     faces: FaceWaves, incident: BarSignal, far: BarSignal, guide: Waveguide, log: AuditLog
 ) -> FaceWaves:
-    """The incident and the reflected wave, separated by both stations instead of by windows.
+    """The incident and the reflected wave, separated by two stations instead of by windows.
 
-    ``faces``: the waves by windows, which overlap: gives the clock and the transmitted wave. Raises
-    ValueError as `kolsky.bars.reduction.separation.separate`.
+    ``faces``: the waves by windows, which overlap. They give the clock and the transmitted wave. Raises
+    ValueError for the reasons of `kolsky.bars.reduction.separation.separate`.
     """
     start = faces.origin + float(faces.time[0])
     interval, count = incident.strain.interval, faces.time.size
@@ -517,7 +519,7 @@ class FreeEnds:
     def apart(
         self, incident: BarSignal, transmission: BarSignal, guides: tuple[Waveguide, Waveguide], band: float
     ) -> tuple[BarSignal, BarSignal, BarSignal]:
-        """The incident, the reflected and the transmitted wave, separated, each at its gauge.
+        """The incident, reflected and transmitted wave, separated, each at its gauge.
 
         ``band``: frequency up to which the guides carry waves [Hz].
         """
@@ -531,15 +533,15 @@ class FreeEnds:
 
 
 def free_ends(incident: BarSignal, arrival: float) -> FreeEnds:
-    """Both far ends are free; the incident pulse has ended before the reflected one arrives.
+    """Both far ends are free. The incident pulse ends before the reflected one arrives.
 
-    ``arrival``: arrival of the incident pulse there [s].
+    ``arrival``: arrival of the incident pulse at its gauge [s].
     """
     return FreeEnds(arrival + 2.0 * travel_time(incident) - 2.0 * averaging_time(incident))
 
 
 def without_echo(station: BarSignal, guide: Waveguide, band: float) -> BarSignal:
-    """The wave that travels to the free end, from the strain at a station that also measures its echoes."""
+    """The wave toward the free end, from the strain at a station that also measures its echoes."""
     strain, way = station.strain, 2.0 * (station.bar.length - station.position)
     passes = ceil((strain.end - strain.start) * guide.wave_speed / way)
     out = strain
@@ -551,7 +553,9 @@ def without_echo(station: BarSignal, guide: Waveguide, band: float) -> BarSignal
 
 
 def free_end_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit]:
-    """Times at which an echo returns to the specimen and loads it again, from the arrival of a pulse."""
+    """Times at which an echo returns to the specimen and loads it again, counted from the arrival of a
+    pulse.
+    """
     margin = max(averaging_time(incident), averaging_time(transmission))
     limits = [
         Limit(
@@ -564,7 +568,7 @@ def free_end_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit
 
 
 def check_length(windows: Windows, limits: tuple[Limit, Limit]) -> None:
-    """Raise ValueError for windows that last until an echo is back at the specimen.
+    """Raise ValueError for windows that include an echo at the specimen.
 
     The message names the wave and the time.
     """

@@ -1,8 +1,9 @@
-"""Strain, rate and stress by one, two and three waves: linear combinations of the waves at the specimen's
-faces.
+"""Strain, rate and stress by one, two and three waves.
 
-The weights are constants or functions of frequency. Punching, the indentation of the bars' faces by a
-narrower specimen, is subtracted from the strain.
+They are linear combinations of the waves at the specimen's faces.
+
+The weights are constants or functions of frequency. Punching is the indentation of the bars' faces by a
+narrower specimen. It is subtracted from the strain.
 """
 
 from dataclasses import replace
@@ -31,7 +32,7 @@ Weights = tuple[Factor, Factor, Factor]
 
 
 class BarWaves:
-    """The three waves, and the bars' conversion of strain to force and velocity.
+    """The three waves, and the factors from strain to force and velocity in the bars.
 
     ``guides``: the incident and the transmission bar as waveguides; None: constant E A and rho c0 A.
     """
@@ -57,7 +58,7 @@ class BarWaves:
             return
         n = faces.time.size
         self._fade = max(64, n // 4)
-        # The memory of a viscoelastic bar decays over the padding instead of wrapping around.
+        # The memory of a viscoelastic bar decays over the padding and does not wrap around.
         self._length = next_fast_len(6 * n + 2 * self._fade, real=True)
         frequency = rfftfreq(self._length, float(faces.time[1] - faces.time[0]))
         limit = min(guide.largest_frequency for guide in guides)
@@ -95,19 +96,20 @@ class BarWaves:
         return History(value, np.full(n, float(np.linalg.norm(noise))), unit)
 
     def slow_sigma(self, weights: Weights) -> float:
-        """Sigma of white noise with the sum's level at low frequencies, which determines the noise of an
-        integral.
+        """Sigma of white noise with the sum's level at low frequencies.
+
+        This level determines the noise of an integral.
         """
         gains = np.array([abs(np.ravel(weight)[0]) for weight in weights])
         return float(np.linalg.norm(gains * self._white))
 
     def _gain(self, factor: NDArray[np.complex128]) -> float:
-        """Root mean square of a factor over all frequencies: sigma after over sigma before."""
+        """Root mean square of a factor over all frequencies: ratio of sigma after and before."""
         return float(np.sqrt(mean_square(factor, self._length)))
 
 
 def noise_correlation(faces: FaceWaves) -> float:
-    """Samples for each independent one in the waves' noise [-]: 1 if white, more after filtering."""
+    """Samples per independent one in the waves' noise [-]: 1 if white, more after filtering."""
     if faces.white is None:
         return 1.0
     return max(
@@ -131,19 +133,19 @@ def reduce(
 ) -> Reduction:
     """Reduce the waves at the faces to the specimen's nominal strain, rate and stress.
 
-    Compression is positive. The velocities of the faces are v1 = c1 (e_i - e_r) and v2 = c2 e_t, the forces
-    F1 = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves: the rate (v1 - v2) / L and
-    the mean force. With equilibrium, F1 = F2, one wave is redundant. Two waves: the incident and the
-    transmitted one, with the force F1. One wave: the reflected one, with the force F2. If the bars'
+    Compression is positive. The velocities of the faces are v1 = c1 (e_i - e_r) and v2 = c2 e_t. The forces
+    are F1 = E1 A1 (e_i + e_r) and F2 = E2 A2 e_t, Eqs. (R.5) and (R.6). Three waves give the rate (v1 - v2) /
+    L and the mean force. In equilibrium, F1 = F2, and one wave is redundant. Two waves are the incident and
+    the transmitted one, with the force F1. One wave is the reflected one, with the force F2. If the bars'
     impedances differ, "one wave" also needs a share of the transmitted wave, Eqs. (R.7) to (R.9). In tension
     the same equations hold with negative strains.
 
-    Each sigma contains only the gauges' noise, white and independent, propagated exactly through the linear
-    combinations and the trapezoidal sum, Eq. (R.12). ``guides``: the incident and the transmission bar as
-    waveguides: their stiffness and impedance are used at each frequency, as required for a viscoelastic bar;
-    None: constant E A and rho c0 A. ``allowance``: |R| up to which the specimen counts as in equilibrium [-].
-    ``average``: time over which the forces are averaged for R [s]; if left out, the time of a wave across the
-    diameter of the thicker bar.
+    Each sigma contains only the gauges' noise, which is white and independent. It is propagated exactly
+    through the linear combinations and the trapezoidal sum, Eq. (R.12). ``guides``: the incident and the
+    transmission bar as waveguides. Their stiffness and impedance are used at each frequency, which a
+    viscoelastic bar requires. None: constant E A and rho c0 A. ``allowance``: |R| up to which the specimen is
+    in equilibrium [-]. ``average``: time over which the forces are averaged for R [s]; default: the time of a
+    wave across the diameter of the thicker bar.
     """
     _check(faces, specimen)
     bars = BarWaves(faces, guides)
@@ -165,7 +167,8 @@ def reduce(
     both = (faces.incident_bar, faces.transmission_bar)
     time = average if average is not None else max(bar.diameter / bar.wave_speed for bar in both)
     width = max(1, round(time / step))
-    # Band-limited noise is averaged less than white noise: its level at low frequencies is used.
+    # Averaging reduces band-limited noise less than white noise. Its level at low frequencies is therefore
+    # used.
     loud = (bars.slow_sigma((k1, k1, 0.0)), bars.slow_sigma((0.0, 0.0, k2)))
     noise = [min(s, width**0.5 * float(f.sigma[0])) for s, f in zip(loud, (front, back), strict=True)]
     ratio = imbalance(front.value, back.value, *noise, width=width)
@@ -184,7 +187,7 @@ def reduce(
 
 
 def integrated(history: History, step: float, *, sigma: float | None = None) -> History:
-    """Trapezoidal sum from the first sample on, and the sigma of it for white noise, Eq. (R.12).
+    """Trapezoidal sum from the first sample on, and its sigma for white noise, Eq. (R.12).
 
     ``step``: sampling interval [s]. ``sigma``: standard deviation of white noise with the rate's level at low
     frequencies, if it differs from the rate's sigma. Returns: starts at 0; sigma_k = step sigma sqrt(k - 1/2)
@@ -200,17 +203,18 @@ def integrated(history: History, step: float, *, sigma: float | None = None) -> 
 def hencky_strain(strain: History) -> History:
     """Logarithmic strain, compression positive: -ln(1 - e), Eq. (R.13).
 
-    In tension e < 0, the stretch 1 - e exceeds 1 and the result is negative, as all tension is here.
+    In tension e < 0. The stretch 1 - e then exceeds 1 and the result is negative.
     """
     left = _stretch(strain)
     return History(-np.log(left), strain.sigma / left, "1")
 
 
 def cauchy_stress(stress: History, strain: History) -> History:
-    """True stress of a specimen that keeps its volume, compression positive: s (1 - e), Eq. (R.14).
+    """True stress of a specimen of constant volume, compression positive: s (1 - e), Eq. (R.14).
 
-    A compressed specimen is wider, so its true stress is smaller than the nominal one; a stretched one is
-    thinner. Barrelling and necking are not considered. The sigma assumes that the two noises are independent.
+    A compressed specimen is wider, and its true stress is smaller than the nominal one. A stretched specimen
+    is thinner. Barrelling and necking are not considered. The sigma assumes that the two noises are
+    independent.
     """
     left = _stretch(strain)
     sigma = np.sqrt((left * stress.sigma) ** 2 + (stress.value * strain.sigma) ** 2)
@@ -258,8 +262,8 @@ _HALF_SPACE = 16.0 / (3.0 * pi**2)
 """Mean indentation under a uniform pressure on a half-space, in units of (1 - nu^2) F / (E a) (Love 1929)."""
 
 _RATIO = np.array([0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
-# Static finite elements of a half-infinite bar with a free side, nu = 0.29, extrapolated over three meshes;
-# tests/validation/test_punching_elements.py computes them again. Over 0 <= nu < 0.5 they vary by 4 %.
+# Static finite elements of a half-infinite bar with a free side, nu = 0.29, extrapolated over three meshes.
+# tests/validation/test_punching_elements.py computes these values again. Over 0 <= nu < 0.5 they vary by 4 %.
 _SHARE = np.array(
     [1.0, 0.87847, 0.81791, 0.75775, 0.63881, 0.52260, 0.41026, 0.30319, 0.20332, 0.11371, 0.04015, 0.0]
 )
@@ -271,7 +275,7 @@ def punching_compliance(bar: Bar, radius: float) -> float:
 
     Eq. (R.15): (16 / (3 pi^2)) (1 - nu^2) / (E a) times the factor f(a/b) for the bar's finite radius b; f(0)
     = 1 and f(1) = 0. The pressure is uniform over the circle of radius a, as under a specimen much softer
-    than the bar; under a rigid one the mean is 8 % smaller.
+    than the bar. Under a rigid specimen the mean is 8 % smaller.
     """
     ratio = radius / (0.5 * bar.diameter)
     if not 0.0 < ratio <= 1.0 + 1e-9:
@@ -290,16 +294,16 @@ def correct_punching(
     *,
     apply: bool = True,
 ) -> tuple[Reduction, Correction]:
-    """Subtract the indentation of both faces from the specimen's shortening.
+    """Subtract the indentation of both faces from the shortening of the specimen.
 
     Eq. (R.16): e - (C1 F1 + C2 F2) / L, with the forces of the analysis: F2 twice for one wave, F1 twice for
-    two, both for three. From the rate, the difference quotient of the same term is subtracted, over the time
-    of a wave across the bar's diameter; over shorter times the indentation is not quasi-static. The
-    velocities of the faces remain those of one-dimensional theory.
+    two, both for three. The difference quotient of the same term is subtracted from the rate. It is taken
+    over the time of a wave across the bar's diameter. Over shorter times, the indentation is not
+    quasi-static. The velocities of the faces remain those of one-dimensional theory.
 
     ``reduction``: the reduction. ``incident_bar``, ``transmission_bar``: the bars. ``apply``: False returns
-    the reduction unchanged, with the correction that would have been applied. Returns: the correction's sizes
-    are changes of the nominal strain by three waves.
+    the reduction unchanged, with the correction for comparison. Returns: the correction's sizes are changes
+    of the nominal strain by three waves.
     """
     C1 = punching_compliance(incident_bar, specimen.radius)
     C2 = punching_compliance(transmission_bar, specimen.radius)

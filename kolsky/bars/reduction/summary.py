@@ -1,6 +1,6 @@
-"""Reported results of a test with their budget, facts of the recording, and remarks with remedies.
+"""Results of a test with their budget, facts of the recording, and remarks with remedies.
 
-Means are taken over a plateau; a modulus only in equilibrium.
+Means are taken over a plateau. A modulus is given only in equilibrium.
 """
 
 from collections.abc import Iterable, Mapping
@@ -49,13 +49,16 @@ class EnergyBalance:
     absorbed: float
     """Incident minus reflected minus transmitted: work of both faces on the specimen [J]."""
     deformation: float
-    """Volume times the integral of stress over strain, by three waves [J]. The difference from `absorbed` is
-    the work of the force imbalance on the rigid motion of the specimen."""
+    """Volume times the integral of stress over strain, by three waves [J]. It differs from `absorbed` by the
+    work of the force imbalance on the rigid motion of the specimen."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Results of one test by one analysis; compression positive, sigmas only from the gauges' noise."""
+    """Results of one test by one analysis.
+
+    Compression is positive; sigmas contain only the gauges' noise.
+    """
 
     analysis: str
     """The analysis: "one wave", "two waves" or "three waves"."""
@@ -64,15 +67,15 @@ class Summary:
     plateau: Plateau
     """Time span of the means, or the reason why there is none."""
     mean_stress: Quantity | None
-    """Mean nominal stress over the plateau [Pa]; None without one."""
+    """Mean nominal stress over the plateau [Pa]; None without a plateau."""
     mean_rate: Quantity | None
-    """Mean nominal strain rate over the plateau [1/s]; None without one."""
+    """Mean nominal strain rate over the plateau [1/s]; None without a plateau."""
     absorbed: Quantity
     """Energy per volume up to the largest strain [J/m^3]."""
     modulus: Quantity | None
     """Slope of stress over strain while loading in equilibrium [Pa]; None if it cannot be determined."""
     modulus_reason: str
-    """Reason why there is a modulus or none."""
+    """Reason for the modulus, or reason why there is none."""
     energy: EnergyBalance
     """Energies of the waves and of the deformation."""
 
@@ -88,8 +91,8 @@ def summarise(
 ) -> Summary:
     """Summary of a reduction by "one wave", "two waves" or "three waves".
 
-    ``allowance``: |R| up to which the forces count as balanced [-]. ``share``: least balanced length of the
-    plateau as a share of the incident pulse's [-].
+    ``allowance``: |R| up to which the forces are balanced [-]. ``share``: least balanced length of the
+    plateau, as a share of the incident pulse's length [-].
     """
     if analysis not in reduction.strain:
         raise ValueError(f"analysis = {analysis!r} must be one of {', '.join(map(repr, reduction.strain))}")
@@ -135,13 +138,16 @@ def energy_balance(reduction: Reduction, faces: FaceWaves, specimen: Specimen) -
 
 
 def spread_of(strain: Mapping[str, History]) -> float:
-    """Largest difference between the analyses' largest strains, over their mean [-]: 0 in equilibrium."""
+    """Largest difference between the largest strains of the analyses, divided by their mean [-].
+
+    It is 0 in equilibrium.
+    """
     largest = np.array([history.value[np.abs(history.value).argmax()] for history in strain.values()])
     return float(np.ptp(largest) / abs(largest.mean()))
 
 
 def _balanced_loading(balanced: tuple[float, float] | None, end: float) -> tuple[float, float] | None:
-    """Span of equilibrium up to the largest strain."""
+    """Part of the equilibrium span up to the largest strain."""
     if balanced is None or balanced[0] >= end:
         return None
     return balanced[0], min(balanced[1], end)
@@ -199,13 +205,16 @@ def _modulus(
 
 
 LARGEST_DELAY = 3.0
-"""Offset of a pulse's arrival, in its own sigmas beyond two samples, above which a remark is made."""
+"""Deviation of a pulse's arrival above which a remark is made. It is in sigmas of the arrival, beyond two
+samples."""
 LARGEST_TOE = 0.01
-"""Strain before the stress rises, by the transmitted flank's tangent, above which a gap is reported [-]."""
+"""Strain before the stress rises, by the tangent of the transmitted flank [-]. A larger strain is reported as
+a gap."""
 DOMINATES = 0.5
-"""Share of a result's variance from the zero and drift of the gauges above which it is reported [-]."""
+"""Share of a result's variance from the zero and drift of the gauges [-]. A larger share is reported."""
 SMALL = 1e-3
-"""Second-order term over a result that is negligible, however small the result's uncertainty [-]."""
+"""Second-order term divided by the result, up to which it is negligible for any uncertainty of the result
+[-]."""
 
 
 def arrival_remarks(
@@ -213,9 +222,9 @@ def arrival_remarks(
 ) -> list[str]:
     """Remarks on pulses that arrive earlier or later than distances and wave speeds allow.
 
-    The reflected pulse must arrive at the predicted time. The transmitted one must not arrive earlier; its
-    delay depends on the specimen. It counts as late if the specimen was shortened by more than `LARGEST_TOE`
-    before its stress rises.
+    The reflected pulse must arrive at the predicted time. The transmitted pulse must not arrive earlier; its
+    delay depends on the specimen. It is late if the specimen was shortened by more than `LARGEST_TOE` before
+    its stress rises.
     """
     found = []
     interval = float(reduction.time[1] - reduction.time[0])
@@ -247,8 +256,8 @@ def arrival_remarks(
 def way_sigmas(given: WavesInput) -> tuple[float, float]:
     """Standard uncertainties of the predicted arrivals of the reflected and the transmitted pulse [s].
 
-    Travel times x / c with the declared uncertainties of the gauges' distances, the same for all, and of the
-    wave speeds, u(c)/c directly or half of hypot(u(E)/E, u(rho)/rho).
+    Travel times x / c. Their uncertainties come from the declared uncertainties of the gauges' distances, the
+    same for all, and of the wave speeds. The latter are u(c)/c, or half of hypot(u(E)/E, u(rho)/rho).
     """
     stated = given.uncertainty
     speed = stated.get("bar_wave_speed", 0.0) or 0.5 * float(
@@ -267,7 +276,7 @@ def way_sigmas(given: WavesInput) -> tuple[float, float]:
 
 
 def _drift_remarks(budget: Budget, quoted: Iterable[str]) -> list[str]:
-    """Remarks on results whose uncertainty is dominated by the zero and the drift of the gauges."""
+    """Remarks on results with an uncertainty dominated by the zero and the drift of the gauges."""
     found = []
     rows = [i for i, q in enumerate(budget.quantities) if q.name.rstrip("1234567890 ").endswith(DRIFTING)]
     for name in quoted:
@@ -285,27 +294,29 @@ def _drift_remarks(budget: Budget, quoted: Iterable[str]) -> list[str]:
 
 
 WAY = "three waves"
-"""The analysis whose results are reported if a shot names none."""
+"""The analysis of the reported results if the shot declares none."""
 UNITS = {"largest strain": "1", "peak stress": "Pa", "mean stress": "Pa", "mean rate": "1/s"}
 BEND = 0.2
-"""Second-order term over the standard uncertainty above which a value's band is only a first estimate [-]."""
+"""Second-order term divided by the standard uncertainty [-]. Above this limit a value's band is only a first
+estimate."""
 
 
 def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, float]:
-    """Relative uncertainty of a gauge's calibration as one of the field that scales it."""
+    """Relative uncertainty of a gauge's calibration, as an uncertainty of the field that scales it."""
     if isinstance(calibration, Bridge):
         return {"gauge_factor": relative * calibration.gauge_factor}
     return {"factor": relative * calibration.factor}
 
 
 def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[str, np.ndarray]:
-    """Reported results: strain and stress of largest magnitude, and means over a span if the summary has
-    them.
+    """Reported results: strain and stress of largest magnitude, and means over a span.
 
-    If there is no plateau, and so no span, with a varied input, the means are taken over the span of the
-    summary. They still show the effect of the input on the results.
+    The means are given if the summary has them.
 
-    Raises ValueError if the summary has means and neither has a span.
+    With a varied input, there may be no plateau and thus no span. The means are then taken over the span of
+    the summary. They still show the effect of the input on the results.
+
+    Raises ValueError if the summary has means and there is no span.
     """
     way = summary.analysis
     strain, stress = reduction.strain[way].value, reduction.stress[way].value
@@ -339,7 +350,7 @@ def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
 
 
 def span_quantities(summary: Summary) -> list[Quantity]:
-    """The choice of both ends of the plateau as inputs of the budget: their time shifts."""
+    """The choice of both ends of the plateau as inputs of the budget: their shifts in time."""
     span = summary.plateau.span
     if span is None:
         return []
@@ -347,11 +358,13 @@ def span_quantities(summary: Summary) -> list[Quantity]:
 
 
 def with_both_sides(budget: Budget) -> Budget:
-    """The budget; the contribution to a result is the root mean square of its changes to either side.
+    """The budget.
 
-    With the central difference c and the second difference b the value changes by c + b and by b - c over one
-    standard uncertainty, in the mean square by c^2 + b^2: if two waves are shifted relative to each other and
-    a peak moves along the history, c is small and b is large.
+    The contribution to a result is the root mean square of its changes to either side.
+
+    Let c be the central difference and b the second difference. Over one standard uncertainty, the value
+    changes by c + b and by b - c, in the mean square by c^2 + b^2. If two waves are shifted relative to each
+    other and a peak moves along the history, c is small and b is large.
     """
     contribution = dict(budget.contribution)
     for name in UNITS:
@@ -362,7 +375,10 @@ def with_both_sides(budget: Budget) -> Budget:
 
 
 def table(budget: Budget, sign: float) -> BudgetTable:
-    """Reported results with the share of every input, largest first; `sign` -1 makes tension positive."""
+    """Reported results with the share of every input, largest first.
+
+    `sign` -1 makes tension positive.
+    """
     found = budget_table(
         budget, {name: (name, None, unit) for name, unit in UNITS.items() if name in budget.value}
     )

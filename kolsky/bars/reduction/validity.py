@@ -1,4 +1,4 @@
-"""Validity of the results of a test: force equilibrium, plateau of stress and rate, validity window."""
+"""Validity of a test: force equilibrium, plateau of stress and rate, validity window."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from kolsky.bars.signals.arrival import moving_mean
 from kolsky.base.arrays import BoolArray, FloatArray
 
 ALLOWANCE = 0.05
-"""|R| up to which a specimen counts as in equilibrium (Ravichandran and Subhash 1994)."""
+"""|R| up to which a specimen is in equilibrium (Ravichandran and Subhash 1994)."""
 LEAST_FORCE = 5.0
-"""Multiple of its averaged noise below which a mean force does not determine R."""
+"""Multiple of its averaged noise. Below it, a mean force does not determine R."""
 
 
 def imbalance(
@@ -25,7 +25,7 @@ def imbalance(
 
     ``front``, ``back``: forces at the two faces [N], shape [n]. ``sigma_front``, ``sigma_back``: standard
     deviations of one sample's noise [N]. ``width``: samples over which the forces are averaged first, >= 1.
-    Returns: R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
+    Returns: R [-], shape [n]; inf if the mean force is below `LEAST_FORCE` times its own noise.
     """
     first, second = moving_mean(front, width), moving_mean(back, width)
     mean = 0.5 * (first + second)
@@ -42,9 +42,9 @@ def balanced_span(
 ) -> tuple[float, float] | None:
     """Longest span in which |R| does not exceed the allowance.
 
-    ``time``: times [s], shape [n]. ``ratio``: r [-], shape [n]. ``allowance``: largest |R| [-], > 0.
-    ``bridge``: excursions no longer than this do not end a span [s]. Raises ValueError if the allowance is
-    not greater than 0. Returns: first and last time [s].
+    ``time``: times [s], shape [n]. ``ratio``: R [-], shape [n]. ``allowance``: largest |R| [-], > 0.
+    ``bridge``: longest excursion that does not end a span [s]. Raises ValueError if the allowance is not
+    greater than 0. Returns: first and last time [s].
     """
     if not allowance > 0.0:
         raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
@@ -71,17 +71,19 @@ LEVEL = 0.8
 """Share of the typical stress at which the plateau begins and ends [-]. The typical stress is the median of
 all stresses above half the largest."""
 PLATEAU_SHARE = 0.3
-"""Smallest balanced length of a plateau as a share of the incident pulse's, at half its height [-]."""
+"""Smallest balanced length of a plateau [-]. It is a share of the incident pulse's length at half its
+height."""
 LARGEST_CHANGE = 0.2
-"""Largest change of a history along the plateau, by its best line, over its mean [-]."""
+"""Largest change of a history along the plateau by its best line, divided by its mean [-]."""
 LARGEST_SCATTER = 0.1
-"""Largest root mean square residual of that line, over the mean [-]."""
+"""Largest root mean square residual of that line, divided by the mean [-]."""
 INSET = 0.1
-"""Share of the length between those two times that is omitted at either end [-]: the rounded corners."""
+"""Share of the length between those two times that is omitted at either end [-], because the corners are
+rounded."""
 END_SIGMA = 0.05
 """Standard uncertainty of the choice of either end, as a share of the plateau's length [-]."""
 ENDS = ("plateau, beginning", "plateau, end")
-"""Names of the budget's inputs that shift the ends [s]."""
+"""Names of the budget's inputs that shift the ends of the plateau [s]."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +95,8 @@ class Span:
     last: float
     """Its end [s]."""
     weight: FloatArray
-    """Weight of each sample in [0, 1]: the share of its interval within the span, times its balance; shape
-    [n]."""
+    """Weight of each sample in [0, 1], shape [n]: the share of its interval within the span, times its
+    balance."""
 
 
 @dataclass(frozen=True)
@@ -102,13 +104,13 @@ class Flatness:
     """Flatness of a history along a span."""
 
     change: float
-    """Change along the span by the best line, over the mean [-]."""
+    """Change along the span by the best line, divided by the mean [-]."""
     scatter: float
-    """Root mean square residual of the line, over the magnitude of the mean [-]."""
+    """Root mean square residual of the line, divided by the magnitude of the mean [-]."""
 
     @property
     def fault(self) -> str | None:
-        """The value that exceeds its limit, in words; None if there is none."""
+        """The value that exceeds its limit, in words; None if all are within their limits."""
         if not abs(self.change) <= LARGEST_CHANGE:
             return f"changes by {100 * self.change:+.0f} % (allowed are {100 * LARGEST_CHANGE:g} %)"
         if not self.scatter <= LARGEST_SCATTER:
@@ -129,13 +131,13 @@ class Plateau:
     reason: str
     """The plateau in words, or the reason why there is none."""
     stress_fault: str | None = None
-    """Reason why no mean stress is reported; None if one is."""
+    """Reason why no mean stress is reported; None if it is reported."""
     rate_fault: str | None = None
-    """Reason why no mean rate is reported; None if one is."""
+    """Reason why no mean rate is reported; None if it is reported."""
 
 
 def averaging_width(faces: FaceWaves) -> int:
-    """Samples in the time that a wave needs to cross the thicker bar, at least 1."""
+    """Number of samples in the time of a wave across the thicker bar, at least 1."""
     step = float(faces.time[1] - faces.time[0])
     bars = (faces.incident_bar, faces.transmission_bar)
     return max(1, round(max(bar.diameter / bar.wave_speed for bar in bars) / step))
@@ -149,14 +151,16 @@ def find_span(
     width: int = 1,
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> Span | None:
-    """The part of the loading with nearly constant stress, each sample weighted by its balance.
+    """The part of the loading with nearly constant stress.
+
+    Each sample is weighted by its balance.
 
     This part begins when the stress, averaged over `width` samples, first exceeds `LEVEL` of its typical
-    value. It ends when the stress last does, at the latest at the largest strain; `INSET` of its length is
-    omitted at either end. The weight of a sample is 1 while |R| is within the allowance, 0 beyond twice the
-    allowance, and linear between. Ends and weights are continuous in all inputs, so a small change of an
-    input changes the means only slightly. None if no sample has a weight. ``shift``: time shifts of beginning
-    and end [s].
+    value. It ends when the stress last exceeds it, and no later than at the largest strain. `INSET` of its
+    length is omitted at either end. The weight of a sample is 1 while |R| is within the allowance, 0 beyond
+    twice the allowance, and linear between. Ends and weights are continuous in all inputs. A small change of
+    an input therefore changes the means only slightly. None if no sample has a weight. ``shift``: time shifts
+    of beginning and end [s].
     """
     time, strain, stress = reduction.time, reduction.strain[analysis].value, reduction.stress[analysis].value
     last = int(np.abs(strain).argmax())
@@ -184,9 +188,9 @@ def judge_plateau(
     allowance: float = ALLOWANCE,
     share: float = PLATEAU_SHARE,
 ) -> Plateau:
-    """The plateau of a test, if it is long enough, and whether stress and rate are flat on it.
+    """The plateau of a test, if it is long enough, and the flatness of stress and rate on it.
 
-    ``share``: least balanced length as a share of the incident pulse's [-].
+    ``share``: least balanced length, as a share of the incident pulse's length [-].
     """
     width = averaging_width(faces)
     span = find_span(reduction, analysis=analysis, allowance=allowance, width=width)
@@ -229,8 +233,8 @@ def flatness(value: FloatArray, time: FloatArray, span: Span) -> Flatness:
 def weighted_mean(history: History, span: Span, *, alike: float = 1.0) -> tuple[float, float]:
     """Weighted mean of a history and the sigma of its noise, sqrt(alike sum (w s)^2) / sum w.
 
-    ``history``: the history; `alike` successive samples have one independent noise value. ``span``: the
-    samples' weights. ``alike``: samples for each independent one [-], >= 1.
+    ``history``: the history; `alike` successive samples share one independent noise value. ``span``: the
+    samples' weights. ``alike``: number of samples per independent one [-], >= 1.
     """
     w, total = span.weight, float(span.weight.sum())
     sigma = float(np.sqrt(alike * ((w * history.sigma) ** 2).sum())) / total
@@ -238,14 +242,14 @@ def weighted_mean(history: History, span: Span, *, alike: float = 1.0) -> tuple[
 
 
 def pulse_length(faces: FaceWaves, width: int) -> float:
-    """Time from the first to the last sample of the incident wave beyond half its largest value [s]."""
+    """Time from the first to the last sample of the incident wave above half its largest value [s]."""
     size = np.abs(moving_mean(faces.incident, width))
     above = np.flatnonzero(size > 0.5 * size.max())
     return float(faces.time[above[-1]] - faces.time[above[0]])
 
 
 def _crossing(time: FloatArray, value: FloatArray, index: int, toward: int, level: float) -> float:
-    """Time at which a line from sample `index` to the next one toward the outside falls to the level [s]."""
+    """Time at which the line from sample `index` to its outer neighbour falls to the level [s]."""
     other = index + toward
     if not 0 <= other < value.size:
         return float(time[index])
@@ -254,15 +258,15 @@ def _crossing(time: FloatArray, value: FloatArray, index: int, toward: int, leve
 
 
 VALIDITY_SHARE = 0.05
-"""Default for the largest share of inertia, or of the difference of the faces, in the stress [-]."""
+"""Default for the largest share of the stress that inertia, or the difference of the faces, may have [-]."""
 COVERAGE = 2.0
 """Number of standard uncertainties that must also be within the share [-]."""
 NEARLY_EMPTY = 0.2
-"""Share of the strain below which a window counts as nearly empty [-]."""
+"""Share of the strain below which a window is nearly empty [-]."""
 
 
 class Reason(StrEnum):
-    """Reason why a time is excluded, or that it is valid."""
+    """Validity of a time: the reason why it is excluded, or that it is valid."""
 
     VALID = "within the share"
     BALANCE = "the forces on the two faces differ"
@@ -278,23 +282,25 @@ class Validity:
     window: tuple[float, float] | None
     """First and last time [s]; None if no time is valid."""
     strain: tuple[float, float] | None
-    """Smallest and largest nominal compression there [-]."""
+    """Smallest and largest nominal compression in the window [-]."""
     start_reason: Reason
-    """Reason that excludes the times before the window, or all of them if there is no window."""
+    """Reason that excludes the times before the window. Without a window, the reason that excludes all
+    times."""
     end_reason: Reason
     """Reason that excludes the times after it."""
     share: float
     """Share of the stress that was allowed [-]."""
     covered: float
-    """Strain in the window over the strain of the test [-]."""
+    """Strain in the window divided by the strain of the test [-]."""
     counts: Mapping[Reason, float]
     """Share of the averaged times by reason [-]."""
     time: FloatArray
     """Middles of the averaging intervals [s], shape [n]."""
     imbalance: FloatArray
-    """|F1 - F2| over the mean force there [-], shape [n]; inf where that is zero."""
+    """|F1 - F2| divided by the mean force at each of these times [-], shape [n]; inf if the mean is zero."""
     inertia: FloatArray
-    """Inertial part of the mean stress over it [-], shape [n]; inf where that is zero."""
+    """Inertial part of the mean stress, divided by the mean stress [-], shape [n]; inf if the mean is
+    zero."""
     reasons: tuple[Reason, ...]
     """The reason at each of these times, length n."""
 
@@ -337,19 +343,19 @@ def validity(
 ) -> Validity:
     """The validity window of a shot.
 
-    The histories are averaged over intervals, so that noise does not divide the window. An interval is valid
-    if two ratios are within `share`, including `COVERAGE` sigmas to both sides. They are the difference of
-    the forces over their mean, and the inertial stress over the mean stress.
+    The histories are averaged over intervals, because noise would otherwise divide the window. An interval is
+    valid if two ratios are within `share`, with `COVERAGE` sigmas on both sides. The first ratio is the
+    difference of the forces over their mean. The second is the inertial stress over the mean stress.
 
-    Raises ValueError if shapes differ, an option is outside its range, or the averaging leaves fewer than 3
-    intervals.
+    Raises ValueError if shapes differ, if an option is outside its range, or if the averaging gives fewer
+    than 3 intervals.
 
     ``time``: times [s], uniform, shape [n]. ``front_force``, ``back_force``: forces on the specimen's faces,
-    the front one after mass compensation [N]. ``strain``: nominal compression [-]. ``inertial_stress``: what
-    inertia contributes to the nominal stress, radial and axial together [Pa], shape [n]: see
+    the front one after mass compensation [N]. ``strain``: nominal compression [-]. ``inertial_stress``:
+    contribution of radial and axial inertia to the nominal stress [Pa], shape [n]; see
     `kolsky.bars.reduction.inertia`. ``area``: cross-section of the specimen before the test [m^2]. ``share``:
-    largest share of inertia, and of the difference of the forces, in the stress [-], in (0, 1). ``average``:
-    length of the averaging intervals [s]; 0: no averaging. Noise is taken as white.
+    largest share of the stress that inertia, or the difference of the forces, may have [-], in (0, 1).
+    ``average``: length of the averaging intervals [s]; 0: no averaging. Noise is taken as white.
     """
     t, extra = np.asarray(time, dtype=np.float64), np.asarray(inertial_stress, dtype=np.float64)
     _check(t, (front_force.value, back_force.value, strain.value, extra), area, share, average)
@@ -370,7 +376,7 @@ def validity(
         inertia = np.where(mean > 0.0, np.abs(added) / mean, np.inf)
     differs = (apart > allowed) & (apart > unsure)
     heavy = (np.abs(added) > allowed) & (np.abs(added) > unsure)
-    # The larger of the two is named; the noise is named only if neither exceeds it.
+    # The larger of the two is reported. The noise is reported only if neither exceeds the share.
     which = np.select(
         [differs & ~(heavy & (inertia > imbalance)), heavy, (unsure > allowed) | (mean <= 0.0)], [0, 1, 2], 3
     )

@@ -20,13 +20,13 @@ from kolsky.bars.signals.stations import Station, bar_signal
 from kolsky.base.apparatus import Bar, Specimen
 
 BAR_PROPERTIES = ("Young's modulus", "wave speed", "density", "diameter", "Poisson's ratio")
-"""Properties of a bar that are quantities of a budget; modulus or wave speed, not both."""
+"""Properties of a bar that are quantities of a budget. Either modulus or wave speed is one of them."""
 
 
 def bar_quantities(bar: Bar, side: str, uncertainty: Mapping[str, float]) -> list[Quantity]:
     """Quantities of a bar: modulus or measured wave speed, density, diameter, Poisson's ratio.
 
-    With an uncertainty of the wave speed, that is the quantity; the modulus follows from it and the density.
+    If the wave speed has an uncertainty, it is the quantity. The modulus follows from it and the density.
     """
 
     def relative(words: str, value: float, key: str, unit: str) -> Quantity:
@@ -98,8 +98,9 @@ def station_of(
     """The strain at one station.
 
     ``key``: a key of its stations. ``values``: other values of its quantities, by name; None: all as
-    declared. ``windows``: windows of the waves. Drift up to the end of the last one is an input of the
-    budget; None: up to the end of the record. Raises ValueError as `kolsky.bars.signals.stations.bar_signal`.
+    declared. ``windows``: windows of the waves. Drift up to the end of the last window is an input of the
+    budget; None: up to the end of the record. Raises ValueError for the reasons of
+    `kolsky.bars.signals.stations.bar_signal`.
     """
     values = values or {}
     station, side = given.stations[key], key.removesuffix(" far")
@@ -151,7 +152,10 @@ def bar_correlations(given: WavesInput, quantities: Sequence[Quantity]) -> dict[
 
 @dataclass(frozen=True)
 class VariedTest:
-    """One test with fixed windows; every result is a function of the `values` of its quantities, by name."""
+    """One test with fixed windows.
+
+    Every result is a function of the `values` of its quantities, by name.
+    """
 
     given: WavesInput
     """The test as declared."""
@@ -159,13 +163,13 @@ class VariedTest:
     arrival: float
     """Time at which the incident wave arrives at its gauge [s]."""
     inertia: Mapping[str, str] = field(default_factory=dict)
-    """Active corrections of the specimen's inertia, with their reasons; none if empty."""
+    """Active corrections of the specimen's inertia, with their reasons; empty if none is active."""
 
     aligned: Mapping[str, Alignment] = field(default_factory=dict)
     """Active alignments, by wave."""
 
     ends: FreeEnds | None = None
-    """Subtraction of echoes from free far ends; None: the windows end before them."""
+    """Subtraction of echoes from free far ends. None: the windows end before the echoes."""
 
     def guides(self, values: Mapping[str, float]) -> tuple[Waveguide, Waveguide]:
         """Both bars as waveguides."""
@@ -180,7 +184,10 @@ class VariedTest:
         return ViscoelasticWaveguide(bar, prony.scaled(bar.youngs_modulus / prony.instantaneous), dispersive)
 
     def carried(self, values: Mapping[str, float], *, dispersive: bool) -> FaceWaves:
-        """The waves at the specimen by windows, with or without dispersion and attenuation in the bars."""
+        """The waves at the specimen by windows.
+
+        They are with or without dispersion and attenuation in the bars.
+        """
         incident, transmission = (
             station_of(self.given, side, values, windows=self.windows).signal for side in SIDES
         )
@@ -211,9 +218,7 @@ class VariedTest:
     def reduced(
         self, faces: FaceWaves, values: Mapping[str, float]
     ) -> tuple[Reduction, tuple[Correction, ...]]:
-        """Reduction with corrections for punching of the faces and for the specimen's inertia, where switched
-        on.
-        """
+        """Reduction with the active corrections for punching of the faces and for the specimen's inertia."""
         specimen = varied_specimen(self.given.specimen, values)
         dispersive = self.given.switches["dispersion"] or self.given.polymers
         guides = self.guides(values) if dispersive else None
@@ -231,7 +236,10 @@ class VariedTest:
         return reduction, (punching, *inertia)
 
     def span(self, reduction: Reduction, faces: FaceWaves, values: Mapping[str, float]) -> Span | None:
-        """Span of the means of a varied reduction, its ends moved by the values of the budget's inputs."""
+        """Span of the means of a varied reduction.
+
+        The values of the budget's inputs shift its ends.
+        """
         return find_span(
             reduction,
             analysis=self.given.analysis,

@@ -1,7 +1,7 @@
 """A classical test as declared and recorded, and the time windows of its three pulses.
 
-Windows come from travel times and are checked against observed arrivals. Alignment shifts each wave so that
-its observed arrival agrees at the specimen.
+Windows come from travel times and are checked against observed arrivals. Alignment shifts each wave until its
+observed arrival agrees at the specimen.
 """
 
 from collections.abc import Mapping
@@ -47,9 +47,9 @@ class StationInput:
     clock_offset: float
     """Shot's clock minus recorder's clock [s]."""
     compression: int | tuple[int, ...]
-    """+1 if compression gives positive values, -1 otherwise; one for all channels, or one each."""
+    """+1 if compression gives positive values, -1 otherwise. One value for all channels, or one for each."""
     full_scale: float | None = None
-    """Largest magnitude that the recorder can measure; None if it is not known."""
+    """Largest magnitude that the recorder can measure; None if unknown."""
 
 
 @dataclass(frozen=True)
@@ -62,27 +62,28 @@ class WavesInput:
     bars: Mapping[str, Bar]
     """Bars by side, "incident" and "transmission"."""
     stations: Mapping[str, StationInput]
-    """Gauge stations by side; "incident far" is a second one on the incident bar, for overlapping pulses."""
+    """Gauge stations by side. "incident far" is a second one on the incident bar, for overlapping pulses."""
     load: str = "compression"
     """"compression" or "tension"."""
     polymers: Mapping[str, PronyModulus] = field(default_factory=dict)
-    """Complex moduli of the bars that are not elastic, by side."""
+    """Complex moduli of the viscoelastic bars, by side."""
     windows: Windows | None = None
     """Windows from the shot file; None for automatic detection."""
     analysis: str = "three waves"
-    """The analysis whose results are reported: "one wave", "two waves" or "three waves"."""
+    """The analysis of the reported results: "one wave", "two waves" or "three waves"."""
     allowance: float = ALLOWANCE
-    """|R| up to which the forces count as balanced [-]."""
+    """|R| up to which the forces are balanced [-]."""
     plateau: float = PLATEAU
-    """Smallest balanced length of a plateau as a share of the incident pulse's [-]."""
+    """Smallest balanced length of a plateau, as a share of the incident pulse's length [-]."""
     share: float = VALIDITY_SHARE
-    """Largest share of inertia, or of the forces' difference, in the stress of a valid curve [-]."""
+    """Largest share of the stress that inertia, or the difference of the forces, may have for a valid curve
+    [-]."""
     switches: Switches = field(default_factory=Switches)
     uncertainty: Mapping[str, float] = field(default_factory=dict)
-    """Standard uncertainties (k = 1) by the keys of [uncertainty]; relative but for lengths and Poisson's
-    ratio."""
+    """Standard uncertainties (k = 1) by the keys of [uncertainty]. They are relative, except lengths and
+    Poisson's ratio."""
     alike: bool = False
-    """True if the bars have the same errors of their properties, as for bars cut from one rod."""
+    """True if the properties of the bars have the same errors, as for bars cut from one rod."""
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of every file, by name."""
     notes: tuple[str, ...] = ()
@@ -92,15 +93,15 @@ class WavesInput:
 
 
 _TAIL = 0.25
-"""Share of the incident pulse's duration by which the windows outlast it."""
+"""Extra length of the windows, as a share of the incident pulse's duration."""
 
 OTHER_SIGN = 0.2
-"""Share of the incident pulse's level above which an earlier pulse of the other sign is not noise."""
+"""Share of the incident pulse's level. A preceding pulse of the other sign above this level is not noise."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """End of the time in which a gauge measures only one pulse."""
+    """End of the time in which a gauge measures a single pulse."""
 
     time: float
     """Time after the arrival of its pulse at the gauge [s]."""
@@ -111,7 +112,7 @@ class Limit:
 def incident_arrival(incident: BarSignal, *, tension: bool = False) -> Arrival:
     """Arrival of the incident pulse at its gauge.
 
-    Raises ValueError if there is none of the declared sign, or one of the other sign comes first.
+    Raises ValueError if there is no pulse of the declared sign, or if one of the other sign comes first.
     """
     sign, average = -1 if tension else 1, averaging_time(incident)
     arrival = find_arrival(incident.strain, sign=sign, average=average)
@@ -130,7 +131,7 @@ def incident_arrival(incident: BarSignal, *, tension: bool = False) -> Arrival:
 
 
 def averaging_time(signal: BarSignal) -> float:
-    """Travel time of a wave across the bar's diameter [s]: the resolution of one-dimensional theory."""
+    """Travel time of a wave across the bar's diameter [s]. It is the resolution of one-dimensional theory."""
     return signal.bar.diameter / signal.bar.wave_speed
 
 
@@ -149,16 +150,16 @@ def find_windows(
 
         t_r = t_i + 2 x_i / c_i,    t_t = t_i + x_i / c_i + x_t / c_t.
 
-    All windows are equally long: from two diameters' travel before the arrival until `_TAIL` times the
-    incident pulse's duration after its end, or until the first `usable_limits` of any of them.
+    All windows are equally long. They begin two diameters' travel before the arrival. They end `_TAIL` times
+    the incident pulse's duration after its end, or at the first `usable_limits` of any of them.
 
-    ``incident``, ``transmission``: the strains at the two stations, on one clock. ``tension``: whether the
-    incident pulse is one of tension, as the shot declares it. The transmitted window starts where a wave
-    would arrive without a specimen, which is never too late. ``manual``: windows from the shot file; they are
-    checked against the records and returned. ``ends``: ends of the windows in place of `usable_limits`, where
-    echoes are taken off. Returns: with the source "travel times", or "shot file" for `manual`. Raises
-    ValueError if there is no incident pulse of the declared sign, if it overlaps with the reflected one at
-    the gauge, or if a window leaves its record.
+    ``incident``, ``transmission``: the strains at the two stations, on one clock. ``tension``: True if the
+    shot declares a tensile incident pulse. The transmitted window starts when a wave would arrive without a
+    specimen. This is never too late. ``manual``: windows from the shot file. They are checked against the
+    records and returned. ``ends``: ends of the windows if echoes are subtracted; they replace
+    `usable_limits`. Returns: with the source "travel times", or "shot file" for `manual`. Raises ValueError
+    if there is no incident pulse of the declared sign, if it overlaps with the reflected one at the gauge, or
+    if a window leaves its record.
     """
     if manual is not None:
         return _checked(manual, incident, transmission)
@@ -208,11 +209,12 @@ def travel_time(signal: BarSignal) -> float:
 
 
 def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit, Limit]:
-    """Times at which another wave reaches a gauge, from the arrival of its pulse there.
+    """Times at which another wave reaches a gauge, counted from the arrival of its pulse.
 
-    Returns: the reflected wave at the incident gauge, the reflected wave's return from the far end of the
-    incident bar, and the transmitted wave's return from the far end of the transmission bar, Eq. (R.3). Each
-    is reduced by one diameter's travel, for the part of a dispersed pulse that precedes its foot.
+    Returns: three times, Eq. (R.3). The first is the arrival of the reflected wave at the incident gauge. The
+    second is its return from the far end of the incident bar. The third is the transmitted wave's return from
+    the far end of the transmission bar. Each is reduced by one diameter's travel, because a part of a
+    dispersed pulse precedes its foot.
     """
     margin = max(averaging_time(incident), averaging_time(transmission))
 
@@ -282,12 +284,13 @@ def _checked(windows: Windows, incident: BarSignal, transmission: BarSignal) -> 
 
 
 VISIBLE = 0.05
-"""Smallest level of an observable reflected or transmitted pulse, as a share of the incident one's."""
+"""Smallest level of an observable reflected or transmitted pulse, as a share of the incident pulse's
+level."""
 SCATTER = 0.4, 0.05
-"""Scatter of a first rise relative to that of the incident pulse in addition to noise: in units of a wave's
-travel time across the bar, and as a share of the incident pulse's rise time. Its causes are dispersion,
-ringing and the specimen's effect on the foot. Chosen on the first population of `populations/bar_signals.py`,
-tested on the second."""
+"""Scatter of a first rise relative to that of the incident pulse, in addition to noise. It is given in units
+of a wave's travel time across the bar, and as a share of the incident pulse's rise time. Its causes are
+dispersion, ringing and the specimen's effect on the foot. It was chosen on the first population of
+`populations/bar_signals.py` and tested on the second."""
 
 
 @dataclass(frozen=True)
@@ -295,20 +298,20 @@ class PulseCheck:
     """Predicted and observed arrival of a pulse."""
 
     predicted: float
-    """Arrival by the travel times from the incident pulse [s]."""
+    """Arrival computed from the incident pulse and the travel times [s]."""
     observed: Arrival | None
-    """Arrival found in the signal; None if there is none."""
+    """Arrival found in the signal; None if no arrival was found."""
     reason: str
     """The delay in words, or the reason why there is no observed arrival."""
     offset: float = float("nan")
-    """First rise of the pulse minus that of the incident one and the travel time [s]; NaN without an observed
-    pulse. Unlike `delay`, it does not extrapolate the flank's tangent."""
+    """First rise of the pulse minus that of the incident pulse and the travel time [s]; NaN without an
+    observed pulse. Unlike `delay`, it does not extrapolate the flank's tangent."""
     offset_sigma: float = float("inf")
-    """Standard deviation of `offset`: noise, sampling, and the estimator's own scatter [s]."""
+    """Standard deviation of `offset` [s], by noise, sampling, and the scatter of the estimator."""
 
     @property
     def delay(self) -> float:
-        """Observed minus predicted arrival [s]; nan without an observed one."""
+        """Observed minus predicted arrival [s]; NaN without an observed arrival."""
         return float("nan") if self.observed is None else self.observed.time - self.predicted
 
 
@@ -317,10 +320,10 @@ def check_windows(
 ) -> tuple[PulseCheck, PulseCheck]:
     """Predicted and observed arrivals of the reflected and the transmitted pulse.
 
-    A delayed or early reflected pulse indicates a wrong distance or wave speed. A specimen that does not
-    touch the bars, or loads slowly, delays the transmitted one.
+    A delayed or early reflected pulse indicates a wrong distance or wave speed. If a specimen does not touch
+    the bars, or loads slowly, the transmitted pulse is delayed.
 
-    Returns: of the reflected and of the transmitted pulse.
+    Returns: the arrivals of the reflected and of the transmitted pulse.
     """
     sign = -1 if tension else 1
     arrival = incident_arrival(incident, tension=tension)
@@ -362,7 +365,8 @@ def _pulse_check(
     )
     if rough is not None:  # a pulse that arrives long before the predicted time
         before = max(min(before, rough.time - 4.0 * average), behind)
-    # The reflected pulse is superposed on the tail of the incident one; the level of the tail is subtracted.
+    # The reflected pulse is superposed on the tail of the incident pulse. The level of the tail is
+    # subtracted.
     tail = (strain.time >= before) & (strain.time < before + 2.0 * average)
     if not tail.any():
         return PulseCheck(predicted, None, f"{strain.name}: the record ends before {before:.6g} s")
@@ -433,11 +437,11 @@ class Alignment:
 def alignments(
     arrival: Arrival, checks: tuple[PulseCheck, PulseCheck], switches: Switches
 ) -> tuple[dict[str, Alignment], dict[str, str]]:
-    """Alignment of each wave whose pulse was observed, and the reason why another has none.
+    """Alignment of each wave with an observed pulse, and the reason why another wave has none.
 
     ``arrival``: arrival of the incident pulse at its gauge. ``checks``: predicted and observed arrival of the
-    reflected and the transmitted pulse. ``switches``: an alignment that is on must be possible. Returns: wave
-    -> alignment, applied or not, and wave -> reason.
+    reflected and the transmitted pulse. ``switches``: an active alignment must be possible. Returns: wave ->
+    alignment, applied or not, and wave -> reason.
     """
     found, missing = {}, {}
     for (wave, key), check in zip(KEYS.items(), checks, strict=True):
@@ -462,8 +466,8 @@ def delays(
 ) -> tuple[float, float]:
     """Delays of the reflected and the transmitted wave relative to the travel times [s].
 
-    An aligned wave keeps its observed time: a longer distance or a slower bar changes the prediction, not the
-    observation.
+    An aligned wave keeps its observed time. A longer distance or a slower bar changes the prediction, but not
+    the observation.
 
     ``aligned``: the active alignments, by wave. ``incident``, ``transmission``: the stations, with the varied
     distances and wave speeds. ``values``: values of the budget's quantities, by name.

@@ -1,5 +1,7 @@
-"""Arrival of a pulse: onset by Akaike's criterion, time by the flank's tangent, first rise over a low
-level."""
+"""Arrival of a pulse.
+
+Onset by Akaike's criterion, time by the flank's tangent, first rise over a low level.
+"""
 
 from dataclasses import dataclass
 from math import inf, sqrt
@@ -10,9 +12,9 @@ from kolsky.bars.records import Signal
 from kolsky.base.arrays import FloatArray
 
 THRESHOLD = 6.0
-"""Multiple of the averaged noise that counts as a pulse: once in 5e8 averages of Gaussian noise."""
+"""A pulse must exceed this multiple of the averaged noise. Gaussian noise exceeds it once in 5e8 averages."""
 FLANK = (0.2, 0.6)
-"""Shares of the pulse's level between which the rising flank is fitted by a straight line."""
+"""Shares of the pulse's level. The rising flank between them is fitted by a straight line."""
 
 FLOOR = 0.01
 """Share of the largest average that a pulse must exceed, even with little noise."""
@@ -27,11 +29,11 @@ class Arrival:
     sigma: float
     """Standard deviation of `time` from the signal's noise and sampling [s]."""
     onset: float
-    """First sample that belongs to the pulse rather than to the noise (Maeda's criterion) [s]."""
+    """First sample of the pulse after the noise (Maeda's criterion) [s]."""
     rise_time: float
-    """Time from `time` to where the same tangent reaches the level [s]."""
+    """Time from `time` until the same tangent reaches the level [s]."""
     end: float
-    """Time at which the pulse falls back below a twentieth of its level [s]; inf if it does not."""
+    """Time at which the pulse falls below a twentieth of its level [s]; inf if it does not."""
     level: float
     """Largest averaged value of the pulse, with its sign, in the signal's unit."""
 
@@ -48,20 +50,20 @@ def find_arrival(
 ) -> Arrival:
     """Arrival of the first pulse of one sign.
 
-    The signal is averaged over `average`, m samples, which reduces single counts and spikes to noise with the
-    standard deviation sigma sqrt(memory / m). The first average beyond `threshold` times that, and beyond
-    `FLOOR` of the largest, marks the pulse; the largest average up to its end is its level. The onset
-    minimises Maeda's form of Akaike's criterion over the samples up to half the level [1]_; the time is the
+    The signal is averaged over `average`, m samples. This reduces single counts and spikes to noise with the
+    standard deviation sigma sqrt(memory / m). The first average beyond `threshold` times this, and beyond
+    `FLOOR` of the largest, marks the pulse. The largest average up to its end is its level. The onset
+    minimises Maeda's form of Akaike's criterion over the samples up to half the level [1]_. The time is the
     intersection of the baseline, 0, with the least-squares line through the flank's samples between `FLANK`
-    of the level, and its sigma is that of the intersection. On a straight flank it has no bias. On a rounded
-    foot it is late by a fixed share of the rise time, 0.17 for a raised cosine, independent of the noise,
-    while the onset is later with more noise. ValueError if there is no pulse, or if it began before the first
+    of the level. Its sigma is that of the intersection. On a straight flank it has no bias. On a rounded foot
+    it is late by a fixed share of the rise time, 0.17 for a raised cosine, independent of the noise. The
+    onset is later with more noise. Raises ValueError if there is no pulse, or if it began before the first
     sample.
 
-    ``signal``: its baseline removed. ``sign``: +1 for a pulse of positive values, -1 for negative ones.
-    ``average`` [s]: at most the rise time of the pulse, which in a bar is at least a wave's travel time
-    across the diameter. ``after``, ``before``: the pulse is searched for between these times [s].
-    ``smallest``: a pulse must also exceed this value, in the signal's unit.
+    ``signal``: without its baseline. ``sign``: +1 for a pulse of positive values, -1 for negative ones.
+    ``average`` [s]: at most the rise time of the pulse. In a bar this is at least a wave's travel time across
+    the diameter. ``after``, ``before``: the pulse is searched between these times [s]. ``smallest``: a pulse
+    must also exceed this value, in the signal's unit.
 
     References
     ----------
@@ -125,14 +127,17 @@ def moving_mean(value: FloatArray, width: int) -> FloatArray:
 
 
 def _first_run(flag: np.ndarray, length: int) -> int | None:
-    """Index at which `flag` first holds over `length` samples in a row."""
+    """Index at which `flag` is first true over `length` successive samples."""
     count = np.concatenate([[0], np.cumsum(flag)])
     runs = np.flatnonzero(count[length:] - count[:-length] == length)
     return int(runs[0]) if runs.size else None
 
 
 def _extent(smooth: FloatArray, first: int, least: float) -> tuple[float, int | None]:
-    """Level of the pulse and the index at which it is over: below a twentieth, and the threshold."""
+    """Level of the pulse and the index of its end.
+
+    At the end, it is below a twentieth of the level and below the threshold.
+    """
     below = np.flatnonzero(smooth[first:] <= least)
     stop = first + int(below[0]) if below.size else smooth.size
     level = float(smooth[first:stop].max())
@@ -142,16 +147,16 @@ def _extent(smooth: FloatArray, first: int, least: float) -> tuple[float, int | 
 
 
 def _last_below(smooth: FloatArray, first: int, value: float) -> int:
-    """Last index at or before which the flank is below `value`, going up from the pulse's first sample."""
+    """Last index at which the rising flank is below `value`, counted from the pulse's first sample."""
     above = first + int(np.flatnonzero(smooth[first:] >= value)[0])
     before = np.flatnonzero(smooth[: above + 1] < value)
     return int(before[-1]) if before.size else 0
 
 
 def _undithered_count(quiet: FloatArray, flank: FloatArray) -> float:
-    """The recorder's quantisation step, if the noise is too small to average it out; else 0.
+    """The recorder's quantisation step, if the noise is too small to average it out; otherwise 0.
 
-    With noise below a quarter of a step, the true baseline may lie anywhere within the step.
+    If the noise is below a quarter of a step, the true baseline may lie anywhere within the step.
     """
     gaps = np.diff(np.unique(np.concatenate([quiet, flank])))
     gaps = gaps[gaps > 1e-6 * np.abs(flank).max()]  # the same count, converted, differs in its last digits
@@ -179,7 +184,7 @@ def _onset(value: FloatArray, sigma: float, level: float) -> int:
     """Index that splits the samples into noise and pulse (Maeda 1985, eq. 1)."""
     n = value.size
     count = np.arange(2, n - 2)
-    # A baseline of equal counts has no variance; its logarithm would dominate.
+    # A baseline of equal counts has no variance. Its logarithm would dominate.
     floor = max(sigma**2, (1e-6 * level) ** 2)
     s1, s2 = np.cumsum(value), np.cumsum(value**2)
     before = s2[count - 1] / count - (s1[count - 1] / count) ** 2
@@ -190,9 +195,9 @@ def _onset(value: FloatArray, sigma: float, level: float) -> int:
 
 
 LOW = 0.05
-"""Share of a pulse's own level at which its first rise is taken, unless the noise is higher."""
+"""Share of a pulse's level for its first rise, if the noise is lower."""
 HALF = 0.5
-"""Share of the largest value by which the pulse itself is found."""
+"""Share of the largest value for the detection of the pulse."""
 
 
 @dataclass(frozen=True)
@@ -208,10 +213,11 @@ class FirstRise:
 
 
 def low_level(signal: Signal, top: float, average: float) -> float:
-    """Level of a first rise: `LOW` times the pulse's level, or `THRESHOLD` standard deviations of averaged
-    noise.
+    """Level of a first rise.
 
-    ``top``: level of the pulse, >= 0. ``average``: time over which is averaged [s].
+    `LOW` times the pulse's level, or `THRESHOLD` standard deviations of averaged noise.
+
+    ``top``: level of the pulse, >= 0. ``average``: averaging time [s].
     """
     width = max(1, round(average / signal.interval))
     return max(LOW * top, THRESHOLD * signal.sigma * sqrt(min(signal.memory / width, 1.0)))
@@ -229,12 +235,12 @@ def first_rise(
 ) -> FirstRise | None:
     """Time at which the rising flank of the largest pulse crosses a low level.
 
-    The averaged signal first exceeds `HALF` of its largest value on the pulse's flank; from there the flank
-    is followed down to the level. A foot of a different slope, such as the elastic rise of a specimen that
-    then flows, is also followed: there is no extrapolation.
+    The averaged signal first exceeds `HALF` of its largest value on the pulse's flank. From this point, the
+    flank is followed down to the level. A foot of a different slope, such as the elastic rise of a specimen
+    that then flows, is also followed. There is no extrapolation.
 
-    ``signal``: the signal, its baseline removed. ``sign``: +1 for a pulse of positive values, -1 for negative
-    ones. ``average``: averaging time [s], > 0. ``after``, ``before``: the pulse is searched for between these
+    ``signal``: the signal without its baseline. ``sign``: +1 for a pulse of positive values, -1 for negative
+    ones. ``average``: averaging time [s], > 0. ``after``, ``before``: the pulse is searched between these
     times [s]. ``level``: the level, > 0; default: `low_level` of the largest value. ``smallest``: the largest
     value of a pulse must exceed this, in the signal's unit. Returns: None if the signal does not exceed the
     level.

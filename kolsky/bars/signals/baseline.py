@@ -1,7 +1,7 @@
 """Baseline of a signal: zero, noise with its correlation, drift, quantisation, clipping.
 
-Zero and noise are measured before the pulse. Drift beyond the baseline is a random walk; its covariance
-enters the budget by a few modes.
+Zero and noise are measured before the pulse. Drift after the baseline is a random walk. A few modes represent
+its covariance in the budget.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,8 @@ from kolsky.base.arrays import FloatArray, IntArray
 class Noise:
     """Stationary Gaussian noise on uniform samples.
 
-    Raises ValueError if sigma is negative, or the correlation does not start at 1 or belongs to no noise.
+    Raises ValueError if sigma is negative, or if the correlation does not start at 1 or is not that of a
+    noise.
     """
 
     sigma: float
@@ -40,8 +41,10 @@ class Noise:
 
     @property
     def memory(self) -> float:
-        """Number of samples with the information of one independent sample, 1 + 2 sum rho, Eq. (U.8) [-]; 1
-        for white noise."""
+        """Number of samples with the information of one independent sample, 1 + 2 sum rho, Eq. (U.8) [-].
+
+        It is 1 for white noise.
+        """
         return float(1.0 + 2.0 * self.correlation[1:].sum())
 
     def sigma_of_sums(self, n: int) -> FloatArray:
@@ -49,15 +52,15 @@ class Noise:
         rho = np.zeros(n)
         m = min(n, self.correlation.size)
         rho[:m] = self.correlation[:m]
-        # var S_k = var S_(k-1) + 1 + 2 (rho_1 + ... + rho_(k-1)); where sums cancel round-off may be negative
+        # var S_k = var S_(k-1) + 1 + 2 (rho_1 + ... + rho_(k-1)); if sums cancel, round-off may be negative
         variance = np.cumsum(2.0 * np.cumsum(rho) - 1.0)
         return self.sigma * np.sqrt(np.maximum(variance, 0.0))
 
     def draw(self, n: int, rng: np.random.Generator) -> FloatArray:
         """One realisation of `n` samples with this size and correlation, shape [n].
 
-        The spectrum of the circularly embedded correlation colours white noise; exact, since the embedding
-        is longer than the record and the correlation's reach together.
+        White noise is multiplied by the spectrum of the circularly embedded correlation. This is exact,
+        because the embedding is longer than the record plus the reach of the correlation.
         """
         size = max(n, self.correlation.size) + self.correlation.size
         white = rng.standard_normal(size)
@@ -68,14 +71,14 @@ class Noise:
 
 
 def estimate_noise(value: FloatArray, *, freedom_lost: int = 1) -> Noise:
-    """Size and autocorrelation of noise from samples of it, mean (and trend) removed.
+    """Size and autocorrelation of noise from its samples, without mean (and trend).
 
-    The sample autocorrelation (with the divisor n, so that it belongs to a noise) is tapered by a Parzen
+    The sample autocorrelation has the divisor n and is therefore that of a noise. It is tapered by a Parzen
     window over four times the reach at which its sum settles (Sokal 1997: five correlation times), at most
     half of the record.
 
-    ``value``: residuals at rest, shape [n], n >= 8. ``freedom_lost``: parameters that were fitted to get the
-    residuals. Raises ValueError if there are fewer than 8 samples or all are zero.
+    ``value``: residuals at rest, shape [n], n >= 8. ``freedom_lost``: number of parameters fitted for the
+    residuals. Raises ValueError if there are fewer than 8 samples, or if all are zero.
     """
     n = value.size
     if n < 8:
@@ -104,10 +107,10 @@ def _spectrum(rho: FloatArray, size: int) -> FloatArray:
 
 
 FEWEST_SAMPLES = 20
-"""Smallest number of samples of a baseline: with 20 the noise is known to 16 %."""
+"""Smallest number of samples of a baseline. With 20, the noise is known to 16 %."""
 RESTING_SHARE = 8.0
-"""Deviation of a part of the baseline from the median part, in scaled median deviations, above which the
-signal is not at rest."""
+"""Deviation of a part of the baseline from the median part, in scaled median deviations. Above it, the signal
+is not at rest."""
 _FEWEST_BLOCKS = 8
 """Smallest number of parts of a baseline that are compared with each other."""
 SIGNIFICANCE = 0.01
@@ -116,7 +119,7 @@ SIGNIFICANCE = 0.01
 
 @dataclass(frozen=True)
 class SignalZero:
-    """The baseline: a part of the record without signal; values in the unit of the signal."""
+    """The baseline: a part of the record without signal. Values are in the unit of the signal."""
 
     first: float
     """Time of its first sample [s]."""
@@ -127,17 +130,17 @@ class SignalZero:
     mean: float
     """Mean: the signal's zero."""
     mean_sigma: float
-    """Standard uncertainty of the mean, Eq. (U.8), memory of the noise included."""
+    """Standard uncertainty of the mean with the memory of the noise, Eq. (U.8)."""
     slope: float
     """Slope of the best line [unit/s]."""
     slope_sigma: float
-    """Its standard uncertainty, memory of the noise included [unit/s]."""
+    """Its standard uncertainty with the memory of the noise [unit/s]."""
     noise: Noise
-    """Scatter about the line; its sigma is not below that of a step's rounding."""
+    """Scatter about the line. Its sigma is at least that of rounding to a step."""
     step: float
-    """Quantisation step of the recorder as seen in the values; 0 where none is seen."""
+    """Quantisation step of the recorder from the values; 0 if no step is visible."""
     longest_run: int
-    """Largest number of equal samples in a row."""
+    """Largest number of successive equal samples."""
 
     @property
     def freedom(self) -> float:
@@ -151,7 +154,10 @@ class SignalZero:
         return abs(self.slope) > limit * self.slope_sigma
 
     def line(self, time: FloatArray) -> FloatArray:
-        """The drift as seen from the baseline's middle, zero there, at any time [unit]."""
+        """The drift relative to the baseline's middle, at any time [unit].
+
+        It is zero in the middle.
+        """
         return self.slope * (time - 0.5 * (self.first + self.last))
 
 
@@ -161,8 +167,8 @@ def measure_signal_zero(
     """Zero, noise and drift of a signal at rest.
 
     ``time``: uniform sample times [s], shape [n]. ``value``: samples, shape [n]. ``span``: first and last
-    time of the rest [s]. ``name``: whose baseline it is, for messages. Raises ValueError if the span is
-    reversed, holds fewer than 20 samples, or all its samples are the same.
+    time of the rest [s]. ``name``: name of the signal, for messages. Raises ValueError if the span is
+    reversed, has fewer than 20 samples, or has only equal samples.
     """
     first, last = span
     if not first < last:
@@ -184,7 +190,8 @@ def measure_signal_zero(
     mean, slope = float(v.mean()), float(tc @ v / (tc @ tc))
     noise = estimate_noise(v - mean - slope * tc, freedom_lost=2)
     step = quantisation_step(v)
-    # With noise well below half a step the codes rarely change, and the noise looks smaller than it may be.
+    # If the noise is well below half a step, the codes rarely change. The noise then looks smaller than it
+    # may be.
     noise = Noise(max(noise.sigma, step / np.sqrt(12.0)), noise.correlation)
     memory = max(
         noise.memory, 1.0
@@ -206,13 +213,14 @@ def measure_signal_zero(
 def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, float]) -> None:
     """Raise ValueError if the baseline contains part of a pulse.
 
-    Means over `width` samples are compared with their median: the signal is not at rest if two successive
+    Means over `width` samples are compared with their median. The signal is not at rest if two successive
     means, or the last one, deviate by more than `REST` times their median deviation. Noise, hum and a steady
     drift are accepted, because the median deviation contains them.
 
-    ``value``: samples of the baseline, shape [n]. ``width``: samples that are averaged, the fastest rise of a
-    pulse, >= 1. ``name``: whose baseline it is, for messages. ``times``: first and last time of the baseline
-    [s], for messages. Raises ValueError: with the time at which the rest ends.
+    ``value``: samples of the baseline, shape [n]. ``width``: number of samples per mean, >= 1. It covers the
+    fastest rise of a pulse. ``name``: name of the signal, for messages. ``times``: first and last time of the
+    baseline [s], for messages. Raises ValueError if the signal is not at rest. The message gives the time at
+    which the rest ends.
     """
     count = value.size // width
     if count < _FEWEST_BLOCKS:
@@ -236,9 +244,11 @@ def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, 
 
 
 def quantisation_step(value: FloatArray) -> float:
-    """Distance of neighbouring codes: the median gap of the distinct values; 0 if most samples are distinct.
+    """Distance of neighbouring codes: the median gap of the distinct values.
 
-    If the codes are far finer than the noise, a short record does not show them, and they do not matter.
+    It is 0 if most samples are distinct.
+
+    If the codes are far finer than the noise, a short record does not show them. They then have no effect.
     """
     distinct = np.unique(value)
     if distinct.size < 2 or distinct.size > 0.5 * value.size:
@@ -249,13 +259,14 @@ def quantisation_step(value: FloatArray) -> float:
 def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_scale: float | None) -> None:
     """Check that a signal stayed within the recorder's range.
 
-    With a full scale, no sample may reach it. Without it, a signal counts as clipped if its largest or
-    smallest value occurs in at least 8 successive samples, and in three times as many as any value of the
-    baseline: at the top of a pulse noise does not disappear.
+    With a full scale, no sample may reach it. Without a full scale, a signal is clipped under two conditions.
+    Its largest or smallest value occurs in at least 8 successive samples, and in three times as many as any
+    value of the baseline. Noise does not disappear at the top of a pulse.
 
-    ``value``: recorded samples, offset included, shape [n]. ``baseline``: of the same samples. ``name``:
-    whose they are, for messages. ``full_scale``: largest magnitude the recorder can show, in the unit of
-    `value`; None if it is not known. Raises ValueError: with the first such sample.
+    ``value``: recorded samples with their offset, shape [n]. ``baseline``: of the same samples. ``name``:
+    name of the signal, for messages. ``full_scale``: largest magnitude that the recorder can show, in the
+    unit of `value`; None if unknown. Raises ValueError if a sample is clipped. The message gives the first
+    such sample.
     """
     if full_scale is not None:
         if not full_scale > 0.0:
@@ -288,27 +299,28 @@ def _runs(value: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 CONTRASTS = 3
-"""Number of the slowest cosine components of the baseline from which the drift's strength is estimated."""
+"""Number of the slowest cosine components of the baseline. They give the strength of the drift."""
 WEAKEST = 1.0
-"""Strength D0 beyond which the prior density (1 + D / D0)^-1 falls, as a share of that whose slowest part
-is as strong as the noise's [-]; with `CONTRASTS` so chosen that steady drifts are covered too."""
+"""Strength D0 above which the prior density (1 + D / D0)^-1 decreases [-]. Its unit is the strength at which
+the slowest part of the drift equals that of the noise. With `CONTRASTS` it is chosen to cover steady drifts
+too."""
 MODES = 4
-"""Number of modes that represent the drift beyond the baseline; they contain 95 % of its variance."""
+"""Number of modes of the drift after the baseline. They contain 95 % of its variance."""
 DRIFTING = ("gauge, zero", "gauge, drift", "gauge, drift's slope")
-"""Ends of the names of the budget's inputs for zero and drift, numbers left away."""
+"""Ends of the names of the budget's inputs for zero and drift, without numbers."""
 
 
 def diffusion(value: FloatArray, interval: float, *, sigma: float, memory: float) -> float:
-    """Strength D of a random walk that the baseline shows, by its posterior mean [unit^2/s].
+    """Strength D of the random walk in the baseline, by its posterior mean [unit^2/s].
 
-    A random walk of variance D t, minus its mean over the baseline T, is the sum of cosines cos(k pi t / T)
-    whose coefficients a_k, sqrt(2) times the mean of value times cosine, are independent with the variance D
-    T / (k pi)^2; noise adds s^2 = sigma^2 memory / n to each, Eq. (U.17). D is the mean of its posterior from
-    the first `CONTRASTS` of them, with the prior density (1 + D / D0)^-1, D0 = `WEAKEST` s^2 pi^2 / T. The
-    estimate is a continuous function of the samples: no test decides whether there is drift.
+    A random walk of variance D t, minus its mean over the baseline T, is a sum of cosines cos(k pi t / T).
+    Their coefficients a_k are sqrt(2) times the mean of value times cosine. They are independent and have the
+    variance D T / (k pi)^2. Noise adds s^2 = sigma^2 memory / n to each, Eq. (U.17). D is the mean of its
+    posterior from the first `CONTRASTS` of them. The prior density is (1 + D / D0)^-1, D0 = `WEAKEST` s^2
+    pi^2 / T. The estimate is a continuous function of the samples. No test decides whether there is drift.
 
     ``value``: samples of the baseline, shape [n]. ``interval``: sampling interval [s]. ``sigma``: standard
-    deviation of a sample's noise, > 0. ``memory``: samples that carry the information of one [-], >= 1.
+    deviation of a sample's noise, > 0. ``memory``: number of samples per independent one [-], >= 1.
     """
     n = value.size
     T = n * interval
@@ -327,14 +339,14 @@ def diffusion(value: FloatArray, interval: float, *, sigma: float, memory: float
 
 
 def drift_quantities(gauge: str, strength: float, length: float, unit: str = "1") -> list[Quantity]:
-    """The drift from the baseline's end to `length` later as independent inputs of a budget.
+    """The drift up to `length` after the baseline's end, as independent inputs of a budget.
 
-    Karhunen's modes of a random walk: input k is the amplitude of sin((k - 1/2) pi t / length), with the
-    variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18), scaled so that the first `MODES` contain all of the
-    walk's variance over the time.
+    Karhunen's modes of a random walk. Input k is the amplitude of sin((k - 1/2) pi t / length), with the
+    variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18). The variances are scaled: the first `MODES` contain
+    all of the walk's variance over the time.
 
-    ``gauge``: name of the gauge, with which the names begin. ``strength``: d [unit^2/s]. ``length``: time
-    from the baseline's end to the last sample that is used [s], > 0. ``unit``: unit of the signal.
+    ``gauge``: name of the gauge, with which the names begin. ``strength``: D [unit^2/s]. ``length``: time
+    from the baseline's end to the last used sample [s], > 0. ``unit``: unit of the signal.
     """
     k = np.arange(1, MODES + 1)
     share = 2.0 / ((k - 0.5) * pi) ** 2
@@ -346,10 +358,10 @@ def drift_quantities(gauge: str, strength: float, length: float, unit: str = "1"
 
 
 def drift_at(time: FloatArray, end: float, length: float, amplitudes: FloatArray) -> FloatArray:
-    """Drift after the baseline's end for amplitudes of its modes, zero before; shape [n].
+    """Drift after the baseline's end for amplitudes of its modes, shape [n]. It is zero before.
 
     ``time``: times [s], shape [n]. ``end``: the baseline's last time [s]. ``length``: as for
-    `drift_quantities`. ``amplitudes``: one for each mode, shape [MODES].
+    `drift_quantities`. ``amplitudes``: one per mode, shape [MODES].
     """
     t = np.clip((time - end) / length, 0.0, 1.0)
     k = np.arange(1, amplitudes.size + 1)

@@ -22,11 +22,11 @@ KINDS: Mapping[str, tuple[str, str, str, str]] = {
     "half, Poisson": (AXIAL, ACROSS, REST, REST),
     "full, Poisson": (AXIAL, ACROSS, AXIAL, ACROSS),
 }
-"""Strain of arms 1 to 4, in their order round the bridge: 1 and 3 face each other.
+"""Strain of arms 1 to 4, in their order around the bridge. Arms 1 and 3 are opposite to each other.
 
 "half, opposed" and "full, Poisson" have the gauges of arms 1 and 3 on opposite sides of the bar, which
-cancels bending; the others measure it too. Gauges in series in one arm count as one gauge that measures their
-mean.
+cancels bending. The other arrangements measure bending too. Gauges in series in one arm count as one gauge
+that measures their mean.
 """
 
 
@@ -34,8 +34,8 @@ mean.
 class Bridge:
     """A strain-gauge bridge of four equal resistances, its supply and its amplifier.
 
-    Raises ValueError if the kind is unknown, a value is impossible, or Poisson's ratio is missing or without
-    effect.
+    Raises ValueError if the kind is unknown, if a value is impossible, or if Poisson's ratio is missing or
+    without effect.
     """
 
     kind: str
@@ -51,7 +51,8 @@ class Bridge:
     gauge_resistance: float = 120.0
     """Resistance of a gauge [ohm]."""
     lead_resistance: float = 0.0
-    """Resistance in series with a gauge inside its arm [ohm]: one lead with three wires, both with two."""
+    """Resistance in series with a gauge inside its arm [ohm]: that of one lead with three wires, of both
+    leads with two."""
 
     UNIT: ClassVar[str] = "V"
     WORDS: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -99,7 +100,9 @@ class Bridge:
         return 4.0 / ((s[0] - s[1] + s[2] - s[3]) * self.arm_factor * self.excitation * self.gain)
 
     def strain(self, volts: ArrayLike) -> FloatArray:
-        """Strain of the bar, tension positive, from recorded volts that rise in tension, Eq. (U.2).
+        """Strain of the bar, tension positive, Eq. (U.2).
+
+        The recorded volts must increase in tension.
 
         ``volts``: recorded volts above rest [V], any shape. Raises ValueError if no strain gives such an
         output.
@@ -125,15 +128,15 @@ class Bridge:
         return np.asarray(x / self.arm_factor)
 
     def linear_strain(self, volts: ArrayLike) -> FloatArray:
-        """The same with the slope at zero, which most instruments assume."""
+        """Strain with the slope at zero, which most instruments assume."""
         return self.strain_per_volt * np.asarray(volts, dtype=float)
 
     def volts(self, strain: ArrayLike) -> FloatArray:
-        """Recorded volts of a strain, tension positive, Eq. (U.1): the inverse of `strain` [V]."""
+        """Recorded volts of a strain, tension positive, Eq. (U.1) [V]. It is the inverse of `strain`."""
         return self.gain * self.excitation * self.ratio(self.arm_factor * np.asarray(strain, dtype=float))
 
     def ratio(self, x: FloatArray) -> FloatArray:
-        """Output over excitation, Eq. (U.1), where axial gauges change by the share `x` [-]."""
+        """Output over excitation, Eq. (U.1), if axial gauges change by the share `x` [-]."""
         s1, s2, s3, s4 = self.arms
         return (1.0 + s1 * x) / (2.0 + (s1 + s2) * x) - (1.0 + s4 * x) / (2.0 + (s3 + s4) * x)
 
@@ -143,9 +146,9 @@ class Bridge:
         """Inputs of the strain, for a budget.
 
         ``gauge``: name of the gauge, e.g. "incident gauge"; prefix of the names. ``uncertainty``: standard
-        uncertainties (k = 1, SI) by field; a field without one is listed with 0. ``bar``: name of the bar,
-        prefix of the name of Poisson's ratio. Raises ValueError if an uncertainty is given for a field
-        without effect.
+        uncertainties (k = 1, SI) by field. A field without an uncertainty is listed with 0. ``bar``: name of
+        the bar, prefix of the name of Poisson's ratio. Raises ValueError if an uncertainty is given for a
+        field without effect.
         """
         used = self._fields()
         check_fields(uncertainty, used, f"a bridge '{self.kind}'")
@@ -157,7 +160,9 @@ class Bridge:
         ]
 
     def with_values(self, gauge: str, values: Mapping[str, float], *, bar: str | None = None) -> "Bridge":
-        """The bridge with other values of its `quantities`, by their names; the others do not change."""
+        """The bridge with other values of its `quantities`, by their names. The other values do not
+        change.
+        """
         names = {f: self._name(f, gauge, bar) for f in self._fields()}
         changed: dict[str, Any] = {f: values[name] for f, name in names.items() if name in values}
         return replace(self, **changed)
@@ -175,15 +180,15 @@ class Bridge:
 
 @dataclass(frozen=True)
 class Linear:
-    """A stated factor from recorded values to strain, e.g. from a calibration of the whole chain.
+    """A declared factor from recorded values to strain, e.g. from a calibration of the whole chain.
 
     Raises ValueError if the factor is not finite and positive.
     """
 
     factor: float
-    """Strain per recorded unit [1/unit], > 0; its sign belongs to the declared sign of compression."""
+    """Strain per recorded unit [1/unit], > 0. The sign is that of the declared compression."""
     unit: str = "V"
-    """Unit of the recording: "V", or "1" if it is strain already."""
+    """Unit of the recording: "V", or "1" if it is already strain."""
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.factor) and self.factor > 0.0):
@@ -198,7 +203,7 @@ class Linear:
         return self.unit
 
     def strain(self, volts: ArrayLike) -> FloatArray:
-        """Strain, tension positive, of values that rise in tension."""
+        """Strain, tension positive, of values that increase in tension."""
         return self.factor * np.asarray(volts, dtype=float)
 
     def quantities(
@@ -223,7 +228,7 @@ Calibration = Bridge | Linear
 def check_fields(uncertainty: Mapping[str, float], used: list[str], owner: str) -> None:
     """Reject uncertainties of fields that have no effect, and impossible values.
 
-    Raises ValueError: the message names the field and those with an effect.
+    Raises ValueError. The message names the field and the fields with an effect.
     """
     for field, sigma in uncertainty.items():
         if field not in used:
@@ -243,11 +248,12 @@ class Shunt:
     resistance: float
     """Resistance of the shunt [ohm], > 0."""
     step: float
-    """Recorded volts with the shunt minus without [V], with their sign, not 0."""
+    """Recorded volts with the shunt minus those without it [V], with their sign, not 0."""
     arm: int = 1
-    """The arm it lies across, 1 to 4; see `kolsky.bars.signals.bridge.KINDS`."""
+    """The arm with the shunt, 1 to 4; see `kolsky.bars.signals.bridge.KINDS`."""
     at_gauge: bool = False
-    """True if it is connected across the gauge, not across gauge and leads at the instrument."""
+    """True if it is connected across the gauge. False if it is connected across gauge and leads at the
+    instrument."""
     resistance_sigma: float = 0.0
     """Standard uncertainty of the shunt [ohm]."""
     step_sigma: float = 0.0
@@ -268,14 +274,14 @@ class Shunt:
 
 @dataclass(frozen=True)
 class ShuntCheck:
-    """Gain and sign from a shunt calibration, compared with the stated values."""
+    """Gain and sign from a shunt calibration, compared with the declared values."""
 
     gain: float
-    """Gain with the stated excitation, from the step [-]."""
+    """Gain from the step with the declared excitation [-]."""
     gain_sigma: float
     """Its standard uncertainty from shunt and step [-]."""
     ratio: float
-    """Measured over stated product of gain and excitation [-]."""
+    """Measured product of gain and excitation divided by the declared one [-]."""
     apparent_strain: float
     """Axial strain equivalent to the step, tension positive [-]."""
     compression_sign: int
@@ -285,7 +291,7 @@ class ShuntCheck:
 def check_shunt(bridge: Bridge, shunt: Shunt) -> ShuntCheck:
     """Gain and sign of a measuring chain from the step of a shunt, Eq. (U.5).
 
-    The step's size depends on resistances only, not on the gauge factor, and is computed exactly.
+    The step's size depends on resistances and not on the gauge factor. It is computed exactly.
     """
     R, lead = bridge.gauge_resistance, bridge.lead_resistance
     if shunt.at_gauge and KINDS[bridge.kind][shunt.arm - 1] == REST:
@@ -311,8 +317,8 @@ def check_shunt(bridge: Bridge, shunt: Shunt) -> ShuntCheck:
 def with_shunt(bridge: Bridge, shunt: Shunt, *, allowance: float = 0.02) -> tuple[Bridge, ShuntCheck]:
     """The bridge with the gain from a shunt calibration.
 
-    ``allowance``: largest relative difference of measured and stated gain [-]; a larger one indicates an
-    error in one of them.
+    ``allowance``: largest relative difference of measured and declared gain [-]. A larger difference
+    indicates an error in one of them.
     """
     found = check_shunt(bridge, shunt)
     if abs(found.ratio - 1.0) > allowance:
@@ -326,7 +332,10 @@ def with_shunt(bridge: Bridge, shunt: Shunt, *, allowance: float = 0.02) -> tupl
 
 
 def _output(R: float, lead: float, shunt: Shunt) -> float:
-    """Output over excitation with the shunt; other arms at rest, with leads as long as the gauge's."""
+    """Output over excitation with the shunt.
+
+    Other arms are at rest, with leads as long as the gauge's.
+    """
     if shunt.at_gauge:
         x = -R / (R + shunt.resistance) * R / (R + lead)
     else:

@@ -1,5 +1,7 @@
-"""Gauge stations: from recordings to the strain of the bar, by calibration, zero, sign and bending; its
-elastic limit."""
+"""Gauge stations: from recordings to the strain of the bar.
+
+The steps are calibration, zero, sign and bending, and a check of the bar's elastic limit.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeVar
@@ -24,18 +26,18 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import Recording
 
 LARGEST_STRAIN = {"metal": 0.02, "polymer": 0.1}
-"""Strain beyond the elastic limit of any bar [-]: maraging steel yields at 1.3 %, titanium and aluminium
-alloys below 1 %, glassy polymers at 3 to 8 %. A larger strain means a wrong unit or sensitivity, or a bar
-that yielded."""
+"""Strain above the elastic limit of any bar [-]. Maraging steel yields at 1.3 %, titanium and aluminium
+alloys below 1 %, glassy polymers at 3 to 8 %. A larger strain indicates a wrong unit, a wrong sensitivity or
+a bar that yielded."""
 POLYMER = 20e9
-"""Young's modulus below which a bar counts as one of a polymer [Pa]."""
+"""Young's modulus below which a bar is a polymer bar [Pa]."""
 
 
 def check_elastic(strain: FloatArray, bar: Bar, interval: float, gauge: str) -> None:
     """Raise ValueError for strains beyond the bar's elastic limit.
 
-    Means over the time a wave needs across the bar's diameter must stay below the yield strength over the
-    modulus or, where none is declared, below `LARGEST_STRAIN`.
+    Means over the time of a wave across the bar's diameter must be below a limit. It is the yield strength
+    over the modulus or, without a declared strength, `LARGEST_STRAIN`.
     """
     kind = "polymer" if bar.youngs_modulus < POLYMER else "metal"
     limit = LARGEST_STRAIN[kind]
@@ -88,16 +90,16 @@ def bar_signal(
     """Strain of a bar at a gauge station, compression positive, on the shot's clock.
 
     ``recordings``: one channel, or one for each of two opposed gauges. ``calibration``: one for all channels,
-    whose errors they then share, or one each. ``position``: their distance from the bar's specimen end [m].
+    with common errors, or one for each. ``position``: distance of the gauges from the bar's specimen end [m].
     ``side``: "incident" or "transmission". ``baseline``: first and last time of the rest on the shot's clock
     [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. ``compression``: +1 if compression gives
-    positive values, -1 otherwise; one for all channels, or one each. ``full_scale``: largest magnitude that
-    the recorder can measure, in the unit of the recordings; None if it is not known. ``switches``: which
-    corrections are applied: "bridge nonlinearity", "bending", "baseline drift". ``uncertainty``: standard
-    uncertainties of the calibration's fields, by their names. ``values``: values to take instead of the
-    estimates of `quantities`, by name, as `kolsky.bars.budget.propagate` passes them. ``drift_until``: last
-    time that is used of the signal, up to which its drift is an input of the budget, on the shot's clock [s];
-    the record's last time if it is left out.
+    positive values, -1 otherwise; one for all channels, or one for each. ``full_scale``: largest magnitude
+    that the recorder can measure, in the unit of the recordings; None if unknown. ``switches``: switches of
+    the corrections "bridge nonlinearity", "bending" and "baseline drift". ``uncertainty``: standard
+    uncertainties of the calibration's fields, by their names. ``values``: values that replace the estimates
+    of `quantities`, by name, as `kolsky.bars.budget.propagate` passes them. ``drift_until``: last used time
+    of the signal on the shot's clock [s]. Drift up to this time is an input of the budget. Default: the
+    record's last time.
     """
     if side not in SIDES:
         raise ValueError(f"side must be 'incident' or 'transmission', got {side!r}")
@@ -172,7 +174,7 @@ def _strain(
     log: AuditLog,
     after: BoolArray,
 ) -> FloatArray:
-    """One channel in strain, compression positive, its zero subtracted."""
+    """One channel in strain, compression positive, without its zero."""
     if sign not in (1, -1):
         raise ValueError(f"{name}: compression must be +1 or -1, got {sign}")
     if recording.unit != calibration.UNIT:
@@ -231,11 +233,13 @@ def _zeroed(
     values: Mapping[str, float],
     until: float,
 ) -> tuple[FloatArray, tuple[SignalZero, list[Quantity]]]:
-    """Remove or report the drift; give zero and drift as quantities of the budget, with their values.
+    """Remove or report the drift.
 
-    The zero is the baseline's mean. The variance of its error at the baseline's end is that of the mean plus
-    D T / 3, for a random walk of strength D over the baseline T. Beyond the baseline the walk is represented
-    by its modes.
+    Returns zero and drift as quantities of the budget, with their values.
+
+    The zero is the baseline's mean. For a random walk of strength D over the baseline T, the variance of its
+    error at the baseline's end is that of the mean plus D T / 3. After the baseline, modes represent the
+    walk.
     """
     rest = measure_signal_zero(time, axial, baseline, name=gauge)
     verdict = "significant" if rest.drifts else "not significant"

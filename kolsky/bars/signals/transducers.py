@@ -1,8 +1,9 @@
-"""Force transducers: from volts to a force with noise, droop compensation and calibration, and means over
-bins.
+"""Force transducers: from volts to a force, and means over bins.
 
-Charge leaks from transducer and amplifier with one time constant, so the output of a constant force decays.
-This is a high-pass filter of first order, whose inverse is Eq. (U.6).
+The steps are noise, droop compensation and calibration.
+
+Charge leaks from transducer and amplifier with one time constant. The output of a constant force therefore
+decays. This is a high-pass filter of first order; its inverse is Eq. (U.6).
 """
 
 from collections.abc import Mapping
@@ -38,7 +39,8 @@ def compensate_droop(
 
 def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: float) -> FloatArray:
     """Standard deviation of compensated samples from white noise in the recorded ones, Eq. (U.7), shape
-    [n]."""
+    [n].
+    """
     _check_time_constant(time_constant)
     first = int(np.searchsorted(time, start))
     factor = np.ones(time.size)
@@ -70,14 +72,14 @@ def _check_time_constant(time_constant: float) -> None:
 
 
 _FEWEST_BASELINE = 20
-"""Smallest number of samples of a baseline: with 20 the noise is known to 16 %."""
+"""Smallest number of samples of a baseline. With 20, the noise is known to 16 %."""
 CAMERA_FRAME = 1.0 / 120e3
-"""Frame interval of the cameras [s]: the default width of a force bin."""
+"""Frame interval of the cameras [s], the default width of a force bin."""
 
 
 @dataclass(frozen=True)
 class ForceBins:
-    """Means of a force over successive bins whose edges are recorded sample times."""
+    """Means of a force over successive bins. Bin edges are recorded sample times."""
 
     edges: FloatArray
     """Bin edges on the shot's clock [s], shape [n_bins + 1]."""
@@ -86,7 +88,7 @@ class ForceBins:
     sigma: FloatArray
     """Standard deviation of the mean from the samples' noise [N], shape [n_bins]."""
     n: IntArray
-    """Samples from edge to edge, both edges counted, shape [n_bins]."""
+    """Number of samples from edge to edge with both edges, shape [n_bins]."""
 
     @property
     def centres(self) -> FloatArray:
@@ -100,10 +102,10 @@ def force_history(
     """Turn a recording in volts into a force.
 
     ``recording``: the channel, in volts, on the recorder's clock. ``transducer``: sensitivity, sign and full
-    scale. ``baseline``: first and last time of the stretch that gives zero and noise, on the shot's clock
-    [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. Returns: force = sign * (V - mean baseline
-    V) / sensitivity at every sample; sigma is the baseline's standard deviation (with n - 1), the same for
-    each sample. A finite time constant of the transducer is compensated from the end of the baseline on, Eq.
+    scale. ``baseline``: first and last time of the span for zero and noise, on the shot's clock [s].
+    ``clock_offset``: shot's clock minus recorder's clock [s]. Returns: force = sign * (V - mean baseline V) /
+    sensitivity at every sample; sigma is the baseline's standard deviation (with n - 1), the same for each
+    sample. A finite time constant of the transducer is compensated from the end of the baseline on, Eq.
     (U.6), and sigma grows by Eq. (U.7).
     """
     _check_transducer(transducer)
@@ -129,10 +131,10 @@ def force_history(
 def noise_correlation(force: ForceHistory, baseline: tuple[float, float]) -> float:
     """Lag-1 autocorrelation of the baseline's noise [-].
 
-    For white noise it lies within about +-2 / sqrt(n) of zero, n the number of baseline samples. Where it
-    does not, the sigma of a bin mean is wrong by about sqrt((1 + c) / (1 - c)).
+    For white noise it lies within about +-2 / sqrt(n) of zero, where n is the number of baseline samples. For
+    other noise, the sigma of a bin mean is wrong by about sqrt((1 + c) / (1 - c)).
 
-    Raises ValueError if the baseline holds fewer than 20 samples.
+    Raises ValueError if the baseline has fewer than 20 samples.
     """
     rest = force.force[_within(force.time, baseline, "baseline")]
     _enough(rest.size, baseline)
@@ -141,15 +143,18 @@ def noise_correlation(force: ForceHistory, baseline: tuple[float, float]) -> flo
 
 
 def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float = CAMERA_FRAME) -> ForceBins:
-    """Average a force over bins of nearly equal width that cover all samples inside a window.
+    """Average a force over bins of nearly equal width.
 
-    Edges are recorded sample times, the nearest to an even division of the window's samples, so that the
-    mean needs no interpolation: it is the trapezoid rule over the samples between the edges, and its
-    sigma follows exactly from theirs. Neighbours share the sample on their edge: with n intervals a bin
-    their noise has the correlation 1 / (4 n - 2), which is neglected (1.6 % at 16).
+    The bins cover all samples inside a window.
+
+    Edges are recorded sample times, the nearest to an even division of the window's samples. The mean
+    therefore needs no interpolation. It is the trapezoid rule over the samples between the edges, and its
+    sigma follows exactly from theirs. Neighbouring bins share the sample on their edge. With n intervals per
+    bin, their noise has the correlation 1 / (4 n - 2), which is neglected (1.6 % at 16).
 
     ``force``: the samples; their noise is taken as independent. ``window``: first and last time [s].
-    ``width``: wanted width of a bin [s]; the division into a whole number of bins comes nearest to it.
+    ``width``: requested width of a bin [s]. The window is divided into the number of bins that comes nearest
+    to it.
     """
     inside = _within(force.time, window, "window")
     t, F, sigma = force.time[inside], force.force[inside], force.sigma[inside]
@@ -165,16 +170,16 @@ def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float 
             f" samples' span {span:.3g} s"
         )
     ideal = np.linspace(t[0], t[-1], round(span / width) + 1)
-    # The nearest sample: the first one past the midpoint to its predecessor.
+    # The nearest sample: the first sample after the midpoint to its predecessor.
     edge = np.searchsorted(0.5 * (t[1:] + t[:-1]), ideal)
     edge = np.unique(edge)  # a wide sample interval may take two ideal edges
     return force_between(ForceHistory(time=t, force=F, sigma=sigma), edge)
 
 
 def force_between(force: ForceHistory, edge: NDArray[np.intp]) -> ForceBins:
-    """Means of a force between samples of it, see `bin_force`.
+    """Means of a force between some of its samples, see `bin_force`.
 
-    ``edge``: increasing numbers of the samples at the bins' edges, shape [n_bins + 1].
+    ``edge``: increasing numbers of the samples at the edges of the bins, shape [n_bins + 1].
     """
     t, F, sigma = force.time, force.force, force.sigma
     h = np.diff(t)
@@ -265,15 +270,15 @@ def force_signal(
     uncertainty: Mapping[str, float] | None = None,
     values: Mapping[str, float] | None = None,
 ) -> ForceSignal:
-    """Force of a transducer on uniform samples; `kolsky.bars.signals.transducers.force_history` with its
-    audit.
+    """Force of a transducer on uniform samples.
+
+    It is that of `kolsky.bars.signals.transducers.force_history`, with its audit.
 
     ``recording``: the channel, in volts, on the recorder's clock. ``transducer``: sensitivity, sign, full
-    scale and time constant. ``name``: whose force it is, e.g. "transmission force". ``baseline``: first and
+    scale and time constant. ``name``: name of the force, e.g. "transmission force". ``baseline``: first and
     last time of the rest on the shot's clock [s]. ``clock_offset``: shot's clock minus recorder's clock [s].
-    ``switches``: which corrections are applied: "droop". ``uncertainty``: standard uncertainties (k = 1, SI)
-    of "sensitivity" and "time_constant". ``values``: values to take instead of the estimates of `quantities`,
-    by name.
+    ``switches``: switch of the correction "droop". ``uncertainty``: standard uncertainties (k = 1, SI) of
+    "sensitivity" and "time_constant". ``values``: values that replace the estimates of `quantities`, by name.
     """
     given, stated = values or {}, uncertainty or {}
     droops = np.isfinite(transducer.time_constant)

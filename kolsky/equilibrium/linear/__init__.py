@@ -1,1 +1,1 @@
-"""Linear systems with the tangent stiffness: `kolsky.equilibrium.linear.solvers` chooses the solver."""
+"""Linear systems with the tangent stiffness. `kolsky.equilibrium.linear.solvers` chooses the solver."""

@@ -40,15 +40,18 @@ class LinearSolver(Protocol):
 
 
 ENTRIES = 20_000_000
-"""Maximum number of matrix entries that are sorted at once, to limit the memory [-]."""
+"""Maximum number of matrix entries that are sorted together, which limits the memory [-]."""
 
 
 class Pattern:
     """Positions of the entries of element arrays in vectors and matrices."""
 
     def __init__(self, dofs: IntArray, index: IntArray, count: int) -> None:
-        """Store the components of each cell, shape [m, k d], the unknown of each component (-1: none), and
-        the number of unknowns."""
+        """Store the components of each cell, shape [m, k d], the unknown of each component, and the number of
+        unknowns.
+
+        The unknown -1 means none.
+        """
         self.dofs, self.index, self.count = dofs, index, count
 
     def vector(self, elements: FloatArray) -> FloatArray:
@@ -56,7 +59,7 @@ class Pattern:
         return _summed(self.dofs.ravel(), elements.ravel(), len(self.index))
 
     def reduced(self, full: FloatArray) -> FloatArray:
-        """A vector over all components summed into the unknowns, shape [count] of [n d] (or [..., n d])."""
+        """A vector over all components, summed to the unknowns, shape [count] of [n d] (or [..., n d])."""
         free = self.index >= 0
         if full.ndim == 1:
             return _summed(self.index[free], full[free], self.count)
@@ -65,13 +68,16 @@ class Pattern:
         )
 
     def expanded(self, unknowns: FloatArray) -> FloatArray:
-        """Unknowns in all components, 0 where there is none, shape [..., n d] of [..., count]."""
+        """Unknowns in all components, shape [..., n d] of [..., count].
+
+        Components without an unknown are 0.
+        """
         padded = np.concatenate([unknowns, np.zeros((*unknowns.shape[:-1], 1))], axis=-1)
         return padded[..., self.index]
 
     @cached_property
     def _structure(self) -> tuple[list[IntArray], IntArray, IntArray]:
-        """For each group of cells the place of each of its entries (-1: none); columns and row starts."""
+        """For each group of cells, the place of each entry, with -1 for none; columns and row starts."""
         local = self.index[self.dofs]
         entries = max(local.shape[1] ** 2, 1)
         groups = np.array_split(local, max(1, len(local) * entries // ENTRIES))
@@ -87,7 +93,10 @@ class Pattern:
         return places, found % self.count, np.searchsorted(found // self.count, np.arange(self.count + 1))
 
     def _keys(self, local: IntArray) -> IntArray:
-        """Row and column of each entry of the cells' matrices as one number, -1 where either is none."""
+        """Row and column of each entry of the cells' matrices as one number.
+
+        -1 if either is missing.
+        """
         rows, columns = local[:, :, None], local[:, None, :]
         return np.where((rows >= 0) & (columns >= 0), rows * self.count + columns, -1).ravel()
 
@@ -105,7 +114,7 @@ class Pattern:
 
 
 def _distinct(ordered: IntArray) -> IntArray:
-    """The distinct nonnegative numbers of an increasing sequence."""
+    """The different nonnegative numbers of an increasing sequence."""
     first = np.ones(len(ordered), dtype=bool)
     first[1:] = ordered[1:] != ordered[:-1]
     return ordered[first & (ordered >= 0)]

@@ -1,8 +1,10 @@
-"""Warp kernels of the factorisation: fronts are filled, and one system is solved with their factors.
+"""Warp kernels of the factorisation.
+
+They fill fronts, and solve one system with their factors.
 
 The matrix of a front is a sum of element matrices, or of the remainders of its two halves. The sums are plain
-loops over memory, written in C++ for a CPU; with Warp's index arithmetic they take ten times as long. A
-substitution reads every number of the factors once, so that its time is limited by the memory.
+loops over memory, written in C++ for a CPU. With Warp's index arithmetic they take ten times as long. A
+substitution reads every number of the factors once. Its time is therefore limited by the memory.
 """
 
 from functools import cache
@@ -58,15 +60,15 @@ HALF = """
 
 @cache
 def assemble_kernel(kind: Any) -> Any:
-    """The kernel for a precision; one thread adds to the front whose number it is given.
+    """The kernel for a precision. One thread adds to the front with the given number.
 
     F11, F21, F12 and F22 of a front are initially 0 and stored column by column. `shapes` has p, q and the
     front's first and last cell and half. `starts` has the starts of F11 (p, p), F21 (q, p) and F12 (p, q) in
     `kept`, and of F22 (q, q) in `left`. The components of a cell are in the order of their positions.
-    `inside` has the number of components that are eliminated here, and the number that are unknowns.
-    `elements` are transposed. `halves` has, for each half, the start of its matrix in `left`, its size, its
-    first run and the number of runs. `runs` has, for each run, its start there, its start here, and its
-    length. With `lower` 1 only entries on and below the diagonal are summed, and there is no F12.
+    `inside` has two numbers: the components that are eliminated here, and the unknowns. `elements` are
+    transposed. `halves` has, for each half, the start of its matrix in `left`, its size, its first run and
+    the number of runs. `runs` has, for each run, its start in the half, its start in the front, and its
+    length. With `lower` 1, only entries on and below the diagonal are summed, and there is no F12.
     """
 
     @wp.func_native(ELEMENT)
@@ -211,10 +213,10 @@ BACKWARD = """
 
 @cache
 def substitution_kernel(kind: Any) -> Any:
-    """The kernel for a precision: one thread solves L L^T x = b in place.
+    """The kernel for a precision. One thread solves L L^T x = b in place.
 
-    `fronts` has of each front p, q, where its L11 (p, p) and L21 (q, p) start in `kept`, its first unknown in
-    `x` and its first place in `outside`; `scratch` holds the largest q.
+    For each front, `fronts` has p, q, the starts of its L11 (p, p) and L21 (q, p) in `kept`, its first
+    unknown in `x` and its first place in `outside`. `scratch` has room for the largest q.
     """
 
     @wp.func_native(FORWARD)

@@ -2,15 +2,15 @@
 
 The cells are repeatedly halved along the longest axis of their centres (recursive coordinate bisection;
 Berger and Bokhari 1987) down to small groups. An unknown belongs to the smallest part of the mesh that
-contains all its cells, and is eliminated there. A front is the dense matrix of a part's unknowns and of those
-on its boundary, which belong to its ancestors (Duff and Reid 1983; George 1973). Each front is assembled from
-its cells or its two halves and partly eliminated,
+contains all its cells. It is eliminated in this part. A front is the dense matrix of a part's unknowns and of
+those on its boundary, which belong to its ancestors (Duff and Reid 1983; George 1973). Each front is
+assembled from its cells or its two halves and partly eliminated,
 
     F = [F11 .; F21 F22],   F11 = L11 L11^T,   L21 = F21 L11^-T,   F22 <- F22 - L21 L21^T,        (F.1)
 
 and the remainder goes to the parent. A matrix that is not symmetric, or not positive definite, is eliminated
-by F11 = P L U in the same fronts instead. Rows are exchanged only inside a front, which is sufficient if
-every unknown has a stiffness on the diagonal.
+by F11 = P L U in the same fronts instead. Rows are exchanged only inside a front. This is sufficient if every
+unknown has a stiffness on the diagonal.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,8 @@ from kolsky.equilibrium.linear.base import SingularError
 from kolsky.equilibrium.linear.kernels import assemble_kernel, substitution_kernel
 
 LEAF_COMPONENTS = 350
-"""Approximate number of displacement components of a leaf's cells; fewer give more and smaller fronts."""
+"""Approximate number of displacement components of a leaf's cells. A smaller number gives more and smaller
+fronts."""
 
 
 @dataclass(frozen=True)
@@ -35,17 +36,18 @@ class Front:
     """One part of the mesh."""
 
     cells: IntArray
-    """Cells that are assembled here (of a leaf; none of others)."""
+    """Cells that are assembled in this front. Only leaves have such cells."""
     local: IntArray
-    """Place in the front of each component of those cells, beyond the last for held ones, shape [., k d]."""
+    """Place in the front of each component of those cells, shape [., k d]. Held components are beyond the
+    last place."""
     unknowns: IntArray
-    """Unknowns of the front, the eliminated ones first, then the boundary in the order of elimination."""
+    """Unknowns of the front: first the eliminated ones, then the boundary in the order of elimination."""
     eliminated: int
     """Number of unknowns eliminated here."""
     children: tuple[int, ...]
     """Fronts that are added here."""
     places: tuple[IntArray, ...]
-    """Positions in this front of the boundary of each child, in increasing order."""
+    """Positions of each child's boundary in this front, in increasing order."""
     start: int
     """Start of the eliminated unknowns in the order of elimination."""
     outside: IntArray
@@ -53,7 +55,7 @@ class Front:
 
     @property
     def own(self) -> slice:
-        """The eliminated ones in the order of elimination."""
+        """The eliminated unknowns in the order of elimination."""
         return slice(self.start, self.start + self.eliminated)
 
     @property
@@ -70,7 +72,7 @@ def dissect(centres: FloatArray, components: IntArray, count: int) -> list[Front
     centres : array, shape [m, d]
         Centres of the cells [m].
     components : array, shape [m, k d]
-        Unknown of each component of a cell; -1: it is held.
+        Unknown of each component of a cell; -1 for a held component.
     count : int
         Number of unknowns.
     """
@@ -117,7 +119,10 @@ def dissect(centres: FloatArray, components: IntArray, count: int) -> list[Front
 def _bisect(
     centres: FloatArray, leaf_cells: int
 ) -> tuple[IntArray, list[tuple[int, int]], list[tuple[int, ...]]]:
-    """Order of the cells, range of each part in it, and the parts of each part, children first."""
+    """Order of the cells, range of each part in it, and the parts of each part.
+
+    Children come first.
+    """
     order = np.arange(len(centres))
     ranges: list[tuple[int, int]] = []
     children: list[tuple[int, ...]] = []
@@ -140,7 +145,10 @@ def _bisect(
 
 
 def _cut(along: FloatArray) -> int:
-    """Number of cells in the first half; in a structured mesh the cut is between layers near the middle."""
+    """Number of cells in the first half.
+
+    In a structured mesh, the cut is between layers near the middle.
+    """
     half = len(along) // 2
     span = along[-1] - along[0]
     jumps = np.flatnonzero(np.diff(along) > 1e-6 * span) + 1
@@ -153,7 +161,7 @@ def _cut(along: FloatArray) -> int:
 def _owners(
     first: IntArray, last: IntArray, ranges: list[tuple[int, int]], children: list[tuple[int, ...]]
 ) -> IntArray:
-    """The smallest part that holds the cells from the first to the last, of each unknown."""
+    """For each unknown, the smallest part that contains its first and its last cell."""
     owner = np.full(len(first), len(ranges) - 1)
     for number in range(len(ranges) - 1, -1, -1):  # parents first
         for child in children[number]:
@@ -164,14 +172,14 @@ def _owners(
 
 
 Blocks = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""F11, F21, F12 and F22 of a front, column by column; F12 is empty for a symmetric front."""
+"""F11, F21, F12 and F22 of a front, column by column. F12 is empty for a symmetric front."""
 
 
 class Assembly:
-    """Tables of positions for the assembly, made once for a mesh.
+    """Tables of positions for the assembly. They are made once for a mesh.
 
     The remainder of a front is on one of two stacks, for even and for odd depth. A front is put on top of its
-    siblings. Its halves, which are then released, are at the top of the other stack.
+    siblings. Its halves are at the top of the other stack and are then released.
     """
 
     def __init__(self, fronts: list[Front]) -> None:
@@ -206,10 +214,10 @@ class Assembly:
         self._halves[:, 0] = self._at_22[self._halves[:, 0]]
         self._runs = np.array(runs, dtype=np.int32).reshape(-1, 3)
         self.outside = np.concatenate([front.outside for front in fronts]).astype(np.int32)
-        """Positions of what each front leaves in the order of elimination, front by front."""
+        """Positions of the remainder of each front in the order of elimination, front by front."""
         ends = np.cumsum([front.left for front in fronts])
         self.places = np.column_stack([[front.start for front in fronts], np.concatenate([[0], ends[:-1]])])
-        """Where each front's own unknowns begin in that order, and its part of `outside`, shape [n, 2]."""
+        """Start of each front's unknowns in that order, and its part of `outside`, shape [n, 2]."""
         self._cells(fronts)
 
     def _cells(self, fronts: list[Front]) -> None:
@@ -227,7 +235,10 @@ class Assembly:
         ]
 
     def start(self, elements: FloatArray, *, lower: bool) -> "Assembled":
-        """Start with the element matrices [m, k d, k d]; `lower`: only lower triangles are filled."""
+        """Start with the element matrices [m, k d, k d].
+
+        `lower`: only lower triangles are filled.
+        """
         p, q = self.shapes[:, 0].astype(np.int64), self.shapes[:, 1].astype(np.int64)
         sizes = np.stack([p * p, p * q, np.zeros_like(p) if lower else p * q], axis=1)
         starts = np.concatenate([[0], np.cumsum(sizes)])
@@ -244,7 +255,7 @@ class Assembly:
 
 
 class Assembled:
-    """The fronts of one matrix, which must be requested in their order."""
+    """The fronts of one matrix. They must be requested in their order."""
 
     def __init__(
         self,
@@ -260,11 +271,14 @@ class Assembled:
         self._launch, self.kept, self._left, self._lower = launch, kept, left, lower
         self._inputs = inputs  # the launch does not keep its arrays alive
         self.at = at
-        """Where F11, F21 and F12 of each front start in `kept`, and F22 on the stacks, shape [n, 4]."""
+        """Starts of F11, F21 and F12 of each front in `kept`, and of F22 on the stacks, shape [n, 4]."""
         self._sizes, self._at = sizes.tolist(), at.tolist()
 
     def front(self, number: int) -> Blocks:
-        """Blocks of a front; F22 is read when its parent is requested, and may then be overwritten."""
+        """Blocks of a front.
+
+        F22 is read when its parent is requested, and may then be overwritten.
+        """
         (p, q), (at_11, at_21, at_12, at_22) = self._sizes[number], self._at[number]
         F22 = _block(self._left, at_22, q, q)
         F22.fill(0.0)
@@ -280,8 +294,10 @@ class Assembled:
 
 
 def _runs(places: IntArray, eliminated: int) -> list[tuple[int, int, int]]:
-    """Runs of a half's unknowns that are neighbours here too, all eliminated or none: where a run starts
-    there, where here, and its length."""
+    """Runs of a half's unknowns that are also neighbours in this front, all eliminated or none.
+
+    A run has its start in the half, its start in the front, and its length.
+    """
     if len(places) == 0:
         return []
     ends = (np.diff(places) != 1) | (places[1:] == eliminated)
@@ -299,7 +315,7 @@ def _warp_array(values: Any) -> Any:
 
 
 class _Substitution:
-    """Factors in place of the fronts, L11 in F11 and L21 in F21."""
+    """Factors that replace the fronts: L11 in F11 and L21 in F21."""
 
     def __init__(self, assembly: Assembly, assembled: Assembled) -> None:
         kept = assembled.kept
@@ -311,14 +327,17 @@ class _Substitution:
         self._kernel: Any = substitution_kernel(wp.dtype_from_numpy(kept.dtype))
 
     def solve(self, x: FloatArray) -> None:
-        """Solve L L^T x = b in place, the unknowns in the order of elimination, shape [n]."""
+        """Solve L L^T x = b in place, shape [n].
+
+        The unknowns are in the order of elimination.
+        """
         inputs = [*self._given, _warp_array(x), _warp_array(self._scratch)]
         wp.launch(self._kernel, 1, inputs=inputs, device="cpu")
 
 
 SMALLEST_PIVOT = {"d": 1e-13, "f": 1e-6}
-"""Smallest pivot over the largest diagonal entry of the front, in double and single precision; below it the
-matrix is singular."""
+"""Smallest pivot divided by the largest diagonal entry of the front, in double and single precision. Below
+it, the matrix is singular."""
 _BLAS, _LAPACK = ("trsm", "syrk", "gemm"), ("potrf", "getrf", "laswp")
 ROUTINES: dict[str, dict[str, Any]] = {
     kind: dict(zip(_BLAS, get_blas_funcs(_BLAS, dtype=kind), strict=True))

@@ -3,7 +3,7 @@
 "multifrontal" (`kolsky.equilibrium.linear.multifrontal`) eliminates element matrices in dense fronts and is
 the usual choice. "superlu" is SciPy's and "pardiso" is Intel's solver (extra `pardiso`). "amg" is the
 conjugate gradient method with an algebraic multigrid of smoothed aggregation (Vanek, Mandel and Brezina 1996;
-PyAMG, the extra `amg`). It is for problems too large for a factorisation in memory; its near-null space is
+PyAMG, the extra `amg`). It is for problems too large for a factorisation in memory. Its near-null space is
 the rigid motions. `BridgedSolver` adds blocks between points of different elements (contact).
 """
 
@@ -21,13 +21,14 @@ from kolsky.equilibrium.linear.multifrontal import Assembly, Multifrontal, disse
 TOLERANCE = 1e-10
 """Residual of a solution as a share of the right-hand side [-]."""
 GUIDE = 1e-3
-"""The same with element matrices in single precision, for a solution that only guides an iteration [-]."""
+"""Residual of a solution with element matrices in single precision [-]. Such a solution only guides an
+iteration."""
 ITERATIONS = 500
 """Maximum number of iterations of a solution."""
 STRONG = 0.03
 """Couplings |k_ij| below this share of sqrt(k_ii k_jj) do not join points in an aggregate [-]."""
 AGED = 3.0
-"""A hierarchy is reused until a solution takes this many times the iterations of its first solution [-]."""
+"""A hierarchy is reused until a solution needs this many times the iterations of its first solution [-]."""
 
 
 class Hierarchy:
@@ -40,7 +41,10 @@ class Hierarchy:
         self._first: dict[float, int] = {}
 
     def preconditioner(self, matrix: csr_array) -> LinearOperator:
-        """The preconditioner of the hierarchy; a hierarchy is made from this matrix if there is none."""
+        """The preconditioner of the hierarchy.
+
+        If there is no hierarchy, it is made from this matrix.
+        """
         if self._levels is None:
             try:
                 from pyamg import smoothed_aggregation_solver
@@ -52,21 +56,24 @@ class Hierarchy:
 
     @property
     def made(self) -> bool:
-        """Whether a hierarchy exists."""
+        """True if a hierarchy exists."""
         return self._levels is not None
 
     def served(self, iterations: int, tolerance: float) -> None:
-        """Record the iterations of a solution to a tolerance; drop the hierarchy if they are too many."""
+        """Record the iterations of a solution to a tolerance.
+
+        If they are too many, the hierarchy is removed.
+        """
         if iterations > AGED * self._first.setdefault(tolerance, iterations):
             self.drop()
 
     def drop(self) -> None:
-        """Let the next matrix make a new one."""
+        """Remove the hierarchy; the next matrix makes a new one."""
         self._levels, self._first = None, {}
 
 
 class _AmgFactors:
-    """A matrix and a hierarchy in place of factors."""
+    """A matrix and a hierarchy that replace factors."""
 
     def __init__(
         self, matrix: csr_array, hierarchy: Hierarchy, *, symmetric: bool, tolerance: float = TOLERANCE
@@ -148,7 +155,8 @@ def _amg_factors(pattern: Pattern, points: FloatArray) -> Callable[[csr_array, b
 MANY = 300_000
 """Up to this number of unknowns "auto" selects "multifrontal" for any mesh."""
 LARGEST = 8e9
-"""For more unknowns, largest factors of "multifrontal" [bytes in double precision]; else "amg" is used."""
+"""For more unknowns, largest factors of "multifrontal" [bytes in double precision]. Above this size, "amg" is
+used."""
 
 DIRECT = 8
 """Number of iterations with a reused tangent that take about the time of one factorisation. Creating a
@@ -156,7 +164,7 @@ multigrid hierarchy takes less time than a solution with it."""
 
 
 class MultifrontalSolver:
-    """Solver with fronts that are found once and used for many factorisations."""
+    """Solver with fronts that are computed once and used for many factorisations."""
 
     def __init__(self, pattern: Pattern, centres: FloatArray) -> None:
         self.fronts = dissect(centres, pattern.index[pattern.dofs], pattern.count)
@@ -234,7 +242,7 @@ class _Pardiso:
 
 
 def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> LinearSolver:
-    """Return a solver by name; "auto" selects one.
+    """Return a solver by name. "auto" selects one.
 
     Raises ValueError if there is no such solver.
     """
@@ -259,7 +267,10 @@ def _finite(elements: FloatArray) -> FloatArray:
 
 
 class BridgedSolver:
-    """The solver of a pattern whose elements are connected by blocks; known blocks keep their positions."""
+    """The solver of a pattern with elements that are connected by blocks.
+
+    Known blocks keep their positions.
+    """
 
     def __init__(self, name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> None:
         self.name, self.pattern, self.points, self.cells = name, pattern, points, cells
@@ -270,7 +281,8 @@ class BridgedSolver:
         self, elements: FloatArray, nodes: IntArray, blocks: FloatArray, *, symmetric: bool
     ) -> Factors:
         """Factors of the sum of element matrices [m, k d, k d] and blocks [b, j d, j d] of the points
-        [b, j]."""
+        [b, j].
+        """
         rows = nodes if self._known is None else np.concatenate([self._known, nodes])
         known, where = np.unique(rows, axis=0, return_inverse=True)
         if self._solver is None or self._known is None or len(known) > len(self._known):
@@ -285,7 +297,10 @@ class BridgedSolver:
         return self._solver.factors(together, symmetric=symmetric)
 
     def _joined(self, known: IntArray) -> LinearSolver:
-        """The solver of the cells, with the blocks as further cells; missing components are fixed."""
+        """The solver of the cells, with the blocks as further cells.
+
+        Missing components are fixed.
+        """
         d, held = self.points.shape[1], len(self.pattern.index)
         own = self.pattern.dofs
         further = (known[..., None] * d + np.arange(d)).reshape(len(known), -1)
@@ -293,7 +308,7 @@ class BridgedSolver:
         dofs = np.full((len(own) + len(further), width), held)
         dofs[: len(own), : own.shape[1]] = own
         dofs[len(own) :, : further.shape[1]] = further
-        # cells of one width; a point named more than once moves only the centre by which they are sorted
+        # cells of one width; a repeated point moves only the centre by which they are sorted
         count = max(self.cells.shape[1], known.shape[1])
         cells = np.concatenate([np.resize(row, count)[None] for row in (*self.cells, *known)])
         pattern = Pattern(dofs, np.append(self.pattern.index, -1), self.pattern.count)

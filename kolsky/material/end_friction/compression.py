@@ -1,7 +1,7 @@
 """A cylinder compressed between rigid platens with Coulomb friction, in equilibrium at every step.
 
-`compress` returns force, shape and their derivatives by the constants of the law and by the friction. Contact
-is checked point by point: no penetration, sticking or sliding.
+`compress` returns force and shape, and their derivatives by the constants of the law and by the friction.
+Contact is checked point by point: no penetration, sticking or sliding.
 """
 
 from collections.abc import Sequence
@@ -40,11 +40,12 @@ class Compression:
     steps: int = 0
     """Number of equilibria."""
     snaps: int = 0
-    """Number of jumps to another equilibrium, at which a node of the edge landed or curled off."""
+    """Number of jumps to another equilibrium. In a jump, a node of the edge comes into contact or leaves
+    it."""
 
 
 class NoEquilibriumError(ValueError):
-    """No equilibrium was found; the message gives the strain."""
+    """No equilibrium was found. The message gives the strain."""
 
 
 GAUSS = 5
@@ -89,7 +90,7 @@ class ContactPoints:
         return csr_array((self.shape.ravel(), (rows, self.nodes.ravel())), shape=(n, self.n_nodes))
 
     def at(self, values: FloatArray) -> FloatArray:
-        """Values at the points of nodal ones, shape [n_nodes, ...]."""
+        """Values at the points from nodal values, shape [n_nodes, ...]."""
         return np.asarray(self.matrix @ values)
 
     def shared(self, forces: FloatArray) -> FloatArray:
@@ -108,7 +109,7 @@ class ContactPoints:
 
 
 _STIFF = 200.0
-"""Penalty over shear modulus and smallest element [-]."""
+"""Penalty divided by shear modulus and smallest element [-]."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ class Grip:
     """State of each contact point at the last equilibrium."""
 
     touching: NDArray[np.bool_]
-    """True where a point lay on the platen, shape [n_contact]."""
+    """True for a point on the platen, shape [n_contact]."""
     anchor: FloatArray
     """Radius at which its tangential force is zero [m], shape [n_contact]."""
     anchor_change: FloatArray
@@ -144,7 +145,7 @@ class ContactForces:
     by_friction: FloatArray
     """d(radial force)/d(coefficient) [N], shape [n_contact]."""
     slipping: NDArray[np.bool_]
-    """True where Coulomb's limit is reached, shape [n_contact]."""
+    """True if Coulomb's limit is reached, shape [n_contact]."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,7 @@ class Platen:
 
     mesh: HalfCylinder
     bonded: bool
-    """True if the face is glued; then only the side can land, and sticks."""
+    """True if the face is glued. Then only the side can come into contact, and it sticks."""
     friction: float
     """Coulomb's coefficient [-]; infinity: no slip."""
     modulus: float
@@ -179,7 +180,7 @@ class Platen:
         return Grip(touching, r, nothing, np.zeros(r.size), nothing)
 
     def forces(self, x: FloatArray, level: float, grip: Grip) -> ContactForces:
-        """Forces at the nodes' places x, shape [n_nodes, 2], under a platen at a height [m]."""
+        """Forces at the nodes' positions x, shape [n_nodes, 2], under a platen at a height [m]."""
         r, z = self.points.at(x).T
         k = self.penalty
         normal = np.maximum(grip.normal + k * (z - level), 0.0)
@@ -216,8 +217,8 @@ class Platen:
     ) -> Grip:
         """State of the points at an equilibrium.
 
-        `moved`, `down` and `slid` are the derivatives of the points' radii, heights and tangential forces by
-        the parameters, shape [n_contact, n_parameters].
+        `moved`, `down` and `slid` are derivatives by the parameters, shape [n_contact, n_parameters]. They
+        belong to the points' radii, heights and tangential forces.
         """
         r, k = self.points.at(x)[:, 0], self.penalty
         touching = found.normal > 0.0
@@ -252,12 +253,12 @@ class Equations:
         self.start = np.searchsorted(unique // free.size, np.arange(free.size + 1))
         weight = np.zeros(len(mesh.nodes))
         np.add.at(weight, mesh.elements, mesh.gauss[1].sum(axis=1)[:, None] / 9.0)
-        # Drag that equals the stiffness of the whole body per displacement, shared out by volume.
+        # Drag equal to the stiffness of the whole body per displacement, distributed by volume.
         stiffness = 3.0 * platen.modulus * np.pi * mesh.radius**2 / mesh.height
         self.drag_unit: FloatArray = np.repeat(weight / weight.sum(), 2) * stiffness
 
     def factor(self, stiffness: FloatArray, contact: ContactForces, drag: float) -> Any:
-        """Factors of the matrix, which `solve` right-hand sides.
+        """Factors of the matrix. They `solve` right-hand sides.
 
         ``stiffness``: of the elements [N/m], shape [n_elements, 18, 18]. ``contact``: contact forces with
         their derivatives. ``drag``: viscous drag in units of `drag_unit` [-].
@@ -268,7 +269,8 @@ class Equations:
         n = self.start.size - 1
         values = np.bincount(self.slot, weights=data, minlength=self.row.size)
         matrix = csc_array((values, self.row, self.start), shape=(n, n))
-        # The pattern is symmetric, and so is most of the matrix: orderings of A + A^T fill in least.
+        # The pattern is symmetric, and most of the matrix too. Orderings of A + A^T therefore have the least
+        # fill-in.
         return splu(
             matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True}
         )
@@ -281,14 +283,16 @@ LEAST_STEP = 5e-4
 ITERATIONS = 20
 """Largest number of Newton iterations of a step."""
 FULL = 8
-"""Iterations with full steps; later ones are shortened, since nodes that alternately touch and separate cause
-cycles."""
+"""Number of iterations with full steps. Later steps are shortened, because nodes that alternately touch and
+separate cause cycles."""
 FIRST_DRAG, LAST_DRAG = 10.0, 0.02
-"""Drag of the first and of the last creep step over the body's stiffness [-]; after the last one it is 0."""
+"""Drag of the first and of the last creep step, divided by the body's stiffness [-]. After the last step it
+is 0."""
 CREEP_STEPS, CREEP_FAILURES = 60, 8
-"""Largest number of creep steps, and of failed ones."""
+"""Largest number of creep steps, and of failed creep steps."""
 _BALANCED = 1e-7
-"""Sum of unbalanced nodal forces over the sum of the nodes' internal forces at which a step has converged."""
+"""Sum of unbalanced nodal forces, divided by the sum of the nodes' internal forces. Below this, a step has
+converged."""
 
 
 def compress(
@@ -305,13 +309,13 @@ def compress(
 ) -> Compression:
     """Compress a cylinder between platens.
 
-    ``laws``: the law, then for each parameter the law with that parameter changed by its entry of `steps`.
-    ``strain``: nominal compressive strains to record, ascending inside (0, 1) [-], shape [n]. ``bulk``: bulk
-    modulus K [Pa]. ``modulus``: shear modulus at rest, which scales the contact penalty [Pa]. ``steps``:
-    change of each parameter, shape [n_parameters]. ``bonded``: True if the faces are glued to the platens,
-    where the side sticks too once it lands. ``friction``: coulomb's coefficient of face and side if they are
-    not; infinity: they do not slip [-]. ``by_friction``: True if the coefficient is one more parameter, the
-    last.
+    ``laws``: the law, then one law per parameter. In each of these, the parameter is changed by its entry of
+    `steps`. ``strain``: nominal compressive strains to record, ascending inside (0, 1) [-], shape [n].
+    ``bulk``: bulk modulus K [Pa]. ``modulus``: shear modulus at rest, which scales the contact penalty [Pa].
+    ``steps``: change of each parameter, shape [n_parameters]. ``bonded``: True if the faces are glued to the
+    platens. The side then sticks too where it comes into contact. ``friction``: Coulomb's coefficient of face
+    and side if they are not glued; infinity: they do not slip [-]. ``by_friction``: True if the coefficient
+    is an additional parameter, the last one.
     """
     if strain.size < 1 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
         raise ValueError("strains of a compression must ascend inside (0, 1)")
@@ -433,8 +437,10 @@ class _March:
         return False
 
     def _creep(self, to: float) -> bool:
-        """Overdamped motion to rest at a constant strain, used if no equilibrium is near; False if it finds
-        none."""
+        """Overdamped motion to rest at a constant strain.
+
+        It is used if no equilibrium is near. False if it finds none.
+        """
         start = self.u.copy()
         if self.platen.bonded:
             start[self.glued] = -to * self.mesh.height
@@ -505,7 +511,8 @@ class _March:
         change = np.zeros_like(by)
         if n:
             change[self.free] = -self.factor.solve(direct[self.free])
-        # The force is that of the internal forces at mid-height: of the parameters and of the displacements.
+        # The force is that of the internal forces at mid-height. It depends on the parameters and on the
+        # displacements.
         moved = np.einsum("ekl,eln->ekn", stiffness, change[self.mesh.dofs], optimize=True)
         middle = np.zeros(u.size, dtype=bool)
         middle[2 * self.mesh.middle + 1] = True

@@ -1,10 +1,11 @@
-"""End friction removed from a compression test, or constants of chosen laws fitted with it (inverse finite
-elements).
+"""End friction removed from a compression test.
 
-Faces that do not slide freely make a cylinder barrel, and its apparent nominal stress is above the
-material's: by 31 to 33 % at small strain for a bonded cylinder of 9.5 x 6.5 mm. The fitted law is the one
-whose simulated test, in equilibrium (`kolsky.material.end_friction.compression`), gives the measured force
-and, where it was measured, radius: least squares with the derivatives of the simulated test,
+Constants of chosen laws can also be fitted with friction (inverse finite elements).
+
+Faces that do not slide freely make a cylinder barrel. Its apparent nominal stress then exceeds the
+material's: by 31 to 33 % at small strain for a bonded cylinder of 9.5 x 6.5 mm. A law is fitted by simulated
+tests in equilibrium (`kolsky.material.end_friction.compression`). They must give the measured force and, if
+measured, the radius. The fit is least squares with the derivatives of the simulated test,
 
 .. math:: \\min_\\theta \\sum_i \\left(\\frac{\\ln S_\\theta(\\epsilon_i) - \\ln S_i}{\\sigma_i}\\right)^2
           + \\text{prior}(\\theta).                                                              \\qquad (N.1)
@@ -12,9 +13,9 @@ and, where it was measured, radius: least squares with the derivatives of the si
 The force does not determine two properties. One is the material behaviour beyond the strains of the curve,
 which much of a barrelled specimen reaches. The other is the behaviour in modes other than uniaxial
 compression. Several laws are therefore fitted: curves of nodes with several continuations, and laws of the
-library. They are averaged with the weights of Schwarz's criterion (N.2), and their spread is part of the
-band. The force also cannot distinguish friction from the curve's shape. The coefficient is free only if the
-radius at mid-height was measured; otherwise it is declared.
+library. They are averaged with the weights of Schwarz's criterion (N.2). Their spread is part of the band.
+The force also cannot distinguish friction from the curve's shape. The coefficient is free only if the radius
+at mid-height was measured. Otherwise it is declared.
 """
 
 from collections.abc import Sequence
@@ -53,13 +54,13 @@ from kolsky.material.fits.compare import candidates
 from kolsky.material.uniaxial import CurveBand
 
 LARGEST_MISFIT = 0.03
-"""Root mean square misfit of the best law above which a correction is rejected [-]."""
+"""A correction is rejected if the root mean square misfit of the best law exceeds this [-]."""
 DISAGREE = 0.02
-"""Difference of two laws with equal fit above which it is reported [-]."""
+"""A difference of two laws with equal fit above this is reported [-]."""
 
 
 def cause_of_misfit(best: ModelOptimum, test: MeasuredSpecimen) -> str:
-    """Reason why no law fits a test, from the strain of the largest misfit."""
+    """Reason why no law fits a test, based on the strain of the largest misfit."""
     off = best.off
     worst = int(np.argmax(np.abs(off)))
     share = worst / max(1, off.size - 1)
@@ -99,8 +100,8 @@ def _remarks_on(
 
 
 _LAWS_TRIED = ("yeoh", "mooney_rivlin_2", "ogden2", "gent")
-"""Laws of the library fitted in addition to the curves of nodes: two of the first invariant with different
-continuations, one of both invariants, one of the stretches."""
+"""Laws of the library that are fitted in addition to the curves of nodes. Two depend on the first invariant
+and have different continuations. One depends on both invariants, one on the stretches."""
 LARGEST_LIKENESS = 0.9
 """Upper limit of the autocorrelation of the misfit [-]."""
 
@@ -117,8 +118,9 @@ def correct_friction(
 ) -> FrictionCorrection:
     """Find the uniaxial curve behind a compression test with friction at its ends.
 
-    Raises ValueError if friction is free without a measured radius, the stress is not positive, no
-    equilibrium exists, or no law fits the test; the message gives reason and strain.
+    Raises ValueError if friction is free without a measured radius, or if the stress is not positive. The
+    same error is raised if no equilibrium exists, or if no law fits the test. The message gives reason and
+    strain.
 
     ``band``: the apparent nominal stress over nominal compressive strain. ``ends``: contact at its ends.
     ``bulge``, ``bulge_sigma``: radius at mid-height at the strains of `band` [m], shape [n], and its standard
@@ -199,7 +201,10 @@ def checked_test(
 
 
 def _curve_change(one: ModelOptimum, test: MeasuredSpecimen, strain: FloatArray) -> FloatArray:
-    """Change of ln T at some strains by ln S at the compared ones (and by radii), shape [n, n_residuals]."""
+    """Change of ln T at some strains by ln S at the compared strains, shape [n, n_residuals].
+
+    With measured radii, it includes the change by the radii.
+    """
     theta = test.own(one.theta)
     base = np.log(one.model.stress(theta, strain))
     h = 1e-5
@@ -274,10 +279,12 @@ def _chosen(band: CurveBand, test: MeasuredSpecimen) -> NDArray[np.int64]:
 
 
 def _noise(best: ModelOptimum, test: MeasuredSpecimen, response: FloatArray, band: CurveBand) -> FloatArray:
-    """Modes of ln T by errors of the stresses: their noise, or the misfit if that is more.
+    """Modes of ln T by errors of the stresses.
 
-    Misfits of neighbouring strains have a correlation rho, so fewer of them are independent: they are treated
-    as independent with (1 + rho) / (1 - rho) times the variance (Bartlett 1935).
+    The errors are their noise, or the misfit if it is larger.
+
+    Misfits of neighbouring strains have a correlation rho. Fewer of them are therefore independent. They are
+    treated as independent with (1 + rho) / (1 - rho) times the variance (Bartlett 1935).
     """
     n = test.strain.size
     own = (band.noise / band.stress)[_chosen(band, test)]
@@ -292,7 +299,7 @@ def _noise(best: ModelOptimum, test: MeasuredSpecimen, response: FloatArray, ban
 def _friction(
     best: ModelOptimum, test: MeasuredSpecimen, response: FloatArray
 ) -> tuple[float | None, float, FloatArray]:
-    """The coefficient, its standard uncertainty, and the change of ln T by one of these."""
+    """The coefficient, its standard uncertainty, and the change of ln T by one standard uncertainty."""
     n = test.strain.size
     nothing = np.zeros(len(response))
     if test.ends.law != "coulomb":
@@ -302,7 +309,7 @@ def _friction(
         slope = best.made.stress_by[:, -1] / best.made.stress
         return f, test.ends.sigma, -response[:, :n] @ slope * test.ends.sigma
     gain = best.gain[-1]
-    # The mesh error of the radius is the same at all strains, so averaging does not reduce it.
+    # The mesh error of the radius is the same at all strains. Averaging therefore does not reduce it.
     together = gain[n : 2 * n].sum() * MODEL_RADIUS * test.specimen.radius / test.bulge_scale
     sigma = f * float(np.hypot(np.linalg.norm(gain), together))
     common = np.full(n, MODEL_RADIUS * test.specimen.radius / test.bulge_scale)
@@ -317,22 +324,23 @@ def fit_specimen(
     *,
     numerics: CorrectionNumerics | None = None,
 ) -> tuple[ModelFit, ...]:
-    """Fit laws to a compressed cylinder, with intervals and correlations, greatest weight first.
+    """Fit laws to a compressed cylinder, with intervals and correlations.
 
-    Levenberg and Marquardt's method (a trust region where a law has bounds) over the derivatives of the
-    simulated test, on a coarse mesh; the optimum is then moved to the refined one, and a share of that change
-    is in the uncertainties.
+    The law of the greatest weight is first.
 
-    Three more parts are in the uncertainties: the change of the constants when the fit ends at a smaller
-    strain, beyond the effect of noise (`RangeDrift`); the change by Poisson's ratio, which a force does not
-    determine; and the change by an error of the force that is correlated between neighbouring strains
-    (`slow_error`).
+    The method is that of Levenberg and Marquardt (a trust region if a law has bounds), with the derivatives
+    of the simulated test on a coarse mesh. The optimum is then moved to the refined mesh. A share of this
+    change is in the uncertainties.
 
-    Raises ValueError if no law can be fitted; the message has each one's reason.
+    Three more parts are in the uncertainties. The first is the change of the constants if the fit ends at a
+    smaller strain, beyond the effect of noise (`RangeDrift`). The second is the change by Poisson's ratio,
+    which a force does not determine. The third is the change by an error of the force that is correlated
+    between neighbouring strains (`slow_error`).
 
-    ``band``: apparent nominal stress over nominal compressive strain. ``ends``: what holds it at its ends.
-    ``laws``: names of `kolsky.material.fits.compare.candidates`. ``numerics``: meshes and Poisson's
-    ratio.
+    Raises ValueError if no law can be fitted. The message gives the reason for each law.
+
+    ``band``: apparent nominal stress over nominal compressive strain. ``ends``: contact at the ends.
+    ``laws``: names of `kolsky.material.fits.compare.candidates`. ``numerics``: meshes and Poisson's ratio.
     """
     test = checked_test(band, specimen, ends, None, 0.0, numerics or CorrectionNumerics())
     near = fit_nodes(test, continuations=("exponential",))[0]
@@ -374,24 +382,25 @@ def mesh_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
 
 
 SLOW_STRESS = 1.5e-3
-"""Error of the refined mesh's force that changes slowly with the strain, in the root mean square about its
-mean [-]. Other programs differ by 0.3 to 0.5 % at some strains, mostly where the side lands. Chosen on the
-cylinders of seed 27183 (`populations.bonded_cylinders`): at least 18 of 20 answers are correct."""
+"""Error of the refined mesh's force that changes slowly with the strain [-]. It is a root mean square about
+the mean. Other programs differ by 0.3 to 0.5 % at some strains, mostly where the side comes into contact. It
+was chosen on the cylinders of seed 27183 (`populations.bonded_cylinders`): at least 18 of 20 answers are
+correct."""
 SLOW_FROM = 0.12
-"""Strain above which this error has its full size [-]; below it the error grows with the strain. FElupe's
-force changes between its two meshes by 0.03 % where the test ends at 5 to 7 %, by 0.2 to 0.4 % from 12 %
-on."""
+"""Strain above which this error has its full size [-]. Below it, the error grows with the strain. FElupe's
+force changes between its two meshes by 0.03 % if the test ends at 5 to 7 %. From 12 % on, it changes by 0.2
+to 0.4 %."""
 SLOW_REACH = 0.3
-"""Correlation length of this error over the largest strain [-]: between 0.2 and 0.5 the intervals of Gent's
-and of Mooney and Rivlin's constants change by 10 %."""
+"""Correlation length of this error, divided by the largest strain [-]. Between 0.2 and 0.5, the intervals of
+Gent's and of Mooney and Rivlin's constants change by 10 %."""
 
 
 def slow_error(strain: FloatArray) -> FloatArray:
     """Covariance of the slowly varying error of the logarithm of a simulated force, shape [n, n].
 
-    ``strain``: rising [-], shape [n]. The mean over the strains has the standard deviation `COMMON_STRESS`.
-    The deviations from it have the root mean square `SLOW_STRESS`, less below `SLOW_FROM`, and a
-    squared-exponential correlation.
+    ``strain``: increasing [-], shape [n]. The mean over the strains has the standard deviation
+    `COMMON_STRESS`. The deviations from the mean have a squared-exponential correlation. Their root mean
+    square is `SLOW_STRESS`, and less below `SLOW_FROM`.
     """
     place, size = strain / strain[-1], np.minimum(strain / SLOW_FROM, 1.0)
     alike = np.exp(-0.5 * ((place[:, None] - place) / SLOW_REACH) ** 2) * np.outer(size, size)
@@ -404,28 +413,28 @@ def slow_error(strain: FloatArray) -> FloatArray:
 def slow_change(gain: FloatArray, noise: FloatArray, strain: FloatArray) -> FloatArray:
     """Standard deviation of the unknowns by `slow_error`, shape [n_unknowns].
 
-    ``gain``: their change by residuals over ``noise``, of which those of the force come first.
+    ``gain``: change of the unknowns by residuals over ``noise``. The residuals of the force come first.
     """
     by_force = gain[:, : strain.size] / noise
     return np.asarray(np.sqrt(np.diag(by_force @ slow_error(strain) @ by_force.T)))
 
 
 RANGES = (0.5, 0.6, 0.7, 0.8)
-"""Shares of the largest strain at which a fit is ended for comparison [-]: with smaller shares a law's second
-constant is not significant, with larger ones the fits hardly differ."""
+"""Shares of the largest strain at which a fit ends for comparison [-]. With smaller shares, a law's second
+constant is not significant. With larger ones, the fits hardly differ."""
 DRIFTS = 0.01
-"""Probability of such a change for a correct law below which it is reported. With four correlated ranges this
-reports one or two in a hundred correct tests."""
+"""Probability of such a change for a correct law. Below this value, the change is reported. With four
+correlated ranges, this reports one or two in a hundred correct tests."""
 
 DRIFT_COVERAGE = 2.0
 """Number of standard deviations of a change that a correct law explains [-]. The change from the shortest
-range scatters more than the constants of the whole test: with 1, it would widen every third correct
+range scatters more than the constants of the whole test. With 1, it would widen every third correct
 interval."""
 
 
 @dataclass(frozen=True)
 class RangeDrift:
-    """Change of the unknowns when a fit ends earlier."""
+    """Change of the unknowns if a fit ends earlier."""
 
     excess: FloatArray
     """Largest change of any range beyond `DRIFT_COVERAGE` standard deviations [-], shape [n]."""
@@ -434,19 +443,21 @@ class RangeDrift:
     rows: int
     """Number of rows of the range with that probability."""
     change: FloatArray
-    """Change of the unknowns from the whole range to that one [-], shape [n]."""
+    """Change of the unknowns from the whole range to this range [-], shape [n]."""
 
 
 def range_drift(
     jacobian: FloatArray, residual: FloatArray, ranges: Sequence[int], *, excess: float = 1.0
 ) -> RangeDrift:
-    """Compare a fit with those to its first rows only (Hausman 1978).
+    """Compare a fit with fits to its first rows (Hausman 1978).
 
-    With J_S and r_S the rows of a range, d = -(J_S^T J_S)^-1 J_S^T r_S is the change to its own optimum. For
-    a correct law its covariance is V = s^2 [(J_S^T J_S)^-1 - (J^T J)^-1]; d_j^2 - k^2 V_jj exceeds it, k = 2.
+    With J_S and r_S the rows of a range, d = -(J_S^T J_S)^-1 J_S^T r_S is the change to the optimum of this
+    range. For a correct law its covariance is V = s^2 [(J_S^T J_S)^-1 - (J^T J)^-1]. The excess is d_j^2 -
+    k^2 V_jj with k = 2.
 
-    ``jacobian``: over standard deviations, shape [m, n]. ``residual``: at the optimum of all rows, likewise,
-    shape [m]. ``ranges``: numbers of rows. ``excess``: s^2, variance of the residual over the declared.
+    ``jacobian``: divided by standard deviations, shape [m, n]. ``residual``: at the optimum of all rows,
+    divided in the same way, shape [m]. ``ranges``: numbers of rows. ``excess``: s^2, variance of the residual
+    over the declared one.
     """
     n = jacobian.shape[1]
     whole = np.linalg.pinv(jacobian.T @ jacobian)
@@ -470,7 +481,7 @@ def range_drift(
 
 
 def _range_drift(one: ModelOptimum, test: MeasuredSpecimen) -> RangeDrift:
-    """Change of the unknowns if the test ends earlier; only the stresses are compared."""
+    """Change of the unknowns if the test ends earlier. Only the stresses are compared."""
     n = test.strain.size
     ranges = [int(np.count_nonzero(test.strain <= share * test.strain[-1])) for share in RANGES]
     scale = max(1.0, one.chi2 / max(1, n - one.theta.size))

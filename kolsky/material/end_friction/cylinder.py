@@ -15,7 +15,7 @@ GAUSS = 3
 
 @dataclass(frozen=True)
 class HalfCylinder:
-    """Elements between mid-height (z = 0) and the upper face, equal in the lower half."""
+    """Elements between mid-height (z = 0) and the upper face. The lower half has the same number."""
 
     radius: float
     """Undeformed radius [m]."""
@@ -26,7 +26,8 @@ class HalfCylinder:
     n_axial: int
     """Elements along the half length."""
     grading: float = 4.0
-    """Largest over smallest element; the small ones lie at the side and at the face [-]."""
+    """Size of the largest element divided by that of the smallest [-]. The small ones lie at the side and at
+    the face."""
 
     def __post_init__(self) -> None:
         if not (self.radius > 0.0 and self.height > 0.0):
@@ -63,12 +64,12 @@ class HalfCylinder:
 
     @cached_property
     def face(self) -> NDArray[np.int64]:
-        """Nodes of the upper face from the axis outward, its edge included."""
+        """Nodes of the upper face from the axis outward, with its edge."""
         return np.arange(len(self.nodes) - self.row, len(self.nodes))
 
     @cached_property
     def side(self) -> NDArray[np.int64]:
-        """Nodes of the side from mid-height upward, the edge included."""
+        """Nodes of the side from mid-height upward, with the edge."""
         return np.arange(self.row - 1, len(self.nodes), self.row)
 
     @cached_property
@@ -84,7 +85,8 @@ class HalfCylinder:
     @cached_property
     def gauss(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """B, shape [n_elements, 9, 5, 18] [1/m]; volumes of the points [m^3], shape [n_elements, 9]; linear
-        functions of the pressure (1, xi, eta), shape [9, 3]."""
+        functions of the pressure (1, xi, eta), shape [9, 3].
+        """
         points, weights = np.polynomial.legendre.leggauss(GAUSS)
         eta, xi = (g.ravel() for g in np.meshgrid(points, points, indexing="ij"))
         weight = np.outer(weights, weights).ravel()
@@ -122,7 +124,7 @@ class HalfCylinder:
 
 
 def _graded(length: float, n: int, ratio: float) -> FloatArray:
-    """Corner and middle nodes of n elements whose sizes shrink geometrically towards the end."""
+    """Corner and middle nodes of n elements with sizes that decrease geometrically toward the end."""
     size = ratio ** (-np.arange(n) / (n - 1))
     corner = np.concatenate([[0.0], np.cumsum(size)]) * length / size.sum()
     return np.sort(np.concatenate([corner, 0.5 * (corner[1:] + corner[:-1])]))
@@ -135,7 +137,7 @@ def quadratic_functions(x: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 EQUAL_STRETCHES = 1e-7
-"""Relative distance below which two stretches count as equal in the quotient of the shear terms."""
+"""Relative distance below which two stretches are equal in the quotient of the shear terms."""
 UNDEFORMED = np.array([1.0, 0.0, 0.0, 1.0, 1.0])
 """The deformation gradient without displacements."""
 
@@ -147,7 +149,7 @@ class Deformation:
     F: FloatArray
     """(F_rr, F_rz, F_zr, F_zz, F_tt) [-], shape [n, q, 5]."""
     stretch: FloatArray
-    """Principal stretches, the hoop's last [-], shape [n, q, 3]."""
+    """Principal stretches, that of the hoop last [-], shape [n, q, 3]."""
     left: FloatArray
     """(cos, sin) of the angle of U, shape [n, q, 2]."""
     right: FloatArray
@@ -155,7 +157,7 @@ class Deformation:
 
     @classmethod
     def of(cls, F: FloatArray) -> "Deformation":
-        """Singular values of the part in the plane, by its angles in closed form."""
+        """Singular values of the in-plane part, by its angles in closed form."""
         a, b = 0.5 * (F[..., 0] + F[..., 3]), 0.5 * (F[..., 0] - F[..., 3])
         c, d = 0.5 * (F[..., 2] + F[..., 1]), 0.5 * (F[..., 2] - F[..., 1])
         whole, part = np.hypot(a, d), np.hypot(b, c)
@@ -244,7 +246,8 @@ class Body:
 
     def forces(self, law: Stretches, state: Deformation) -> tuple[FloatArray, FloatArray]:
         """Internal forces of each element [N], shape [n, 18], and their derivatives [N/m], shape
-        [n, 18, 18]."""
+        [n, 18, 18].
+        """
         B, volume, phi = self.mesh.gauss
         J, dJ, d2J = _volume(state.F)
         inverse = self._inverse_mass
@@ -261,8 +264,10 @@ class Body:
         return force, stiffness
 
     def isochoric_forces(self, law: Stretches, state: Deformation) -> FloatArray:
-        """Forces of the isochoric energy, the only ones that depend on a law's constants [N], shape [2
-        n_nodes]."""
+        """Forces of the isochoric energy [N], shape [2 n_nodes].
+
+        No other forces depend on a law's constants.
+        """
         B, volume, _ = self.mesh.gauss
         P = isochoric_stress(law, state) * volume[..., None]
         return self.assembled(np.einsum("eqik,eqi->ek", B, P, optimize=True))

@@ -1,5 +1,7 @@
-"""Laws fitted to a compression test with end friction by inverse finite elements, on the coarse and the
-refined mesh."""
+"""Laws fitted to a compression test with end friction, on the coarse and the refined mesh.
+
+The method is inverse finite elements.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,9 +35,9 @@ TOLERANCE = 1e-3
 _EVALUATIONS = 12
 """Largest number of simulated tests in the search of one fit."""
 NODES = (5, 7, 10)
-"""Numbers of nodes, tried in this order until the residual is noise."""
+"""Numbers of nodes. They are tried in this order until the residual is noise."""
 NOISE_LEFT = 1.5
-"""Mean square residual, relative to noise and mesh error, above which it is not accepted as noise [-]."""
+"""Largest mean square residual that is accepted as noise, divided by that of noise and mesh error [-]."""
 _UNUSABLE = 1e3
 """Residual for unknowns without a valid law or without an equilibrium."""
 _START_FRICTION = 0.3
@@ -58,9 +60,9 @@ class ModelOptimum:
     evaluations: int
     """Number of simulated tests."""
     off: FloatArray
-    """ln of the simulated over the measured stress [-], shape [n]."""
+    """ln of simulated over measured stress [-], shape [n]."""
     mesh: MeshError | None = None
-    """Change by the refined mesh, if the fit was moved to that mesh."""
+    """Change by the refined mesh, if the fit was moved to it."""
 
     @property
     def gain(self) -> FloatArray:
@@ -69,12 +71,12 @@ class ModelOptimum:
 
     @property
     def misfit(self) -> float:
-        """Root mean square of the ratio of simulated to measured stress minus 1 [-]."""
+        """Root mean square of (simulated over measured stress) minus 1 [-]."""
         return float(np.sqrt(np.mean(self.off**2)))
 
 
 class FitFailedError(ValueError):
-    """A model cannot be fitted; the message gives the reason."""
+    """A model cannot be fitted. The message gives the reason."""
 
 
 def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> ModelOptimum:
@@ -138,7 +140,8 @@ def fit_nodes(
     reasons = ""
     for count in NODES:
         places = np.linspace(0.0, last, count)
-        # The straight course over I1 through the apparent curve: its bends are not the material's.
+        # The start is a straight line in I1 through the apparent curve, because the bends of the curve are
+        # not the material's.
         start = np.polynomial.Polynomial.fit(measure(test.strain) ** 2, quotient, 2)(places**2)
         if test.free:
             start = np.append(start, np.log(_START_FRICTION))
@@ -158,7 +161,10 @@ def fit_nodes(
 
 
 def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptimum) -> ModelOptimum:
-    """Fit of a law of the library; the start is its fit to the curve of another law."""
+    """Fit of a law of the library.
+
+    It starts from the law's fit to the curve of another law.
+    """
     stress = near.model.stress(test.own(near.theta), test.strain)
     homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)
     model = LibraryModel(candidate, float(stress[0] / gaussian_strain(test.strain[:1], compression=True)[0]))
@@ -183,10 +189,12 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptim
 
 
 def model_weights(found: list[ModelOptimum], test: MeasuredSpecimen) -> FloatArray:
-    """Weights of the models: exp(-BIC / 2), with the noise from the best model's misfit if that is larger,
-    Eq. (N.2).
+    """Weights of the models: exp(-BIC / 2), Eq. (N.2).
 
-    With n residuals, k unknowns and S = chi2 the criterion is S / v + k ln n, v = max(1, S_best / (n - k)).
+    The noise is that of the best model's misfit if it is larger.
+
+    With n residuals, k unknowns and S = chi2, the criterion is S / v + k ln n, where v = max(1, S_best / (n -
+    k)).
     """
     criteria = bic(found, test)
     likelihood = np.exp(-0.5 * (criteria - criteria.min()))
@@ -214,7 +222,8 @@ def model_fit(
     moves = length > 0.0
     size = np.where(moves, length, 1.0)
     scaled = one.jacobian / size
-    # Columns of length 1: moduli and limits of stretch may differ by ten orders, which `pinv` would cut off.
+    # Columns are scaled to length 1. Moduli and limits of stretch may differ by ten orders, and `pinv` would
+    # drop the smaller ones.
     covariance = np.linalg.pinv(scaled.T @ scaled) * excess / np.outer(size, size)
     if isinstance(one.model, LibraryModel):
         names, units, values = one.model.names, one.model.units, theta * one.model.units
@@ -239,14 +248,15 @@ def model_fit(
 
 
 ORDER, SHARE = 2.0, 0.5 * 1.25
-"""Order of the mesh error and its share that counts as standard uncertainty, as in
+"""Order of the mesh error, and the share of it that is the standard uncertainty, as in
 `kolsky.identification`."""
 NEAR = 10.0
-"""Mean square residual on the coarse mesh, over that of the nearest law or 1, up to which a law is moved [-].
-About three times the error of the mesh: a change of the mesh cannot make a law with a larger misfit fit."""
+"""Mean square residual on the coarse mesh up to which a law is moved [-]. It is divided by that of the
+nearest law, or by 1. It is about three times the error of the mesh: a law with a larger misfit does not fit
+on another mesh either."""
 LEAST_SINGULAR_VALUE = 1e-4
-"""Smallest singular value of the derivatives, over the largest, of a direction in which a law is moved [-]: a
-test with an accuracy of a few parts in a thousand cannot resolve smaller ones."""
+"""Smallest singular value, divided by the largest, of the derivatives in a direction in which a law is moved
+[-]. A test with an accuracy of a few parts in a thousand cannot resolve smaller ones."""
 
 
 def on_refined_mesh(
@@ -254,8 +264,8 @@ def on_refined_mesh(
 ) -> tuple[list[ModelOptimum], MeasuredSpecimen]:
     """The fits with the refined mesh's force, and the test with its noise.
 
-    A law keeps its fit if its misfit is large, if it has no equilibrium on the refined mesh, or if the step
-    would make its stress negative.
+    A law keeps its fit in three cases: its misfit is large, it has no equilibrium on the refined mesh, or the
+    step would make its stress negative.
     """
     limit = near * max(test.strain.size, min(one.chi2 for one in found))
     errors: list[MeshError | None] = []
@@ -274,15 +284,16 @@ def on_refined_mesh(
 
 def mesh_share(numerics: CorrectionNumerics) -> float:
     """Standard uncertainty of the refined mesh as a share of the change from the coarse to the refined
-    mesh."""
+    mesh.
+    """
     return SHARE / ((numerics.refined_mesh[0] / numerics.mesh[0]) ** ORDER - 1.0)
 
 
 def local_rms(changes: Sequence[FloatArray]) -> FloatArray:
     """Root mean square of some laws' changes, at each strain with its two neighbours, shape [n].
 
-    Where the side lands element by element, the change has alternating signs and no order of convergence, so
-    only its size is used.
+    If the side comes into contact element by element, the change has alternating signs and no order of
+    convergence. Only its size is therefore used.
     """
     square = np.mean(np.square(changes), axis=0)
     padded = np.pad(square, 1, mode="edge")
@@ -292,7 +303,10 @@ def local_rms(changes: Sequence[FloatArray]) -> FloatArray:
 def _refined_fit(
     one: ModelOptimum, test: MeasuredSpecimen, finer: MeasuredSpecimen, error: MeshError
 ) -> ModelOptimum:
-    """One fit moved to the refined mesh, which changes its simulated test by `error`."""
+    """One fit moved to the refined mesh.
+
+    Its simulated test changes by `error`.
+    """
     n = test.strain.size
     rows = [(one.off + error.stress) / finer.noise]
     if test.bulge is not None:

@@ -23,7 +23,7 @@ from kolsky.material.uniaxial import CurveBand, gaussian_strain
 
 Continuation = Literal["tangent", "quadratic", "exponential", "level"]
 """Continuations of 2U' beyond the last node: linear in s, linear in I1 (two terms of Yeoh's law), exponential
-in I1 (Fung's), constant (neo-Hookean)."""
+in I1 (Fung's), or constant (neo-Hookean)."""
 CONTINUATIONS: tuple[Continuation, ...] = get_args(Continuation)
 
 
@@ -36,7 +36,7 @@ def measure(strain: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True)
 class NodesLaw:
-    """W(I1) with ln 2U' a cubic spline over s = sqrt(I1 - 3), level at s = 0."""
+    """W(I1) with ln 2U' as a cubic spline over s = sqrt(I1 - 3), with zero slope at s = 0."""
 
     nodes: FloatArray
     """Values of s at the nodes, from 0 to the end of the data [-], shape [n]."""
@@ -117,7 +117,7 @@ class CurveModel(Protocol):
         ...
 
     def law(self, theta: FloatArray) -> Stretches:
-        """The law of the unknowns; ValueError if they give no valid law."""
+        """The law of the unknowns. Raises ValueError if they give no valid law."""
         ...
 
     def stress(self, theta: FloatArray, strain: FloatArray) -> FloatArray:
@@ -130,8 +130,8 @@ class CurveModel(Protocol):
 
 
 SMOOTH = 0.3
-"""Likely size of the second difference of ln 2U' from node to node over the square of their distance in s
-(standard deviation of the smoothness prior) [-]; rubber-like curves have 0 to 1."""
+"""Likely size of the second difference of ln 2U' from node to node, divided by the square of their distance
+in s [-]. It is the standard deviation of the smoothness prior. Rubber-like curves have 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class NodesModel:
         return self.law(theta).two_u_prime(measure(strain))[0] * gaussian_strain(strain, compression=True)
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Second differences over `SMOOTH` times the square of the distance."""
+        """Second differences divided by `SMOOTH` times the square of the distance."""
         h = self.nodes[1] - self.nodes[0]
         second = np.diff(np.eye(theta.size), 2, axis=0) / (SMOOTH * h**0.5)
         return second @ theta, second
@@ -205,7 +205,7 @@ class LibraryModel:
 
     @property
     def lower(self) -> FloatArray:
-        """Lower bounds of the unknowns; a modulus may be negative if the law is then still valid."""
+        """Lower bounds of the unknowns. A modulus may be negative if the law is then still valid."""
         specs = self.candidate.law.PARAMETERS
         return np.array([specs[k].lower if specs[k].strict else -np.inf for k in self._free]) / self.units
 
@@ -242,20 +242,20 @@ def _measure(lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
 
 
 _LARGEST_FRICTION = 5.0
-"""Above this coefficient nothing slips: choose "bonded" or "rough"."""
+"""Above this coefficient nothing slips. Choose "bonded" or "rough" instead."""
 MODEL_STRESS, MODEL_RADIUS = 2e-3, 1e-3
-"""Error of the coarse mesh, relative to stress and radius [-]: the least standard deviation of a residual.
-The side rolls onto the platen point by point, which makes the force uneven by about this amount. The
-difference from DOLFINx is 0.27 and 0.31 % (rms) for `ogden2` and `yeoh` with f = 0.3, and 0.10 % for the
+"""Error of the coarse mesh, relative to stress and radius [-]. It is the least standard deviation of a
+residual. The side rolls onto the platen point by point, which makes the force uneven by about this amount.
+The difference from DOLFINx is 0.27 and 0.31 % (rms) for `ogden2` and `yeoh` with f = 0.3, and 0.10 % for the
 bonded `mooney_rivlin`."""
 REFINED_STRESS = 1e-3
-"""The same error on the refined mesh [-]: the same cylinders differ from DOLFINx by 0.09, 0.11 and 0.07 %
+"""The same error on the refined mesh [-]. The same cylinders differ from DOLFINx by 0.09, 0.11 and 0.07 %
 (rms)."""
 COMMON_STRESS = 6e-4
-"""Part of it that is common to all strains and that averaging does not reduce [-]: the mean differences from
-DOLFINx's force are -0.05, -0.08 and -0.03 %, 0.06 % in the root mean square."""
+"""The part of this error that is common to all strains [-]. Averaging does not reduce it. The mean
+differences from DOLFINx's force are -0.05, -0.08 and -0.03 %, 0.06 % in the root mean square."""
 DIFFERENCE = 1e-4
-"""Change of an unknown by which a law's stress is differentiated; moduli enter a stress linearly."""
+"""Change of an unknown for the derivatives of a law's stress. Moduli enter a stress linearly."""
 
 
 @dataclass(frozen=True)
@@ -263,11 +263,11 @@ class EndFriction:
     """Contact between specimen and platens in the quasi-static test."""
 
     law: Literal["bonded", "rough", "coulomb"]
-    """Contact law of faces and side: bonded also carries tension, rough does not."""
+    """Contact law of faces and side. "bonded" also carries tension, "rough" does not."""
     coefficient: float | None = 0.0
-    """Coulomb's coefficient [-]; None: fitted to the radius at mid-height. Only for "coulomb"."""
+    """Coulomb's coefficient [-]. None: it is fitted to the radius at mid-height. Only for "coulomb"."""
     sigma: float = 0.0
-    """Its standard uncertainty, if it is declared [-]."""
+    """Its standard uncertainty, if declared [-]."""
 
     def __post_init__(self) -> None:
         f = self.coefficient
@@ -282,7 +282,7 @@ class EndFriction:
 
 
 ASSUMED_POISSON_SIGMA = 5e-4
-"""Standard uncertainty of Poisson's ratio if none is declared [-]: with the default of 0.499, k = 2 covers
+"""Standard uncertainty of Poisson's ratio if none is declared [-]. With the default of 0.499, k = 2 covers
 the usual range of rubbers, 0.498 to 0.49999."""
 
 
@@ -291,7 +291,7 @@ class CorrectionNumerics:
     """Numerical choices of a correction."""
 
     mesh: tuple[int, int] = (8, 7)
-    """Elements across the radius and along the half length, biquadratic, in the fits."""
+    """Elements in the fits across the radius and along the half length, biquadratic."""
     refined_mesh: tuple[int, int] = (12, 10)
     """The refined mesh of the final result."""
     poisson: float = 0.499
@@ -313,19 +313,19 @@ class CorrectionNumerics:
 
 
 LARGEST_NUMBER = 1e5
-"""Dimensionless constant above which its term in the law is negligible [-]: with Gent's Jm the law stiffens
-by (I1 - 3)/Jm, a thousandth of a permille at 70 % strain, which no test can detect."""
+"""Dimensionless constant above which its term in the law is negligible [-]. With Gent's Jm, the law stiffens
+by (I1 - 3)/Jm. At 70 % strain this is a thousandth of a permille, which no test can detect."""
 _NUMBERS = {spec.name for law in LAWS.values() for spec in law.PARAMETERS if spec.unit == "1"}
 
 
 @dataclass(frozen=True)
 class ModelFit:
-    """A law whose simulated test was fitted to the measured one."""
+    """A law fitted by its simulated test to the measured one."""
 
     name: str
     """The law, or the nodes with their continuation."""
     constants: dict[str, float]
-    """Its constants by name, in SI units; for nodes 2U' [Pa] by their values of s."""
+    """Constants of the law by name, in SI units. For nodes, 2U' [Pa] by their values of s."""
     sigma: dict[str, float]
     """Their standard uncertainties from the noise, in the same form."""
     correlation: FloatArray
@@ -333,7 +333,7 @@ class ModelFit:
     stress: FloatArray
     """Nominal stress in frictionless compression at the strains of the band [Pa], shape [n]."""
     misfit: float
-    """Root mean square of the ratio of simulated to measured stress minus 1 [-]."""
+    """Root mean square of (simulated over measured stress) minus 1 [-]."""
     bic: float
     """Schwarz's criterion."""
     weight: float
@@ -341,15 +341,13 @@ class ModelFit:
     evaluations: int
     """Number of simulated tests in the fit."""
     reason: str = ""
-    """Reason why it has no weight, if it has none."""
+    """Reason why it has no weight; None if it has a weight."""
     remark: str = ""
     """Remarks on the constants."""
 
     @property
     def not_determined(self) -> tuple[str, ...]:
-        """Constants whose k = 2 interval includes zero, or which are so large that their term is
-        negligible.
-        """
+        """Constants with a k = 2 interval that includes zero, or with a negligible term."""
         return tuple(
             name
             for name, value in self.constants.items()
@@ -371,13 +369,13 @@ class FrictionCorrection:
     band: CurveBand
     """Corrected curve with its modes: those of the tests, "noise", "friction", "mesh", "elements", "law"."""
     ratio: FloatArray
-    """Apparent over true nominal stress [-], shape [n]."""
+    """Apparent nominal stress divided by the true one [-], shape [n]."""
     coefficient: float | None
     """Coulomb's coefficient, declared or fitted [-]; None for "bonded" and "rough"."""
     sigma: float
     """Its standard uncertainty [-]."""
     misfit: float
-    """Misfit of the law of the greatest weight [-]."""
+    """Misfit of the law with the greatest weight [-]."""
     models: tuple[ModelFit, ...]
     """All fitted laws, the greatest weight first."""
     past_data: float
@@ -397,7 +395,7 @@ class MeshError:
     """Change of a simulated test by the refined mesh."""
 
     stress: FloatArray
-    """ln of the stress over that of the coarse mesh [-], shape [n]."""
+    """ln of the stress divided by that of the coarse mesh [-], shape [n]."""
     bulge: FloatArray
     """Radius at mid-height minus that of the coarse mesh [m], shape [n]."""
     past: float = 0.0
@@ -415,7 +413,7 @@ class MeasuredSpecimen:
     stress: FloatArray
     """Nominal stress at these strains [Pa], shape [n]."""
     noise: FloatArray
-    """Relative standard deviation of the stress, including the mesh error [-], shape [n]."""
+    """Relative standard deviation of the stress with the mesh error [-], shape [n]."""
     specimen: Specimen
     """Undeformed size."""
     ends: EndFriction
@@ -425,11 +423,11 @@ class MeasuredSpecimen:
     bulge: FloatArray | None = None
     """Radius at mid-height [m], shape [n]; None if it was not measured."""
     bulge_scale: float = 1.0
-    """Standard deviation of the radius, including the mesh error [m]."""
+    """Standard deviation of the radius with the mesh error [m]."""
 
     @property
     def free(self) -> bool:
-        """True if the friction is one of the unknowns, the last, as its logarithm."""
+        """True if the friction is one of the unknowns. It is the last one, as its logarithm."""
         return self.ends.law == "coulomb" and self.ends.coefficient is None
 
     def friction(self, theta: FloatArray) -> float:
@@ -439,15 +437,17 @@ class MeasuredSpecimen:
         return float(np.exp(theta[-1])) if self.ends.coefficient is None else self.ends.coefficient
 
     def own(self, theta: FloatArray) -> FloatArray:
-        """The unknowns of the law, without the friction."""
+        """The unknowns of the law without the friction."""
         return theta[:-1] if self.free else theta
 
     def simulate(
         self, model: CurveModel, theta: FloatArray, *, refined: bool = False, derivatives: bool = True
     ) -> Compression:
-        """The test with a law. Derivatives by its unknowns and, under Coulomb's law, by the coefficient.
+        """The test with a law, and its derivatives by the unknowns.
 
-        Raises ValueError if the unknowns give no valid law, or there is no equilibrium.
+        Under Coulomb's law, also by the coefficient.
+
+        Raises ValueError if the unknowns give no valid law, or if there is no equilibrium.
         """
         x, n = self.own(theta), self.numerics
         law = model.law(x)
@@ -476,12 +476,15 @@ class MeasuredSpecimen:
         return MeshError(np.log(fine.stress / made.stress), fine.bulge - made.bulge, fine.past, fine.snaps)
 
     def refined(self, left: FloatArray) -> "MeasuredSpecimen":
-        """The test with the refined mesh's error in its noise: at least `REFINED_STRESS`, and `left` [-]."""
+        """The test with the refined mesh's error in its noise.
+
+        The error is at least `REFINED_STRESS`, and `left` [-].
+        """
         own = self.noise**2 - MODEL_STRESS**2
         return replace(self, noise=np.sqrt(own + REFINED_STRESS**2 + left**2))
 
     def residual(self, made: Compression) -> FloatArray:
-        """Residuals of stress, and of radius if it was measured [-], shape [n or 2 n]."""
+        """Residuals of stress and, if measured, of radius [-], shape [n or 2 n]."""
         rows = [np.log(made.stress / self.stress) / self.noise]
         if self.bulge is not None:
             rows.append((made.bulge - self.bulge) / self.bulge_scale)

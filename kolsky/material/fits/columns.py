@@ -1,4 +1,4 @@
-"""Columns of a file of a homogeneous test; the command line makes its options of them."""
+"""Columns of a file of a homogeneous test. The command line makes its options from them."""
 
 from dataclasses import dataclass
 from math import pi
@@ -53,7 +53,7 @@ class Columns:
         Option("The stretch across the load, or with --lateral-strain its strain.", metavar="COLUMN"),
     ] = ""
     lateral_strain: Annotated[bool, Option("The lateral column is a nominal strain.")] = False
-    """A strain is positive where the specimen gets wider."""
+    """A strain is positive if the specimen gets wider."""
     loading: Annotated[
         bool, Option("Take the loading alone: up to the first point where the strain turns back.")
     ] = False
@@ -73,5 +73,5 @@ class Columns:
 
     @property
     def section(self) -> float | None:
-        """Undeformed cross-section that the force is divided by [m^2]."""
+        """Undeformed cross-section, the divisor of the force [m^2]."""
         return self.area if self.diameter is None else 0.25 * pi * self.diameter**2

@@ -1,13 +1,14 @@
 """Comparison of laws fitted to the same tests: goodness of fit, uncertainty, Drucker's stability.
 
-A material is stable where d tau : d eps > 0 for every step (Drucker 1959), with the Kirchhoff stress and the
-logarithmic strain. In the principal axes of an incompressible solid the steps are those with d eps_1 + d
-eps_2 + d eps_3 = 0, so the criterion is that H of Eq. (L.2) is positive definite in that plane, both of its
-eigenvalues > 0 (as in Abaqus, Theory Manual 4.6). The criterion is stricter than a nominal stress that rises
-with stretch: a law may have a rising uniaxial curve and be unstable in a lateral direction.
+A material is stable if d tau : d eps > 0 for every step (Drucker 1959), with the Kirchhoff stress and the
+logarithmic strain. In the principal axes of an incompressible solid, the steps are those with d eps_1 + d
+eps_2 + d eps_3 = 0. The criterion is therefore that H of Eq. (L.2) is positive definite in that plane: both
+of its eigenvalues are > 0 (as in Abaqus, Theory Manual 4.6). The criterion is stricter than a nominal stress
+that increases with stretch. A law may have an increasing uniaxial curve and be unstable in a lateral
+direction.
 
-Uniaxial compression is equibiaxial tension and the reverse, and planar compression is planar tension with
-renamed axes. All are listed because a user searches for the actual test.
+Uniaxial compression is equibiaxial tension and the reverse. Planar compression is planar tension with renamed
+axes. All are listed because a user searches for the actual test.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +30,7 @@ from kolsky.material.fits.search import Weighting
 POINTS = 2000
 """Number of deformations checked between rest and the end of a path, equally spaced in ln(stretch)."""
 _COMPRESSIBLE_POINTS = 100
-"""The same for a compressible solid, whose lateral stretch must be solved for at each."""
+"""The same for a compressible solid. Its lateral stretch must be computed at each deformation."""
 _ACROSS = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
 _ALONG = np.array([2.0, -1.0, -1.0]) / np.sqrt(6.0)
 """Two volume-preserving steps, without and with the first axis."""
@@ -41,21 +42,21 @@ class Stability(Enum):
     STABLE = "stable"
     """Stable to the end of the checked path."""
     UNSTABLE = "unstable"
-    """Beyond some strain, a strain step does zero or negative work."""
+    """Beyond some strain, a strain step has zero or negative work."""
     UNDEFINED = "not defined"
-    """Beyond some strain the law has no energy: it locks there."""
+    """Beyond some strain the law has no energy: it locks at this strain."""
 
 
 @dataclass(frozen=True)
 class PathStability:
-    """One mode in one direction, from rest outward."""
+    """One mode in one direction, beginning at rest."""
 
     mode: Mode
     direction: str
     """ "tension", "compression" or "shear"."""
     outcome: Stability
     strain: float
-    """Nominal strain (or amount of shear) where stability is lost, or the end of the path [-]."""
+    """Nominal strain (or amount of shear) at which stability is lost, or the end of the path [-]."""
 
     def __str__(self) -> str:
         name = "simple shear" if self.mode is Mode.SIMPLE_SHEAR else f"{self.mode.value} {self.direction}"
@@ -70,8 +71,8 @@ def least_compressible_stiffness(
     """Smallest eigenvalue of d tau / d eps over all steps of a compressible solid with stress-free sides
     [Pa].
 
-    d tau_i / d eps_j is Eq. (L.2) with J U' + J^2 U'' added to every entry; shape [...], NaN where no lateral
-    stretch leaves the sides without stress.
+    d tau_i / d eps_j is Eq. (L.2) with J U' + J^2 U'' added to every entry; shape [...]. It is NaN if no
+    lateral stretch leaves the sides without stress.
     """
     d = np.asarray(deformation, dtype=float)
     found = np.full(d.shape, np.nan)
@@ -88,8 +89,9 @@ def least_compressible_stiffness(
 
 
 def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> FloatArray:
-    """Smallest eigenvalue of d tau / d eps in the plane that keeps the volume [Pa], shape [...]; NaN where
-    the law is not defined.
+    """Smallest eigenvalue of d tau / d eps in the plane of constant volume [Pa], shape [...].
+
+    NaN if the law is not defined.
     """
     lam = np.stack(np.broadcast_arrays(*mode.principal_stretches(deformation)), axis=-1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -124,8 +126,10 @@ def drucker(
 def stable_over(
     law: Stretches, tests: Sequence[HomogeneousTest], *, volume: VolumetricLaw | None = None
 ) -> tuple[PathStability, ...]:
-    """Stability of a law from rest to the ends of tests; a path for each test and direction. With a
-    volumetric law the paths are those of the compressible solid.
+    """Stability of a law from rest to the ends of tests.
+
+    There is a path for each test and direction. With a volumetric law the paths are those of the compressible
+    solid.
     """
     paths = []
     for test in tests:
@@ -169,7 +173,7 @@ def _path(
 
 
 FARTHEST = 10.0
-"""Principal stretch up to which stability is checked at least [-]."""
+"""Smallest principal stretch up to which stability is checked [-]."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +198,7 @@ class Row:
     stability: tuple[PathStability, ...]
     """Drucker's criterion in every mode, far beyond the data; empty without a fit."""
     over_data: tuple[PathStability, ...]
-    """The same from rest to the ends of the tests."""
+    """Drucker's criterion from rest to the ends of the tests."""
     reason: str = ""
     """Reason why there is no fit."""
 
@@ -205,7 +209,7 @@ class Row:
 
     @property
     def first_failure(self) -> PathStability | None:
-        """The path that loses stability at the smallest logarithmic strain; None if all are stable."""
+        """The path that loses stability at the smallest logarithmic strain. None if all paths are stable."""
         failed = [path for path in self.stability if path.outcome is not Stability.STABLE]
         return min(failed, key=_remoteness, default=None)
 
@@ -218,15 +222,17 @@ class Comparison(ResultViews):
     weighting: Weighting
     """Divisor of the residuals."""
     bounded: bool
-    """True if the constants were kept where the energy is positive at any deformation."""
+    """True if the constants were kept in the range of positive energy at any deformation."""
     poisson: float | None
     """Poisson's ratio at rest; None for the incompressible solution."""
     rows: tuple[Row, ...]
-    """The laws, least AIC first, those without a fit last."""
+    """The laws, least AIC first. Those without a fit are last."""
 
     @property
     def best(self) -> Row | None:
-        """Smallest BIC among the laws whose constants the data determine and that are stable over the data.
+        """Smallest BIC of a stable law with constants that the data determine.
+
+        The law must be stable over the data.
 
         None if there is none.
         """
@@ -239,11 +245,11 @@ class Comparison(ResultViews):
 def candidates(names: Sequence[str] = ()) -> tuple[Candidate, ...]:
     """The laws of these names, all if none is given.
 
-    A law's name is the law with all of its constants, as in every command. Two more have some constants 0:
-    "mooney_rivlin_2" is mooney_rivlin with C10 and C01 only, "mooney_rivlin_c20" is polynomial with C10, C01
-    and C20 only.
+    A law's name means the law with all of its constants, as in every command. Two more names have some
+    constants 0: "mooney_rivlin_2" is mooney_rivlin with C10 and C01, "mooney_rivlin_c20" is polynomial with
+    C10, C01 and C20.
 
-    Raises ValueError if a name is not known.
+    Raises ValueError if a name is unknown.
     """
     known = _known()
     for name in names:
@@ -264,7 +270,9 @@ def compare_laws(
     seed: int = 1,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Comparison:
-    """Fit every law and check its stability; the row of a law that cannot be fitted gives the reason.
+    """Fit every law and check its stability.
+
+    The row of a law that cannot be fitted gives the reason.
 
     Raises ValueError if there is no law or no test.
 
@@ -327,7 +335,9 @@ def _known() -> dict[str, Candidate]:
 
 
 def _remoteness(path: PathStability) -> float:
-    """Largest size of a principal logarithmic strain at the end of a path [-], the same for one deformation
-    under two names."""
+    """Largest size of a principal logarithmic strain at the end of a path [-].
+
+    It is the same for one deformation under two names.
+    """
     lam = np.stack(path.mode.principal_stretches(path.mode.at_rest + path.strain))
     return round(float(np.abs(np.log(lam)).max()), 9)

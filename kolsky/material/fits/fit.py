@@ -1,13 +1,15 @@
-"""A law fitted to homogeneous tests by weighted least squares in nominal stress, with its goodness of fit.
+"""A law fitted to homogeneous tests by weighted least squares in nominal stress.
+
+Its goodness of fit is given too.
 
 With n residuals r_i, k free constants and S = sum r_i^2,
 
     RMSE = sqrt(S / n),  R^2 = 1 - S / sum (T_i - mean T)^2,                                   (Q.6)
     AIC = n ln(S / n) + 2 k,  BIC = n ln(S / n) + k ln n,                                      (Q.7)
 
-where the noise is unknown and the constant of the likelihood is omitted (Burnham and Anderson 2002). Only
-differences between laws fitted to the same points are meaningful. With known noise n ln(S / n) is replaced by
-chi^2.
+Here the noise is unknown and the constant of the likelihood is omitted (Burnham and Anderson 2002). Only
+differences between laws fitted to the same points have a meaning. With known noise, chi^2 replaces n ln(S /
+n).
 """
 
 from collections.abc import Mapping, Sequence
@@ -60,29 +62,29 @@ def durbin_watson(residual: FloatArray) -> float:
 def _deviance(chi2: float, n: int, known_noise: bool) -> float:
     if known_noise:
         return chi2
-    # A fit without residuals has an infinitely good one, which no other number could say.
+    # A fit without residuals is infinitely good, which no other number could express.
     return n * log(chi2 / n) if chi2 > 0.0 else float("-inf")
 
 
 STARTS = 12
-"""Number of starts that are refined if a law has constants other than moduli."""
+"""Number of starts that are refined if some constants of a law are not moduli."""
 WEAKEST = 1e-7
-"""Ratio of the least to the largest singular value of the scaled Jacobian below which the data do not
-distinguish the constants: half the digits of the residuals."""
+"""Smallest ratio of the least to the largest singular value of the scaled Jacobian. Below it, the data do not
+distinguish the constants. It is half the digits of the residuals."""
 
 
 class FitOutcome(Enum):
     """Outcome of a fit: whether the data determine the constants."""
 
     DETERMINED = "determined"
-    """One minimum, inside the bounds, reached from two starts (with moduli only there is a single
-    minimum)."""
+    """One minimum, inside the bounds, reached from two starts. With moduli alone there is a single
+    minimum."""
     AT_BOUND = "at a bound"
-    """The least sum of squares lies on a bound: the data favour a constant outside."""
+    """The least sum of squares lies on a bound: the data prefer a constant beyond it."""
     UNCONFIRMED = "not confirmed"
     """Inside the bounds, but reached from only one start: there may be a better minimum."""
     NOT_DETERMINED = "not determined"
-    """Different constants fit the data equally well: fix some, or use a law with fewer."""
+    """Different constants fit the data equally well. Fix some of them, or use a law with fewer."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ class PartFit:
 
     @property
     def relative_rms(self) -> float:
-        """Root mean square of residual over measured stress, where that is not zero [-]."""
+        """Root mean square of residual divided by measured stress [-]. Stresses of zero are left out."""
         loaded = self.test.stress != 0.0
         return rmse(self.residual[loaded] / self.test.stress[loaded])
 
@@ -141,25 +143,26 @@ class Fit:
     n: int
     """Number of residuals with a nonzero weight."""
     covariance: FloatArray
-    """Of the fitted constants, SI, shape [n_free, n_free]: that of independent residuals. Rows of constants
-    at a bound are zero; NaN throughout if the constants are not determined."""
+    """Covariance of the fitted constants, SI, shape [n_free, n_free], for independent residuals. Rows of
+    constants at a bound are zero. All entries are NaN if the constants are not determined."""
     outcome: FitOutcome
-    """Whether the data determine the constants."""
+    """Outcome of the fit: whether the data determine the constants."""
     at_bound: tuple[str, ...]
     """Constants at a bound."""
     ends: tuple[float, ...]
-    """Weighted sum of squares each start reached, least first."""
+    """Weighted sum of squares of each start, least first."""
     bounds_cost: float = 1.0
-    """Weighted sum of squares over that without the bounds of a positive energy [-]; 1 if none is reached."""
+    """Weighted sum of squares divided by that without the bounds of a positive energy [-]. It is 1 if no
+    bound is reached."""
 
     @property
     def bulk_modulus(self) -> float:
-        """K at rest [Pa], infinity of the incompressible solution."""
+        """K at rest [Pa]; infinite for the incompressible solution."""
         return float("inf") if self.poisson is None else float(bulk(self.law.shear_modulus, self.poisson))
 
     @property
     def D1(self) -> float:
-        """2 / K [1/Pa], the compressibility as Abaqus and CalculiX write it; 0 if incompressible."""
+        """2 / K [1/Pa], the compressibility in the notation of Abaqus and CalculiX; 0 if incompressible."""
         return 2.0 / self.bulk_modulus
 
     @property
@@ -195,7 +198,7 @@ class Fit:
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion; compare only laws fitted to the same points with the same weights."""
+        """Akaike's criterion. Compare only laws fitted to the same points with the same weights."""
         return aic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
 
     @property
@@ -205,14 +208,16 @@ class Fit:
 
     @property
     def durbin_watson(self) -> float:
-        """Smallest Durbin-Watson number of the tests: far below 2, the law does not follow the curve's shape.
-        `covariance`, which takes all points as independent, is then too small.
+        """Smallest Durbin-Watson number of the tests.
+
+        If it is far below 2, the law does not follow the curve's shape. `covariance` takes all points as
+        independent and is then too small.
         """
         return min(durbin_watson(part.residual) for part in self.parts)
 
     @property
     def agreeing(self) -> int:
-        """Starts that reached the least sum of squares."""
+        """Number of starts that reached the least sum of squares."""
         return sum(end <= self.ends[0] * (1.0 + EQUAL_MINIMA) + EXACT for end in self.ends)
 
 
@@ -231,9 +236,9 @@ def fit_law(
 ) -> Fit:
     """Fit a law to one or several homogeneous tests at once.
 
-    Raises ValueError if the tests and the law cannot be fitted to each other; the message gives the reason.
+    Raises ValueError if the tests and the law do not fit together. The message gives the reason.
 
-    Returns: the best minimum of all starts; `outcome` states whether the data determine it.
+    Returns: the best minimum of all starts. `outcome` states whether the data determine it.
 
     Parameters
     ----------
@@ -244,20 +249,20 @@ def fit_law(
     weighting
         What residuals are divided by.
     bounded
-        Keep the constants in the bounds in which the energy is positive at any deformation. Without them only
-        those bounds stay in which the law exists.
+        True to keep the constants within the bounds in which the energy is positive at any deformation.
+        Otherwise, only the bounds in which the law exists are used.
     held
         Constants that are not fitted, in SI.
     poisson
-        Poisson's ratio at rest for the compressible solution with K/2 (J - 1)^2; incompressible if not given.
+        Poisson's ratio at rest for the compressible solution with K/2 (J - 1)^2. Default: incompressible.
     free_poisson
-        Fit that ratio too, to the tests' lateral stretches; it is among `free` as "poisson".
+        True to fit this ratio too, to the tests' lateral stretches. It is among `free` as "poisson".
     starts
-        Starts that are polished.
+        Number of starts that are refined.
     seed
         Seed of the starts.
     name
-        Name of the fit; if not given, the law's name with the fixed constants.
+        Name of the fit. Default: the law's name with the fixed constants.
     """
     if starts < 1:
         raise ValueError(f"starts must be >= 1, got {starts}")
@@ -291,7 +296,7 @@ def fit_law(
 
 
 def _covariance(problem: Residuals, found: SearchResult) -> tuple[FloatArray, bool]:
-    """Covariance of the free constants in SI, and whether the data distinguish them."""
+    """Covariance of the free constants in SI, and True if the data distinguish them."""
     inside = ~np.array(found.at_bound)
     k = len(inside)
     whole = np.zeros((k, k))
@@ -302,8 +307,8 @@ def _covariance(problem: Residuals, found: SearchResult) -> tuple[FloatArray, bo
     _, s, vt = np.linalg.svd(J / length, full_matrices=False)
     if s.size and s[-1] < WEAKEST * s[0]:
         return np.full((k, k), np.nan), False
-    # Unknown noise: its variance from the residuals; known noise: at least that noise, more if the residuals
-    # are larger.
+    # Unknown noise: its variance is that of the residuals. Known noise: at least that noise, more if the
+    # residuals are larger.
     variance = found.chi2 / (problem.n - int(inside.sum()))
     if problem.weighting is Weighting.SIGMA:
         variance = max(1.0, variance)

@@ -2,19 +2,19 @@
 
 Tension is positive. The modes are also defined here.
 
-With beta_i = lam_i dW/dlam_i the Kirchhoff stress of an incompressible solid is tau_i = beta_i - p; the free
-face 3 has tau_3 = 0, so p = beta_3 and the nominal stress is
+With beta_i = lam_i dW/dlam_i, the Kirchhoff stress of an incompressible solid is tau_i = beta_i - p. The free
+face 3 has tau_3 = 0. Therefore p = beta_3, and the nominal stress is
 
     T = (beta_1 - beta_3) / lam,                        uniaxial, equibiaxial, planar,         (Q.2)
     T = (beta_1 - beta_3) / (lam_1 + 1 / lam_1),        simple shear, gamma = lam_1 - 1 / lam_1,   (Q.3)
 
-both dW/d(deformation) (half of it in equibiaxial tension, where two pairs of faces work). A compressible
+Both are dW/d(deformation), half of it in equibiaxial tension, where two pairs of faces work. A compressible
 solid has W(lam_i / J^(1/3)) + U(J) and
 
     tau_i = beta_i - (beta_1 + beta_2 + beta_3) / 3 + J U'(J),                                 (Q.4)
 
-and the stretch of the free faces is the root of tau_3 = 0, found here to the last digits. Simple shear keeps
-the volume: its shear stress is Eq. (Q.3) for any U.
+The stretch of the free faces is the root of tau_3 = 0, found here to the last digits. Simple shear keeps the
+volume: its shear stress is Eq. (Q.3) for any U.
 
 References: Ogden, Non-linear Elastic Deformations, 1984, ch. 7; Treloar, The Physics of Rubber Elasticity,
 1975.
@@ -32,14 +32,17 @@ from kolsky.base.arrays import FloatArray
 
 
 class Mode(Enum):
-    """A homogeneous test. Its one number is the stretch along the load, or the amount of simple shear."""
+    """A homogeneous test.
+
+    Its single variable is the stretch along the load, or the amount of simple shear.
+    """
 
     UNIAXIAL = "uniaxial"
-    """Tension or compression along 1, the sides 2 and 3 free."""
+    """Tension or compression along 1; the sides 2 and 3 are free."""
     EQUIBIAXIAL = "equibiaxial"
-    """Equal stretch along 1 and 2, face 3 free."""
+    """Equal stretch along 1 and 2; face 3 is free."""
     PLANAR = "planar"
-    """Load along 1, width 2 fixed, face 3 free: pure shear of a wide strip."""
+    """Load along 1, width 2 fixed, face 3 free. This is pure shear of a wide strip."""
     SIMPLE_SHEAR = "simple shear"
     """Parallel faces slide on each other by the amount of shear gamma = tan(angle)."""
 
@@ -60,8 +63,8 @@ class Mode(Enum):
     def principal_stretches(self, deformation: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Principal stretches of the incompressible solid [-], each of shape [...], Eq. (Q.1).
 
-        Direction 1 is that of the load (in simple shear the one stretched by a positive gamma), direction 3
-        the free one (in simple shear the one that is shortened).
+        Direction 1 is that of the load. In simple shear, it is the one stretched by a positive gamma.
+        Direction 3 is the free one. In simple shear, it is the one that is shortened.
         """
         d = np.asarray(deformation, dtype=float)
         check_deformation(self, d)
@@ -85,7 +88,7 @@ def mode_named(text: str) -> Mode:
 
 
 def check_deformation(mode: Mode, deformation: FloatArray) -> None:
-    """Raise ValueError for a number that is not a deformation."""
+    """Raise ValueError for a number that is not a possible deformation."""
     bad = ~np.isfinite(deformation)
     if mode is not Mode.SIMPLE_SHEAR:
         bad |= deformation <= 0.0
@@ -113,7 +116,7 @@ def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) ->
 def compressible_stress(
     law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike
 ) -> FloatArray:
-    """Nominal stress of a compressible solid with stress-free free faces, Eq. (Q.4).
+    """Nominal stress of a compressible solid with free faces without stress, Eq. (Q.4).
 
     ``deformation``: stretch along the load, or amount of shear [-], shape [...]. Returns: nominal stress,
     tension-positive [Pa].
@@ -126,7 +129,10 @@ def compressible_stress(
 
 
 def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:
-    """Stretch of the free faces of a compressible solid [-], shape [...]: the root of tau_3 = 0."""
+    """Stretch of the free faces of a compressible solid [-], shape [...].
+
+    It is the root of tau_3 = 0.
+    """
     if mode is Mode.SIMPLE_SHEAR:
         raise ValueError("simple shear prescribes the whole deformation: no face is free")
     d = np.asarray(deformation, dtype=float)
@@ -142,7 +148,8 @@ def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation:
             side_stress,
             bracket.bracket,
             args=(d,),
-            # In ln(lam_3), so relative in lam_3; under a stiff volume the stress itself is no measure.
+            # The tolerance is in ln(lam_3), and therefore relative in lam_3. For a stiff volume, the stress
+            # is no suitable measure.
             tolerances={"xatol": 1e-15, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0},
         )
     failed = ~np.asarray(bracket.success & found.success)
@@ -158,7 +165,10 @@ def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation:
 def free_stretches(
     law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Principal stretches of a compressible solid with stress-free free faces [-]; see `free_stretch`."""
+    """Principal stretches of a compressible solid with free faces without stress [-].
+
+    See `free_stretch`.
+    """
     d = np.asarray(deformation, dtype=float)
     return _stretches(mode, d, free_stretch(law, volume, mode, d))
 

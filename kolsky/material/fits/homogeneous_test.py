@@ -1,4 +1,7 @@
-"""A homogeneous test for a fit: one mode, one curve, tension-positive; read from files, repeats averaged."""
+"""A homogeneous test for a fit: one mode, one curve, tension-positive.
+
+It is read from files, and repeats are averaged.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +34,7 @@ class HomogeneousTest:
     weight: float = 1.0
     """Factor on the squared residuals of this test in a fit [-]."""
     lateral: FloatArray | None = None
-    """Measured stretch of the free direction [-], shape [n]; None if it was not measured."""
+    """Measured stretch of the free direction [-], shape [n]; None if not measured."""
 
     def __post_init__(self) -> None:
         d, T = self.deformation, self.stress
@@ -83,7 +86,10 @@ class HomogeneousTest:
 
 
 def mean_test(tests: Sequence[HomogeneousTest], *, points: int = 200, name: str = "mean") -> HomogeneousTest:
-    """The mean of repeats of one test at equally spaced strains from rest to the largest common strain."""
+    """The mean of repeats of one test at equally spaced strains.
+
+    The strains go from rest to the largest common strain.
+    """
     if not tests:
         raise ValueError("no tests to average")
     modes = {test.mode for test in tests}
@@ -106,7 +112,7 @@ def mean_test(tests: Sequence[HomogeneousTest], *, points: int = 200, name: str 
 
 
 def _outward(test: HomogeneousTest) -> tuple[FloatArray, FloatArray, float]:
-    """Size of the strain from rest outward, stress, sign of the strain."""
+    """Size of the strain from rest on, stress, sign of the strain."""
     strain = test.strain
     sign = 1.0 if strain[np.argmax(np.abs(strain))] > 0.0 else -1.0
     size = sign * strain
@@ -136,7 +142,7 @@ def read_homogeneous_test(
 ) -> tuple[HomogeneousTest, str]:
     """Read a homogeneous test, positive in tension, and the SHA-256 of its file.
 
-    Raises InputError if the file cannot be read, or its columns are no test of this mode.
+    Raises InputError if the file cannot be read, or if its columns are not a test of this mode.
 
     Parameters
     ----------
@@ -177,7 +183,7 @@ def read_homogeneous_test(
         d = 1.0 + sign * values["deformation"] / columns.length
         stress = sign * values["stress"] / columns.section
     else:
-        # A stretch has no sign to be declared; strain and stress share theirs.
+        # A stretch needs no declared sign. Strain and stress have the same sign.
         d = values["deformation"] if columns.stretch else mode.at_rest + sign * values["deformation"]
         stress = sign * values["stress"]
     with refused(path, cure="check columns, units and --convention"):
@@ -192,14 +198,16 @@ def read_homogeneous_test(
 
 
 TURNED_BACK = 0.05
-"""Largest decrease of a strain, as a share of its range, that counts as scatter of one loading [-]."""
+"""Largest decrease of a strain that is scatter of one loading, as a share of its range [-]."""
 LARGEST_STRAIN = 5.0
-"""Largest strain of a column without a unit that is interpreted as a ratio [-]; above it the unit must be
+"""Largest strain of a column without a unit that is read as a ratio [-]. Above it, the unit must be
 declared."""
 
 
 def turning_point(strain: FloatArray) -> int | None:
-    """Index of the last point before a strain reverses over its previous range; None if it does not.
+    """Index of the last point before a strain reverses over its previous range.
+
+    None if it does not.
 
     A strain is monotonic if it never reverses by more than `TURNED_BACK` of its range. A compression followed
     by a tension in one file jumps back, but has fewer than three points in the previous range.
@@ -242,8 +250,8 @@ def _check_strain_unit(path: Path, column: str, strain: FloatArray) -> None:
 def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]:
     """The columns, recognised by their names if not declared, and a sentence that lists them.
 
-    If a file has all four quantities, strain and stress are used, or force and displacement if length and
-    section of the specimen are declared. Raises InputError if the file cannot be read.
+    If a file has all four quantities, strain and stress are used. Force and displacement are used if length
+    and section of the specimen are declared. Raises InputError if the file cannot be read.
     """
     if columns.stretch or columns.strain or columns.stress or columns.force or columns.displacement:
         return columns, ""
@@ -265,7 +273,10 @@ def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]
 
 
 def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:
-    """The tests with unique names: files with equal names are distinguished by mode and number."""
+    """The tests with unique names.
+
+    Files with equal names are distinguished by mode and number.
+    """
     made: list[HomogeneousTest] = []
     for test in tests:
         name = test.name

@@ -1,6 +1,6 @@
-"""Properties of a tensile curve required by standards, and their recovery by healing.
+"""Properties of a tensile curve that standards require, and their recovery by healing.
 
-Young's modulus, Poisson's ratio, fracture and recovery; undamaged specimens against healed ones.
+Young's modulus, Poisson's ratio, fracture and recovery. Undamaged specimens are compared with healed ones.
 """
 
 import math
@@ -32,7 +32,7 @@ class Measured:
     value: float
     """The number."""
     sigma: float
-    """Its standard uncertainty; NaN if it is not known."""
+    """Its standard uncertainty; NaN if unknown."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Fracture:
     stress: float
     """Largest nominal stress [Pa]."""
     strain: float
-    """Nominal strain there [-]."""
+    """Nominal strain at this stress [-]."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,14 @@ class Recovery:
     healed: Measured
     """Mean and its standard uncertainty, healed."""
     efficiency: Measured
-    """Healed over undamaged [-]."""
+    """Healed value divided by undamaged value [-]."""
 
 
 def youngs_modulus(strain: FloatArray, stress: FloatArray) -> Measured | None:
     """Slope of the regression line of stress over strain, |strain| <= `INITIAL`.
 
-    ``strain``, ``stress``: nominal, of one sign convention [-] and [Pa], shape [n]. Returns: modulus [Pa]
-    with the regression's standard error; None with fewer than `FEWEST` strains in the range.
+    ``strain``, ``stress``: nominal, with one sign convention [-] and [Pa], shape [n]. Returns: modulus [Pa]
+    with the regression's standard error. None with fewer than `FEWEST` strains in the range.
     """
     inside = np.abs(strain) <= INITIAL * (1.0 + 1e-9)
     x, y = strain[inside], stress[inside]
@@ -76,7 +76,7 @@ def youngs_modulus(strain: FloatArray, stress: FloatArray) -> Measured | None:
 def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
     """Slope of -ln(lateral stretch) over ln(stretch) through rest.
 
-    Returns: ratio [-] with the regression's standard error; None with fewer than `FEWEST` points away from
+    Returns: ratio [-] with the regression's standard error. None with fewer than `FEWEST` points away from
     rest.
     """
     x, y = np.log(stretch), -np.log(lateral)
@@ -90,10 +90,12 @@ def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
 
 
 def fracture(strain: FloatArray, stress: FloatArray) -> Fracture | None:
-    """Largest stress and its strain, if the stress then falls by the share `DROP`; None if it never does.
+    """Largest stress and its strain, if the stress then falls by the share `DROP`.
 
-    The fall counts only where the strain has not gone back by more than `BACK`: unloading is no fracture.
-    Stress and strain are positive along the load, in the order of the test, shape [n].
+    None if it never does.
+
+    The fall counts only if the strain has not decreased by more than `BACK`, because unloading is no
+    fracture. Stress and strain are positive along the load, in the order of the test, shape [n].
     """
     top = int(np.argmax(stress))
     fallen = (stress[top:] <= (1.0 - DROP) * stress[top]) & (strain[top:] >= (1.0 - BACK) * strain[top])
@@ -103,7 +105,10 @@ def fracture(strain: FloatArray, stress: FloatArray) -> Fracture | None:
 
 
 def mean_of(values: Sequence[float]) -> Measured:
-    """Mean of specimens and its standard uncertainty by their scatter; NaN from one specimen."""
+    """Mean of specimens and its standard uncertainty by their scatter.
+
+    The uncertainty of one specimen is NaN.
+    """
     x = np.asarray(values, dtype=float)
     sigma = float(x.std(ddof=1) / np.sqrt(x.size)) if x.size > 1 else float("nan")
     return Measured(float(x.mean()), sigma)
@@ -112,7 +117,7 @@ def mean_of(values: Sequence[float]) -> Measured:
 def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
     """Healing efficiency of a property, with the standard uncertainty of the quotient to first order.
 
-    The uncertainty is NaN if a group is a single specimen, which has no scatter.
+    The uncertainty is NaN if a group has a single specimen and therefore no scatter.
     """
     if not undamaged or not healed:
         raise ValueError("a healing efficiency needs undamaged and healed specimens")
@@ -131,7 +136,7 @@ class SpecimenProperties:
     name: str
     """Its test."""
     values: dict[str, float]
-    """Property -> value in SI; properties that a test does not determine are missing."""
+    """Property -> value in SI. Properties that a test does not determine are missing."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +150,7 @@ class Healing:
     units: dict[str, str]
     """Property -> SI unit, in the order of tables."""
     rows: dict[str, Recovery]
-    """Property -> means and efficiency; those that both groups show."""
+    """Property -> means and efficiency, for properties of both groups."""
     remarks: tuple[str, ...]
     """Remarks for the user."""
 
@@ -169,7 +174,7 @@ def healing(
     """Compare specimens that were cut and healed with undamaged ones.
 
     ``undamaged``, ``healed``: uniaxial tensile tests, one per specimen. ``law``: law of
-    `explicit.materials.LAWS` whose constants are compared. ``poisson``: its Poisson's ratio at rest;
+    `explicit.materials.LAWS`; its constants are compared. ``poisson``: its Poisson's ratio at rest;
     incompressible if not given. Raises ValueError if a group is empty, or a test is not uniaxial tension.
     """
     if not undamaged or not healed:
@@ -207,7 +212,10 @@ def healing(
 
 
 def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> SpecimenProperties:
-    """Young's modulus, constants up to the fracture, and the fracture, as far as a test determines them."""
+    """Young's modulus, constants up to the fracture, and the fracture.
+
+    Values that a test does not determine are missing.
+    """
     if test.mode is not Mode.UNIAXIAL or not test.strain.max() > 0.0:
         raise ValueError(f"{test.name} is not a uniaxial tensile test")
     values: dict[str, float] = {}

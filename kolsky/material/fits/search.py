@@ -1,12 +1,12 @@
 """Residuals of a law against homogeneous tests, and the search for their least sum of squares.
 
-Many starts are refined one by one; how many agree on the minimum is reported.
+Many starts are refined one by one. The number of starts that agree on the minimum is reported.
 
-A stress is linear in the moduli of every law here. So only the other constants (exponents, locking stretches)
-are drawn, over decades; for each draw the best moduli are one linear least-squares problem (variable
-projection, Golub and Pereyra 1973). The best draws are then polished in all constants by a trust-region
-method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`), which makes no
-assumption on the law.
+A stress is linear in the moduli of every law in this package. Only the other constants (exponents, locking
+stretches) are therefore drawn, over decades. For each draw, the best moduli are one linear least-squares
+problem (variable projection, Golub and Pereyra 1973). The best draws are then refined in all constants by a
+trust-region method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squares`). This
+method makes no assumption on the law.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,8 +31,8 @@ _FREE_POISSON = ParameterSpec(
 )
 """The unknown in addition to a law's constants if the compressibility is free."""
 _LATERAL_SCALE = 0.01
-"""Error of lateral stretch with the same weight as the largest stress in a fit [-]: the error of a good
-strain measurement."""
+"""Error of lateral stretch that has the same weight as the largest stress in a fit [-]. It is the error of a
+good strain measurement."""
 REFUSED = 1e8
 """Residual, in units of the largest stress, for constants without a valid law or stress."""
 
@@ -43,7 +43,7 @@ class Weighting(Enum):
     ABSOLUTE = "absolute"
     """One stress for all points: the sum of squares in Pa^2 is minimised."""
     RELATIVE = "relative"
-    """The measured stress of the point: small strains have the same weight as large ones."""
+    """The measured stress of the point. Small strains then have the same weight as large ones."""
     SIGMA = "sigma"
     """The standard uncertainty of the point."""
 
@@ -52,21 +52,21 @@ class Weighting(Enum):
 class Residuals:
     """Weighted residuals of a law as a function of its free constants.
 
-    Its unknowns are the free constants with moduli in units of the largest measured stress, so that all are
-    of one size.
+    Its unknowns are the free constants, with moduli in units of the largest measured stress. All unknowns are
+    then of one size.
     """
 
     law: type[AnyLaw]
     tests: tuple[HomogeneousTest, ...]
-    """The tests to be met at once."""
+    """The tests of one common fit."""
     weighting: Weighting
     """Divisor of the residuals."""
     held: Mapping[str, float]
     """Constants that are not free, in SI."""
     poisson: float | None
-    """Poisson's ratio at rest of the compressible solution; None for the incompressible one."""
+    """Poisson's ratio at rest for the compressible solution; None for the incompressible one."""
     free_poisson: bool = False
-    """True if that ratio is the last unknown; the tests' lateral stretches are then met too."""
+    """True if this ratio is the last unknown. The tests' lateral stretches are then fitted too."""
 
     @cached_property
     def free(self) -> tuple[ParameterSpec, ...]:
@@ -86,8 +86,10 @@ class Residuals:
 
     @cached_property
     def counted(self) -> tuple[FloatArray, ...]:
-        """Factor of every residual [1/Pa], shape [n] for each test; 0 for a point at rest under relative
-        weighting, where law and measurement are both zero and give no information.
+        """Factor of every residual [1/Pa], shape [n] for each test.
+
+        It is 0 for a point at rest under relative weighting. There, law and measurement are both zero and
+        give no information.
         """
         factors = []
         for test in self.tests:
@@ -122,9 +124,11 @@ class Residuals:
         return float(unknowns[-1]) if self.free_poisson else self.poisson
 
     def stress(self, law: AnyLaw, poisson: float | None) -> tuple[FloatArray, ...]:
-        """Nominal stress of a law at the points of each test [Pa]; incompressible without a ratio.
+        """Nominal stress of a law at the points of each test [Pa].
 
-        Raises ValueError if the compressible solution does not exist somewhere.
+        Without a ratio, the solid is incompressible.
+
+        Raises ValueError if the compressible solution does not exist at some point.
         """
         if poisson is None:
             return tuple(incompressible_stress(law, test.mode, test.deformation) for test in self.tests)
@@ -201,33 +205,35 @@ def residuals_of(
 
 
 DECADES = 2.0
-"""Decades to each side of the example over which a constant without two finite bounds is drawn."""
+"""Number of decades on each side of the example. A constant without two finite bounds is drawn over this
+range."""
 _LEAST_SIZE = 0.3
-"""Smallest size drawn of a constant that may have both signs, as an exponent of Ogden's law."""
+"""Smallest drawn size of a constant that may have both signs, such as an exponent of Ogden's law."""
 ROUGH, FINE = 60, 500
-"""Largest number of evaluations of the Jacobian: for every start, and then for the best of them."""
+"""Largest number of evaluations of the Jacobian: first for every start, then for the best starts."""
 BEST = 3
 """Number of starts that are refined to convergence."""
 TIGHT = 1e-14
-"""Relative change of sum, constants or gradient at which a search ends: the last digits."""
+"""Relative change of sum, constants or gradient at which a search ends. It is that of the last digits."""
 EQUAL_MINIMA = 1e-6
-"""Relative difference of sums of squares below which two searches have found the same minimum."""
+"""Relative difference of sums of squares. Below it, two searches have found the same minimum."""
 EXACT = 1e-12
 """Sum of squares, in units of the largest stress, below which a law fits the data to round-off. Searches that
-end there count as equal."""
+end below it are equal."""
 _NO_MODULUS = 1e-6
-"""Initial shear modulus over the largest stress below which a search has reached the limit of valid laws."""
+"""Initial shear modulus divided by the largest stress. Below it, a search has reached the limit of valid
+laws."""
 _NO_LAW = (
     "{}: least squares lead to constants that are not a law (the initial shear modulus would not be > 0, or "
     "there is no stress at a point); keep the bounds of a positive energy, or take a law with fewer constants"
 )
 _NEAR_BOUND = 1e-7
-"""Distance from a bound, relative to the constant's size, within which a constant lies at it."""
+"""A constant lies at a bound if its distance, relative to the constant's size, is below this."""
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The least sum of squares that was found."""
+    """The least sum of squares of the search."""
 
     unknowns: FloatArray
     """Free constants in the units of `Residuals`, shape [n_free]."""
@@ -238,12 +244,12 @@ class SearchResult:
     at_bound: tuple[bool, ...]
     """True for unknowns at a bound."""
     ends: tuple[float, ...]
-    """Sum of squares that each polished start reached, least first."""
+    """Sum of squares of each refined start, least first."""
     agreeing: int = 1
     """Starts that reached the least one."""
     unbounded: float = np.nan
-    """Smallest sum of squares without the bounds of a positive energy, from the bounded optimum on; NaN if no
-    unknown lies at a bound [-]."""
+    """Smallest sum of squares without the bounds of a positive energy, from the bounded optimum on [-]. NaN
+    if no unknown lies at a bound."""
 
 
 ROUNDS = 3
@@ -253,11 +259,11 @@ ROUNDS = 3
 def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> SearchResult:
     """Minimise the sum of squares, with more starts until two of them agree.
 
-    A search without bounds begins at the bounded optimum too, so it is never worse.
+    A search without bounds also begins at the bounded optimum, and is therefore never worse.
 
-    ``bounded``: keep within the bounds in which the energy is positive; otherwise in those in which the law
-    exists. ``starts``: starts that are polished. Raises ValueError if the least squares lie where there is no
-    law: its initial shear modulus would not be > 0, or it has no stress at a point.
+    ``bounded``: True to keep within the bounds in which the energy is positive; otherwise within those in
+    which the law exists. ``starts``: number of starts that are refined. Raises ValueError if the least
+    squares lie outside the valid laws: the initial shear modulus would not be > 0, or a point has no stress.
     """
     lower, upper = _bounds(residuals, bounded)
     known = []
@@ -299,7 +305,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
 
 
 def _linear(residuals: Residuals) -> bool:
-    """True if all unknowns are moduli: least squares then have one minimum, and one start finds it."""
+    """True if all unknowns are moduli. Least squares then have one minimum, and one start finds it."""
     return all(spec.unit == "Pa" for spec in residuals.free)
 
 
@@ -344,7 +350,7 @@ def _starts(
 
 
 def _drawn(spec: ParameterSpec, u: FloatArray) -> FloatArray:
-    """Values of a pure number, log-uniform in size, inside the bounds of a positive energy."""
+    """Values of a pure number inside the bounds of a positive energy, log-uniform in size."""
     if spec.lower < 0.0 < spec.upper:
         sign, share = np.where(u < 0.5, -1.0, 1.0), np.where(u < 0.5, 2.0 * u, 2.0 * u - 1.0)
         return np.asarray(sign * _LEAST_SIZE * (min(-spec.lower, spec.upper) / _LEAST_SIZE) ** share)
@@ -355,7 +361,10 @@ def _drawn(spec: ParameterSpec, u: FloatArray) -> FloatArray:
 def _with_best_moduli(
     residuals: Residuals, x: FloatArray, linear: NDArray[np.bool_], lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
-    """The same pure numbers with the moduli of least squares, the stress taken as linear in them."""
+    """The same pure numbers with the moduli of least squares.
+
+    The stress is taken as linear in them.
+    """
     if not linear.any():
         return x
     columns = []
@@ -376,7 +385,7 @@ def _with_best_moduli(
 def _refined(
     residuals: Residuals, x: FloatArray, lower: FloatArray, upper: FloatArray, most: int, jac: str
 ) -> tuple[float, FloatArray]:
-    """Sum of squares and unknowns where a search from x ends."""
+    """Sum of squares and unknowns at the end of a search from x."""
     size = np.maximum(np.abs(x), 1e-6)
     inside = np.clip(x, np.where(np.isfinite(lower), lower + 1e-9 * size, lower), upper - 1e-9 * size)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -397,7 +406,7 @@ def _refined(
 def _snapped_to_bounds(
     residuals: Residuals, chi2: float, x: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> tuple[float, FloatArray, NDArray[np.bool_]]:
-    """The minimum with unknowns near a bound moved onto it: a trust region never reaches a bound."""
+    """The minimum with unknowns near a bound moved onto it, because a trust region never reaches a bound."""
     size = np.maximum(np.abs(x), 1.0)
     low, high = x - lower < _NEAR_BOUND * size, upper - x < _NEAR_BOUND * size
     placed = np.where(low, lower, np.where(high, upper, x))

@@ -19,11 +19,14 @@ Columns = dict[str, list[Any]]
 COSTLY = 1.1
 """Factor in the sum of squares above which the effect of a bound is reported [-]."""
 CORRELATED = 1.0
-"""Durbin-Watson number below which residuals count as correlated."""
+"""Durbin-Watson number below which residuals are correlated."""
 
 
 def tables(comparison: Comparison) -> dict[str, Columns]:
-    """Columns by heading, of every table by name; numbers that do not exist are empty text."""
+    """Columns by heading, of every table by name.
+
+    Missing numbers are empty text.
+    """
     return {
         "material_laws": _laws(comparison),
         "material_constants": _constants(comparison),
@@ -57,7 +60,10 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
 
 
 def _properties(test: HomogeneousTest) -> dict[str, Any]:
-    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, fracture; None where there is none."""
+    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, and fracture.
+
+    None for a missing value.
+    """
     uniaxial = test.mode is Mode.UNIAXIAL
     modulus = youngs_modulus(test.strain, test.stress) if uniaxial else None
     across = poissons_ratio(test.deformation, test.lateral) if uniaxial and test.lateral is not None else None
@@ -252,7 +258,7 @@ def remarks(found: Comparison) -> list[str]:
 
 
 def _fracture(test: HomogeneousTest) -> tuple[Fracture | None, int]:
-    """A test's fracture, if it shows one, and the number of its points after the largest stress."""
+    """A test's fracture, if there is one, and the number of its points after the largest stress."""
     sign = 1.0 if test.strain[np.argmax(np.abs(test.strain))] > 0.0 else -1.0
     return fracture(sign * test.strain, sign * test.stress), test.stress.size - 1 - int(
         np.argmax(sign * test.stress)

@@ -1,6 +1,6 @@
-"""Tests that show rate dependence: histories of stretch and oscillations; shots are in another module.
+"""Tests that show rate dependence: histories of stretch, and oscillations. Another module treats shots.
 
-An evidence has measured values with their uncertainty, and predicts them for any number of rate models in one
+An evidence has measured values with their uncertainty. It predicts them for any number of rate models in one
 call. A fit therefore does not depend on the kind of test.
 """
 
@@ -21,7 +21,7 @@ class RateModel:
     """The long-term law times a factor, with viscoelastic branches in parallel."""
 
     factor: float
-    """Factor on the long-term law [-]; the m of a shot."""
+    """Factor on the long-term law [-]. It is the m of a shot."""
     series: PronySeries
     """The branches."""
 
@@ -36,12 +36,12 @@ class ScaledLaw:
     """The factor on all its stresses [-]."""
 
     def stress(self, b_bar: FloatArray) -> FloatArray:
-        """Isochoric Kirchhoff stress [Pa], as of the law."""
+        """Isochoric Kirchhoff stress of the law [Pa]."""
         return np.asarray(self.factor * self.law.stress(b_bar))
 
 
 class Evidence(Protocol):
-    """Measured values and how a model predicts them."""
+    """Measured values, and their prediction by a model."""
 
     @property
     def label(self) -> str:
@@ -60,11 +60,11 @@ class Evidence(Protocol):
 
     @property
     def time_scales(self) -> tuple[float, float]:
-        """The shortest and the longest relaxation time that it can resolve [s]."""
+        """The shortest and the longest relaxation time that the test can resolve [s]."""
         ...
 
     def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
-        """The same quantities of each model, shape [n_models, n]."""
+        """The predicted values of each model, shape [n_models, n]."""
         ...
 
 
@@ -73,13 +73,13 @@ class HistoryTest:
     """A homogeneous uniaxial test with any history: relaxation, creep-free ramps at several rates, cycles."""
 
     time: FloatArray
-    """Times, not descending; at rest before the first [s], shape [n]."""
+    """Times, not descending [s], shape [n]. The specimen is at rest before the first time."""
     stretch: FloatArray
     """Stretch [-], shape [n]."""
     stress: FloatArray
     """Nominal stress, tension-positive [Pa], shape [n]."""
     sigma: FloatArray
-    """Its standard uncertainty [Pa], shape [n]; infinity for samples that only define the history."""
+    """Its standard uncertainty [Pa], shape [n]. It is infinite for samples that only define the history."""
     label: str = "history"
     """Name for tables."""
 
@@ -106,7 +106,7 @@ class HistoryTest:
     def relaxation(
         cls, time: ArrayLike, stress: ArrayLike, sigma: ArrayLike, *, stretch: float, rise: float = 0.0
     ) -> "HistoryTest":
-        """A stretch reached within `rise` [s] at a constant rate, then held.
+        """A stretch that is reached within `rise` [s] at a constant rate and then held.
 
         ``time``: times after the beginning of the rise, ascending, all >= `rise` [s]. ``stress``, ``sigma``:
         nominal stress and its standard uncertainty [Pa]. ``stretch``: the stretch held [-]. ``rise``: time of

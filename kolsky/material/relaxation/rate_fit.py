@@ -4,13 +4,13 @@ moduli.
 Apparent moduli put slow tests, relaxation, oscillation and shots on one axis of time.
 
 The apparent modulus is that of rubber elasticity, E_a = 3 P / (lam - lam^-2) with the nominal stress P, Eq.
-(M.9), which does not depend on strain for a neo-Hookean solid (Fig. 11 of Mates et al. 2012). The time is the
+(M.9). For a neo-Hookean solid it does not depend on strain (Fig. 11 of Mates et al. 2012). The time is the
 mean age of the strain,
 
     age(t) = (1 / ln lam(t)) int_0^t (t - s) d ln lam(s),                                              (V.4)
 
-the time of holding after a step, and half of the duration of a steady ramp. An oscillation is felt for
-1 / omega: E'(omega) and E(1 / omega) differ by less than the loss modulus.
+It is the time of holding after a step, and half of the duration of a steady ramp. The time of an oscillation
+is 1 / omega: E'(omega) and E(1 / omega) differ by less than the loss modulus.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ class RateFit:
     values: FloatArray
     """Their values, shape [n_parameters]."""
     covariance: FloatArray
-    """Covariance of their logarithms, already widened by `scatter` [-], shape [n_parameters] * 2."""
+    """Covariance of their logarithms [-], shape [n_parameters] * 2. It is already widened by `scatter`."""
     chi_square: float
     """Weighted sum of squared residuals [-]."""
     n_data: int
@@ -54,7 +54,7 @@ class RateFit:
 
     @property
     def scatter(self) -> float:
-        """max(1, chi_square / degrees of freedom) [-]: the factor on the covariance (Birge)."""
+        """max(1, chi_square / degrees of freedom) [-]. It is the factor on the covariance (Birge)."""
         free = self.n_data - len(self.values)
         return max(1.0, self.chi_square / free) if free > 0 else 1.0
 
@@ -88,8 +88,8 @@ class RateVerdict:
     """The fits with 0, 1, 2, ... branches."""
     probabilities: tuple[float, ...]
     """For each further branch: probability that noise improves chi-square by at least as much [-]. A branch
-    has two parameters, and its time has no effect without strength, so chi-square with two degrees of freedom
-    is used; improvements are divided by the scatter of the richest fit."""
+    has two parameters, and its time has no effect without strength. Chi-square with two degrees of freedom is
+    therefore used. Improvements are divided by the scatter of the fit with the most branches."""
 
     @property
     def branches(self) -> int:
@@ -128,11 +128,12 @@ def _chance(probability: float) -> str:
 
 
 STRENGTHS = (1e-4, 1e3)
-"""Allowed strengths of a branch [-]: below, no evidence distinguishes it from zero."""
+"""Allowed strengths of a branch [-]. Below the lower limit, no evidence distinguishes a strength from
+zero."""
 FACTORS = (1e-3, 1e3)
 """Allowed factors on the long-term law [-]."""
 TIME_SCALE_MARGIN = 10.0
-"""Factor by which a relaxation time may lie outside the evidence's own time scales [-]."""
+"""Factor by which a relaxation time may lie outside the time scales of the evidence [-]."""
 _FACTOR_GRID = (0.4, 2.5, 32)
 """Grid of factors at the start of a search without branches: first, last and number."""
 GRID = (0.1, 0.5, 2.0)
@@ -142,9 +143,9 @@ _GRID_TIMES = 7
 REFUSED = 1e6
 """Residual of every value of a model that cannot be simulated [-]."""
 DIFFERENCE = 1e-2
-"""Half the step of the central difference in a logarithm. Its error is of the order of the square, 1e-4. A
-node that lands on a platen in one of the two runs only causes a jump, which has little effect at this
-step."""
+"""Half the step of the central difference in a logarithm. Its error is of the order of the square, 1e-4. If a
+node comes into contact with a platen in only one of the two runs, the response jumps. At this step, the jump
+has little effect."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,7 @@ class PronyProblem:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Values with a finite sigma of all the evidence, in one array; only these are used."""
+        """Values with a finite sigma of all the evidence, in one array. Only these are used."""
         return np.concatenate([np.isfinite(e.sigma) for e in self.evidence])
 
     def of_many(self, points: FloatArray) -> FloatArray:
@@ -170,7 +171,7 @@ class PronyProblem:
     def residuals(self, x: FloatArray) -> FloatArray:
         """Residuals at one row of logarithms, shape [n_data]."""
         rows = self.of_many(x[None])[0]
-        # A model that cannot be simulated gets a larger residual than any other, so the search turns back.
+        # A model that cannot be simulated gets a larger residual than any other. The search then turns back.
         return rows if np.isfinite(rows).all() else np.full_like(rows, REFUSED)
 
     def jacobian(self, x: FloatArray) -> FloatArray:
@@ -196,13 +197,15 @@ class PronyProblem:
         return lower, upper
 
     def scaled(self) -> RateModel:
-        """The best factor of a grid, without branches: waves can give a shot several local minima."""
+        """The best factor of a grid, without branches. Waves can cause several local minima in a shot."""
         grid = np.log(np.geomspace(*_FACTOR_GRID))[:, None]
         return model_of(grid[self.best(grid)])
 
     def best(self, points: FloatArray) -> int:
-        """Index of the row of logarithms with the smallest sum of squares among those that can be
-        simulated."""
+        """Index of the row of logarithms with the smallest sum of squares.
+
+        Rows that cannot be simulated are left out.
+        """
         squares = (self.of_many(points) ** 2).sum(axis=1)
         return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
 
@@ -216,7 +219,7 @@ class PronyProblem:
         points = []
         for strength in GRID:
             for time in times:
-                # the long-term law gives way to the branch, so that their mean stays
+                # the long-term law is reduced by the branch, and their mean stays the same
                 factor = x[0] - 0.5 * np.log1p(strength)
                 points.append([factor, *x[1 : n + 1], np.log(strength), *x[n + 1 :], time])
         grid = np.array(points)
@@ -264,7 +267,10 @@ def model_of(x: FloatArray) -> RateModel:
 
 
 def _logs_of(model: RateModel) -> FloatArray:
-    """The logarithms of a model, shape [1 + 2 n_branches]; a weaker branch has the least allowed strength."""
+    """The logarithms of a model, shape [1 + 2 n_branches].
+
+    A weaker branch gets the least allowed strength.
+    """
     strengths = np.maximum(model.series.strengths, STRENGTHS[0])
     return np.log(np.concatenate([[model.factor], strengths, model.series.times]))
 
@@ -329,10 +335,10 @@ def required_branches(
 
 
 SETBACK = 0.01
-"""Share of the largest strain by which a held strain may decrease: noise of the strain is not unloading
-[-]."""
+"""Share of the largest strain by which a held strain may decrease [-]. Noise of the strain is not
+unloading."""
 LEAST_STRAIN = 0.02
-"""Least |lam - 1| of a sample [-]: below, noise and contact dominate the modulus."""
+"""Least |lam - 1| of a sample [-]. Below it, noise and contact dominate the modulus."""
 
 
 @dataclass(frozen=True)
@@ -361,8 +367,8 @@ def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
 
     Samples without a measured stress, and those strained by less than `LEAST_STRAIN`, are omitted.
 
-    Raises ValueError if a history turns back by more than `SETBACK`, after which its strain has no age, or no
-    sample is strained enough.
+    Raises ValueError if a history turns back by more than `SETBACK`, because its strain then has no age. The
+    same error is raised if no sample has enough strain.
     """
     if isinstance(test, DynamicTest):
         return ApparentModuli(
@@ -383,7 +389,7 @@ def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
         )
     strain = most
     rise = np.diff(strain, prepend=0.0)
-    # Between the samples the strain rises steadily: its middle is the age of that part.
+    # Between the samples the strain increases steadily. The age of that part is therefore that of its middle.
     middle = 0.5 * (test.time + np.concatenate([test.time[:1], test.time[:-1]]))
     shown = np.isfinite(test.sigma) & (np.abs(test.stretch - 1.0) >= LEAST_STRAIN)
     if not shown.any():
@@ -410,9 +416,9 @@ def dynamic_modulus(
 ) -> ApparentModuli:
     """The point of a shot: E_a,dyn = m E_a,qs, Eq. (M.1).
 
-    ``factor``, ``sigma_factor``: the identified m and its standard uncertainty [-]. ``young``: e_a,qs of the
+    ``factor``, ``sigma_factor``: the identified m and its standard uncertainty [-]. ``young``: E_a,qs of the
     curve that m multiplies [Pa]. ``strain``: largest nominal strain in the window, tension-positive [-].
-    ``duration``: length of the window [s]; the strain's age is half of it.
+    ``duration``: length of the window [s]. The age of the strain is half of it.
     """
     for name, value in (("duration", duration), ("young", young), ("factor", factor)):
         if not 0.0 < value < np.inf:

@@ -1,4 +1,6 @@
-r"""Oscillations at several temperatures shifted to one: shift factors, law of Williams, Landel and Ferry.
+r"""Oscillations at several temperatures shifted to one temperature.
+
+The shift factors are free, or follow the law of Williams, Landel and Ferry.
 
 In a thermorheologically simple solid a change of temperature multiplies all relaxation times by one factor
 :math:`a_T`, so that the moduli are functions of :math:`a_T \omega` alone (Ferry 1980, ch. 11),
@@ -23,15 +25,15 @@ from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import DynamicTest
 
 EQUAL_TEMPERATURES = 0.5
-"""Temperatures that differ by less count as equal [K]."""
+"""Temperatures are equal if they differ by less than this [K]."""
 PER_DECADE = 8
-"""Maxwell elements per decade of time: with 1 % of noise, 4 elements cause a visible misfit, 8 do not."""
+"""Maxwell elements per decade of time. With 1 % of noise, 4 elements cause a visible misfit, 8 do not."""
 LARGEST_SHIFT = 20.0
 """Largest shift that is tried [decades]."""
 SCAN = np.linspace(-8.0, 8.0, 129)
-"""Shifts between neighbouring temperatures that a search begins among [decades]."""
+"""Shifts between neighbouring temperatures from which a search may start [decades]."""
 UNDETERMINED = 0.5
-"""Standard uncertainty above which a shift counts as not determined [decades]."""
+"""Standard uncertainty above which a shift is not determined [decades]."""
 UNLIKELY = 0.01
 """Probability of chance below which the larger residual of a law with fewer constants is significant."""
 
@@ -45,7 +47,7 @@ class TemperatureSweep:
     test: DynamicTest
     """Moduli at these temperatures, row by row."""
     reference: float
-    """Reference temperature T0 of the shifts, one of those measured [K]."""
+    """Reference temperature T0 of the shifts, one of the measured temperatures [K]."""
 
     def __post_init__(self) -> None:
         if self.temperature.shape != self.test.angular_frequency.shape:
@@ -64,7 +66,7 @@ class TemperatureSweep:
 
     @property
     def levels(self) -> FloatArray:
-        """The temperatures that are apart, ascending [K], shape [n_levels]."""
+        """The different temperatures, ascending [K], shape [n_levels]."""
         ordered = np.sort(self.temperature)
         return np.array(
             [g.mean() for g in np.split(ordered, np.flatnonzero(np.diff(ordered) > EQUAL_TEMPERATURES) + 1)]
@@ -83,21 +85,21 @@ class Superposition:
     sweep: TemperatureSweep
     """The measured data."""
     shifts: FloatArray
-    """lg a_T of each level, free but for that of the reference, 0 [-], shape [n_levels]."""
+    """lg a_T of each level [-], shape [n_levels]. All are free except that of the reference, which is 0."""
     sigma: FloatArray
     """Their standard uncertainties [-], shape [n_levels]."""
     scatter: float
-    """chi-square of the free shifts over its degrees of freedom [-]."""
+    """Chi-square of the free shifts divided by its degrees of freedom [-]."""
     likely: float
-    """Probability of as large a chi-square if the curves are one [-]."""
+    """Probability of a chi-square at least as large if the curves superpose [-]."""
     C1: float | None = None
-    """C1 of Eq. (V.5) [-]; None with too few temperatures."""
+    """C1 of Eq. (V.5) [-]; None if there are too few temperatures."""
     C2: float | None = None
     """C2 [K]."""
     covariance: FloatArray | None = None
     """Covariance of C1 and C2, shape [2, 2]."""
     law_likely: float = 1.0
-    """Probability that the law's chi-square exceeds that of free shifts by as much by chance [-]."""
+    """Probability that the law's chi-square exceeds that of free shifts at least as much by chance [-]."""
 
     @property
     def determined(self) -> bool:
@@ -116,7 +118,7 @@ class Superposition:
 
     @property
     def adopted(self) -> FloatArray:
-        """lg a_T by the law if it is valid, else free [-], shape [n_levels]."""
+        """lg a_T by the law if it is valid, otherwise the free shifts [-], shape [n_levels]."""
         if not self.law_holds or self.C1 is None or self.C2 is None:
             return self.shifts
         return wlf(self.sweep.levels - _reference(self.sweep), self.C1, self.C2)
@@ -139,14 +141,14 @@ class Superposition:
 
 
 def wlf(difference: FloatArray, C1: float, C2: float) -> FloatArray:
-    """lg a_T by Eq. (V.5) [-]; `difference` is T - T0 [K], shape [...]."""
+    """lg a_T by Eq. (V.5) [-], shape [...]. `difference` is T - T0 [K]."""
     return np.asarray(-C1 * difference / (C2 + difference))
 
 
 def superpose(sweep: TemperatureSweep) -> Superposition:
     """Find the shift factors of a sweep, free and by the law of Williams, Landel and Ferry.
 
-    Constants of Eq. (V.5) need three temperatures; with exactly three they fit the shifts exactly, and the
+    Constants of Eq. (V.5) need three temperatures. With exactly three, they fit the shifts exactly, and the
     law cannot be tested.
     """
     levels, held = sweep.levels, int(np.abs(sweep.levels - sweep.reference).argmin())
@@ -183,7 +185,7 @@ def _with_law(
     """The constants of Eq. (V.5), and their residual relative to the free shifts."""
     difference = made.sweep.levels - _reference(made.sweep)
     d, lg = difference[free], made.shifts[free]
-    # (T - T0) / lg a_T is straight in T - T0: -(C2 + T - T0) / C1.
+    # (T - T0) / lg a_T is a straight line in T - T0: -(C2 + T - T0) / C1.
     slope, constant = np.polyfit(d, d / np.where(lg == 0.0, 1e-12, lg), 1)
     least = max(0.0, -float(difference.min())) + 1.0
     C1 = -1.0 / slope if slope != 0.0 else 10.0
@@ -214,7 +216,7 @@ class _Problem:
         self.times = 10.0 ** np.linspace(low, high, max(2, round(PER_DECADE * (high - low)) + 1))
 
     def strengths(self, shifts: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Strengths of spring and elements [Pa], and the weighted system they solve."""
+        """Strengths of spring and elements [Pa], and the weighted system for them."""
         x = (self.omega * 10.0 ** shifts[self.level])[:, None] * self.times
         one = np.ones((x.shape[0], 1))
         A = np.vstack([np.hstack([one, x**2 / (1.0 + x**2)]), np.hstack([0.0 * one, x / (1.0 + x**2)])])
@@ -249,12 +251,14 @@ def _begin(sweep: TemperatureSweep, held: int) -> FloatArray:
 
 
 def _covariance(jacobian: FloatArray, scatter: float) -> FloatArray:
-    """Covariance of a least squares problem, widened by its scatter; directions without information are
-    given a spread too large to constrain anything."""
+    """Covariance of a least squares problem, widened by its scatter.
+
+    Directions without information get a spread too large to constrain anything.
+    """
     size, axes = np.linalg.eigh(jacobian.T @ jacobian)
     return np.asarray((axes / np.maximum(size, 1e-12)) @ axes.T * max(1.0, scatter))
 
 
 def _reference(sweep: TemperatureSweep) -> float:
-    """The measured temperature that is the reference [K]."""
+    """The measured temperature used as reference [K]."""
     return float(sweep.levels[int(np.abs(sweep.levels - sweep.reference).argmin())])

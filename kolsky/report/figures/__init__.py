@@ -1,4 +1,7 @@
-"""Figures of every page; a new one is its function and its name in one of the registries of `PLACES`."""
+"""Figures of every page.
+
+A new figure is its function and its name in one of the registries of `PLACES`.
+"""
 
 from collections.abc import Iterable, Mapping
 from importlib import import_module
@@ -22,7 +25,7 @@ def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
 
 PLACES: dict[str, tuple[str, ...]] = {
     "JOINT": ("rates.joint_shots", "rates.joint_curve"),
-    # Recordings behind an identification; shown after those of `REGISTRY`
+    # Recordings of an identification; shown after those of `REGISTRY`
     "RECORDINGS": ("recordings.raw_signals", "recordings.flyer_path", "recordings.picture_pair"),
     # Identification
     "REGISTRY": (
@@ -93,8 +96,8 @@ PLACES: dict[str, tuple[str, ...]] = {
     ),
     "ACTUATORS": ("bodies.shapes", "bodies.bend", "bodies.motion", "bodies.markers", "bodies.loop"),
 }
-"""Files and functions of the figures of each registry in the order of its page; a file is loaded when one of
-its registries is needed, since a command shows one page."""
+"""Files and functions of the figures of each registry, in the order of its page. A file is loaded when one of
+its registries is needed, because a command makes one page."""
 
 SHOWN_BY: dict[str, str] = {
     "dic.calibration.views.Calibration": "CALIBRATION",
@@ -124,13 +127,13 @@ SHOWN_BY: dict[str, str] = {
     "kolsky.studies.rates.records.GroupRates": "RATES",
     "kolsky.studies.sweep_analysis.SweepAnalysis": "SWEEPS",
 }
-"""Registries by the class of what their figures show."""
+"""Registries by the class of the results in their figures."""
 
 __all__ = ["SHOWN_BY", "FigureKind", "figures_of", *PLACES]
 
 
 def __getattr__(name: str) -> Registry:
-    """Load a registry of `PLACES` when it is first asked for."""
+    """Load a registry of `PLACES` at its first use."""
     if name not in PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     places = (place.split(".") for place in PLACES[name])
@@ -142,8 +145,8 @@ def __getattr__(name: str) -> Registry:
 def figures_of(shown: Any) -> Registry:
     """Figures that show a result, e.g. a `kolsky.inverse.result.Identification`.
 
-    Returns: the figures by name; each has a `caption` of the result. Raises TypeError if no figure shows
-    things of this class.
+    Returns: the figures by name; each has a `caption` of the result. Raises TypeError if there are no figures
+    for this class.
 
     Examples
     --------

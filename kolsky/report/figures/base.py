@@ -30,11 +30,11 @@ BAND = "#56B4E9"
 GREEN = "#009E73"
 YELLOW = "#F0E442"
 GREY = "#8C8C8C"
-"""Okabe-Ito colours (and one grey); the first six have one meaning each in all figures."""
+"""Okabe-Ito colours (and one grey). Each of the first six has one meaning in all figures."""
 
 SERIES = (SHAPE, MODEL, GREEN, PAPER, FORCE, BAND, MEASURED)
 MARKERS = "osD^v<>"
-"""Colours and markers of series of one kind, in turn."""
+"""Colours and markers of series of one kind, used in this order."""
 
 DOTS: dict[str, Any] = {"fmt": "o", "ms": 1.6, "mew": 0.0, "elinewidth": 0.5}
 """Style of measured points with error bars."""
@@ -51,7 +51,7 @@ COLUMN, PAGE = 85.0, 170.0
 
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 LONG_LABELS = 1e4
-"""Values over their range beyond which a tick's label needs six digits or more."""
+"""Values divided by their range. Above this limit, a tick's label needs six digits or more."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +67,11 @@ class FigureKind(Generic[Shown]):
     panels: Callable[[Shown], list[list[str]]]
     """Mosaic of panel names for `Figure.subplot_mosaic`; "." is an empty position."""
     draw: Callable[[Shown, Panels], str]
-    """Draws a result into the panels and returns the caption; computes only differences and ratios."""
+    """Draws a result into the panels and returns the caption. It computes only differences and ratios."""
     applies: Callable[[Shown], bool]
     """True if the result contains the data of the figure."""
     letters: bool | Sequence[str]
-    """True if all panels are marked (a), (b), ...; the names of those that are."""
+    """True if all panels are marked (a), (b), ...; or the names of the marked panels."""
     mosaic: Mapping[str, Any]
     """Further options of `Figure.subplot_mosaic`."""
 
@@ -99,11 +99,13 @@ def figure(
     letters: bool | Sequence[str] = False,
     **mosaic: Any,
 ) -> Callable[[Callable[[Shown, Panels], str]], FigureKind[Shown]]:
-    """Make a figure of the function that draws it and returns its caption; the name is the function's.
+    """Make a figure from the function that draws it and returns its caption.
+
+    Its name is that of the function.
 
     ``width``, ``height``: size [mm]. ``height`` and ``panels`` may be functions of the result. ``applies``:
-    true if a result holds what the figure shows. ``letters``: true to mark several panels (a), (b), ..., or
-    the names of those to mark. ``mosaic``: further options of `Figure.subplot_mosaic`.
+    true if a result contains the data of the figure. ``letters``: True to mark several panels (a), (b), ...,
+    or the names of those to mark. ``mosaic``: further options of `Figure.subplot_mosaic`.
     """
 
     def kind(draw: Callable[[Shown, Panels], str]) -> FigureKind[Shown]:
@@ -135,14 +137,16 @@ def label_panel(ax: Axes, text: str) -> None:
 
 
 def note_empty(ax: Axes, text: str) -> None:
-    """Write into a panel why it is empty."""
+    """Write into an empty panel the reason why it is empty."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color=GREY)
 
 
 def few_ticks(ax: Axes, most: int) -> None:
-    """Limit the ticks of the x axis; values that differ in their last digits only have long labels.
+    """Limit the ticks of the x axis.
 
-    ``ax``: axes whose limits are set. ``most``: most intervals between ticks where the labels are short.
+    Values that differ only in their last digits have long labels.
+
+    ``ax``: axes with final limits. ``most``: maximum number of intervals between ticks with short labels.
     """
     low, high = ax.get_xlim()
     span = abs(high - low)
@@ -158,10 +162,12 @@ def plain_log_ticks(axis: Axis, subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None
 
 
 def label_text(text: str, most: int) -> str:
-    """Return a name for use in a figure: one line of printable characters, a long one without its middle.
+    """Return a name for use in a figure: one line of printable characters.
 
-    A dollar sign is escaped, so that it does not start a formula. A character that is missing in the figures'
-    font becomes a square; tables of a page show it unchanged.
+    The middle of a long name is left out.
+
+    A dollar sign is escaped, because it would start a formula. A character that the figures' font lacks
+    becomes a square. Tables of a page show it unchanged.
     """
     font = get_font(findfont("DejaVu Sans"))
     known = (c if c.isprintable() else " " for c in text)
@@ -172,7 +178,7 @@ def label_text(text: str, most: int) -> str:
 
 
 def colour_bar(mapped: ScalarMappable, axes: Axes | list[Axes], label: str, **options: Any) -> None:
-    """Add a colour bar drawn as vectors; Matplotlib would put a bitmap into the vector file."""
+    """Add a colour bar drawn as vectors. Matplotlib would put a bitmap into the vector file."""
     parent = (axes if isinstance(axes, Axes) else axes[0]).get_figure(root=True)
     assert parent is not None  # an axes of a report always lies in one
     bar = parent.colorbar(mapped, ax=axes, label=label, **options)
@@ -189,7 +195,10 @@ def legend_above(ax: Axes, *, ncols: int) -> None:
 
 
 def show_picture(ax: Axes, picture: NDArray[np.generic], *, dark: bool = False) -> None:
-    """Show a camera's picture between its darkest and brightest greys; ``dark``: darker, to show points."""
+    """Show a camera's picture between its darkest and brightest greys.
+
+    ``dark``: darker, which makes points visible.
+    """
     low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
     least = 2.0 * low - high - 1 if dark else low
     ax.imshow(picture, cmap="gray", vmin=least, vmax=max(high, low + 1), interpolation="none")
@@ -212,7 +221,10 @@ def label_point(
 
 
 def largest(values: NDArray[np.float64], default: float = 1.0) -> float:
-    """Return the largest finite |value|, or `default` if there is none or all are zero."""
+    """Return the largest finite |value|.
+
+    The result is `default` if there is none or all are zero.
+    """
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if finite.size and finite.max() > 0.0 else default
 
@@ -220,8 +232,9 @@ def largest(values: NDArray[np.float64], default: float = 1.0) -> float:
 def weighted_chi2(result: Identification) -> NDArray[np.float64]:
     """Return chi-square of each run with the weights of the final search, shape [n_runs].
 
-    The sums of the runs are weighted by noise only, those of the search by noise and model discrepancy in
-    quadrature. The median noise of force and of outline is used for all of their points.
+    The sums of the runs are weighted by noise only. Those of the search are weighted by noise and model
+    discrepancy in quadrature. The median noise of the force is used for all its points; the same holds for
+    the outline.
     """
     c, design, quality = result.comparison, result.design, result.surrogate
     force = _share(c.force_sigma, quality.get("force_discrepancy", 0.0))
@@ -232,7 +245,10 @@ def weighted_chi2(result: Identification) -> NDArray[np.float64]:
 
 
 def _share(sigma: NDArray[np.float64], tau: float) -> float:
-    """Return the variance of the noise over that of noise and discrepancy; noise is the median of `sigma`."""
+    """Return the variance of the noise divided by that of noise and discrepancy.
+
+    The noise is the median of `sigma`.
+    """
     if tau == 0.0 or sigma.size == 0:
         return 1.0
     noise = float(np.median(sigma))

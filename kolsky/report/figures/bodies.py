@@ -1,4 +1,4 @@
-"""Figures of whole specimens, sheets and actuators: forces, fields, shapes, correlations, the closed loop."""
+"""Figures of whole specimens, sheets and actuators: forces, fields, shapes, correlations, closed loop."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ from kolsky.results.nomenclature import constant_symbol
 COLOURS = (MODEL, SHAPE, FORCE, BAND, GREY)
 """Colours of the fits, in turn."""
 MOST_TESTS = 6
-"""Maximum number of tests with a separate panel; the CSV file has all."""
+"""Maximum number of tests with a separate panel. The CSV file has all tests."""
 LEAST_SHARE = 1e-4
 """Smallest share of the volume on the axis."""
 
@@ -277,7 +277,10 @@ def _field(
 
 
 def _coloured(ax: Axes, view: SheetView, label: str, *values: FloatArray, **options: Any) -> None:
-    """Draw the triangles of a sheet in colours; values of nodes, or ``facecolors`` of the faces."""
+    """Draw the triangles of a sheet in colours.
+
+    The colours are values of nodes, or ``facecolors`` of the faces.
+    """
     x, y = MM * view.mesh.points.T[:2]
     triangles = Triangulation(x, y, view.mesh.cells[:, :3])
     image = ax.tripcolor(triangles, *values, cmap="viridis", rasterized=True, **options)
@@ -334,7 +337,7 @@ def sheet_map(view: SheetView, panels: Panels) -> str:
 STATE_COLOURS = (SHAPE, MODEL, FORCE, GREY)
 """Colours of the directions of gravity, in turn."""
 MOST_DIRECTIONS = 3
-"""Maximum number of directions with separate panels; the tables have all."""
+"""Maximum number of directions with separate panels. The tables have all directions."""
 SHADES = 0.45, 0.9
 """Grey of faces across and along the line of sight."""
 

@@ -64,7 +64,7 @@ def calibration_residuals(result: Calibration, panels: Panels) -> str:
 
 
 NAMED = 30
-"""Up to this many pairs each has its name on the axis."""
+"""Up to this number of pairs, each pair has its name on the axis."""
 
 
 @figure(PAGE, 60.0, [["pairs", "distribution"]], width_ratios=[1.6, 1.0], letters=True)

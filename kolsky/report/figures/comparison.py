@@ -161,7 +161,7 @@ def shape_residual(result: Identification, panels: Panels) -> str:
     inside = c.inside & np.isfinite(left_over)
     limit = float(np.percentile(np.abs(left_over[inside]), 99.0)) if inside.any() else 1.0
     corners: Any = cells(MS * line.time, line.frame, MM * line.y)[inside]
-    # Edges in the colour of the face: without them viewers show white seams between the cells.
+    # Edges in the colour of the face: without them, viewers show white seams between the cells.
     mapped = PolyCollection(
         corners, array=left_over[inside], cmap="RdBu_r", edgecolors="face", linewidths=0.1
     )
@@ -190,7 +190,7 @@ OUTLINES = 6
 
 
 def chosen_frames(result: Identification) -> NDArray[np.int64]:
-    """Frame numbers at equal distances through the window, the last one included, shape [<= 6]."""
+    """Frame numbers at equal distances through the window, with the last one, shape [<= 6]."""
     frames = np.unique(result.comparison.centre_line.frame)
     if frames.size <= OUTLINES:
         return frames
@@ -231,7 +231,7 @@ def profiles(result: Identification, panels: Panels) -> str:
         rows = line.frame == frames[column]
         time = line.time[rows][0]
         top.text(0.95, 0.965, f"{MS * time:.2f} ms", transform=top.transAxes, ha="right", va="top")
-        # The model's outline is drawn where it was sampled at the frame's time; the rest is for the points.
+        # The model's outline was sampled at the times of the frames; it is drawn only at these times.
         nearest = int(np.argmin(np.abs(response.surface_times - time)))
         if abs(response.surface_times[nearest] - time) < 1e-9:
             r, y = response.surface_r[0, nearest], response.surface_y[0, nearest]
@@ -246,7 +246,7 @@ def profiles(result: Identification, panels: Panels) -> str:
         order = np.argsort(y)
         low.fill_betweenx(y[order], -band[rows][order], band[rows][order], color=BAND, alpha=0.4, lw=0.0)
         low.plot(left_over[rows], y, "o", color=MEASURED, ms=1.6, mew=0.0)
-    # The specimen is flattest in the last picture: that panel has room above it.
+    # The specimen is shortest in the last picture: that panel has free space above it.
     panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
     return (
         "Outline of the specimen on the camera side at six times: measured points with ±2σ of their noise "
@@ -313,7 +313,7 @@ def energy(result: Identification, panels: Panels) -> str:
     ledger, time = result.response.energy, MS * result.response.surface_times
     top, low = panels["ledger"], panels["residual"]
     scale = largest(ledger.external[0])
-    # most tests have no relaxation; a part that is zero is left out of the legend
+    # most tests have no relaxation; a part of zero is left out of the legend
     parts = [name for name in PARTS if name != "viscous" or (np.abs(ledger.viscous[0]) > 0.0).any()]
     shares = [largest(getattr(ledger, name)[0], default=0.0) / scale for name in parts]
     labels = [
@@ -347,11 +347,11 @@ def energy(result: Identification, panels: Panels) -> str:
 MESHES = 4
 """Panels of the figure of meshes."""
 LINES = 16
-"""Approximate number of mesh lines drawn in each direction; more would look like a grey area."""
+"""Approximate number of drawn mesh lines in each direction. More lines would look like a grey area."""
 
 
 def _kept_nodes(result: Identification) -> bool:
-    """Return True if the result holds the nodes of the simulation at the optimum."""
+    """Return True if the result contains the nodes of the simulation at the optimum."""
     nodes = result.response.nodes
     return nodes is not None and bool(np.isfinite(nodes).any())
 
@@ -370,7 +370,7 @@ def _meshes_height(result: Identification) -> float:
 
 
 def _thinned(elements: int) -> list[int]:
-    """Numbers of the mesh lines to draw, both ends among them."""
+    """Numbers of the drawn mesh lines, with both ends."""
     return sorted({*range(0, elements + 1, max(1, elements // LINES)), elements})
 
 

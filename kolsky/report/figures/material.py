@@ -29,17 +29,20 @@ from kolsky.report.figures.waves import stress_scale
 from kolsky.studies.rate_dependence import SlowDynamics
 
 MOST_LAWS = 5
-"""Largest number of laws in one panel; more cannot be distinguished."""
+"""Largest number of laws in one panel. More laws cannot be distinguished."""
 RINGS: dict[str, Any] = {"ms": 2.5, "mfc": "none", "mew": 0.5}
 """Style of the markers of tests."""
 LAW_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 
 
 def _shown_laws(comparison: Comparison) -> list[Row]:
-    """Return the laws to draw: least AIC first, only one of those with the same curve."""
+    """Return the laws to draw, least AIC first.
+
+    Of several laws with the same curve, one is drawn.
+    """
     chosen: list[Row] = []
     for row in comparison.rows:
-        # The same error to six digits is the same curve under another name.
+        # Laws with the same error to six digits have the same curve.
         if row.fit is not None and all(
             other.fit is None or abs(row.fit.rmse - other.fit.rmse) > 1e-6 * row.fit.rmse for other in chosen
         ):
@@ -147,7 +150,7 @@ STABILITY_PATHS = (
     (Mode.EQUIBIAXIAL, "tension", "Equibiaxial tension"),
     (Mode.PLANAR, "tension", "Planar, simple shear"),
 )
-"""Equibiaxial tension is uniaxial compression with another stretch; both are drawn over their stretch."""
+"""Equibiaxial tension is uniaxial compression with another stretch. Both are drawn over their stretch."""
 
 
 @figure(

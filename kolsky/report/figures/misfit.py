@@ -1,7 +1,8 @@
 """Figures of the misfit and of the uncertainty from it.
 
-Misfit along each free parameter and over a pair of them; profile likelihood, joint likelihood of a pair,
-posterior samples.
+Misfit along each free parameter and over a pair of them.
+
+The profile likelihood, the joint likelihood of a pair, and posterior samples are also drawn.
 """
 
 from typing import Any
@@ -53,7 +54,7 @@ def misfit(result: Identification, panels: Panels) -> str:
         chi2, phi, routes = (panels[f"{name} {part}"] for part in MISFIT_PARTS)
         for ax in (chi2, phi, routes):
             ax.set_xlabel(axis_label(name, estimate.unit))
-            # Curves and runs are of the refined mesh, routes and intervals corrected for its error.
+            # Curves and runs are those of the refined mesh. Routes and intervals are corrected for its error.
             at = estimate.value if ax is routes else estimate.on_mesh
             if np.isfinite(at):
                 ax.axvline(at, color=MEASURED, lw=0.6, ls="--")
@@ -87,15 +88,15 @@ def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
     design = result.design
     ax.set_yscale("log")
     ax.plot(curve.x, curve.chi2 / np.nanmin(curve.chi2), color=MEASURED)
-    # The line is for the refined mesh: runs on the surrogate's mesh do not belong to it.
+    # The line is for the refined mesh. Runs on the surrogate's mesh do not belong to it.
     checks = np.where(np.array(design.stage) == "check", weighted_chi2(result), np.nan)
     _draw_runs(ax, design, curve.parameter, checks / np.nanmin(curve.chi2), MEASURED)
-    # The surrogate that is searched spans a small box; the whole design is in the next panel.
+    # The searched surrogate covers a small box. The whole design is in the next panel.
     edge = 0.03 * (curve.x[-1] - curve.x[0])
     ax.set_xlim(curve.x[0] - edge, curve.x[-1] + edge)
     plain_log_ticks(ax.yaxis)
     ax.set_ylim(0.7, 1.5 * np.nanmax(curve.chi2) / np.nanmin(curve.chi2))
-    # Triangles on the lower frame: on this scale the optima lie closer than their names are wide.
+    # Triangles are on the lower frame: at this scale the optima are closer than their names are wide.
     for route in result.routes:
         if route.name in ("force only", "shape only"):
             x = route.on_mesh(curve.parameter) if curve.parameter in route.parameters else np.nan
@@ -114,12 +115,12 @@ def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
             continue
         smallest = np.nanmin(along)
         ax.plot(curve.x, along / smallest, color=colour)
-        # Above the frame: the runs are everywhere inside.
+        # Triangles are above the frame, because runs are everywhere inside it.
         above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "right"}
         ax.annotate(label, (1.0, 1.0), xytext=(aside, 2.5), color=colour, annotation_clip=False, **above)
         _draw_runs(ax, design, curve.parameter, runs / smallest, colour)
     ax.margins(x=0.08, y=0.1)
-    # On the frame of the panel: a run that did not complete has a position but no misfit.
+    # Failed runs are on the frame of the panel: they have a position but no misfit.
     frame: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
     for place in design.points[~np.isfinite(design.phi_force), design.names.index(curve.parameter)]:
         ax.plot(place, 0.0, "x", color=MEASURED, ms=3.0, mew=0.7, **frame)
@@ -130,7 +131,7 @@ def _draw_runs(
     ax: Axes, design: DesignTable, parameter: str, values: NDArray[np.float64], colour: str
 ) -> None:
     x = design.points[:, design.names.index(parameter)]
-    # A run off the line through the optimum depends on the other parameters too: it is drawn paler.
+    # A run off the line through the optimum depends on the other parameters too. It is drawn paler.
     style: dict[str, Any] = {"ms": 2.6, "mfc": "white", "mec": colour, "mew": 0.6, "ls": "none"}
     style["alpha"] = 1.0 if len(design.names) == 1 else 0.45
     for stage in dict.fromkeys(design.stage):
@@ -192,7 +193,7 @@ def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
     completed = coarse & np.isfinite(chi2)
     if completed.any():
         level = np.log10(chi2 / np.nanmin(np.where(coarse, chi2, np.nan)))
-        # Two refinements can repeat a point, which would be a triangle without area.
+        # Two refinements can repeat a point, which would give a triangle without area.
         _, single = np.unique(design.points[completed], axis=0, return_index=True)
         _contours(ax, design.points[completed][single], level[completed][single], box)
     ax.plot(*design.points[completed].T, "o", ms=2.2, mfc="white", mec=MEASURED, mew=0.4)
@@ -215,7 +216,7 @@ def _contours(ax: Axes, points: FloatArray, level: FloatArray, box: FloatArray) 
     x, y = points.T
     if len(points) < 4 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return
-    # Triangles and curvature are those of the unit box; else the wider parameter would dominate.
+    # Triangles and curvature are those of the unit box. Otherwise the wider parameter would dominate.
     low, span = box[:, 0], box[:, 1] - box[:, 0]
     unit = Triangulation((x - low[0]) / span[0], (y - low[1]) / span[1])
     fine, smooth = UniformTriRefiner(unit).refine_field(
@@ -270,7 +271,7 @@ def likelihood(result: Identification, panels: Panels) -> str:
 
 LIKELIHOOD_COLOURS = (MODEL, FORCE)
 MOST_SAMPLES = 5.0
-"""Largest square root of the rise over the correlation with a separate colour."""
+"""Largest square root of the rise with a separate colour. The rise is divided by the correlation."""
 
 
 @figure(COLUMN, 72.0, [["plane"]], applies=lambda result: result.ridge is not None)

@@ -39,9 +39,9 @@ from kolsky.studies.planning.plan import Plan
 def draw_map(
     ax: Axes, grid: ObservationGrid, values: NDArray[np.float64], label: str, *, bottom: float | None = None
 ) -> None:
-    """Draw values of shape [n_frames, n_heights], NaN where there is none.
+    """Draw values of shape [n_frames, n_heights]; missing values are NaN.
 
-    ``values``: values in the unit of the label. ``bottom``: smallest value of a one-sided scale; without it
+    ``values``: values in the unit of the label. ``bottom``: smallest value of a one-sided scale. Without it,
     the scale is symmetric about zero.
     """
     top = largest(values)
@@ -50,7 +50,7 @@ def draw_map(
     cells = np.ma.masked_invalid(values.T)
     drawn = ax.pcolormesh(MS * grid.frames, MM * grid.heights, cells, shading="nearest", **style)
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
-    # Few ticks: with more, labels get longer than the layout allowed for when the axes shrink.
+    # Few ticks: more of them would get longer labels than the layout allowed for, if the axes shrink.
     colour_bar(drawn, ax, label, aspect=25, pad=0.02, ticks=MaxNLocator(4))
 
 
@@ -113,7 +113,7 @@ def plan_information(plan: Plan, panels: Panels) -> str:
 
 
 SLOPE_CHANGE = 0.01
-"""Drawn change of a parameter, over its scale [-]."""
+"""Drawn change of a parameter, divided by its scale [-]."""
 
 
 def _design_words(plan: Plan, j: int) -> str:
@@ -217,10 +217,10 @@ MARKS = {
 }
 """Events drawn, in a word or two."""
 RINGING = 20e-6
-"""Span of the running mean of forces in short parts, which oscillate along their axis [s]."""
+"""Span of the running mean of forces in short parts [s]. Short parts oscillate along their axis."""
 PREDICTION_PANELS = ("bar", "velocity", "flyer", "transmitted", "path")
 PREDICTION_SHOWN = ("flyer_speed", "mean_rate", "largest_strain")
-"""Numbers of a scan that are drawn, with their labels."""
+"""Quantities of a scan that are drawn, with their labels."""
 SCAN_LABELS = {
     "flyer_speed": "Flyer (m/s)",
     "mean_rate": "Mean strain rate (1/s)",
@@ -292,7 +292,10 @@ def _mark(ax: Axes, result: Prediction, *, named: bool) -> None:
 
 
 def _limits(ax: Axes, result: Prediction, signal: np.ndarray) -> None:
-    """Set limits from the flight, with a margin; the impact of bar on flyer may exceed the axes."""
+    """Set limits from the flight, with a margin.
+
+    The impact of bar on flyer may lie outside the axes.
+    """
     events, times = result.events, result.bars.times
     if not np.isfinite(events.separation):
         return

@@ -85,7 +85,10 @@ def rate_slope(group: GroupRates, panels: Panels) -> str:
 
 
 def _plain_rates(ax: Axes) -> None:
-    """Label the rates with plain numbers; within a factor of five they lie at equal distances."""
+    """Label the rates with plain numbers.
+
+    Within a factor of five, the labels lie at equal distances.
+    """
     plain_log_ticks(ax.xaxis)
     low, high = ax.get_xlim()
     if high <= 5.0 * low:
@@ -143,11 +146,11 @@ def _lever(ax: Axes, group: GroupRates) -> None:
 
 MOST_SHOTS_DRAWN = ("joint", "force only", "shape only")
 SHOT_HEIGHT = 0.22
-"""Distance of the routes of one shot, in rows."""
+"""Distance between the routes of one shot, in rows."""
 
 
 def _left_out(group: GroupRates) -> bool:
-    """True if the mean is known without one of the shots; it takes three."""
+    """True if the mean without one of the shots is known. At least three shots are needed."""
     return group.pooled is not None and any(fit is not None for fit in group.pooled.leave_one_out)
 
 
@@ -253,7 +256,7 @@ def rate_stiffness(group: GroupRates, panels: Panels) -> str:
 
 
 def _slow(group: GroupRates) -> float | None:
-    """The one quasi-static rate of the group, if there is one."""
+    """The quasi-static rate of the group, if all tests have the same one."""
     rates = {shot.quasi_static.rate for shot in group.counted}
     return rates.pop() if len(rates) == 1 else None
 
@@ -301,7 +304,7 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
 
 
 TEST_COLOURS = tuple(colour for colour in SERIES if colour != MODEL)
-"""Colours of tests, in turn; the model has another colour."""
+"""Colours of tests, used in this order. The model has another colour."""
 
 
 @dataclass(frozen=True)

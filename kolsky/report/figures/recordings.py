@@ -1,4 +1,4 @@
-"""Figures of the recordings: force, motion of the front face, picture pairs; all on one clock."""
+"""Figures of the recordings on one clock: force, motion of the front face, picture pairs."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ def draw_force(shot: Shot | PicturedShot, panels: Panels) -> None:
 
 
 def on_one_clock(panels: Panels, *times: FloatArray) -> None:
-    """Give force and motion a common time axis, which makes a wrong clock visible."""
+    """Give force and motion a common time axis. A wrong clock is then visible."""
     time = MS * np.concatenate(times)
     for panel in (panels["force"], panels["motion"]):
         panel.set_xlim(time.min(), time.max())
@@ -329,7 +329,10 @@ def checked_curve(shot: Shot | PicturedShot, panels: Panels) -> str:
 
 
 def force_over_area(shot: Shot) -> tuple[FloatArray, FloatArray]:
-    """Return the flyer's travel over the length [-] and force over area [Pa] at the frames of the window."""
+    """Return two quantities at the frames of the window: travel over length [-], and force over area [Pa].
+
+    The travel is that of the flyer.
+    """
     assert isinstance(shot.flyer, FlyerMotion)  # checked by the caller
     time = shot.flyer.time
     inside = (time >= shot.window[0]) & (time <= shot.window[1])

@@ -36,7 +36,8 @@ UNITS = {"Phi_F": "N", "Phi_S": "–", "Phi": "–"}
 MOST_PAIRS = 3
 """Maximum number of parameter pairs on a page; three parameters have three pairs."""
 LEAST_SPAN = 1e-3
-"""Below this range of a misfit's logarithm a map has one colour: 0.2 %, less than a surrogate resolves."""
+"""A map has one colour if a misfit's logarithm has a smaller range than this. It is 0.2 %, less than a
+surrogate resolves."""
 COLUMN_HEIGHT = 56.0
 
 
@@ -264,7 +265,7 @@ SOURCE_HEIGHT = 5.2
 
 
 def _ordered_sources(result: Budget) -> list[Source]:
-    """Return the sources whose uncertainty is known, the largest first."""
+    """Return the sources with known uncertainty, the largest first."""
     sources = [source for source in result.sources if np.isfinite(source.u)]
     return sorted(sources, key=lambda source: -source.u)[:MOST_SOURCES]
 

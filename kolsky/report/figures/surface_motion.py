@@ -57,7 +57,7 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
         y, Z = MM * line.y[of], MM * line.Z[of]
         if y.size < 2:
             continue
-        # Each point represents the height half-way to its neighbours.
+        # Each point represents the heights half-way to its neighbours.
         between = 0.5 * (y[1:] + y[:-1])
         edges = np.concatenate([[2.0 * y[0] - between[0]], between, [2.0 * y[-1] - between[-1]]])
         left, right = (np.full(y.size, time[frame] + side) for side in (-half, half))

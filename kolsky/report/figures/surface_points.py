@@ -1,4 +1,4 @@
-"""Figures on pictures: measured points by uncertainty, epipolar error and loss; speckle floors; full fields.
+"""Figures on pictures: points with uncertainty, epipolar error and loss; speckle floors; full fields.
 
 The last also shows histories.
 """
@@ -84,7 +84,7 @@ def marker(view: SurfaceView) -> float:
 
 
 def _last_places(view: SurfaceView, frame: int) -> FloatArray:
-    """Return the last places in camera 0 of the points that are lost in a frame [px], shape [n, 2]."""
+    """Return the last places in camera 0 of the points lost in a frame [px], shape [n, 2]."""
     body = view.result.specimen
     points = np.flatnonzero(~body.surface.valid[frame])
     seen = np.asarray(np.isfinite(body.pixels[0][: frame + 1, points]).all(axis=2))
@@ -222,7 +222,7 @@ MILLI_PIXELS = 1e3
 
 
 def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
-    """Cameras whose speckles are known: number and speckles."""
+    """Cameras with known speckles: number and speckles."""
     return [(camera, speckle) for camera, speckle in enumerate(view.speckles) if speckle is not None]
 
 
@@ -336,7 +336,7 @@ class _Maps(NamedTuple):
     at: FloatArray
     """Positions of the points, NaN where lost [px], shape [n_points, 2]."""
     values: dict[str, FloatArray]
-    """By the words of the colour bar, in the order of the panels, each of shape [n_points]."""
+    """Values by the label of the colour bar, in the order of the panels, each of shape [n_points]."""
     step: float
     """Distance of neighbouring points [px]."""
 
@@ -404,7 +404,9 @@ def full_field(view: FullFieldView, panels: Panels) -> str:
 
 
 def _shown_frame(view: SurfaceView) -> int:
-    """The last frame with at least half of the points; of those with a picture, where there are any."""
+    """The last frame with at least half of the points. If some of these frames have pictures, the last of
+    those.
+    """
     count = view.result.specimen.n_valid
     usable = np.flatnonzero(count >= max(1.0, ALIVE * count.max()))
     shown = [frame for frame in view.pictures if frame in usable]

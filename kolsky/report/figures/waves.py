@@ -29,9 +29,9 @@ from kolsky.shot.bars import CheckedBars
 US, MICRO = 1e6, 1e6
 """Factors from s to µs and from strain to µm/m."""
 WAYS = {"one wave": (SHAPE, "-"), "two waves": (FORCE, "--"), "three waves": (MEASURED, "-")}
-"""Colour and line of each way of analysis."""
+"""Colour and line style of each analysis."""
 LETTERED = ("signals", "forces", "strain", "curve")
-"""Panels with letters; the others are below one of them."""
+"""Panels with letters. Each other panel is below one of them."""
 PULSES = {"incident": SHAPE, "reflected": MODEL, "transmitted": FORCE}
 
 

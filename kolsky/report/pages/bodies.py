@@ -142,7 +142,7 @@ def _degrees(value: float) -> str:
 
 
 Rows = Iterator[tuple[dict[str, str], bool]]
-"""Texts by the heads of their columns, and whether the row's result is lost."""
+"""Texts by the headings of their columns, and True if the row's result is missing."""
 
 
 def bends(view: ActuatorView) -> Rows:
@@ -196,7 +196,7 @@ def forces(view: ActuatorView) -> Rows:
 
 
 def _marker_rows(view: ActuatorView) -> Rows:
-    """Root mean square distance of the markers, as Table 4 of the paper."""
+    """Root mean square distance of the markers, as in Table 4 of the paper."""
     for one in view.markers:
         cells = {
             "Gravity": one.gravity,

@@ -1,4 +1,4 @@
-"""Pages of an identification, of one shot or of several: answers and their uncertainty, search, causes.
+"""Pages of an identification of one shot or several: answers, their uncertainty, search, causes.
 
 The tables of uncertainty are in `kolsky.report.pages.uncertainty`. The slider over time reads its numbers
 from the page, see `instrument`.
@@ -83,7 +83,7 @@ _VERDICTS = {
 
 
 def _flattened(value: Any, prefix: str = "") -> list[tuple[str, str]]:
-    """Return all of a nested provenance as rows (words, text), see `kolsky.results.display`."""
+    """Return all entries of a nested provenance as rows (words, text), see `kolsky.results.display`."""
     if isinstance(value, Mapping):
         return [row for k, v in value.items() for row in _flattened(v, f"{prefix}.{k}" if prefix else str(k))]
     if isinstance(value, list | tuple) and any(isinstance(item, Mapping | list | tuple) for item in value):
@@ -222,7 +222,7 @@ def _ending_words(ending: Ending) -> str:
 
 
 def _failure_rows(result: Identification) -> list[tuple[str, str]]:
-    """Return the kinds of failure among the runs, with cause and cure."""
+    """Return the kinds of failure among the runs, with cause and remedy."""
     kinds = {result.design.ending(run).outcome for run in result.design.lost}
     return [
         (kind.name.lower().replace("_", " "), f"{kind.cause}; the element has {kind.role}. Cure: {kind.cure}")
@@ -321,7 +321,7 @@ def instrument(result: Identification, recordings: ShotRecordings | None) -> Mar
 
 
 def instrument_numbers(result: Identification, recordings: ShotRecordings | None) -> dict[str, Any]:
-    """Force, outlines and pictures in ms, N, mm and µm; None where there is no number."""
+    """Force, outlines and pictures in ms, N, mm and µm; None for a missing number."""
     c, response = result.comparison, result.response
     film = None if recordings is None else recordings.film
     return {
@@ -364,7 +364,7 @@ def _outlines(result: Identification) -> list[dict[str, Any]]:
 
 
 def _rounded_list(values: FloatArray, kind: str) -> list[float | None]:
-    """Numbers with the digits of their kind; None for values that are not finite."""
+    """Numbers with the digits of their kind. Values that are not finite become None."""
     return [round(float(x), _DIGITS[kind]) if np.isfinite(x) else None for x in values]
 
 
@@ -372,7 +372,7 @@ _TEMPLATE = "identification.html"
 _TESTED = ("specimen", "specimen_length", "interface", "declared_interface", "support", "window_s")
 _TABLES = ("checks", "inputs", "settings", "versions")
 _SHOWN = (*_TESTED, *_TABLES, "recordings")
-"""Entries of provenance that have their own table; all others are listed under "Further"."""
+"""Entries of provenance with a separate table. All others are listed under "Further"."""
 
 
 def render(
@@ -433,18 +433,18 @@ def write_report(
     path
         The file, replaced atomically if it exists; its folder must exist.
     identification
-        The result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface",
-        "support" and "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256),
-        "settings" and "versions" have their own tables; every other entry is listed under "Further".
+        The result. Six entries of its provenance make the table of the test: "specimen", "specimen_length",
+        "interface", "declared_interface", "support" and "window_s". "checks", "inputs" (file name to
+        SHA-256), "settings" and "versions" have separate tables. Every other entry is listed under "Further".
     recordings
-        Recordings of the shot's own files; without them their sections are left out.
+        Recordings from the shot's files. Without them, their sections are left out.
     processes
         Number of processes that draw the figures.
 
     Raises
     ------
     OSError
-        If the file cannot be written; an older one is then unchanged.
+        If the file cannot be written. An older file is then unchanged.
     """
     page_writer(render)(path, identification, recordings, processes=processes)
 
@@ -454,9 +454,11 @@ def _figures(
     recordings: ShotRecordings | None,
     processes: int,
 ) -> dict[str, dict[str, Any]]:
-    """Draw all figures, those of the recordings last; by name, as the template takes them.
+    """Draw all figures, those of the recordings last.
 
-    The template removes each figure that it places; the others follow under "Further figures".
+    They are returned by name for the template.
+
+    The template removes each figure that it places. The others follow under "Further figures".
     """
     groups = [FigureGroup(REGISTRY.values(), identification)]
     if recordings is not None:

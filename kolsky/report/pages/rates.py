@@ -16,7 +16,7 @@ from kolsky.studies.rates.scatter import Criterion, Slope, SlopeVerdict
 
 
 def _group_tables(group: GroupRates, *, several: bool) -> dict[str, Any]:
-    """Return all tables of a group as the template takes them."""
+    """Return all tables of a group for the template."""
     leverage: dict[str, float] = {}
     if group.slope is not None and group.slope.fit is not None:
         pairs = zip(group.counted, group.slope.fit.leverage.tolist(), strict=True)
@@ -57,7 +57,10 @@ def _answer_lines(group: GroupRates) -> dict[str, str] | None:
 
 
 def _ends(value: float, interval: tuple[float, float]) -> tuple[str, str, str]:
-    """A value and the ends of its interval, rounded according to half the width."""
+    """A value and the ends of its interval.
+
+    They are rounded according to the half width.
+    """
     half = 0.5 * (interval[1] - interval[0])
     return measured(value, half)[0], numbers.like(interval[0], half), numbers.like(interval[1], half)
 
@@ -191,7 +194,7 @@ def _shared(group: GroupRates) -> list[dict[str, str]]:
     for (part, through), changes in group.common.items():
         moved = np.abs(changes[changes != 0.0])
         low, high = plain(float(moved.min()), 2), plain(float(moved.max()), 2)
-        # A file is identified by its hash; eight digits are unique on a page.
+        # A file is identified by its hash. Eight digits are unique on a page.
         short = through[:8] if re.fullmatch("[0-9a-f]{64}", through) else through
         rows.append(
             {
@@ -266,7 +269,10 @@ write_page = page_writer(render)
 
 
 def figures_of(report: RateReport, index: int) -> Mapping[str, FigureKind[Any]]:
-    """Return the figures of one group; their names end in its number if there are several groups."""
+    """Return the figures of one group.
+
+    If there are several groups, names end in the group's number.
+    """
     group = report.groups[index]
     suffix = f"-{index + 1}" if len(report.groups) > 1 else ""
     return {

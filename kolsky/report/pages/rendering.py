@@ -23,11 +23,14 @@ _HERE = Path(__file__).parent
 HEADING = 120
 """Largest number of characters of a heading."""
 LONGEST = 2000
-"""Largest number of characters of any other text; the longest warning has some 600."""
+"""Largest number of characters of any other text. The longest warning has some 600."""
 
 
 def environment() -> Environment:
-    """Return the templates of this folder: text is escaped and printable, undefined names are errors."""
+    """Return the templates of this folder.
+
+    Text is escaped and printable; undefined names are errors.
+    """
     made = Environment(
         loader=FileSystemLoader(_HERE),
         autoescape=True,
@@ -41,20 +44,20 @@ def environment() -> Environment:
 
 
 def printable_text(value: Any) -> Any:
-    """Return a text with "□" for control characters and without the middle of a very long text.
+    """Return a text with "□" for control characters. A very long text loses its middle.
 
-    Names and metadata of files can contain anything. HTML allows no control characters, and those that change
-    the direction of writing can disguise a name; the results file holds every text unchanged.
+    Names and metadata of files can contain anything. HTML does not allow control characters. Characters that
+    change the direction of writing can disguise a name. The results file contains every text unchanged.
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
-    # Separators stay, and so do surrogates, which `page_writer` shows as escapes.
+    # Separators stay. Surrogates stay too; `page_writer` shows them as escapes.
     line = "".join("□" if c not in "\t\n\r" and category(c) in ("Cc", "Cf") else c for c in value)
     return shortened(line, LONGEST)
 
 
 def shortened(text: str, most: int) -> str:
-    """Return a text of at most `most` characters; the middle of a longer one is replaced by "…"."""
+    """Return a text of at most `most` characters. "…" replaces the middle of a longer one."""
     return text if len(text) <= most else f"{text[: most - most // 2 - 1]}…{text[-(most // 2) :]}"
 
 
@@ -88,14 +91,14 @@ def draw_groups(
     processes: int = 1,
     mark: str = "",
 ) -> list[dict[str, Any]]:
-    """Draw the figures that apply and return them numbered, as the templates take them.
+    """Draw the figures that apply and return them with numbers, for the templates.
 
-    The last figure is started first: pages end with pictures of the mesh, which take longest. Parallel
-    processes finish at about the same time if their last figures are short.
+    The last figure is started first, because pages end with pictures of the mesh, which take longest.
+    Parallel processes finish at about the same time if their last figures are short.
 
     ``groups``: groups of figures in the order of the page. ``processes``: processes that draw; see
-    `dic.processes.run_parallel`. ``mark``: added to the names of the figures in their ids, if a page has
-    several figures of one name.
+    `dic.processes.run_parallel`. ``mark``: suffix of the figures' ids, if a page has several figures of one
+    name.
     """
     figures = [(kind, group.shown) for group in groups for kind in group.kinds if kind.applies(group.shown)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
@@ -117,7 +120,7 @@ def draw_groups(
 
 
 def _drawn(kind: FigureKind[Any], shown: Any, name: str) -> tuple[str, str]:
-    """Draw a figure and return it as SVG, and its caption."""
+    """Draw a figure, and return its SVG and its caption."""
     figure = build(kind, shown)
     return inline_svg(figure, name), str(figure.get_label())
 
@@ -133,10 +136,10 @@ def render_page(
 ) -> str:
     """Return a page as HTML text.
 
-    ``template``: a file of this folder that extends `base.html`. ``kind``: line above the heading: the sort
-    of page. ``heading``: heading, mostly the name of a shot; a long one is shortened. ``subject``: text after
-    the heading in the title of the window. ``using``: templates with filters of their own; those of
-    `environment` if left out. ``context``: all other variables of the template.
+    ``template``: a file of this folder that extends `base.html`. ``kind``: line above the heading: the kind
+    of page. ``heading``: heading, usually the name of a shot; a long one is shortened. ``subject``: text
+    after the heading in the title of the window. ``using``: templates with additional filters; default: those
+    of `environment`. ``context``: all other variables of the template.
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
     page = (using or environment()).get_template(template)
@@ -168,15 +171,18 @@ def sentences(texts: Iterable[str]) -> list[str]:
 
 
 def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], None]:
-    """Return the function that writes a page to a file, given the function that returns it as text.
+    """Return the function that writes a page to a file.
 
-    ``render``: its arguments follow the file's path, whose folder must exist. The file needs no network and
-    has no external scripts. It replaces an older file when it is complete; an OSError leaves that unchanged.
+    Its text comes from the given function.
+
+    ``render``: its arguments follow the file's path. The folder must exist. The file needs no network and has
+    no external scripts. It replaces an older file when it is complete. After an OSError, the older file is
+    unchanged.
     """
 
     def write_page(path: Path, *arguments: _P.args, **options: _P.kwargs) -> None:
         with replacing(Path(path)) as partial:
-            # File names can contain bytes that are not text; they are written as escapes.
+            # File names can contain bytes that are not text. They are written as escapes.
             partial.write_bytes(render(*arguments, **options).encode("utf-8", errors="backslashreplace"))
 
     return write_page

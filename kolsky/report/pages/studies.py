@@ -39,7 +39,7 @@ write_plan = page_writer(render_plan)
 
 
 def _expected_row(plan: Plan, j: int) -> dict[str, Any]:
-    """Expected value with its k = 2 interval, and half the widths in other cases."""
+    """Expected value with its k = 2 interval, and the half widths in other cases."""
     name, whole = name_of(plan.names[j]), plan.expected["all"]
     double = 2.0 * name.factor
     value = name.factor * float(plan.information.sensitivity.point[j])
@@ -62,7 +62,7 @@ WORDS = {
     "shaper_strain": ("compression of the shaper (mm)", 1e3),
     "pulse_force": ("largest force on the shaper (kN)", 1e-3),
 }
-"""The numbers of a test in words, and displayed number over SI."""
+"""The numbers of a test in words, and the factor from SI to the displayed number."""
 
 
 def render_prediction(result: Prediction, scan: Scan | None = None, aim: Aim | None = None) -> str:
@@ -109,7 +109,7 @@ def _aimed(aim: Aim) -> list[tuple[str, str]]:
 
 
 MOST_LISTED = 200
-"""Largest number of runs in the page's table; the CSV file has all."""
+"""Largest number of runs in the page's table. The CSV file has all runs."""
 CHOSEN = "those that failed, then those with the smallest misfit"
 SWEEP_WORDS = {"Phi_F": "Φ_F", "Phi_S": "Φ_S", "Phi": "Φ"}
 
@@ -165,7 +165,7 @@ def _range(result: SweepAnalysis, name: str) -> str:
 
 
 def _least(result: SweepAnalysis) -> Iterator[tuple[str, str]]:
-    """The run with the smallest misfit and the minimum of the interpolant, if there are such."""
+    """The run with the smallest misfit and the minimum of the interpolant, if available."""
     if (best := result.best) is not None:
         yield "smallest misfit", f"run {best}: {_place(result.box.as_dict(result.table.points[best]), {})}"
     if (least := result.optimum) is not None:
@@ -177,7 +177,7 @@ def _least(result: SweepAnalysis) -> Iterator[tuple[str, str]]:
 
 
 def _place(point: Mapping[str, float], at_bound: Mapping[str, str]) -> str:
-    """A point in words, with the bounds that it lies at."""
+    """A point in words, with the names of bounds on which it lies."""
     return ", ".join(
         f"{_named(name)} = {numbers.plain(name_of(name).factor * value)}"
         + (f" (at the {at_bound[name]} bound)" if name in at_bound else "")
@@ -186,7 +186,10 @@ def _place(point: Mapping[str, float], at_bound: Mapping[str, str]) -> str:
 
 
 def _listed(result: SweepAnalysis) -> list[int]:
-    """Return the indices of the runs in the table: all, or the failed and those with the smallest misfit."""
+    """Return the indices of the runs in the table.
+
+    They are all runs, or the failed ones and those with the smallest misfit.
+    """
     n = len(result.table.outcomes)
     if n <= MOST_LISTED:
         return list(range(n))
@@ -280,7 +283,7 @@ def _table(result: Budget) -> dict[str, Any]:
 
 
 def _share(value: float, interval: tuple[float, float]) -> str:
-    """Return a share with its 95 % interval, where they are known."""
+    """Return a share with its 95 % interval, if known."""
     if not np.isfinite(value):
         return numbers.NOTHING
     known = np.isfinite(interval).all()

@@ -19,7 +19,10 @@ from kolsky.results import numbers
 
 
 def rows_of_points(counts: Mapping[PointOutcome, int], total: int, **more: Any) -> list[dict[str, Any]]:
-    """Return one row per outcome: its text, count, share of `total`, cause and remedy, and `more` entries."""
+    """Return one row per outcome.
+
+    A row has its text, count, share of `total`, cause, remedy, and `more` entries.
+    """
     return [
         {
             **more,
@@ -35,7 +38,7 @@ def rows_of_points(counts: Mapping[PointOutcome, int], total: int, **more: Any) 
 
 
 def rows_of_frames(bad: Mapping[Any, FrameOutcome]) -> list[tuple[str, str, str, str]]:
-    """Return the frames that gave no points: number, outcome, cause, cure."""
+    """Return the frames without points: number, outcome, cause, remedy."""
     return [(str(frame), words(outcome), outcome.cause, outcome.cure) for frame, outcome in bad.items()]
 
 
@@ -76,7 +79,7 @@ write_surfaces = page_writer(render_surfaces)
 
 
 def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
-    """Return the outcomes of points by body, with cause and cure."""
+    """Return the outcomes of points by body, with cause and remedy."""
     rows = []
     for name, body in (("specimen", shown.result.specimen), ("flyer", shown.result.flyer)):
         if body is not None:

@@ -1,4 +1,4 @@
-"""Tables of the report about uncertainty: likelihood, declared uncertainties, possible improvements."""
+"""Tables of the report about uncertainty: likelihood, declared uncertainties, improvements."""
 
 from collections.abc import Callable
 from math import isclose, isfinite, sqrt
@@ -44,7 +44,7 @@ def _verdict(result: Identification, profile: ParameterProfile) -> dict[str, Any
     name = name_of(profile.name, result.estimates[profile.name].unit)
     ends = (*profile.interval, *profile.alone)
     width = float(np.nanmax(np.abs([end - result.estimates[profile.name].value for end in ends] + [0.0])))
-    # A text that only repeats the table is left out.
+    # A text that repeats the table is left out.
     more = profile.verdict != VerdictKind.IDENTIFIED.value or ";" in profile.text
     return {
         "symbol": name.symbol,
@@ -108,8 +108,9 @@ LEAST = 0.02
 
 
 def changes(result: Identification) -> list[str]:
-    """Return sentences on changes that would narrow the intervals, the largest effect on each parameter
-    first.
+    """Return sentences on changes that would narrow the intervals.
+
+    The largest effect on each parameter is first.
 
     Each sentence is based on a part of the result.
 
@@ -120,7 +121,7 @@ def changes(result: Identification) -> list[str]:
 
 
 def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
-    """Return the standard uncertainties in the interval by cause, the largest first."""
+    """Return the standard uncertainties in the interval by source, the largest first."""
     sigmas = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
     computed = estimate.numerical_parts or {"mesh": estimate.sigma_numerical}
     sigmas |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
@@ -132,7 +133,10 @@ def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
 
 
 def dominant(result: Identification, estimate: Estimate) -> str:
-    """Return the largest shares of an estimate's variance in one line; "" if it is not bounded."""
+    """Return the largest shares of an estimate's variance in one line.
+
+    "" if the estimate is not bounded.
+    """
     if not isfinite(estimate.sigma):
         return ""
     largest = list(variance_shares(result, estimate.name).items())[:MOST_PARTS]
@@ -140,7 +144,10 @@ def dominant(result: Identification, estimate: Estimate) -> str:
 
 
 def _halved(result: Identification, estimate: Estimate) -> list[str]:
-    """Return the effect of halving each part, if the root sum of squares of the parts is the whole."""
+    """Return the effect of halving each part.
+
+    The root sum of squares of the parts must be the whole.
+    """
     total = estimate.sigma
     if not (isfinite(total) and total > 0.0):
         return []
@@ -167,7 +174,7 @@ def _halved(result: Identification, estimate: Estimate) -> list[str]:
 
 
 def _others_known(result: Identification) -> list[str]:
-    """Return the width of each interval that is due to the other free parameters."""
+    """Return the part of each interval's width that is due to the other free parameters."""
     lines = []
     for profile in result.profiles:
         together, alone = (0.5 * (high - low) for low, high in (profile.interval, profile.alone))
@@ -183,7 +190,7 @@ def _others_known(result: Identification) -> list[str]:
 
 
 def _curve(result: Identification) -> list[str]:
-    """Return the strain that a quasi-static test would have to reach."""
+    """Return the strain up to which a quasi-static test is needed."""
     share = float(result.response.extrapolated_share[0])
     last = result.provenance.get("checks", {}).get("curve_last_strain")
     reached = float(result.response.largest_strain_measure[0])
@@ -198,7 +205,7 @@ def _curve(result: Identification) -> list[str]:
 
 
 def _undeclared(result: Identification) -> list[str]:
-    """Return the inputs that are taken as exact."""
+    """Return the inputs that are assumed to be exact."""
     open_ = [_words(part.key) for part in result.systematic if part.status == UNDECLARED]
     if not open_:
         return []
@@ -296,7 +303,7 @@ def _data(result: Identification) -> list[dict[str, Any]]:
             f"misfit: {route_label(route.name)}",
             "joint χ²",
             {name: route.parameters[name] - e.value for name, e in result.estimates.items()},
-            # The optimum of the paper's cost is from runs on the surrogate's mesh only.
+            # The optimum of the paper's cost comes from runs on the surrogate's mesh.
             "searched with it alone" + (", on the surrogate’s mesh" if route.name == "paper" else ""),
         )
         for route in routes

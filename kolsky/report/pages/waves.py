@@ -72,9 +72,9 @@ write_page = page_writer(render)
 
 
 def sensitivity_rows(result: ReducedTest) -> list[dict[str, Any]]:
-    """Return the change of each quoted value for one standard uncertainty of each input, with its sign.
+    """Return the change of each result for one standard uncertainty of each input, with its sign.
 
-    The sensitivity coefficient is shown below it: value's unit per input's unit, in SI.
+    Below it is the sensitivity coefficient, in the value's SI unit per SI unit of the input.
     """
     rows = []
     for row in result.budget.contributions:
@@ -104,7 +104,10 @@ def per(slope: float, unit: str, of: str) -> str:
 
 
 def means_over(result: ReducedTest) -> str:
-    """Return the span of the means, and how long the forces are balanced, in words; empty if unknown."""
+    """Return the span of the means, and the duration of force balance, in words.
+
+    Empty if unknown.
+    """
     named = (
         "plateau from",
         "plateau to",
@@ -131,7 +134,10 @@ def answers(result: ReducedTest) -> list[dict[str, Any]]:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a number with four digits in the unit of the page; a time on a long clock keeps all digits."""
+    """Return a number with four digits in the unit of the page.
+
+    A time on a long clock keeps all digits.
+    """
     if unit == "s" and abs(value) >= ABSOLUTE:
         return f"{value:.9f} s"
     factor, shown = SHOWN.get(unit, (1.0, unit))
@@ -169,5 +175,5 @@ write_check = page_writer(render_check)
 
 
 def _shown(entry: Entry) -> str:
-    """Return a value as text for a page; words from a file are unchanged."""
+    """Return a value as text for a page. Words from a file are unchanged."""
     return entry.written() if isinstance(entry.value, str) else typeset(entry.written())

@@ -1,7 +1,7 @@
-"""Picture of the specimen cut in half between its platens, rendered by PyVista; films and still pictures.
+"""Picture of the specimen cut in half between its platens, by PyVista; films and still pictures.
 
-For the report and `kolsky film`. Every file is replaced when the new one is complete. The cut in the plane is
-drawn as SVG: quick enough to follow a slider.
+The pictures are for the report and for `kolsky film`. Every file is replaced when the new one is complete.
+The cut in the plane is drawn as SVG, fast enough for a slider.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ LONGEST_TRIAL = 120.0
 def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
     """Render the specimen at one time.
 
-    ``k``: index into ``scene.times``; IndexError if there is no such time. ``size``: width and height [px].
-    Returns: RGB, shape [height, width, 3].
+    ``k``: index into ``scene.times``. ``size``: width and height [px]. Returns: RGB, shape [height, width,
+    3]. Raises IndexError if there is no such time.
     """
     return render(offscreen_pyvista(), scene, k, size=size, bar=bar)
 
@@ -56,7 +56,10 @@ def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = T
 def render(
     pyvista: Any, scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True
 ) -> NDArray[np.uint8]:
-    """Render with the given PyVista, see `_silent_pyvista`; the process may crash if VTK cannot render."""
+    """Render with the given PyVista, see `_silent_pyvista`.
+
+    The process may crash if VTK cannot render.
+    """
     if not 0 <= k < len(scene.times):
         raise IndexError(f"there are pictures 0 to {len(scene.times) - 1}, not {k}")
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
@@ -75,7 +78,7 @@ class CannotRender(RuntimeError):
 def offscreen_pyvista() -> Any:
     """Return PyVista, checked to render into memory.
 
-    Raises CannotRender if PyVista is not installed, or VTK finds neither a display nor EGL nor OSMesa.
+    Raises CannotRender if PyVista is not installed, or if VTK finds neither a display nor EGL nor OSMesa.
     """
     require_pyvista()
     if not renders():
@@ -104,7 +107,10 @@ def _silent_pyvista() -> Any:
 
 @cache
 def renders() -> bool:
-    """Return True if this machine can render; tried in a separate process, because VTK may crash."""
+    """Return True if this machine can render.
+
+    The test runs in a separate process, because VTK may crash.
+    """
     trial = Path(__file__).with_name("render_trial.py")
     return run_program(trial, timeout=LONGEST_TRIAL).returncode == 0
 
@@ -146,7 +152,10 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
 
 
 def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> None:
-    """Set a parallel projection, the same at all times, with room for the colour bar at the right."""
+    """Set a parallel projection with space for the colour bar at the right.
+
+    It is the same at all times.
+    """
     left_end = -SIDE_DISTANCE * radius * RIGHT[0] - radius if beside else -PLATEN * radius
     across = 0.5 * (PLATEN * radius - left_end)
     width, height = plotter.window_size
@@ -175,7 +184,10 @@ FILMS = ("mp4", "gif")
 def write_film(
     path: Path, scene: Scene, *, every: int = 1, rate: float = 25.0, progress: Progress = lambda n: None
 ) -> Path:
-    """Write the deformation of ``scene`` as a film; other arguments and errors as for `write_frames`."""
+    """Write the deformation of ``scene`` as a film.
+
+    Other arguments and errors are those of `write_frames`.
+    """
     frames = range(len(scene.times))
     return write_frames(path, lambda k: picture(scene, k), frames, every=every, rate=rate, progress=progress)
 
@@ -192,9 +204,9 @@ def write_frames(
     """Write pictures as a film.
 
     ``path``: file to write; its suffix gives the format, one of `FILMS`. ``draw``: returns the picture of a
-    frame, shape [height, width, 3]. ``every``: take one frame in this many, the first included. ``rate``:
+    frame, shape [height, width, 3]. ``every``: take every n-th frame, starting with the first. ``rate``:
     frame rate of the film [1/s]. ``progress``: called with 1 after each picture. Raises ValueError if the
-    format is unknown, or `every` or `rate` is not positive. Raises ImportError if the package that writes
+    format is unknown, or if `every` or `rate` is not positive. Raises ImportError if the package that writes
     films is not installed; the message gives the command to install it.
     """
     path = Path(path)
@@ -230,14 +242,14 @@ def write_stills(folder: Path, scene: Scene, count: int = 6) -> list[Path]:
 
 
 def evenly_spaced(n: int, count: int) -> Sequence[int]:
-    """Indices of `count` of n pictures at equal intervals, first and last included."""
+    """Indices of `count` of n pictures at equal intervals, with the first and the last."""
     return sorted({int(k) for k in np.round(np.linspace(0, n - 1, min(count, n)))})
 
 
 def writer_for(kind: str) -> Callable[[Path, float], Any]:
     """Return the function that opens a film for writing.
 
-    Raises ImportError if imageio, or for "mp4" imageio-ffmpeg, is not installed.
+    Raises ImportError if imageio is not installed or, for "mp4", if imageio-ffmpeg is not installed.
     """
     try:
         import imageio.v2 as imageio

@@ -1,4 +1,7 @@
-"""Render a sphere; run as a separate program, because VTK may crash without a display."""
+"""Render a sphere.
+
+This is a separate program, because VTK may crash without a display.
+"""
 
 if __name__ == "__main__":
     import pyvista

@@ -1,4 +1,4 @@
-"""Scene of a film or still: the deforming mesh, a field at its nodes, measured points and surfaces.
+"""Scene of a film or still: deforming mesh, a field at its nodes, measured points and surfaces.
 
 A new field is one function and one line of `FIELDS`. The surfaces show the specimen cut in half between
 its platens, with the measured body next to it.
@@ -38,7 +38,7 @@ class Solid:
 def solid_of(curve: MaterialCurve, values: Mapping[str, float]) -> Solid:
     """Return the material of a simulation: the law of the reference curve times the stiffness factor.
 
-    ``values``: the parameters by name, "stiffness_factor" and "poisson" among them.
+    ``values``: the parameters by name. They include "stiffness_factor" and "poisson".
     """
     from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
     from kolsky.inverse.forward import material_law
@@ -68,15 +68,15 @@ class FieldKind:
 def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
     """Smallest principal stretch [-].
 
-    The hoop stretch or the smaller of the two in the meridian plane, whose squares are the eigenvalues of
-    F^T F there.
+    The hoop stretch, or the smaller of the two stretches in the meridian plane. The squares of the latter are
+    the eigenvalues of F^T F in that plane.
     """
     r, y = F[..., :2, 0], F[..., :2, 1]
-    # Sums of two, written out: a loop over so short an axis takes ten times as long, to the same bits.
+    # Sums of two, written out. A loop over this short axis takes ten times as long, with the same bits.
     (r0, r1), (y0, y1) = np.moveaxis(r, -1, 0), np.moveaxis(y, -1, 0)
     rr, yy, ry = r0**2 + r1**2, y0**2 + y1**2, r0 * y0 + r1 * y1
     in_plane = 0.5 * (rr + yy) - np.hypot(0.5 * (rr - yy), ry)
-    # Below zero only by round-off, where an element is flattened.
+    # It is below zero only by round-off, if an element is flattened.
     return np.asarray(np.minimum(np.sqrt(np.maximum(in_plane, 0.0)), np.abs(F[..., 2, 2])))
 
 
@@ -121,7 +121,7 @@ FIELDS: dict[str, FieldKind] = {
 
 
 _FIELD_RANGE = (1.0, 99.0)
-"""Percentiles of a field over all times at the limits of the colour scale, so that corners have no effect."""
+"""Percentiles of a field over all times, used as limits of the colour scale. Corners then have no effect."""
 
 
 class SceneDataMissing(ValueError):
@@ -160,10 +160,12 @@ class Scene:
     measured_outline: CentreLine
     """Measured outline; empty if none was measured."""
     surface: SurfaceHistory | None = None
-    """Measured points of the whole visible surface, if known."""
+    """Measured points of the whole visible surface, if measured."""
 
     def outline_at(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Measured heights and radii [m] in the frame nearest to the time of picture k; empty if none."""
+        """Measured heights and radii [m] in the frame nearest to the time of picture k; empty without an
+        outline.
+        """
         line = self.measured_outline
         if not line.time.size:
             return np.zeros(0), np.zeros(0)
@@ -174,7 +176,7 @@ class Scene:
     def points_at(self, k: int) -> FloatArray:
         """Measured points (x, y, Z) [m] nearest in time to picture k, shape [n, 3].
 
-        Points of the whole surface if known, else of the outline at x = 0.
+        Points of the whole surface if measured, otherwise of the outline at x = 0.
         """
         if self.surface is None:
             y, Z = self.outline_at(k)
@@ -184,7 +186,7 @@ class Scene:
 
 
 def has_scene(result: Identification) -> bool:
-    """Return True if a result holds the data of a scene."""
+    """Return True if a result contains the data of a scene."""
     try:
         _simulated_frames(result)
     except SceneDataMissing:
@@ -202,11 +204,11 @@ def scene_of(
 ) -> Scene:
     """Return the scene of an identification's simulation at the optimum.
 
-    ``result``: its response must hold the nodes, its provenance the specimen's size; else SceneDataMissing is
-    raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are stresses or energies.
-    ``surface``: measured points of the whole surface, with the outline. ``chosen``: gives the indices of
-    the pictures among this many times; default all. The colour scale is that of all. Raises ValueError if the
-    field is unknown or lacks the solid.
+    ``result``: its response must contain the nodes, and its provenance the specimen's size. Otherwise
+    SceneDataMissing is raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are
+    stresses or energies. ``surface``: measured points of the whole surface, with the outline. ``chosen``:
+    gives the indices of the pictures for the number of times; default: all. The colour scale is that of all
+    pictures. Raises ValueError if the field is unknown or if it needs a missing solid.
     """
     from explicit.mesh import deformation_gradient
 
@@ -218,7 +220,7 @@ def scene_of(
     mesh, whole = _simulated_frames(result)
     assert response.nodes is not None  # checked by `_simulated`
     nodes = response.nodes[0][whole]
-    # One picture at a time: the gradients of all pictures would not fit in the caches.
+    # One picture at a time, because the gradients of all pictures would exceed the caches.
     elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
     low, high = np.percentile(elements, _FIELD_RANGE)
     shown = np.asarray(chosen(len(nodes)))
@@ -274,13 +276,15 @@ def at_nodes(mesh: explicit.Mesh, elements: FloatArray) -> FloatArray:
 
 
 _TURNS = 61
-"""Angular divisions of half a revolution, ends included."""
+"""Angular divisions of half a revolution, with both ends."""
 PLATEN, _PLATEN_THICKNESS = 1.15, 0.07
-"""Radius of a platen over the specimen's largest, and its thickness over that."""
+"""Radius of a platen divided by the specimen's largest radius, and thickness of the platen divided by the
+same radius."""
 SIDE_DISTANCE = 2.9
-"""Distance of the measured body from the simulated one over the largest radius."""
+"""Distance of the measured body from the simulated one, divided by the largest radius."""
 _AZIMUTH, _ELEVATION = np.radians(40.0), np.radians(18.0)
-"""Direction from the specimen to the eye: rotation from Z toward x, and elevation above the plane of both."""
+"""Direction from the specimen to the eye: rotation from Z toward x, and elevation above the plane of Z and
+x."""
 EYE = np.array(
     [np.sin(_AZIMUTH) * np.cos(_ELEVATION), np.sin(_ELEVATION), np.cos(_AZIMUTH) * np.cos(_ELEVATION)]
 )
@@ -301,7 +305,7 @@ class Surface:
     """A field at the points, shape [n]."""
 
     def with_(self, other: Surface) -> Surface:
-        """Both surfaces as one; both have values or neither."""
+        """Both surfaces as one. Both have values, or neither."""
         values = None
         if self.values is not None and other.values is not None:
             values = np.concatenate([self.values, other.values])
@@ -324,7 +328,10 @@ def simulated(scene: Scene, k: int) -> Surface:
 
 
 def measured_body(scene: Scene, k: int) -> Surface | None:
-    """The measured outline nearest to time k, revolved and moved aside; None if none was measured."""
+    """The measured outline nearest to time k, revolved and moved aside.
+
+    None if no outline was measured.
+    """
     y, Z = scene.outline_at(k)
     if y.size < 2:
         return None
@@ -346,7 +353,10 @@ def platens(radius: float, top: float) -> tuple[Surface, Surface]:
 
 
 def _revolved(line: FloatArray, angles: FloatArray, values: FloatArray | None = None) -> Surface:
-    """Surface of revolution of a line (r, y) [m], shape [n, 2]; angle 0 is toward the cameras, then x < 0."""
+    """Surface of revolution of a line (r, y) [m], shape [n, 2].
+
+    The angle 0 points to the cameras; x < 0 follows.
+    """
     n = len(line)
     r, y = line.T
     x, Z = -np.sin(angles)[:, None] * r, np.cos(angles)[:, None] * r
@@ -357,7 +367,7 @@ def _revolved(line: FloatArray, angles: FloatArray, values: FloatArray | None = 
 
 
 def lifted(points: FloatArray, by: float) -> FloatArray:
-    """Points moved outward by ``by`` [m], so that the surface does not hide them."""
+    """Points moved outward by ``by`` [m], because the surface would otherwise hide them."""
     across = np.hypot(points[:, 0], points[:, 2])
     factor = 1.0 + by / np.where(across > 0.0, across, np.inf)
     return np.column_stack([factor * points[:, 0], points[:, 1], factor * points[:, 2]])

@@ -1,1 +1,4 @@
-"""The error budget of a test: effect of each error source on the answer, by repeating the whole test."""
+"""The error budget of a test.
+
+The whole test is repeated to find the effect of each error source on the answer.
+"""

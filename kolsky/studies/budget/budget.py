@@ -1,7 +1,7 @@
-"""The error budget: each source separately, all together, and each share in the answer's uncertainty.
+"""The error budget: each source separately, all together, and shares of the uncertainty.
 
-Each factor is set to the nodes of a Gauss-Hermite rule of three points, Eq. (E.8), which gives mean and
-variance of a quadratic response exactly; the noise and all factors together are drawn, Eq. (E.9). Every
+Each factor is set to the nodes of a Gauss-Hermite rule of three points, Eq. (E.8). The rule gives mean and
+variance of a quadratic response exactly. The noise and all factors together are drawn, Eq. (E.9). Every
 realisation is re-fitted from the optimum of the test without errors. Those of all factors together are also
 identified by the complete search (`kolsky.studies.budget.realisation`).
 """
@@ -47,13 +47,16 @@ def budget(
     executor: ExecutorFactory | None = None,
     progress: Callable[[Pace], None] | None = None,
 ) -> tuple[Budget, ...]:
-    """Repeat a test with errors and find their effect on the answer; one budget per free parameter.
+    """Repeat a test with errors and find their effect on the answer.
 
-    ``quantities``: the test; its outline and flyer come from exports, pictures are not made. ``settings``:
-    how each realisation is identified. ``draws``, ``together``: number of draws of the noise only, and of all
-    factors together. ``ledger``: file that stores every realisation and supplies earlier ones. ``retry``:
-    repeat realisations that gave no answer before. Raises ValueError if the test without errors gives no
-    answer; doe.ledger.LedgerError if a ledger is none, is damaged or in use.
+    There is one budget per free parameter.
+
+    ``quantities``: the test. Its outline and flyer come from exports, and pictures are not made.
+    ``settings``: settings of the identification of each realisation. ``draws``, ``together``: number of draws
+    of the noise alone, and of all factors together. ``ledger``: file that stores every realisation and
+    supplies earlier ones. ``retry``: True to repeat realisations without an answer. Raises ValueError if the
+    test without errors gives no answer. Raises doe.ledger.LedgerError if a file is not a ledger, is damaged
+    or is in use.
     """
     bare = quantities.model_copy(
         update={
@@ -94,7 +97,10 @@ def budget(
 
 
 def _start(quantities: Specification, settings: Settings, first: Run) -> dict[str, float] | None:
-    """Start of the re-fits; None if the response is too rough because a surface slides or lets go."""
+    """Start of the re-fits.
+
+    None if the response is too rough because a surface slides or lets go.
+    """
     interface = quantities.interface
     laws = {contact_law(interface.faces), contact_law(interface.side)}
     named = [*(settings.free or ()), *settings.held]
@@ -165,7 +171,7 @@ def analysed(
 
 
 def _alone(factor: Factor, reference: float, nodes: FloatArray, why: list[str]) -> Source:
-    """A source from the answers at its two nodes and the reference."""
+    """A source, from the answers at its two nodes and the reference."""
     low, high = nodes
     refused = tuple(text for text in why if text)
     shift = np.array([low - reference, 0.0, high - reference])
@@ -178,7 +184,7 @@ def _alone(factor: Factor, reference: float, nodes: FloatArray, why: list[str]) 
 
 
 def _with_joint(source: Source, joint: JointShares, row: int | None) -> Source:
-    """The source with its share in the draws of all errors; the noise has no separate share there."""
+    """The source with its share in the draws of all errors. The noise has no separate share in them."""
     if row is None:
         return source
     low, high = joint.intervals[row]

@@ -39,7 +39,7 @@ NOISE = "noise"
 
 
 def _in_laboratory(key: str) -> Input | None:
-    """The input whose error corresponds to a key of a virtual laboratory's specification."""
+    """The input that corresponds to a key of a specification of synthetic tests."""
     return next((one for one in INPUTS.values() if one.laboratory and one.laboratory.key == key), None)
 
 
@@ -68,7 +68,7 @@ class Factor:
 
     @property
     def shared(self) -> bool:
-        """True if one error is common to all shots of a campaign; otherwise each shot has a new draw."""
+        """True if one error is common to all shots of a campaign. Otherwise each shot has a new draw."""
         one = _in_laboratory(self.key)
         return one is not None and one.shared != "" and not (one.laboratory and one.laboratory.anew)
 
@@ -113,7 +113,7 @@ WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> FloatArray:
     """Changes of the re-fits by one standard uncertainty of each source, shape [k, c].
 
-    Zero for the noise, and if a node gave no answer.
+    The change is zero for the noise, and for a source with a node that gave no answer.
 
     ``factors``: sources of error, length k. ``alone``: runs of `design` from row 1 on. ``columns``: number c
     of the parameters in a record.
@@ -129,11 +129,11 @@ def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> Fl
 
 
 def design(factors: tuple[Factor, ...], *, draws: int, together: int, seed: int) -> FloatArray:
-    """Errors of every realisation in standard uncertainties and whether it is searched whole, [n, k + 1].
+    """Errors of every realisation in standard uncertainties, and a flag for the complete search, [n, k + 1].
 
     Rows 0 and 1 have no errors; row 0 uses the complete search. Then follow two nodes of each factor except
-    the noise, and draws of the noise only, numbered from 1. The last rows have all errors together, a Latin
-    hypercube of normal values with separate noise draws, and use the complete search.
+    the noise. Draws of the noise alone follow, numbered from 1. The last rows have all errors together: a
+    Latin hypercube of normal values with separate noise draws. They use the complete search.
     """
     k = len(factors)
     noise = [i for i, factor in enumerate(factors) if factor.key == NOISE]
@@ -163,12 +163,13 @@ AT_REST = 0.1
 """A re-fit has converged if its next step is shorter than this, in standard deviations from the residuals.
 The budget is computed from differences of re-fits."""
 LONGEST = 0.02
-"""Longest step of a coordinate, over the edge of its design: a step must not cross a ridge."""
+"""Longest step of a coordinate, as a share of the edge of its design. A longer step could cross a ridge."""
 OUT_OF_STEP = 0.08
-"""A re-fit has left its valley if `phase` changes by more than this. 8 % of m / (1 - 2 nu) are 4 % of the
-ringing period: a third of an oscillation at the end of a test of ten."""
+"""A re-fit has left its valley if `phase` changes by more than this. A change of m / (1 - 2 nu) by 8 %
+changes the ringing period by 4 %. At the end of a test of ten oscillations this is a third of one."""
 FIRST_DIFFERENCE = 2e-3
-"""Half step of the first differences over the edge of the design; later half a standard deviation."""
+"""Half step of the first differences, as a share of the edge of the design; later half a standard
+deviation."""
 
 
 class RealisationOutcome(StrEnum):
@@ -179,14 +180,16 @@ class RealisationOutcome(StrEnum):
     SAME_VALLEY = "same valley"
     """The complete search ends in the same valley as the re-fit."""
     OTHER_VALLEY = "another valley"
-    """Outcome if the complete search ends in another local minimum: an automatic answer would jump."""
+    """Outcome if the complete search ends in another local minimum. An automatic answer would jump to this
+    minimum."""
     SEARCHED = "searched"
-    """By the complete search only: the test without errors, or a response too rough for a re-fit."""
+    """Only the complete search was made: for the test without errors, or if the response is too rough for a
+    re-fit."""
     SEARCH_REFUSED = "search refused"
-    """The re-fit has an answer, the complete search has none."""
+    """The re-fit has an answer, but the complete search has none."""
     LEFT_VALLEY = "left the valley"
-    """The re-fit moved so far that the ringing is out of phase by a third of an oscillation or more, beyond
-    the valley."""
+    """The re-fit left the valley: it moved until the ringing was out of phase by a third of an oscillation or
+    more."""
     NOT_AT_REST = "not at rest"
     """The re-fit did not converge."""
     AT_BOUND = "at a bound"
@@ -196,7 +199,7 @@ class RealisationOutcome(StrEnum):
 
     @property
     def counted(self) -> bool:
-        """True if the realisation's estimate is counted in a standard deviation."""
+        """True if a standard deviation includes the realisation's estimate."""
         return self not in (self.LEFT_VALLEY, self.NOT_AT_REST, self.AT_BOUND, self.REFUSED)
 
 
@@ -213,7 +216,7 @@ class Estimate:
 
 
 def whole_search(shot: Shot, settings: Settings) -> Estimate:
-    """The optimum of `kolsky.identify`, with uncertainties from the residuals only."""
+    """The optimum of `kolsky.identify`, with uncertainties from the residuals alone."""
     found = search_shot(InverseProblem.of(shot, settings), Work())
     names = found.problem.box.names
     return Estimate(
@@ -226,9 +229,9 @@ def whole_search(shot: Shot, settings: Settings) -> Estimate:
 def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimate:
     """The optimum next to a start, on the refined mesh, with the weights of `whole_search`.
 
-    The path of the flyer stays as fitted to its record, as with `settings.replicates` of 0. ``settings``: as
-    for the complete search; the parameters in `start` are free. ``start``: free parameters and their initial
-    values, SI. Raises ValueError if no run at the start completes.
+    The path of the flyer is not changed, as with `settings.replicates` of 0. ``settings``: as for the
+    complete search; the parameters in `start` are free. ``start``: free parameters and their initial values,
+    SI. Raises ValueError if no run at the start completes.
     """
     free = {name: (settings.free or {}).get(name) for name in start}
     problem = InverseProblem.of(shot, replace(settings, free=free))
@@ -276,7 +279,10 @@ def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step
 
 
 def phase(values: Mapping[str, float]) -> float:
-    """Logarithm of m / (1 - 2 nu), which determines the ringing period; from the free parameters only [-]."""
+    """Logarithm of m / (1 - 2 nu), which determines the ringing period [-].
+
+    Only free parameters contribute.
+    """
     m, nu = values.get("stiffness_factor", 1.0), values.get("poisson", 0.0)
     return float(np.log(m) - np.log(1.0 - 2.0 * nu))
 
@@ -296,15 +302,15 @@ TRUE_KEYS = ("tilt", "off_centre", "slip_friction", "trigger")
 
 
 KEPT = 4
-"""Number of truths kept in memory, including the unchanged test."""
+"""Number of truths kept in memory. It includes the unchanged test."""
 
 
 @dataclass(frozen=True)
 class Realisations:
-    """A test as a function of its errors, for `doe.ledger.run_chunks`; it can be pickled.
+    """A test as a function of its errors, for `doe.ledger.run_chunks`. It can be pickled.
 
-    A point holds the error of each factor in standard uncertainties; for the noise, the number of its draw.
-    The last entry is 1 if the complete search is made in addition to the re-fit, otherwise 0.
+    A point contains the error of each factor in standard uncertainties. For the noise, it contains the number
+    of its draw. The last entry is 1 if the complete search is made in addition to the re-fit, otherwise 0.
     """
 
     quantities: Specification
@@ -316,15 +322,18 @@ class Realisations:
     settings: Settings
     """Settings for the identification of each realisation."""
     start: Mapping[str, float] | None = None
-    """The optimum of the test without errors, the start of the re-fits; None: every realisation uses the
-    complete search. It follows from the other fields and is not part of `model_hash`."""
+    """The optimum of the test without errors, which is the start of the re-fits. None: every realisation uses
+    the complete search. It follows from the other fields and is not part of `model_hash`."""
     slopes: FloatArray | None = None
     """Changes of the parameters of `columns_of` by one standard uncertainty of each source, shape [k, c].
-    They shift the start of a realisation with several sources. None: not known yet."""
+    They shift the start of a realisation with several sources. None: not yet known."""
 
     def __call__(self, points: FloatArray) -> Sequence[Run]:
-        """Realise the points, shape [n, k + 1]. Every run holds the re-fit's estimates of `columns_of`, then
-        those of the complete search, NaN if there are none."""
+        """Realise the points, shape [n, k + 1].
+
+        Every run contains the re-fit's estimates of `columns_of`, then those of the complete search. Missing
+        estimates are NaN.
+        """
         return [self._one(point) for point in points]
 
     def _one(self, point: FloatArray) -> Run:
@@ -406,7 +415,7 @@ class Realisations:
 
 
 def _true_part(quantities: Specification) -> Specification:
-    """The specification without instrument and declaration settings; equal for equal truths."""
+    """The specification without instrument and declaration settings. Equal truths have equal ones."""
     bare = Specification()
     tables = {name: getattr(quantities, name) for name in TRUE_TABLES}
     wrong = quantities.imperfections
@@ -416,7 +425,10 @@ def _true_part(quantities: Specification) -> Specification:
 
 
 def _truth(true: Specification, folder: Path, device: str, threads: int | None) -> Truth:
-    """The truth of a specification; the last few are cached, because most realisations share one."""
+    """The truth of a specification.
+
+    The last few are cached, because most realisations have the same truth.
+    """
     key = f"{folder} {true.model_dump_json()}"
     if key not in _TRUTHS:
         while len(_TRUTHS) >= KEPT:
@@ -453,5 +465,5 @@ def columns_of(settings: Settings) -> tuple[str, ...]:
 
 
 def names_of(settings: Settings) -> tuple[str, ...]:
-    """Parameters with a budget: those declared free, or the stiffness factor."""
+    """Parameters with a budget: those declared free. Without a declaration, the stiffness factor."""
     return ("stiffness_factor",) if settings.free is None else tuple(settings.free)

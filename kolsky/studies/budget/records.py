@@ -24,7 +24,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class JointShares:
-    """Shares in the variance of the draws of all errors at once."""
+    """Shares of the sources in the variance of the draws of all errors together."""
 
     slopes: FloatArray
     """Change of the answer by one standard uncertainty of each source, shape [p]."""
@@ -33,17 +33,19 @@ class JointShares:
     intervals: FloatArray
     """95 % intervals of them, shape [p, 2]."""
     unexplained: float
-    """Share that the line does not explain [-]: noise, curvature, interactions."""
+    """Share that the straight line does not explain [-]: noise, curvature, interactions."""
     unexplained_interval: Interval
-    """95 % interval of that."""
+    """95 % interval of this share."""
 
 
 def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: int = 1) -> FloatArray:
-    """Intervals of shares u_i^2 / sum u^2, where one u is a standard deviation of a few values.
+    """Intervals of shares u_i^2 / sum u^2.
 
-    ``u``: standard uncertainties; NaN ones have no part, shape [k]. ``drawn``: which of them is the standard
-    deviation of `values`. ``values``: the draws, shape [n]. ``seed``: of the bootstrap. Returns: 95 %
-    intervals, NaN where u is, shape [k, 2].
+    One u is a standard deviation of a few values.
+
+    ``u``: standard uncertainties, shape [k]. Those that are NaN have no part. ``drawn``: index of the u that
+    is the standard deviation of `values`. ``values``: the draws, shape [n]. ``seed``: of the bootstrap.
+    Returns: 95 % intervals, shape [k, 2]; NaN if u is NaN.
     """
     rng = np.random.default_rng(seed)
     again = values[rng.integers(len(values), size=(RESAMPLES, len(values)))].var(axis=1, ddof=1)
@@ -59,7 +61,7 @@ def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: in
 
 
 def joint_shares(z: FloatArray, values: FloatArray, *, seed: int = 1) -> JointShares | None:
-    """Shares of sources in the variance of draws of all of them at once, Eq. (E.12).
+    """Shares of sources in the variance of draws of all of them together, Eq. (E.12).
 
     ``z``: errors in standard uncertainties, shape [n, p]. ``values``: the answers, shape [n]. ``seed``: of
     the bootstrap. Returns: None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be
@@ -104,17 +106,18 @@ class Source:
     bias: float
     """Mean of the answer minus that without the error, in the answer's unit; NaN for the noise."""
     u: float
-    """Standard uncertainty of the answer due to it, in the answer's unit; NaN if realisations failed."""
+    """Standard uncertainty of the answer due to it, in the answer's unit. NaN if realisations failed."""
     slope: float
     """Change of the answer per unit of the factor's value; NaN for the noise."""
     refused: tuple[str, ...]
     """Reasons why realisations gave no answer, one sentence each."""
     share_interval: tuple[float, float] = NO_INTERVAL
-    """95 % interval of its share in the sum of the squares, from the noise's few draws [-]."""
+    """95 % interval of its share in the sum of the squares [-]. The interval is due to the few draws of the
+    noise."""
     joint_share: float = float("nan")
-    """Its share in the variance of the draws of all errors at once, by a straight line through them [-]."""
+    """Its share in the variance of the draws of all errors together, by a straight line through them [-]."""
     joint_interval: tuple[float, float] = NO_INTERVAL
-    """95 % interval of that, by bootstrap [-]."""
+    """95 % interval of this share, by bootstrap [-]."""
 
 
 @dataclass(frozen=True)
@@ -131,20 +134,20 @@ class Budget(ResultViews):
     sources: tuple[Source, ...]
     """Each factor separately."""
     together: FloatArray
-    """Estimates with all errors at once, shape [n]; of the draws with an answer in the valley of the
+    """Estimates with all errors together, shape [n], for draws with an answer in the valley of the
     reference."""
     refused: tuple[str, ...]
-    """Reasons why realisations with all errors at once gave no answer."""
+    """Reasons why realisations with all errors together gave no answer."""
     elsewhere: FloatArray = field(default_factory=lambda: np.zeros(0))
     """Estimates by the complete search for draws that end in another valley, shape [n_jumps]."""
     searched: int = 0
-    """Number of draws of all errors with an answer by the complete search."""
+    """Number of draws of all errors for which the complete search has an answer."""
     outcomes: tuple[RealisationOutcome, ...] = ()
-    """Outcome of every realisation; the first one is without errors."""
+    """Outcome of every realisation. The first one has no errors."""
     closure: float = float("nan")
-    """Re-fit minus complete search for the test without errors: the agreement of both methods."""
+    """Re-fit minus complete search for the test without errors. It shows the agreement of both methods."""
     joint: JointShares | None = None
-    """The straight line through the draws of all errors at once; None if they are too few."""
+    """The straight line through the draws of all errors together. None if they are too few."""
 
     @property
     def u_sum(self) -> float:
@@ -153,13 +156,15 @@ class Budget(ResultViews):
 
     @property
     def u_together(self) -> float:
-        """Standard deviation with all errors at once; NaN below `FEWEST` answers."""
+        """Standard deviation with all errors together; NaN with fewer than `FEWEST` answers."""
         return float(self.together.std(ddof=1)) if len(self.together) >= FEWEST else float("nan")
 
     @property
     def u_together_interval(self) -> tuple[float, float]:
-        """95 % interval of this standard deviation, for normally distributed values; NaN below `FEWEST`
-        answers."""
+        """95 % interval of this standard deviation, for normally distributed values.
+
+        NaN with fewer than `FEWEST` answers.
+        """
         n, u = len(self.together), self.u_together
         if n < FEWEST:
             return NO_INTERVAL
@@ -168,14 +173,16 @@ class Budget(ResultViews):
 
     @property
     def adds_up(self) -> bool | None:
-        """True if the sources, added in quadrature, explain the effect of all together; None if not known."""
+        """True if the sources, added in quadrature, explain the effect of all together; None if unknown."""
         low, high = self.u_together_interval
         return None if np.isnan(low) else bool(low <= self.u_sum <= high)
 
     @property
     def jumps(self) -> float:
-        """Share of the draws of all errors whose complete search ends in another valley [-]; NaN if none was
-        searched."""
+        """Share of the draws of all errors for which the complete search ends in another valley [-].
+
+        NaN without a complete search.
+        """
         return len(self.elsewhere) / self.searched if self.searched else float("nan")
 
     @property
@@ -199,7 +206,7 @@ class Campaign:
     """A planned series of shots."""
 
     rates: FloatArray
-    """Nominal strain rate of each shot [1/s], half of them at either end of the range, shape [n]."""
+    """Nominal strain rate of each shot [1/s], shape [n]. Half of them are at each end of the range."""
     sigma: float
     """Standard deviation of one shot's stiffness factor about the line [-]."""
     half_width: float
@@ -212,8 +219,10 @@ class Campaign:
 
 
 def shot_sigma(budget: Budget, scatter: float) -> float:
-    """Standard deviation of one shot about the line: its independent sources and the specimens' scatter
-    [-]."""
+    """Standard deviation of one shot about the line [-].
+
+    It contains its independent sources and the specimens' scatter.
+    """
     own = [source for source in budget.sources if not source.factor.shared]
     unknown = [source.factor.words for source in own if np.isnan(source.u)]
     if unknown:
@@ -233,10 +242,10 @@ def slope_half_width(rates: FloatArray, sigma: float) -> float:
 
 
 def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) -> Campaign:
-    """The smallest number of shots, half at each of two rates, for a wanted uncertainty of the slope.
+    """The smallest number of shots, half at each of two rates, for a requested uncertainty of the slope.
 
-    ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: expanded uncertainty of the slope per
-    decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-].
+    ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: requested expanded uncertainty of the
+    slope per decade, 95 % [-]. ``sigma``: result of `shot_sigma` [-].
     """
     if not 0.0 < lowest < highest < np.inf:
         raise ValueError(f"rates must be > 0 and ascend, got {lowest:g} and {highest:g} 1/s")
@@ -275,7 +284,7 @@ def columns(result: Budget) -> dict[str, list[Any]]:
 
 
 def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
-    """The budget in numbers, SI: the largest source first."""
+    """The budget in numbers, SI, with the largest source first."""
     low, high = result.u_together_interval
     ordered = sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
     return {

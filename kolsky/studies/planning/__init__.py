@@ -1,1 +1,1 @@
-"""Planning a test: expected uncertainties, where and when to measure, impact speed."""
+"""Planning a test: expected uncertainties, best times and places of measurement, impact speed."""

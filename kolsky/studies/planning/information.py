@@ -1,4 +1,7 @@
-"""The information of a planned test: its instruments, and the information of each datum on each parameter."""
+"""The information of a planned test.
+
+Its instruments, and the information of each datum on each parameter.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +36,7 @@ class Instruments:
     frame_interval: float
     """Time from picture to picture [s]."""
     points: float
-    """Independent outline points per height of specimen [1/m]; 0 without cameras."""
+    """Independent outline points per height of specimen [1/m]. 0 without cameras."""
     outline_sigma: float
     """Standard deviation of one of them [m]."""
     clearance: float = 0.0
@@ -55,7 +58,7 @@ class Instruments:
 def instruments_of(prepared: PreparedShot) -> Instruments:
     """The instruments of the shot itself.
 
-    Without an outline there are no points; the caller must then supply their density and sigma.
+    Without an outline there are no points. The caller must then supply their density and sigma.
     """
     observations, window = prepared.observations, prepared.forward.shot.window
     edges = observations.bins.edges
@@ -89,7 +92,7 @@ FRAMES = 97
 HEIGHTS = 47
 """Number of heights in the map."""
 FINER = 1.5
-"""Ratio of the two meshes whose difference is used as the model error."""
+"""Ratio of the two meshes. Their difference is used as the model error."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +100,11 @@ class Expected:
     """Expected standard deviations of the parameters from a set of data."""
 
     deviations: FloatArray
-    """Standard deviation of each parameter, all estimated together, in its unit, shape [d]; infinite if some
-    direction is unconstrained."""
+    """Standard deviation of each parameter in its unit, with all estimated together, shape [d]. Infinite if
+    some direction is unconstrained."""
     alone: FloatArray
-    """Standard deviation of each if the others were known, shape [d]; infinite if it is unconstrained."""
+    """Standard deviation of each parameter if the others were known, shape [d]. Infinite if it is
+    unconstrained."""
     correlation: FloatArray | None
     """Correlation of the estimates [-], shape [d, d]; None if some direction is unconstrained."""
     unseen: str = ""
@@ -118,17 +122,17 @@ class Expected:
 
 @dataclass(frozen=True)
 class Information:
-    """The data of one planned test, and the distribution of the information among them."""
+    """The data of one planned test, and the distribution of information over them."""
 
     sensitivity: LocalSensitivity
     data: LinearData
-    """Force bins, then the visible points of the map, each representing the points around it."""
+    """Force bins, then the visible points of the map. Each point represents the points around it."""
     seen: NDArray[np.bool_]
     """Mask of the visible points of the map, shape [n_frames, n_heights]."""
 
     @property
     def n_force(self) -> int:
-        """Number of force bins at the head of the data."""
+        """Number of force bins at the start of the data."""
         return len(self.sensitivity.force)
 
     @property
@@ -144,17 +148,19 @@ class Information:
         return np.concatenate([grid.times, frames])
 
     def mapped(self, column: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A column over the data as forces, shape [n_bins], and as a map, NaN where nothing is visible."""
+        """A column over the data as forces, shape [n_bins], and as a map.
+
+        The map is NaN at invisible points.
+        """
         field = np.full(self.seen.shape, np.nan)
         field[self.seen] = column[self.n_force :]
         return column[: self.n_force], field
 
     def densities(self, *, alone: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Shares in the information on each parameter, per time, and per time and height.
+        """Shares of the information on each parameter, per time, and per time and height.
 
-        Per time [1/s], shape [d, n_bins]; per time and height [1/(m s)], shape [d, n_frames, n_heights], NaN
-        where nothing is visible.
-        If some direction is unconstrained, the shares in the joint estimate are all NaN.
+        Per time [1/s], shape [d, n_bins]. Per time and height [1/(m s)], shape [d, n_frames, n_heights], NaN
+        at invisible points. If some direction is unconstrained, the shares in the joint estimate are all NaN.
         """
         try:
             shares = self.data.conditional_shares if alone else self.data.shares
@@ -167,7 +173,9 @@ class Information:
         return force, np.array([field for _, field in parts]) / area
 
     def by_frame(self) -> FloatArray:
-        """Information of each frame's outline in parameters over their scale, shape [n_frames, d, d]."""
+        """Information of each frame's outline, with parameters in units of their scale, shape [n_frames, d,
+        d].
+        """
         return self._grouped(np.nonzero(self.seen)[0], self.seen.shape[0])
 
     def by_height(self) -> FloatArray:
@@ -192,7 +200,7 @@ def spacing(places: FloatArray) -> float:
 
 
 def _at_rate(forward: Forward, factor: float) -> Forward:
-    """The same test with the flyer's path `factor` times as fast."""
+    """The same test with a flyer path that is `factor` times as fast."""
     if factor == 1.0:
         return forward
     return replace(forward, paths=(forward.paths[0].faster(factor),))
@@ -209,13 +217,13 @@ def information(
     numerics: Numerics | None = None,
     discrepancy: tuple[float, float] = (0.0, 0.0),
 ) -> Information:
-    """The information of a planned test about some parameters.
+    """The information of a planned test on some parameters.
 
-    ``instruments``: the measurements and their uncertainties. ``rate``: speed of the flyer over that of the
-    shot, > 0. The path is the same and the window ends at the same displacement, so the specimen reaches the
-    same compression earlier. ``discrepancy``: standard deviations of the model error in a force bin [N] and
-    an outline point [m], in addition to the noise. Raises ValueError if a value is outside its range or a run
-    does not complete.
+    ``instruments``: the measurements and their uncertainties. ``rate``: speed of the flyer divided by that of
+    the shot, > 0. The path is the same and the window ends at the same displacement. The specimen therefore
+    reaches the same compression earlier. ``discrepancy``: standard deviations of the model error in a force
+    bin [N] and an outline point [m], in addition to the noise. Raises ValueError if a value is outside its
+    range, or if a run does not complete.
     """
     grid = _observation_grid(forward, instruments, rate)
     moved = _at_rate(forward, rate)
@@ -249,7 +257,9 @@ def discrepancies(
     rate: float = 1.0,
     numerics: Numerics,
 ) -> tuple[float, float]:
-    """Smallest discrepancies of the model: its change to a mesh `FINER` times as fine [N], [m].
+    """Smallest discrepancies of the model.
+
+    The discrepancies are the changes to a mesh `FINER` times as fine [N], [m].
 
     Raises ValueError if a run does not complete.
     """

@@ -1,4 +1,6 @@
-"""`plan`: expected uncertainties of a test like this shot without its data, and choices of the laboratory.
+"""`plan`: expected uncertainties of a test like this shot, without its data.
+
+Choices of the laboratory are compared.
 
 Window, frames, heights and rate are compared by the determinant or the trace of the expected covariance.
 """
@@ -42,19 +44,20 @@ from kolsky.studies.planning.information import (
 
 CRITERIA: tuple[Criterion, ...] = ("D", "A")
 SHARES = (0.25, 0.5, 0.75)
-"""Compared recording lengths of the cameras over the window."""
+"""Recording lengths of the cameras to be compared, divided by the window."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The best choice by one criterion, and the expected uncertainties."""
+    """The best choice by one criterion, and its expected uncertainties."""
 
     criterion: Criterion
-    """ "D": smallest volume of the joint interval; "A": smallest mean variance of parameters over scale."""
+    """"D": smallest volume of the joint interval. "A": smallest mean variance of parameters in units of their
+    scale."""
     places: FloatArray
     """Heights [m], or first and last time [s]."""
     deviations: FloatArray
-    """Standard deviations, all parameters estimated together, shape [d]."""
+    """Standard deviations with all parameters estimated together, shape [d]."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class Rate:
     """The same test at another speed of the flyer."""
 
     factor: float
-    """Speed over that of the shot [-]."""
+    """Speed divided by that of the shot [-]."""
     peak_force: float
     """Largest mean force of a bin [N]."""
     mean_rate: float
@@ -72,20 +75,21 @@ class Rate:
     expected: Expected
     """Expected uncertainties."""
     cost: Mapping[str, float]
-    """-ln det H ("D") and trace of H^-1 ("A"), parameters over their scale."""
+    """-ln det H ("D") and trace of H^-1 ("A"), with parameters in units of their scale."""
 
 
 def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, list[Expected]]:
-    """Expected deviations from the data up to some time, for shares of the window in (0, 1]."""
+    """Expected deviations from the data up to a time, for shares of the window in (0, 1]."""
     edges = found.sensitivity.grid.edges
     times = edges[0] + shares * (edges[-1] - edges[0])
     return times, [Expected.of(found.data.select(found.time <= t)) for t in times]
 
 
 def camera_windows(found: Information, share: float) -> list[Choice]:
-    """Best recording time of the cameras if their memory holds only a share of the window; the force is
-    recorded throughout. One choice per criterion; none without cameras, or if no choice constrains all
-    parameters."""
+    """Best recording time of the cameras if their memory covers only a share of the window. The force is
+    recorded throughout. There is one choice per criterion. None without cameras, or if no choice constrains
+    all parameters.
+    """
     frames = found.sensitivity.grid.frames
     count = max(1, round(share * len(frames)))
     chosen = _chosen(found, found.by_frame(), count, best_window)
@@ -95,7 +99,7 @@ def camera_windows(found: Information, share: float) -> list[Choice]:
 
 
 def camera_heights(found: Information, count: int) -> list[Choice]:
-    """The heights at which an outline gives most information, together with the force.
+    """The heights at which an outline, together with the force, gives the most information.
 
     None without cameras, or if no choice constrains all parameters.
     """
@@ -132,14 +136,14 @@ def _deviations(information: FloatArray, found: Information) -> FloatArray:
 NAMES = ("stiffness_factor", "poisson", "damping")
 """Default parameters."""
 RATES = (0.5, 1.0, 2.0)
-"""Compared flyer speeds over that of the shot."""
+"""Speeds of the flyer to be compared, divided by that of the shot."""
 ENDS = np.linspace(0.1, 1.0, 19)
-"""Compared ends of the window, as shares of it."""
+"""Ends of the window to be compared, as shares of it."""
 
 
 @dataclass(frozen=True)
 class Plan(ResultViews):
-    """Expected uncertainties of a planned test, and the times and heights that contribute most."""
+    """Expected uncertainties of a planned test, and the times and heights with the largest contributions."""
 
     shot: str
     instruments: Instruments
@@ -149,17 +153,17 @@ class Plan(ResultViews):
     information: Information
     """Slopes and information at the rate of the shot."""
     expected: dict[str, Expected]
-    """Expected uncertainties by "all", "force" and "outline"; no outline without cameras."""
+    """Expected uncertainties by "all", "force" and "outline". Without cameras, "outline" is missing."""
     force_scale: FloatArray
-    """Shift of each estimate by one standard uncertainty of the force's scale, in its unit, shape [d]; not
-    included in the deviations above. 0 if the shot declares none, infinite if some direction is
-    unconstrained."""
+    """Shift of each estimate by one standard uncertainty of the force's scale, in its unit, shape [d]. The
+    deviations above do not include it. It is 0 if the shot declares no such uncertainty, and infinite if some
+    direction is unconstrained."""
     end_times: FloatArray
     """Ends of the window [s], shape [n]."""
     by_end: tuple[Expected, ...]
     """Expected uncertainties from the data up to each end, length n."""
     windows: dict[float, tuple[Choice, ...]]
-    """Best recording times of the cameras, by the share of the window that their memory holds."""
+    """Best recording times of the cameras, by the share of the window in their memory."""
     heights: dict[int, tuple[Choice, ...]]
     """Best heights of the outline, by the number of heights."""
     rates: tuple[Rate, ...]
@@ -173,7 +177,7 @@ class Plan(ResultViews):
         return self.information.sensitivity.names
 
     def interval(self, name: str) -> tuple[float, float]:
-        """The expected k = 2 interval of a parameter if the truth is its assumed value."""
+        """The expected k = 2 interval of a parameter if its assumed value is true."""
         j = self.names.index(name)
         value = float(self.information.sensitivity.point[j])
         half = 2.0 * float(self.expected["all"].deviations[j])
@@ -193,12 +197,12 @@ def plan(
     numerics: Numerics | None = None,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> Plan:
-    """Predict how well a test would determine parameters.
+    """Predict the accuracy with which a test would determine parameters.
 
     Parameters
     ----------
     shot
-        A loaded shot: specimen, interface, flyer's motion and curve are those of the planned test.
+        A loaded shot. Specimen, interface, flyer's motion and curve are those of the planned test.
     names
         Parameters to be estimated together.
     held
@@ -206,13 +210,13 @@ def plan(
     instruments
         The instruments; default: those of the shot.
     rates
-        Speeds of the flyer over that of the shot; 1 is always included.
+        Speeds of the flyer divided by that of the shot; 1 is always included.
     heights
         Numbers of heights to choose.
     reach
         Range for the slopes (`kolsky.studies.local_sensitivity`).
     discrepancy
-        Standard deviations of the model error in a force bin [N] and an outline point [m]; default: its
+        Standard deviations of the model error in a force bin [N] and an outline point [m]. Default: its
         change to a finer mesh, at each rate.
     numerics
         Mesh, precision, device.
@@ -222,7 +226,7 @@ def plan(
     Raises
     ------
     ValueError
-        If a value is outside its range or a run does not complete.
+        If a value is outside its range, or if a run does not complete.
     """
     numerics, held = numerics or Numerics(), dict(held or {})
     prepared = prepare_shot(shot)
@@ -292,7 +296,10 @@ def plan(
 
 
 def _scale_shift(found: Information, sigma_gain: float) -> FloatArray:
-    """Shift of the estimates by a wrong force scale, which no number of samples averages out."""
+    """Shift of the estimates by a wrong force scale.
+
+    No number of samples averages it out.
+    """
     if sigma_gain == 0.0:
         return np.zeros(len(found.data.names))
     try:
@@ -316,7 +323,7 @@ VERSION = 1
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
-    """The plan as one object of JSON types, SI; numbers that are not finite become null."""
+    """The plan as one object of JSON types, SI. Numbers that are not finite become null."""
     names = plan.names
     slopes = plan.information.sensitivity
     parameters = {
@@ -402,7 +409,7 @@ def tables(plan: Plan) -> dict[str, dict[str, Any]]:
 
 
 def write_hdf5(path: Path, plan: Plan) -> Path:
-    """Write a complete plan to one HDF5 file, atomically; arrays have the attribute `units`."""
+    """Write a complete plan to one HDF5 file, atomically. Arrays have the attribute `units`."""
     found, slopes = plan.information, plan.information.sensitivity
     grid = slopes.grid
     force, outline = found.densities()
@@ -434,7 +441,10 @@ def write_hdf5(path: Path, plan: Plan) -> Path:
 
 
 def rows(plan: Plan) -> Mapping[str, Any]:
-    """Lines for a terminal, a name and a value each; parameters are in the units of the reports."""
+    """Lines for a terminal with a name and a value each.
+
+    Parameters are in the units of the reports.
+    """
     names, slopes, whole = plan.names, plan.information.sensitivity, plan.expected["all"]
     shown: dict[str, Any] = {"shot": plan.shot}
     for j, name in enumerate(names):
@@ -482,13 +492,16 @@ def rows(plan: Plan) -> Mapping[str, Any]:
 
 
 def _unit(name: str) -> str:
-    """Display unit of a parameter, after a space and in ASCII; empty for a plain number."""
+    """Display unit of a parameter, after a space and in ASCII. It is empty for a plain number."""
     unit = PARAMETERS[name].shown_unit
     return "" if unit == "1" else f" {unit.replace('µ', 'u')}"
 
 
 def _measured(value: float, U: float) -> str:
-    """A value and its expanded uncertainty, both to the second significant digit of the uncertainty."""
+    """A value and its expanded uncertainty.
+
+    Both are rounded to the second significant digit of the uncertainty.
+    """
     if not (isfinite(U) and U > 0.0):
         return f"{value:.6g} ± {U:.2g}"
     digits = max(0, 1 - floor(log10(U)))

@@ -1,4 +1,6 @@
-"""Shots compared: mean stiffness, slope over the rate, and stress, outline and force at fixed strains.
+"""Shots compared: mean stiffness, slope over the rate, and quantities at fixed strains.
+
+These are stress, outline and force.
 
 Figs. 13 and 14 of Mates et al. (2012) are shots at fixed strains.
 """
@@ -26,9 +28,9 @@ from kolsky.studies.rates.records import (
 from kolsky.studies.rates.scatter import FEWEST_POOLED, TREND_SHARE, Pooled, pool, rate_trend, slope
 
 STEP = 1e-4
-"""Half step of the tangent's central difference [-]; its error is of the order of 1e-8 of the curvature."""
+"""Half step of the tangent's central difference [-]. Its error is of the order of 1e-8 of the curvature."""
 DRAWS = 100
-"""Number of curves drawn from the curve's noise; their standard deviation is accurate to 7 %."""
+"""Number of curves drawn from the curve's noise. Their standard deviation is accurate to 7 %."""
 HEIGHTS = 41
 """Number of relative heights at which outlines are compared."""
 BASELINE = 61
@@ -39,22 +41,22 @@ Quantities = dict[str, tuple[float, float]]
 
 
 class Baselines:
-    """The laws of quasi-static curves with their replicates, each computed once."""
+    """The laws of quasi-static curves with their replicates. Each is computed once."""
 
     def __init__(self) -> None:
         self._laws: dict[str, list[MaterialLaw]] = {}
 
     def reaches(self, baseline: QuasiStatic, strain: float) -> bool:
-        """True if the curve was measured as far as this compressive strain, as Marlow's law measures it."""
+        """True if the curve was measured up to this compressive strain, as used in Marlow's law."""
         return _measure(strain) <= self._of(baseline)[0].data_limit
 
     def at(self, baseline: QuasiStatic, strain: float) -> Quantities:
-        """The baseline's stress and moduli at a compressive strain, through the law that the solver uses.
+        """The baseline's stress and moduli at a compressive strain, by the law of the solver.
 
-        Returns: nominal stress, secant, tangent and apparent modulus, value and standard uncertainty [Pa]; at
-        zero strain only the tangent modulus. The apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 -
-        lambda). The uncertainty is the scatter of curves drawn from the noise of the curve's points: the
-        tangent is known less well than the stress.
+        Returns: nominal stress, secant, tangent and apparent modulus, value and standard uncertainty [Pa]. At
+        zero strain, only the tangent modulus. The apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 -
+        lambda). The uncertainty is the scatter of curves drawn from the noise of the curve's points. The
+        tangent is less certain than the stress.
         """
         drawn = [_quantities(law, strain) for law in self._of(baseline)]
         return {
@@ -76,7 +78,10 @@ class Baselines:
 def _stiffness_at(
     shots: Sequence[RatedShot], strain: float, baselines: Baselines
 ) -> StiffnessAtStrain | None:
-    """Stress and moduli of the shots that reached a strain; None if there is none, or no curve reaches it."""
+    """Stress and moduli of the shots that reached a strain.
+
+    None if no shot or no curve reaches it.
+    """
     if not 0.0 <= strain < 1.0:
         raise ValueError(f"a nominal compressive strain must be in [0, 1), got {strain:g}")
     reached = [s for s in shots if s.history.largest >= strain and baselines.reaches(s.quasi_static, strain)]
@@ -126,9 +131,11 @@ def _quantities(law: MaterialLaw, strain: float) -> dict[str, float]:
 def equal_strain(
     shots: Sequence[RatedShot], strains: Sequence[float], baselines: Baselines
 ) -> EqualStrain | None:
-    """Force and outline of every shot at the strains that all of them reached; None if there is none.
+    """Force and outline of every shot at the strains that all of them reached.
 
-    The force is the mean over a bin, interpolated to the time of the strain; the outline is that of the
+    None if there are no such strains.
+
+    The force is the mean over a bin, interpolated to the time of the strain. The outline is that of the
     nearest frame, with its strain.
 
     ``shots``: shots of one group, at least one. ``strains``: nominal compressive strains, each in (0, 1).
@@ -165,7 +172,10 @@ def equal_strain(
 
 
 def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
-    """The outline in the frame nearest to a strain; None if none was measured or it has too few points."""
+    """The outline in the frame nearest to a strain.
+
+    None if none was measured or if it has too few points.
+    """
     c, history = shot.found.comparison, shot.history
     line = c.centre_line
     times = np.unique(line.time[line.time <= history.time[-1]])
@@ -188,7 +198,10 @@ def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
 
 
 def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tuple[float, float]:
-    """Standard deviation between shots of the radius and of its residual, rms over common heights [m]."""
+    """Standard deviation between shots of the radius and of its residual [m].
+
+    It is an rms over common heights.
+    """
     lengths = {shot.name: shot.specimen[1] for shot in shots}
     if len(shapes) < 2:
         return float("nan"), float("nan")
@@ -203,7 +216,7 @@ def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tup
 
 
 def _residual(grid: FloatArray, height: FloatArray, shape: ShapeAtStrain) -> FloatArray:
-    """Measured minus simulated radius at relative heights; NaN beyond the model's range."""
+    """Measured minus simulated radius at relative heights; NaN outside the model's range."""
     seen = np.isfinite(shape.model)
     if int(seen.sum()) < 2:
         return np.full(grid.shape, np.nan)
@@ -211,7 +224,7 @@ def _residual(grid: FloatArray, height: FloatArray, shape: ShapeAtStrain) -> Flo
 
 
 def _rms_scatter(rows: FloatArray) -> float:
-    """Standard deviation between rows (n - 1), rms over the columns that are finite in every row."""
+    """Standard deviation between rows (n - 1), as rms over the columns that are finite in every row."""
     whole = np.isfinite(rows).all(axis=0)
     if not whole.any():
         return float("nan")
@@ -221,7 +234,7 @@ def _rms_scatter(rows: FloatArray) -> float:
 STRAINS = (0.1, 0.3, 0.5)
 """Default nominal compressive strains for the comparison of shots."""
 SAME_SIZE = 0.02
-"""Specimens with a smaller relative size difference count as equal in size [-]."""
+"""Specimens with a smaller relative size difference are equal in size [-]."""
 
 
 def compare(
@@ -234,9 +247,9 @@ def compare(
     """Compare shots, at least one, within their groups.
 
     ``strains``: nominal compressive strains of the tables, each in (0, 1). ``shared``: relative standard
-    uncertainty common to all stiffness factors, e.g. of a transducer's calibration or the baseline's bias,
-    which is not included in the results [-]. ``grouped_by``: key of the shot files used for grouping. Raises
-    ValueError if there is no shot, a strain is outside (0, 1), or `shared` is negative.
+    uncertainty common to all stiffness factors that the results do not include [-]. Examples are a
+    transducer's calibration and the baseline's bias. ``grouped_by``: key of the shot files used for grouping.
+    Raises ValueError if there is no shot, a strain is outside (0, 1), or `shared` is negative.
     """
     if not shots:
         raise ValueError("there is no shot to compare")
@@ -286,9 +299,9 @@ def _group(
 
 
 def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
-    """Shared error parts of the shots: (part, common cause) -> shift of each m by it, shape [n].
+    """Shared error parts of the shots: (part, common source) -> shift of each m by it, shape [n].
 
-    Parts of a single shot are included as independent rows. This keeps them out of the weights, which must
+    Parts of a single shot are included as independent rows. They are thus kept out of the weights, which must
     not depend on errors common to all shots.
     """
     found: dict[tuple[str, str], FloatArray] = {}
@@ -301,7 +314,10 @@ def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, s
 
 
 def slope_parts(common: Mapping[tuple[str, str], FloatArray], rates: FloatArray) -> FloatArray:
-    """Shared parts in their effect on a slope, [n_shared, n]: mesh errors are half common, half a trend."""
+    """Effect of shared parts on a slope, [n_shared, n].
+
+    Mesh errors are half common, half a trend.
+    """
     rows = []
     for (part, _), row in common.items():
         if part != MESH_PART:
@@ -360,13 +376,13 @@ def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[s
 
 
 def _differing(what: str, of_shots: Sequence[tuple[str, str]]) -> list[str]:
-    """A sentence if a condition is not the same for all shots."""
+    """A sentence if a condition differs between the shots."""
     values: defaultdict[str, list[str]] = defaultdict(list)
     for name, value in of_shots:
         values[value].append(name)
     if len(values) < 2:
         return []
-    # A file is given by its hash; eight digits identify it.
+    # A file is identified by its hash, shortened to eight digits.
     parts = "; ".join(f"{v[:8] if len(v) == 64 else v} ({', '.join(n)})" for v, n in values.items())
     return [f"the shots were not identified alike, {what}: {parts}; their m may not compare"]
 
@@ -388,7 +404,7 @@ def _strains_left_out(
     strains: Sequence[float],
     laws: Baselines,
 ) -> list[str]:
-    """A sentence for every strain that a shot, or its curve, did not reach."""
+    """A sentence for every strain that a shot or its curve did not reach."""
     found = []
     there = {row.strain: row.shots for row in stiffness}
     for strain in strains:

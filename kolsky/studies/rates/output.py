@@ -17,7 +17,7 @@ ROUTES = ("joint", "force only", "shape only", "paper")
 
 
 def tables(report: RateReport) -> dict[str, Columns]:
-    """The tables of a report: name -> columns. A missing number is NaN."""
+    """The tables of a report: name -> columns. Missing numbers are NaN."""
     made = {
         "rate_shots": columns_of(_shots(report)),
         "rate_groups": columns_of(map(_group_row, report.groups)),
@@ -204,18 +204,20 @@ TABLES: dict[str, tuple[Callable[[GroupRates], Rows], list[str]]] = {
     "rate_scatter_at_strain": (_scatter, [STRAIN, *APART, "scatter of the force (N)"]),
     "rate_remarks": (lambda rates: ((remark,) for remark in rates.remarks), ["remark"]),
 }
-"""Rows of a group, and their headings after the group's name."""
+"""Rows of a group. Headings follow the group's name."""
 
 FORMAT = Format("kolsky-rates")
 _UNIT = re.compile(r" \(([^()]*)\)$")
 
 
 def write_hdf5(path: Path, report: RateReport) -> None:
-    """Write every table to one HDF5 file, atomically: one group per table, one dataset per column.
+    """Write every table to one HDF5 file, atomically.
+
+    There is one group per table and one dataset per column.
 
     Stress-strain and outline data of the shots are in the results of the shots.
 
-    Raises OSError if the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written. An older file is then unchanged.
     """
     with writing(path, FORMAT) as place:
         about = {"grouped_by": report.grouped_by, "shared_relative_uncertainty": report.shared}
@@ -227,7 +229,7 @@ def write_hdf5(path: Path, report: RateReport) -> None:
 def _write_table(table: OpenGroup, columns: Columns) -> None:
     for heading, cells in columns.items():
         unit = _UNIT.search(heading)
-        # A slash would open a group inside the group.
+        # A slash would create a group inside the group.
         name = (heading[: unit.start()] if unit else heading).replace("/", "_")
         if cells and isinstance(cells[0], str):
             put_text(table, name, cells, escape=True)
@@ -236,7 +238,7 @@ def _write_table(table: OpenGroup, columns: Columns) -> None:
 
 
 def summary(report: RateReport) -> dict[str, Any]:
-    """The report as one object of JSON types; numbers that are not finite become null."""
+    """The report as one object of JSON types. Numbers that are not finite become null."""
     said = {
         "grouped_by": report.grouped_by,
         "shared_relative_uncertainty": report.shared,

@@ -26,13 +26,13 @@ from kolsky.studies.rates.records import PARAMETER, QuasiStatic, RatedShot, Rate
 
 RESULT_FILE = "identification.h5"
 GROUP_KEYS = ("group", "material")
-"""Default keys of a shot file for grouping, in this order."""
+"""Default keys of a shot file for grouping. They are tried in this order."""
 ALL = "all shots"
 LOOSE = ConfigDict(extra="ignore", frozen=True, strict=True)
 
 
 class RateCurveSection(Section):
-    """The keys of [curve] or [law] that state the rate of its tests."""
+    """The keys of [curve] or [law] for the rate of its tests."""
 
     model_config = LOOSE
     baseline: bool = True
@@ -51,7 +51,10 @@ class RateShotFile(Section):
 
     @property
     def quasi_static_rate(self) -> float | None:
-        """Rate of the reference of m [1/s]: that of [law] if it is the baseline, otherwise of [curve]."""
+        """Rate of the reference of m [1/s].
+
+        It is that of [law] if [law] is the baseline, otherwise of [curve].
+        """
         said = self.law if self.law is not None and self.law.baseline else self.curve
         return None if said is None else said.strain_rate
 
@@ -59,7 +62,7 @@ class RateShotFile(Section):
 def declarations(shot: Source) -> tuple[TomlFile, RateShotFile]:
     """Read material, group, rig and the reference curve's rate from a shot file.
 
-    Raises InputError if there is no such file, or one of these cannot be used.
+    Raises InputError if there is no such file, or if one of these values cannot be used.
     """
     file = parsed(shot)
     declared = file.validated(RateShotFile)
@@ -67,7 +70,10 @@ def declarations(shot: Source) -> tuple[TomlFile, RateShotFile]:
 
 
 def group_key(files: list[TomlFile], wanted: str | None) -> str:
-    """The key for grouping; "" if none is named and no default key is present."""
+    """The key for grouping.
+
+    "" if none is given and no default key is present.
+    """
     if wanted:
         return wanted
     return next((key for key in GROUP_KEYS if any(key in file.content for file in files)), "")
@@ -76,7 +82,7 @@ def group_key(files: list[TomlFile], wanted: str | None) -> str:
 def group_of(file: TomlFile, key: str) -> str:
     """The value of a dotted key in a shot file.
 
-    Raises InputError if the shot file has no such key, or it is a table.
+    Raises InputError if the shot file has no such key, or if the key is a table.
     """
     if not key:
         return ALL
@@ -111,9 +117,10 @@ def collected_shot(
 ) -> RatedShot:
     """One shot with its rate and its result.
 
-    ``shot``: the shot's folder, its shot.toml, or that file parsed. ``identify``: makes a missing result;
-    without it, such a shot is rejected. ``measure``: as in `kolsky.shot.load.load_shot`. Raises InputError if
-    the shot cannot be loaded, has no result, or its result is of other files or has no stiffness factor.
+    ``shot``: the shot's folder, its shot.toml, or the parsed shot.toml. ``identify``: makes a missing result.
+    Without it, a shot without a result is rejected. ``measure``: as in `kolsky.shot.load.load_shot`. Raises
+    InputError if the shot cannot be loaded or has no result. The same error is raised if its result belongs
+    to other files or has no stiffness factor.
     """
     file, declared = declarations(shot)
     place = result_of(file.path)
@@ -150,7 +157,10 @@ def collected_shot(
 
 
 def digest(curve: MaterialCurve) -> str:
-    """SHA-256 of a curve's numbers, hex: shots with the same hash share its errors, whatever its file."""
+    """SHA-256 of a curve's numbers, hex.
+
+    Shots with the same hash have the same curve errors, even from different files.
+    """
     modes = np.zeros(0) if curve.modes is None else curve.modes
     made = hashlib.sha256()
     for array in (curve.stretch, curve.stress, curve.sigma, modes):
@@ -179,7 +189,7 @@ def conditions(found: Identification) -> dict[str, str]:
 
 
 def _same_files(place: Path, found: Identification, loaded: Shot, shot_file: str) -> None:
-    """Reject a result of other recordings; a group or a rate may have been added to the shot file."""
+    """Reject a result of other recordings. A group or a rate may have been added to the shot file."""
     made_of = found.provenance.get("inputs")
     if not isinstance(made_of, dict):
         raise InputError(place, "does not name the files it was made of", cure="identify the shot again")
@@ -223,25 +233,25 @@ def rate(
     Parameters
     ----------
     shots
-        Shots' folders, or their shot.toml files; each has its result in its folder "results".
+        Shots' folders, or their shot.toml files. Each shot has its result in its folder "results".
     group
-        Key of the shot files to group by; "" takes `group` or `material` where a shot has it.
+        Key of the shot files for grouping. "" uses `group` or `material` if a shot has it.
     strains
         Nominal compressive strains of the tables, each in (0, 1).
     shared
         Relative standard uncertainty common to all stiffness factors [-].
     identify
-        Called as ``identify(path, shot)`` for a shot that has no result yet; without it such a shot is
-        refused.
+        Called as ``identify(path, shot)`` for a shot without a result. Without this function, such a shot is
+        rejected.
     keep_unexplained
-        Also include shots whose data the model does not explain; by default they are left out.
+        True to include shots with data that the model does not explain. By default they are left out.
     progress
-        Called with the shots done, and with the stages of image correlation.
+        Called with the number of shots done, and with the stages of image correlation.
 
     Raises
     ------
     InputError
-        If a shot has no result or cannot be used, or two have one name.
+        If a shot has no result or cannot be used, or if two shots have the same name.
     ValueError
         If a strain or `shared` is out of range.
     """

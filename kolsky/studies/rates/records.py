@@ -15,9 +15,9 @@ from kolsky.shot.records import Shot
 from kolsky.studies.rates.scatter import Pooled, Slope
 
 ONSET = 0.01
-"""Nominal strain from which the test counts as running [-]."""
+"""Nominal strain at which the test begins [-]."""
 CENTRAL = 0.9
-"""Share of the strain that the quoted range of the true rate covers."""
+"""Share of the strain covered by the reported range of the true rate."""
 TIMES = 2001
 """Number of points of a strain history."""
 
@@ -26,21 +26,22 @@ TIMES = 2001
 class StrainHistory:
     """Nominal strain against time while the front face moves toward the specimen, and its rate.
 
-    The back face's own motion (a few um in a soft specimen) is not subtracted.
+    The motion of the back face (a few um in a soft specimen) is not subtracted.
     """
 
     time: FloatArray
-    """Times on the shot's clock, from the window's start to the largest strain in it [s], shape [n]."""
+    """Times on the shot's clock, from the window's start to its largest strain [s], shape [n]."""
     strain: FloatArray
-    """Nominal compressive strain, displacement over length [-], shape [n]."""
+    """Nominal compressive strain [-], shape [n]: displacement divided by length."""
     span: tuple[float, float]
-    """First time at a strain of 1 % and time of the largest strain: the part that was averaged [s]."""
+    """First time at a strain of 1 % and time of the largest strain [s]. They limit the averaged part."""
     nominal_rate: float
-    """Mean velocity of the front face over that part, over the specimen's length, Eq. (S.1) [1/s]."""
+    """Mean velocity of the front face over that part, divided by the specimen's length, Eq. (S.1) [1/s]."""
     sigma_rate: float
     """Its standard uncertainty from the noise of the motion and its scale [1/s]."""
     true_rate: tuple[float, float]
-    """Velocity over the current length: between these lie the central 90 % of the strain [1/s]."""
+    """Limits of the true rate, velocity over current length [1/s]. Between them are the central 90 % of the
+    strain."""
     spread: float
     """Standard deviation of log10 of the true rate over the strain of the test [decade]."""
 
@@ -70,8 +71,7 @@ class StrainHistory:
 def strain_history(shot: Shot) -> StrainHistory:
     """Strain history of a shot inside its window.
 
-    Raises ValueError if the motion cannot be used, or the specimen is not compressed by more than 1 % in the
-    window.
+    Raises ValueError if the motion cannot be used, or if the compression in the window does not exceed 1 %.
     """
     path, sigma_gain = _path(shot.flyer, shot.window[0])
     first, last = max(shot.window[0], path.start), min(shot.window[1], path.end)
@@ -114,7 +114,7 @@ def strain_history_of(
 
 
 def _over_strain(rate: FloatArray, weight: FloatArray) -> tuple[float, float, float]:
-    """Range of the central share and standard deviation of log10, weighted by the strain passed."""
+    """Range of the central share, and standard deviation of log10, weighted by the strain covered."""
     order = np.argsort(rate)
     passed = np.cumsum(weight[order])
     passed = (passed - 0.5 * weight[order]) / passed[-1]
@@ -125,25 +125,28 @@ def _over_strain(rate: FloatArray, weight: FloatArray) -> tuple[float, float, fl
 
 
 def _path(motion: FlyerMotion | FrontVelocity, start: float) -> tuple[FlyerPath, float]:
-    """The path that the identification used, and the uncertainty of its scale."""
+    """The path of the identification, and the uncertainty of its scale."""
     if isinstance(motion, FlyerMotion):
         return fit_flyer(motion, start=start), 0.0
     return front_path(replace(motion, sigma_gain=0.0)), motion.sigma_gain
 
 
 COUNTED = tuple(verdict for verdict in Verdict if verdict.identified)
-"""Verdicts of stiffness factors that count in a mean."""
+"""Verdicts of stiffness factors that are included in a mean."""
 WITHHELD = (Verdict.UNEXPLAINED, Verdict.CONTRADICTED)
-"""Verdicts that count only on request: the model does not explain the data."""
+"""Verdicts that are included only on request: the model does not explain the data."""
 PARAMETER = "stiffness_factor"
 COMMON_PARTS = {"material curve": "curve", "force scale": "rig", "motion scale": "rig"}
-"""Shared parts of the noise, and their common cause."""
+"""Shared parts of the noise, and their common source."""
 MESH_PART = "mesh and step"
-"""The mesh error: common to shots on one mesh in a mean; in a slope it may depend on the rate."""
+"""The mesh error. In a mean it is common to shots on one mesh. In a slope it may depend on the rate."""
 
 
 def _shared(key: str) -> str:
-    """Common cause of an input's error in several shots; empty for a key that is not an input."""
+    """Common source of an input's error in several shots.
+
+    Empty for a key that is not an input.
+    """
     return INPUTS[key].shared if key in INPUTS else ""
 
 
@@ -154,7 +157,7 @@ class QuasiStatic:
     curve: MaterialCurve
     """The curve, from zero strain outward."""
     source: str
-    """SHA-256 of its numbers: shots with the same one share its errors."""
+    """SHA-256 of its numbers. Shots with the same hash have the same errors of the curve."""
     rate: float | None
     """Nominal strain rate of its measurement [1/s]; None if not declared."""
 
@@ -168,7 +171,7 @@ class RatedShot:
     group: str
     """Group for the comparison."""
     rig: str
-    """Test rig; shots of one rig share the scales of its transducers and cameras."""
+    """Test rig. Shots of one rig have the same scales of transducers and cameras."""
     history: StrainHistory
     """Its strain and strain rate."""
     quasi_static: QuasiStatic
@@ -180,7 +183,7 @@ class RatedShot:
     conditions: dict[str, str]
     """Conditions that must be equal in compared shots: damping, mesh, interface, ... in words."""
     keep_unexplained: bool = False
-    """True if it counts although the model does not explain its data."""
+    """True if it is included although the model does not explain its data."""
 
     @property
     def m(self) -> float:
@@ -208,16 +211,16 @@ class RatedShot:
 
     @property
     def counted(self) -> bool:
-        """True if it enters the mean."""
+        """True if the mean includes it."""
         good = COUNTED + (WITHHELD if self.keep_unexplained else ())
         return self.verdict in good and np.isfinite(self.m) and self.sigma_own > 0.0
 
     def excess(self, channel: str) -> float:
-        """Residual of a channel over the residual of a correct model [-]; NaN if it was not recorded."""
+        """Residual of a channel divided by that of a correct model [-]; NaN if not recorded."""
         return next((fit.excess for fit in self.found.fit if fit.channel == channel), float("nan"))
 
     def common_parts(self) -> dict[tuple[str, str], float]:
-        """Shared parts: (part, common cause) -> shift of m by one standard uncertainty."""
+        """Shared parts: (part, common source) -> shift of m by one standard uncertainty."""
         estimate = self.found.estimates[PARAMETER]
         through = {"curve": self.quasi_static.source, "rig": self.rig, "group": self.group}
         parts = {
@@ -227,8 +230,8 @@ class RatedShot:
         }
         mesh = estimate.numerical_parts.get("mesh", estimate.sigma_numerical)
         if mesh > 0.0:
-            # What the correction leaves is mostly the element's, which errs to the same side in all of them,
-            # whatever the side that the mesh had been corrected to.
+            # The error that remains after the correction is mostly that of the element. It has the same sign
+            # in all shots, even if the meshes were corrected in different directions.
             parts[MESH_PART, self.conditions["mesh"]] = mesh
         declared = {
             (f"declared {key.replace('_', ' ')}", through[_shared(key)]): shift
@@ -248,7 +251,7 @@ class StiffnessAtStrain:
     """Stress and moduli at one nominal compressive strain, of every counted shot and of the baseline."""
 
     strain: float
-    """Nominal compressive strain [-]; at 0 only the tangent modulus is given."""
+    """Nominal compressive strain [-]. At 0, only the tangent modulus is given."""
     shots: tuple[str, ...]
     """The shots that reached it, length n."""
     rates: FloatArray
@@ -283,7 +286,7 @@ class EqualStrain:
     """Shape and force of the shots at equal strain: the paper's Figs. 13 and 14."""
 
     strains: FloatArray
-    """Strains that every shot here reached [-], shape [k]."""
+    """Strains that every shot of the comparison reached [-], shape [k]."""
     shots: tuple[str, ...]
     """Length n."""
     force: FloatArray
@@ -293,16 +296,16 @@ class EqualStrain:
     force_model: FloatArray
     """Simulated force [N], shape [n, k]."""
     baseline_strain: FloatArray
-    """Strains of the next line, up to the largest that every shot reached [-], shape [b]."""
+    """Strains for the force below, up to the largest that every shot reached [-], shape [b]."""
     baseline_force: FloatArray
-    """The first shot's quasi-static stress times its undeformed area [N], shape [b]; NaN past the curve."""
+    """The first shot's quasi-static stress times its undeformed area [N], shape [b]; NaN beyond the curve."""
     shapes: tuple[ShapeAtStrain, ...]
     """Every outline, by strain and shot."""
     shape_scatter: FloatArray
-    """Standard deviation between shots of the measured radius, rms over the height [m], shape [k]; NaN with
-    fewer than two outlines."""
+    """Standard deviation between shots of the measured radius [m], shape [k], as rms over the height. NaN
+    with fewer than two outlines."""
     residual_scatter: FloatArray
-    """The same for measured minus simulated radius [m], shape [k]."""
+    """Standard deviation between shots of measured minus simulated radius [m], shape [k]."""
 
 
 @dataclass(frozen=True)
@@ -310,9 +313,9 @@ class LongLever:
     """Comparison of the quasi-static rate with the mean of the shots: two points over many decades."""
 
     decades: float
-    """Decades between the quasi-static rate and the geometric mean of the shots'."""
+    """Decades between the quasi-static rate and the geometric mean of the shots' rates."""
     slope: float
-    """(mean m - 1) over the decades [1/decade]."""
+    """(mean m - 1) divided by the decades [1/decade]."""
     interval: tuple[float, float]
     """Its 95 % interval [1/decade]."""
 
@@ -324,30 +327,34 @@ class GroupRates(ResultViews):
     name: str
     """The group."""
     shots: tuple[RatedShot, ...]
-    """All of them, slowest first."""
+    """All shots, slowest first."""
     common: dict[tuple[str, str], FloatArray]
-    """(part, common cause) -> shift of m of each counted shot [-], shape [n_counted]."""
+    """(part, common source) -> shift of m of each counted shot [-], shape [n_counted]."""
     pooled: Pooled | None
     """Their mean; None with fewer than two counted shots."""
     slope: Slope | None
     """Stiffness against rate; None likewise."""
     long_lever: LongLever | None
-    """Line from the quasi-static rate; None if that is not declared, not unique, or there is no mean."""
+    """Line from the quasi-static rate. None if this rate is not declared or not unique, or if there is no
+    mean."""
     stiffness: tuple[StiffnessAtStrain, ...]
     """Stiffness at each requested strain that was reached."""
     equal_strain: EqualStrain | None
-    """Comparison at equal strain; None if no requested strain was reached by all shots."""
+    """Comparison at equal strain. None if no requested strain was reached by all shots."""
     remarks: tuple[str, ...]
     """Remarks that a user must read, one sentence each."""
 
     @property
     def counted(self) -> tuple[RatedShot, ...]:
-        """The shots that enter the mean."""
+        """The shots that the mean includes."""
         return tuple(shot for shot in self.shots if shot.counted)
 
     @property
     def in_common(self) -> tuple[str, ...]:
-        """Errors common to several counted shots, with the largest relative effect on m: one phrase each."""
+        """Errors common to several counted shots, one phrase each.
+
+        Each has its largest relative effect on m.
+        """
         m = np.array([shot.m for shot in self.counted])
         found = []
         for (part, _), row in self.common.items():
@@ -369,7 +376,7 @@ class RateReport(ResultViews):
     """The comparison of all groups."""
 
     grouped_by: str
-    """Key of the shot files used for grouping; "" if all shots are one group."""
+    """Key of the shot files for grouping; "" if all shots are one group."""
     shared: float
     """Relative standard uncertainty that was declared common to all shots [-]."""
     groups: tuple[GroupRates, ...]

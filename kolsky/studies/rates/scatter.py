@@ -1,8 +1,8 @@
 """Mean and rate slope of several values with known uncertainties and an unknown scatter between them.
 
-y_i = x_i . b + t_i + e_i with e_i of the known standard uncertainty s_i and t_i ~ (0, tau^2), Eq. (S.2).
-A slope needs a minimum number of shots, a minimum span of their rates, and no single shot with a large
-leverage.
+The model is y_i = x_i . b + t_i + e_i, Eq. (S.2). Here e_i has the known standard uncertainty s_i, and t_i ~
+(0, tau^2). A slope needs a minimum number of shots and a minimum span of their rates. No single shot may have
+a large leverage.
 """
 
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ METHODS: tuple[Between, ...] = ("paule-mandel", "dersimonian-laird", "reml")
 POWER = 0.9
 """Probability of detecting a slope of the size `MixedFit.noticeable`."""
 QUANTILES = 400
-"""Number of quantiles of an estimated uncertainty; the power is then accurate to 0.001."""
+"""Number of quantiles of an estimated uncertainty. The power is then accurate to 0.001."""
 MOST_FREEDOM = 1e4
-"""With more degrees of freedom, Student's t is normal to four digits of its quantiles."""
+"""Above this number of degrees of freedom, Student's t is normal to four digits of its quantiles."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class MixedFit:
     """A weighted least-squares fit with weights that include the scatter between the values."""
 
     coefficients: FloatArray
-    """b, unit of the values over that of the column, shape [p]."""
+    """b, in the unit of the values over that of the column, shape [p]."""
     gain: FloatArray
     """Derivative of each coefficient by each value, shape [p, n]."""
     covariance: FloatArray
@@ -43,25 +43,26 @@ class MixedFit:
     between: float
     """tau, the standard deviation between the values beyond their own uncertainties, in their unit."""
     q: float
-    """Cochran's Q: residual sum of squares in units of s only [-]."""
+    """Cochran's Q: residual sum of squares in units of s, without tau [-]."""
     freedom: int
     """Degrees of freedom n - p."""
     scale: float
     """Knapp and Hartung's factor on the covariance, Eq. (S.5) [-]."""
     leverage: FloatArray
-    """Diagonal of the hat matrix, shape [n]: influence of a value on its own fitted value, from 0 to 1."""
+    """Diagonal of the hat matrix, shape [n]. It is the influence of a value on its own fitted value, from 0
+    to 1."""
 
     @property
     def i_squared(self) -> float:
-        """I^2 = (Q - f) / Q, not below zero: the share of the scatter not explained by s [-]."""
+        """I^2 = (Q - f) / Q, not below zero: the share of the scatter that s does not explain [-]."""
         return max(0.0, (self.q - self.freedom) / self.q) if self.q > 0.0 else 0.0
 
     def sigma(self, index: int) -> float:
-        """Standard uncertainty of a coefficient, shared errors included."""
+        """Standard uncertainty of a coefficient with shared errors."""
         return float(np.sqrt(self._own(index) + self.common[index, index]))
 
     def effective_freedom(self, index: int) -> float:
-        """Degrees of freedom by Welch and Satterthwaite; the shared variance counts as exactly known."""
+        """Degrees of freedom by Welch and Satterthwaite. The shared variance is taken as exactly known."""
         own = self._own(index)
         return float(self.freedom * ((own + self.common[index, index]) / own) ** 2)
 
@@ -71,10 +72,11 @@ class MixedFit:
         return float(self.coefficients[index] - half), float(self.coefficients[index] + half)
 
     def noticeable(self, index: int, probability: float = 0.95, power: float = POWER) -> float:
-        """Size of a coefficient whose interval excludes zero with a probability of `power`, Eq. (S.10).
+        """Size of a coefficient that its interval distinguishes from 0 with probability `power`, Eq. (S.10).
 
-        The estimate over its standard uncertainty has a noncentral t distribution: the mean of two normal
-        probabilities over the estimated uncertainty, whose distribution is represented by quantiles.
+        The estimate divided by its standard uncertainty has a noncentral t distribution. It is the mean of
+        two normal probabilities over the estimated uncertainty. Quantiles represent the distribution of this
+        uncertainty.
         """
         freedom = min(self.effective_freedom(index), MOST_FREEDOM)
         limit = float(student.ppf(0.5 + 0.5 * probability, freedom))
@@ -99,7 +101,7 @@ def mixed_fit(
     common: FloatArray | None = None,
     method: Between = "paule-mandel",
 ) -> MixedFit:
-    """Fit y = X b with the scatter between the values estimated."""
+    """Fit y = X b, and estimate the scatter between the values."""
     y, s, X = (np.asarray(a, dtype=float) for a in (values, sigma, columns))
     shared = np.zeros((0, y.size)) if common is None else np.asarray(common, dtype=float)
     if X.ndim != 2 or y.shape != s.shape or y.shape != X.shape[:1] or shared.shape[1:] != y.shape:
@@ -183,7 +185,9 @@ class Pooled:
     others: dict[str, tuple[float, float]]
     """Mean and tau by each estimator of the scatter."""
     leave_one_out: tuple[MixedFit | None, ...]
-    """The fit without each shot in turn; None if fewer than two would remain."""
+    """The fit without each shot in turn.
+
+    None if fewer than two would remain."""
 
     @property
     def mean(self) -> float:
@@ -197,7 +201,7 @@ class Pooled:
 
     @property
     def sigma_common(self) -> float:
-        """The part from shared errors, which more shots do not reduce."""
+        """The part from shared errors. More shots do not reduce it."""
         return float(np.sqrt(self.fit.common[0, 0]))
 
     @property
@@ -207,12 +211,12 @@ class Pooled:
 
     @property
     def probability(self) -> float:
-        """Probability of this Q or more if the shots differ only by their independent uncertainties."""
+        """Probability of at least this Q if the shots differ only by their independent uncertainties."""
         return float(chi2.sf(self.fit.q, self.fit.freedom))
 
     @property
     def prediction(self) -> tuple[float, float]:
-        """The 95 % prediction interval of one more shot, Eq. (S.7): wider than that of the mean."""
+        """The 95 % prediction interval of one more shot, Eq. (S.7). It is wider than that of the mean."""
         half = float(student.ppf(0.975, self.fit.freedom)) * float(np.hypot(self.fit.between, self.sigma))
         return self.mean - half, self.mean + half
 
@@ -221,7 +225,7 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
     """Mean of n shots with their scatter, from estimates and their independent standard uncertainties, [n].
 
     ``common``: shared errors, see `mixed_fit`, shape [n_shared, n]. Raises ValueError if there are fewer than
-    two, or a number cannot be used.
+    two estimates, or if a number cannot be used.
     """
     y, s = np.asarray(values, dtype=float), np.asarray(sigma, dtype=float)
     if y.size < FEWEST_POOLED:
@@ -243,20 +247,20 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
 
 
 FEWEST_FOR_SLOPE = 4
-"""Smallest number of shots for a slope: two coefficients and two degrees of freedom for the scatter."""
+"""Smallest number of shots for a slope: two coefficients, and two degrees of freedom for the scatter."""
 LEAST_SPAN = 0.5
-"""Smallest span of the shots' rates [decade]: "per decade" then extrapolates at most twofold."""
+"""Smallest span of the shots' rates [decade]. The slope per decade is then extrapolated at most twofold."""
 LEAST_RATIO = 4.0
-"""Smallest span over the rate's spread inside one test: the k = 2 ranges of the slowest and the fastest
-part."""
+"""Smallest span divided by the spread of the rate inside one test. It covers the k = 2 ranges of the slowest
+and the fastest part."""
 LARGEST_LEVERAGE = 0.9
-"""Largest leverage of one shot: nine tenths of its error enter the line, one tenth the residual."""
+"""Largest leverage of one shot. Nine tenths of its error then affect the line, one tenth the residual."""
 LARGEST_HALF_WIDTH = 1.0
-"""Largest half width of the slope's interval per decade, over the mean stiffness."""
+"""Largest half width of the slope's interval per decade, divided by the mean stiffness."""
 TREND_SHARE = 0.5
 """Share of the variance of a shot's mesh error that is proportional to the logarithm of its rate. The error
 is a smooth function of the rate: a constant, which all shots have, and a trend. Simulations of one test do
-not separate the two, so that each has half."""
+not separate the two. Each therefore has half."""
 
 
 class SlopeVerdict(StrEnum):
@@ -274,7 +278,7 @@ class Criterion:
     name: str
     """Name of the condition."""
     value: float
-    """Value of the shots; infinite if there is no limit."""
+    """Value of the shots; infinite without a limit."""
     limit: float
     """Required value."""
     unit: str
@@ -295,12 +299,12 @@ class Slope:
     """Stiffness factor against the decimal logarithm of the rate, Eq. (S.8)."""
 
     fit: MixedFit | None
-    """Coefficients: stiffness factor at the reference rate, and slope per decade; None if a scatter about the
-    line is not defined: fewer than three shots, or one rate."""
+    """Coefficients: stiffness factor at the reference rate, and slope per decade. None if a scatter about the
+    line is not defined, with fewer than three shots or one rate."""
     reference: float
     """Geometric mean of the shots' rates [1/s]."""
     span: float
-    """Decades between the slowest and the fastest shot."""
+    """Decades between the rates of the slowest and the fastest shot."""
     criteria: tuple[Criterion, ...]
     """Every condition, in order."""
     leave_one_out: tuple[MixedFit | None, ...]
@@ -315,7 +319,7 @@ class Slope:
         return SlopeVerdict.NONE_SEEN if low <= 0.0 <= high else SlopeVerdict.SENSITIVE
 
     def band(self, log_rates: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The 95 % band of the line, pointwise, at decimal logarithms of rates: low and high, shape [k] both.
+        """The pointwise 95 % band of the line at decimal logarithms of rates: low and high, shape [k] both.
 
         Raises ValueError if there is no line.
         """
@@ -330,7 +334,7 @@ class Slope:
 
     @property
     def sentence(self) -> str:
-        """The verdict in words, with the slope or its bound, and the detectable slope."""
+        """The verdict in words, with the slope or its bound, and the smallest detectable slope."""
         if self.fit is None or self.verdict is SlopeVerdict.REFUSED:
             return f"{SlopeVerdict.REFUSED}: {'; '.join(self.reasons)}"
         low, high = self.fit.interval(1)
@@ -350,8 +354,8 @@ class Slope:
 def rate_trend(part: FloatArray, rates: FloatArray) -> FloatArray:
     """The part of an error proportional to the logarithm of the rate, shape [n].
 
-    ``part``: error of each value if all of the error is common, shape [n]. ``rates``: shape [n] [1/s]. The
-    trend has a root mean square of one over the shots.
+    ``part``: error of each value if it is completely common, shape [n]. ``rates``: rates [1/s], shape [n].
+    The trend has a root mean square of one over the shots.
     """
     x = np.log10(rates) - np.log10(rates).mean()
     size = float(np.sqrt(np.mean(x**2)))
@@ -366,12 +370,12 @@ def slope(
     *,
     common: FloatArray | None = None,
 ) -> Slope:
-    """Meta-regression on log10 rate, with the conditions that a claim must meet.
+    """Meta-regression on log10 rate, with the conditions for a reported slope.
 
     ``rates``: nominal strain rate of each shot [1/s], shape [n]. ``spreads``: standard uncertainty of log10
-    rate of a test: spread of the rate inside the test, and noise of its mean [decade], shape [n]. ``values``,
-    ``sigma``, ``common``: as in `pool`. Raises ValueError if a rate is not positive, or a number cannot be
-    used.
+    rate of a test [decade], shape [n]. It contains the spread of the rate inside the test and the noise of
+    its mean. ``values``, ``sigma``, ``common``: as in `pool`. Raises ValueError if a rate is not positive, or
+    if a number cannot be used.
     """
     v, spread, y, s = (np.asarray(a, dtype=float) for a in (rates, spreads, values, sigma))
     if v.size == 0 or not ((v > 0.0) & np.isfinite(v)).all():
