@@ -64,7 +64,7 @@ def test_a_square_can_be_saved():
         ([[10, 10], [13, 10], [13, 14]], 0, "holds 6 px²"),
         ([[10, 10], [30, 10], [10, 10], [10, 30]], 0, "one corner twice"),
         ([[10, 10], [30, 10], [20, 10], [20, 30]], 0, "crosses itself"),
-        ([[float("nan"), 10], [30, 10], [20, 30]], 0, "no number"),
+        ([[float("nan"), 10], [30, 10], [20, 30]], 0, "not a number"),
         (SQUARE, 3, "frame 3 does not exist"),
     ],
 )
