@@ -263,10 +263,11 @@ def _alive(process: int, log: Path) -> bool:
         return child.poll() is None
     try:
         os.kill(process, 0)
+        return "kolsky" in Path(f"/proc/{process}/cmdline").read_text("utf-8", errors="replace")
+    except FileNotFoundError:  # it has just ended, or there is no /proc
+        return os.name != "posix"
     except OSError:
         return False
-    words = Path(f"/proc/{process}/cmdline")
-    return "kolsky" in words.read_text("utf-8", errors="replace") if words.exists() else os.name != "posix"
 
 
 if __name__ == "__main__":

@@ -216,6 +216,16 @@ def test_cancel_of_a_sweep_keeps_its_runs(tmp_path: Path) -> None:
         assert ledger.execute("select count(*) from runs").fetchone()[0] >= done
 
 
+@pytest.mark.skipif(os.name != "posix", reason="/proc")
+def test_a_process_that_ends_while_it_is_looked_at_is_not_alive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    child = subprocess.Popen([sys.executable, "-c", ""])
+    child.wait(20.0)
+    monkeypatch.setattr(os, "kill", lambda process, signal: None)  # it still answered here
+    assert not jobs._alive(child.pid, tmp_path / "log")
+
+
 def _until(true: Callable[[], bool], seconds: float) -> None:
     """Wait until something is true."""
     until = time.monotonic() + seconds
