@@ -509,7 +509,7 @@ def identify(
     """Identify the stiffness factor m (and more) of a shot, with its k = 2 interval and a report.
 
     Poisson's ratio and damping are estimated too if the ringing of the force constrains them. With --hold
-    poisson --hold damping they keep the shot's values; the report shows the result for that case as well.
+    poisson --hold damping they keep the shot's values.
 
     Writes identification.h5, report.html and CSV tables into SHOT/results.
 
