@@ -98,7 +98,6 @@ SWITCHES: dict[str, Switch] = {
         "all valley floors but the likeliest",
         ((f"{INVERSE}.valleys.LIKELY", {"balanced": 1, "force": 0}),),
     ),
-    "summit": Switch("the steps from a floor to its summit", ((f"{INVERSE}.valleys.FARTHEST", 0),)),
     "balanced": Switch(
         "a frame's points as one value on coarse meshes",
         ((f"{INVERSE}.surrogate_mesh_search.starts", _with_every_point),),
@@ -149,14 +148,6 @@ SWITCHES: dict[str, Switch] = {
     ),
     "large_changes": Switch(
         "large changes of an input", ((f"{DIAGNOSIS}.causes.scan_inputs", lambda *_: []),), diagnosis=True
-    ),
-    "valleys_of_causes": Switch(
-        "other valleys with an input changed",
-        (
-            (f"{DIAGNOSIS}.causes.in_valleys", lambda search, starts: list(starts)),
-            (f"{DIAGNOSIS}.causes.without_change", lambda search: None),
-        ),
-        diagnosis=True,
     ),
     "same_force": Switch(
         "a density for each gain of the force",

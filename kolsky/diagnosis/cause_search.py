@@ -3,7 +3,7 @@
 The free parameters are fitted again for each value.
 
 First, every input is tried by one linear step from the answer. If this does not explain the data, large
-changes are scanned and the best are refined. If Poisson's ratio is free, its other valleys are tried too.
+changes are scanned and the best are refined.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from kolsky.diagnosis.cause_inputs import declared_span, leaves_length, start_of
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.inverse.result import COVERAGE
 from kolsky.inverse.runner import Runner
-from kolsky.inverse.valleys import VALLEY, local_minima, oscillation_table
 from kolsky.shot.input_records import UNCHANGED, Cause
 
 
@@ -129,13 +128,6 @@ class CauseSearch:
         self.at, self.left = self.clipped(x + self.null.step), self.null.residual
         self.bare_left = solve_linear(here, self.slope, expected).residual
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
-
-    def against(self, unchanged: Trial) -> None:
-        """Measure evidence relative to other free parameters without a changed input, if they fit better."""
-        if self.loss(unchanged.misfits) < self.loss(self.before):
-            self.at, self.left, self.before = unchanged.x, unchanged.residual, unchanged.misfits
-            self.bare_left = self.residual(self.model.vectors([Point(self.at)])[0])
-            self.bare = self.expected.misfits(self.bare_left)
 
     def judge(self, answer: CauseSearch) -> None:
         """Measure evidence relative to another search's answer, if it fits better.
@@ -369,94 +361,3 @@ def _best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
         lowest = [i for i in range(len(row)) if losses[i] <= min(losses[max(i - 1, 0) : i + 2])]
         found += [row[i] for i in sorted(lowest, key=lambda i: losses[i])[:2]]
     return found
-
-
-REACH = 1.0
-"""Range of the scan on each side of a start, in oscillations over the whole test. It reaches the next valley
-of the whole force. Valleys of its harmonics lie between."""
-PHASE = 0.05
-"""Step of the scan, in oscillations. A fourth-order harmonic stays in phase over a quarter of an
-oscillation."""
-FLOORS = 2
-"""Maximum number of valley floors refined from a start."""
-
-NO_CHANGE = Cause(
-    key="",
-    words="no input changed",
-    check="",
-    step=1.0,
-    typical=1.0,
-    changed=lambda _: UNCHANGED,
-)
-"""Only the free parameters, no changed input."""
-
-
-def valley_is_free(search: CauseSearch) -> bool:
-    """True if Poisson's ratio is free. A change may then need another valley."""
-    return VALLEY in search.problem.box.names
-
-
-def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
-    """The starts, with the best of each input moved to another valley if this reduces the loss.
-
-    The loss is that of a run in this valley.
-
-    ``starts``: inputs at values, with their best free parameters. Returns: the same number of starts. Scanned
-    starts are evaluated by a run at their point.
-    """
-    best: dict[str, int] = {}
-    for n in sorted(range(len(starts)), key=lambda n: search.loss(starts[n].misfits)):
-        best.setdefault(starts[n].candidate.key, n)
-    found = list(starts)
-    scanned = [starts[n] for n in best.values()]
-    for n, start, floors in zip(best.values(), scanned, _floors(search, scanned), strict=True):
-        measured = search.measured([start, *floors])
-        if measured:
-            found[n] = min(measured, key=lambda t: search.loss(t.misfits))
-    return found
-
-
-def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
-    """At most `FLOORS` valley floors about each start on a coarse mesh, the lowest first.
-
-    The other parameters follow by a linear step.
-    """
-    i = search.problem.box.names.index(VALLEY)
-    rows = [(n, x) for n, t in enumerate(starts) for x in _along(search, t.x, i)]
-    points = [Point(x, starts[n].candidate.changed(starts[n].u)) for n, x in rows]
-    vectors = search.model.screen.vectors(points)
-    others = np.arange(len(search.x)) != i
-    trials: list[list[Trial]] = [[] for _ in starts]
-    for (n, x), vector in zip(rows, vectors, strict=True):
-        if not np.isfinite(vector[: search.n_force]).all():
-            continue
-        c, step = starts[n].candidate, np.zeros(len(x))
-        fit = solve_linear(
-            search.residual(vector), search.slope[:, others], search.expected, search.allowed(c)
-        )
-        step[others] = fit.step
-        misfits = search.expected.misfits(fit.residual)
-        x = search.clipped(x + step)
-        trials[n].append(replace(starts[n], x=x, misfits=misfits, residual=fit.residual))
-    return [
-        [row[j] for j in local_minima(np.array([search.loss(t.misfits) for t in row]))[:FLOORS]]
-        for row in trials
-    ]
-
-
-def _along(search: CauseSearch, x: FloatArray, i: int) -> list[FloatArray]:
-    """A point with Poisson's ratio (entry i) varied in equal steps of the number of oscillations."""
-    names, low, high = search.problem.box.names, search.model.lower[i], search.model.upper[i]
-    factor = float(x[names.index("stiffness_factor")]) if "stiffness_factor" in names else 1.0
-    values, number = oscillation_table(search.problem.prepared, factor, (low, high))
-    steps = np.arange(-round(REACH / PHASE), round(REACH / PHASE) + 1)
-    wanted = np.interp(x[i], values, number) + PHASE * steps
-    inside = wanted[(wanted >= number[0]) & (wanted <= number[-1])]
-    return [np.where(np.arange(len(x)) == i, one, x) for one in np.interp(inside, number, values)]
-
-
-def without_change(search: CauseSearch) -> None:
-    """Measure evidence relative to the best valley of the free parameters without a changed input."""
-    start = Trial(NO_CHANGE, search.at, 0.0, search.before, search.left)
-    for found in search.followed(in_valleys(search, [start])):
-        search.against(found)

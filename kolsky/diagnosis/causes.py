@@ -23,15 +23,13 @@ from kolsky.diagnosis.cause_search import (
     KEPT,
     CauseSearch,
     Trial,
-    in_valleys,
     scan_inputs,
-    valley_is_free,
-    without_change,
 )
 from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import COVERAGE, CauseFinding
 from kolsky.inverse.runner import Runner
+from kolsky.inverse.valleys import VALLEY
 from kolsky.shot.input_records import SHOWN, Cause
 from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY, causes
 
@@ -459,7 +457,7 @@ def _search_beside_leading(
     search, c = first.search, first.own.candidate
     runner, problem = search.runner, search.problem
     at, refined = np.append(search.model.x, start_of(c, problem)), search.model.refined
-    if first.model is None and (c.simulated or valley_is_free(search)):
+    if first.model is None and (c.simulated or VALLEY in problem.box.names):
         first = first.renewed(judge)
         if first.model is None:
             return findings
@@ -510,9 +508,6 @@ def best_trials(
         return tangents
     starts = [t for t in tangents if not t.lost] + scan_inputs(search, candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
-    if valley_is_free(search):
-        without_change(search)
-        starts = in_valleys(search, starts)
     followed = search.followed([*starts, *_same_force_starts(search, starts)])
     best = {t.candidate.key: t for t in tangents}
     for t in sorted(followed, key=lambda t: -search.loss(t.misfits)):

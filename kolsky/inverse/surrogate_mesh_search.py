@@ -40,7 +40,7 @@ from kolsky.inverse.settings import Numerics
 from kolsky.inverse.valleys import (
     VALLEY,
     from_search,
-    likeliest_summit,
+    likeliest_floor,
     likely_valleys,
     search_box,
     to_search,
@@ -108,11 +108,10 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
     ends = _least_squares_on(runner, objective, first, points, FIRST_STEPS)
     begin, margin = ends[0].x, np.inf
     if VALLEY in problem.box.names:
-        summit = likeliest_summit(runner, np.array([end.x for end in ends]), first, objective.counted)
-        begin, margin = summit.x, summit.margin
+        floor = likeliest_floor(runner, np.array([end.x for end in ends]), first, objective.counted)
+        begin, margin = floor.x, floor.margin
         if problem.settings.replicates:
-            # Without these patterns, least squares would return to the minimum.
-            runner = runner.under(runner.front.with_noise(summit.patterns))
+            runner = runner.under(runner.front.with_noise(floor.patterns))
             objective = replace(objective, front=runner.front.noise)
     (best,) = _least_squares_on(runner, objective, first, begin[None], MOST_STEPS)
     fine = best

@@ -1,4 +1,4 @@
-"""Valleys of the misfit along Poisson's ratio: scan, minima, maximum of the likelihood, coordinates.
+"""Valleys of the misfit along Poisson's ratio: scan, floors, the likeliest one, coordinates.
 
 The force rings at the period of the pressure waves, some ten to sixty times in a test. Poisson's ratio sets
 that period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)). The misfit has a valley wherever the model's
@@ -8,9 +8,8 @@ in the number of oscillations, N = T c / (2 L), with the window T, the length L 
 
 On a coarse mesh the outline's error is a smooth field, many times its noise. The points of a frame therefore
 count as one value when valleys are compared. At the floor of each valley, some runs with other motions of the
-flyer are made, because noise of the motion may explain ringing. From the likeliest floor, the maximum of the
-likelihood (the summit) is searched in steps of half an oscillation. The search coordinate of Poisson's ratio
-is log(1 - 2 nu). A valley is a few percent of 1 - 2 nu wide.
+flyer are made, because noise of the motion may explain ringing. The search continues from the likeliest
+floor. Its coordinate of Poisson's ratio is log(1 - 2 nu). A valley is a few percent of 1 - 2 nu wide.
 """
 
 from __future__ import annotations
@@ -159,89 +158,46 @@ def patterns_of(problem: InverseProblem, prediction: Prediction) -> FloatArray:
     return PathModes.of(change, noise_of(problem.observations), change).patterns
 
 
-STRIDE = 0.5
-"""Step between neighbouring positions, in oscillations over the whole test. Least-squares minima are at least
-half an oscillation apart."""
-AHEAD = 2
-"""Number of positions run in parallel on each side: one oscillation."""
 OTHER_VALLEY = 2.0
-"""A floor farther than this from a summit belongs to another valley [oscillations]."""
-FARTHEST = 8
-"""Largest number of steps from the floor. It is about the distance to the next valley of the scan."""
+"""A floor farther than this from the likeliest one belongs to another valley [oscillations]."""
 
 
 @dataclass(frozen=True)
-class Summit:
-    """The point of maximum likelihood near a floor."""
+class Floor:
+    """The floor of the likeliest valley."""
 
     x: FloatArray
     """Point in parameter units, shape [d]."""
     patterns: FloatArray
     """Patterns of the flyer's noise at this point, one standard deviation per mode, shape [q, n_bins +
     n_points]."""
-    strides: int
-    """Number of steps from the floor, positive toward a higher Poisson's ratio."""
-    runs: Prediction
-    """Runs at this point with other motions, the fitted one first."""
-    margin: float = np.inf
-    """-2 ln of likelihood and prior at the next valley's floor minus that at the summit [-]. Infinite if the
+    margin: float
+    """-2 ln of likelihood and prior at the next valley's floor minus that at this one [-]. Infinite if the
     scan found no other valley."""
 
 
-def climb_summit(
-    runner: Runner, floor: FloatArray, runs: Prediction, numerics: Numerics, inside: BoolArray
-) -> Summit:
-    """The summit reached from a floor. All other parameters keep their values at the floor."""
-    box = runner.problem.box
-    i = box.names.index(VALLEY)
-    factor = float(floor[box.names.index(MOVED)]) if MOVED in box.names else 1.0
-    table, number = oscillation_table(runner.problem.prepared, factor, (box.lower[i], box.upper[i]))
-    middle = float(np.interp(floor[i], table, number))
-    places: dict[int, tuple[FloatArray, Prediction | None]] = {0: (floor, runs)}
-    jerks = runner.front_jerks
-    best, new = 0, strides_beside(0, {0})
-    while True:
-        new = [k for k in new if number[0] <= middle + STRIDE * k <= number[-1]]
-        if not new:
-            break
-        points = np.tile(floor, (len(new), 1))
-        points[:, i] = np.interp(middle + STRIDE * np.array(new), number, table)
-        found = runner.under_other_motions(points, jerks, numerics)
-        places |= dict(zip(new, zip(points, found, strict=True), strict=True))
-        order = sorted(places)
-        at = np.array([places[k][0] for k in order])
-        best = order[
-            int(np.argmin(deviance_with_path_noise(runner, at, [places[k][1] for k in order], inside)))
-        ]
-        new = strides_beside(best, set(places))
-    x, prediction = places[best]
-    assert prediction is not None  # a lost run is infinitely unlikely, and the floor's is not lost
-    return Summit(x, patterns_of(runner.problem, prediction), best, prediction)
+def likeliest_floor(runner: Runner, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Floor:
+    """The floor of the likeliest valley.
 
-
-def likeliest_summit(runner: Runner, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Summit:
-    """The summit of the likeliest valley, and its margin over the next valley.
-
-    ``runner``, ``numerics``, ``inside``: as for `climb`. ``floors``: in parameter units, shape [n, d]. Raises
+    ``floors``: in parameter units, shape [n, d]. ``inside``: outline points that every run reaches. Raises
     ValueError if no run at a floor completes.
     """
     runs = runner.under_other_motions(floors, runner.front_jerks, numerics)
-    first = int(np.argmin(deviance_with_path_noise(runner, floors, runs, inside)))
+    values = deviance_with_path_noise(runner, floors, runs, inside)
+    first = int(np.argmin(values))
     found = runs[first]
     if found is None:
         raise ValueError("no run at a floor of the valleys of Poisson's ratio completed")
-    summit = climb_summit(runner, floors[first], found, numerics, inside)
-    at = np.vstack([summit.x, floors])
-    values = deviance_with_path_noise(runner, at, [summit.runs, *runs], inside)
-    apart = np.abs(_oscillations_at(runner, at) - _oscillations_at(runner, summit.x[None]))
-    return replace(summit, margin=margin(values, apart))
+    order = np.r_[first, np.delete(np.arange(len(floors)), first)]
+    apart = np.abs(_oscillations_at(runner, floors[order]) - _oscillations_at(runner, floors[[first]]))
+    return Floor(floors[first], patterns_of(runner.problem, found), margin(values[order], apart))
 
 
 def margin(values: FloatArray, apart: FloatArray) -> float:
-    """Margin of a summit relative to the likeliest other valley [-].
+    """Margin of the likeliest floor relative to the likeliest other valley [-].
 
-    ``values``: -2 ln of likelihood and prior, the summit's first, shape [n]. ``apart``: oscillations from the
-    summit [-], shape [n]; a floor within `OTHER_VALLEY` belongs to the same valley.
+    ``values``: -2 ln of likelihood and prior, the likeliest floor's first, shape [n]. ``apart``: oscillations
+    from this floor [-], shape [n]; a floor within `OTHER_VALLEY` belongs to the same valley.
     """
     others = values[apart > OTHER_VALLEY]
     return float(np.min(others, initial=np.inf) - values[0])
@@ -256,15 +212,6 @@ def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
     factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
     table, number = oscillation_table(runner.problem.prepared, factor, (box.lower[i], box.upper[i]))
     return np.asarray(np.interp(points[:, i], table, number))
-
-
-def strides_beside(best: int, known: set[int]) -> list[int]:
-    """Positions of the next runs: `AHEAD` on each side of the best one, if its neighbour is not yet known."""
-    found = []
-    for side in (-1, 1):
-        if best + side not in known:
-            found += [best + side * step for step in range(1, AHEAD + 1)]
-    return sorted(k for k in found if k not in known and abs(k) <= FARTHEST)
 
 
 def search_box(box: Box) -> Box:

@@ -17,11 +17,14 @@ from kolsky.inverse.valleys import (
     PHASE,
     deviance_with_path_noise,
     equal_steps,
+    likeliest_floor,
     likely_valleys,
     local_minima,
+    margin,
     oscillations,
     small_strain_modulus,
 )
+from tests.unit.inverse.test_likely_path import Onset, off_by
 from tests.unit.inverse.test_objective import NOISE_FORCE, objective
 
 
@@ -108,14 +111,14 @@ def test_patterns_enough_for_an_onset() -> None:
     basis = 6.0 * np.linalg.qr(np.random.default_rng(5).standard_normal((n, n)))[0].T
     brought, other = basis[:patterns].sum(axis=0), basis[patterns : 2 * patterns].sum(axis=0)
 
-    class Onset(Ringing):
+    class Begun(Ringing):
         def under_other_motions(self, n: int) -> list[Prediction | None]:
             moved = np.vstack([np.zeros((1, 40)), basis[: min(n, patterns)]])
             empty = np.empty((len(moved), 0))
             seen = [Prediction(empty, own + moved, empty, empty.astype(bool)) for own in (brought, other)]
             return list(seen)
 
-    made: Any = Onset()
+    made: Any = Begun()
     found = deviance_with_path_noise(
         made, np.zeros((2, 1)), made.under_other_motions(PATTERNS), np.empty(0, dtype=bool)
     )
@@ -161,3 +164,24 @@ def test_the_prior_counts_where_valleys_are_compared() -> None:
     known: Any = Ringing(Prior(np.array([6.0]), np.array([2.0])))
     with_prior, without = (deviance_with_path_noise(one, points, runs, inside)[:2] for one in (known, first))
     np.testing.assert_allclose(with_prior - without, 9.0)
+
+
+def test_the_margin_is_of_the_next_valley() -> None:
+    """The likeliest floor, one of the same valley, and two of others: 2 oscillations are still its own."""
+    assert margin(np.array([-100.0, -95.0, -60.0, -75.0]), np.array([0.0, 2.0, 5.0, 2.01])) == 25.0
+    assert margin(np.array([-100.0, -95.0]), np.array([0.0, 1.0])) == np.inf
+
+
+def test_the_likeliest_floor_and_its_margin() -> None:
+    made: Any = Onset(np.array([2.0, -1.5]))
+    floors = np.array([off_by(share).x for share in (-3.5, 0.1, 4.0)])
+    numerics, inside = made.settings.numerics, np.empty(0, dtype=bool)
+    found = likeliest_floor(made, floors, numerics, inside)
+    np.testing.assert_array_equal(found.x, floors[1])
+    runs = made.under_other_motions(floors, made.front_jerks, numerics)
+    values = deviance_with_path_noise(made, floors, runs, inside)
+    assert found.margin == pytest.approx(min(values[0], values[2]) - values[1])
+    # The patterns are those of the floor: they ring at the frequency there.
+    rings = made.rings(found.x)
+    left = found.patterns - found.patterns @ np.linalg.pinv(rings) @ rings
+    assert np.abs(left).max() < 1e-9 * np.abs(found.patterns).max()
