@@ -1,17 +1,26 @@
-"""Cost of an answer: processor time of `identify` over that of 100 runs of the solver's problem.
+"""Cost of an answer: processor time of `identify` and of other commands over that of 100 runs of the solver's
+problem.
 
     python -m benchmarks.identify [--shot runs/open-05] [--parts free held wrong] [--threads N] [--json FILE]
+        [--pictures FOLDER] [--specimen SPEC.toml]
 
 The part "free" identifies all parameters that the data constrain (the default of `kolsky identify`). The part
 "held" identifies the stiffness factor only. The part "wrong" is "free" with the force's sensitivity halved.
 Each line gives batches, runs, element updates and processor time of one stage and mesh. The last column is
 the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs in fp64, in the same process;
-"host" is the time outside the solver. The ratios are comparable between machines; run nothing else at the
-same time.
+"host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky identify` of a shot with
+pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start and imports included. The
+second of two runs counts, because the first one may compile. The ratios are comparable between machines; run
+nothing else at the same time.
 """
 
 import argparse
 import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -131,6 +140,30 @@ def measure(shot: Shot, part: str, threads: int | None) -> dict[str, Any]:
     }
 
 
+def commands(pictures: Path | None, specimen: Path | None) -> dict[str, list[str]]:
+    """Arguments of the commands that are measured as a whole."""
+    found = {}
+    if pictures is not None:
+        found |= {"dic": ["dic", str(pictures)], "pictures": ["identify", str(pictures)]}
+    if specimen is not None:
+        found["specimen"] = ["specimen", "fit", str(specimen)]
+    return found
+
+
+def whole(arguments: list[str]) -> float:
+    """Processor time of a command and its processes [s], of the second of two runs into an empty folder."""
+    taken = 0.0
+    for _ in range(2):
+        out = tempfile.mkdtemp()
+        before = os.times()
+        line = [sys.executable, "-c", "from kolsky.cli import main; main()", *arguments, "--out", out]
+        subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
+        after = os.times()
+        shutil.rmtree(out)
+        taken = sum(after[2:4]) - sum(before[2:4])
+    return taken
+
+
 def table(part: str, measured: dict[str, Any], one: float) -> str:
     """Table with one line for each stage and mesh."""
     lines = [f"\n{part}: m = {measured['m']:.5f} ± {2 * measured['sigma']:.5f}"]
@@ -170,6 +203,9 @@ def summary(measured: dict[str, Any]) -> str:
             f"| {words[part]} | {runs} | {updates / UPDATES:.1f} | {one['seconds'] / unit:.1f} "
             f"| {host / unit:.1f} |"
         )
+    words = {"dic": "`kolsky dic`", "pictures": "from pictures, m, ν, β", "specimen": "`kolsky specimen fit`"}
+    for part in (part for part in words if part in measured):
+        lines.append(f"| {words[part]} | | | {measured[part]['seconds'] / measured['unit']:.1f} | |")
     return "\n".join(lines)
 
 
@@ -181,8 +217,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         formatter_class=argparse.RawTextHelpFormatter,
     )
     parser.add_argument("--shot", type=Path, default=Path("runs/open-05"))
-    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--parts", nargs="*", choices=PARTS, default=PARTS)
     parser.add_argument("--threads", type=int, help="of the solver; all cores where it is left out")
+    parser.add_argument("--pictures", type=Path, help="folder of a shot with pictures and without exports")
+    parser.add_argument("--specimen", type=Path, help="file of a test of a whole specimen")
     parser.add_argument("--json", type=Path, help="write the figures here")
     given = parser.parse_args(arguments)
     shot, one = load_shot(given.shot), unit(given.threads)
@@ -191,6 +229,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for part in given.parts:
         said[part] = measure(shot, part, given.threads)
         print(table(part, said[part], one), flush=True)
+    for part, line in commands(given.pictures, given.specimen).items():
+        said[part] = {"seconds": whole(line)}
+        print(f"{part}: {said[part]['seconds'] / one:.2f}", flush=True)
     if given.json:
         given.json.write_text(json.dumps(said, indent=1) + "\n", "utf-8")
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from doe.arrays import FloatArray
 from doe.box import Box
@@ -22,6 +22,12 @@ STEP = 1e-4
 derivative, far above the round-off of a surrogate."""
 ROUNDS = 100
 """Largest number of rounds. In a round, parameters are fitted first, then discrepancies."""
+MOST_STEPS = 100
+"""Largest number of steps of a least-squares search."""
+REST = 1e-9
+"""A search ends if its linear model expects a smaller gain of chi-square [-]. An interval has 3.84."""
+LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6
+"""Smallest and largest damping of a step [-]."""
 
 
 @dataclass(frozen=True)
@@ -186,8 +192,7 @@ class Likelihood:
         moving = any(channel.discrepancy == "profiled" for channel in self.channels)
         converged = not len(free)
         for _ in range(ROUNDS if len(free) else 0):
-            trial, ok = self._least_squares(u, free, tau)
-            residual = self.residuals(trial)[0]
+            trial, residual, ok = self._least_squares(u, free, tau)
             trial_tau = self.discrepancies(residual)
             lower = self.deviance(residual, trial_tau)
             gain = value - lower
@@ -201,28 +206,61 @@ class Likelihood:
 
     def _least_squares(
         self, u: FloatArray, free: NDArray[np.int_], tau: FloatArray
-    ) -> tuple[FloatArray, bool]:
-        def full(v: FloatArray) -> FloatArray:
-            w = u.copy()
-            w[free] = v
-            return w
+    ) -> tuple[FloatArray, FloatArray, bool]:
+        """Bounded Levenberg-Marquardt search: the point, its residual, and True if it converged.
 
-        solution = least_squares(
-            lambda v: self.whitened(self.residuals(full(v))[0], tau),
-            u[free],
-            jac=lambda v: self.jacobian(full(v), tau)[:, free],
-            bounds=(0.0, 1.0),
-            x_scale="jac",
-            ftol=1e-8,
-            xtol=1e-8,
-            gtol=1e-12,
-            max_nfev=200,
-        )
-        # The interior-point method never reaches a face, so the face is tried too.
-        best, cost = full(solution.x), float(solution.cost)
-        snapped = np.where(best < STEP, 0.0, np.where(best > 1.0 - STEP, 1.0, best))
-        snapped = np.where(np.isin(np.arange(len(u)), free), snapped, u)
-        if np.any(snapped != best):
-            at_face = 0.5 * float((self.whitened(self.residuals(snapped)[0], tau) ** 2).sum())
-            best = snapped if at_face <= cost else best
-        return best, solution.status > 0
+        Each trial point is evaluated together with its neighbours for central differences.
+        """
+        shift = np.zeros((2 * len(free), len(u)))
+        shift[np.arange(len(free)), free] = STEP
+        shift[len(free) :] = -shift[: len(free)]
+
+        def linearised(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            beside = np.clip(at + shift, 0.0, 1.0)
+            rows = self.residuals(np.concatenate([at[None], beside]))
+            up, down = np.split(beside, 2)
+            slope = (rows[1 : 1 + len(free)] - rows[1 + len(free) :]) / (up - down).sum(axis=1)[:, None]
+            return rows[0], self.whitened(rows[0], tau), self.whitened(slope, tau).T
+
+        raw, residual, slope = linearised(u)
+        damping = LEAST_DAMPING
+        for _ in range(MOST_STEPS):
+            step = bounded_step(residual, slope, -u[free], 1.0 - u[free], damping)
+            expected = residual + slope @ step
+            gain = float(residual @ residual - expected @ expected)
+            if gain <= REST:
+                return u, raw, True
+            trial = u.copy()
+            trial[free] = np.clip(u[free] + step, 0.0, 1.0)
+            found = linearised(trial)
+            if float(found[1] @ found[1]) < float(residual @ residual):
+                u, (raw, residual, slope) = trial, found
+                damping = max(0.1 * damping, LEAST_DAMPING)
+            elif damping > MOST_DAMPING:
+                return u, raw, False
+            else:
+                damping *= 10.0
+        return u, raw, False
+
+
+def bounded_step(
+    residual: FloatArray, slope: FloatArray, low: FloatArray, high: FloatArray, damping: float
+) -> FloatArray:
+    """Damped least-squares step inside bounds, shape [d].
+
+    Steps that pass a bound end there, and the other steps are found again. ``residual``: shape [k].
+    ``slope``: shape [k, d]. ``low`` <= 0 <= ``high``: bounds of the step. ``damping``: added to the normal
+    equations, times their diagonal [-].
+    """
+    normal, right = slope.T @ slope, -slope.T @ residual
+    normal = normal + np.diag(damping * np.diag(normal) + np.finfo(float).tiny)
+    step, free = np.zeros(len(low)), np.ones(len(low), dtype=bool)
+    while free.any():
+        fixed = right - normal @ np.where(free, 0.0, step)
+        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], fixed[free], rcond=1e-14)[0]
+        beyond = free & ((step < low) | (step > high))
+        if not beyond.any():
+            break
+        step = np.clip(step, low, high)
+        free &= ~beyond
+    return step
