@@ -24,8 +24,6 @@ ROUNDS = 100
 """Largest number of rounds. In a round, parameters are fitted first, then discrepancies."""
 MOST_STEPS = 100
 """Largest number of steps of a least-squares search."""
-REST = 1e-9
-"""A search ends if its linear model expects a smaller gain of chi-square [-]. An interval has 3.84."""
 LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6
 """Smallest and largest damping of a step [-]."""
 
@@ -177,10 +175,11 @@ class Likelihood:
         change = (r[:d] - r[d:]) / (up - down).sum(axis=1)[:, None]
         return self.whitened(change, discrepancies).T
 
-    def maximise(self, start: ArrayLike, *, held: Sequence[int] = ()) -> Fit:
+    def maximise(self, start: ArrayLike, *, held: Sequence[int] = (), rest: float = 1e-9) -> Fit:
         """Most likely point, searched from a start in the unit box, shape [d]; coordinates in ``held`` keep
         their start values.
 
+        A least-squares search ends if its linear model expects a smaller gain of chi-square than ``rest``.
         Parameters (by bounded least squares) and profiled discrepancies are improved in turn. The deviance
         never increases.
         """
@@ -192,7 +191,7 @@ class Likelihood:
         moving = any(channel.discrepancy == "profiled" for channel in self.channels)
         converged = not len(free)
         for _ in range(ROUNDS if len(free) else 0):
-            trial, residual, ok = self._least_squares(u, free, tau)
+            trial, residual, ok = self._least_squares(u, free, tau, rest)
             trial_tau = self.discrepancies(residual)
             lower = self.deviance(residual, trial_tau)
             gain = value - lower
@@ -205,21 +204,22 @@ class Likelihood:
         return Fit(u, self.box.scale(u), tau, value, converged)
 
     def _least_squares(
-        self, u: FloatArray, free: NDArray[np.int_], tau: FloatArray
+        self, u: FloatArray, free: NDArray[np.int_], tau: FloatArray, rest: float
     ) -> tuple[FloatArray, FloatArray, bool]:
         """Bounded Levenberg-Marquardt search: the point, its residual, and True if it converged.
 
         Each trial point is evaluated together with its neighbours for central differences.
         """
-        shift = np.zeros((2 * len(free), len(u)))
-        shift[np.arange(len(free)), free] = STEP
-        shift[len(free) :] = -shift[: len(free)]
+        n = len(free)
+        shift = np.zeros((2 * n, len(u)))
+        shift[np.arange(n), free] = STEP
+        shift[n:] = -shift[:n]
 
         def linearised(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
             beside = np.clip(at + shift, 0.0, 1.0)
             rows = self.residuals(np.concatenate([at[None], beside]))
-            up, down = np.split(beside, 2)
-            slope = (rows[1 : 1 + len(free)] - rows[1 + len(free) :]) / (up - down).sum(axis=1)[:, None]
+            apart = (beside[:n] - beside[n:]).sum(axis=1)
+            slope = (rows[1 : 1 + n] - rows[1 + n :]) / apart[:, None]
             return rows[0], self.whitened(rows[0], tau), self.whitened(slope, tau).T
 
         raw, residual, slope = linearised(u)
@@ -228,7 +228,7 @@ class Likelihood:
             step = bounded_step(residual, slope, -u[free], 1.0 - u[free], damping)
             expected = residual + slope @ step
             gain = float(residual @ residual - expected @ expected)
-            if gain <= REST:
+            if gain <= rest:
                 return u, raw, True
             trial = u.copy()
             trial[free] = np.clip(u[free] + step, 0.0, 1.0)
@@ -257,7 +257,7 @@ def bounded_step(
     step, free = np.zeros(len(low)), np.ones(len(low), dtype=bool)
     while free.any():
         fixed = right - normal @ np.where(free, 0.0, step)
-        step[free] = np.linalg.lstsq(normal[np.ix_(free, free)], fixed[free], rcond=1e-14)[0]
+        step[free] = np.linalg.solve(normal[np.ix_(free, free)], fixed[free])
         beyond = free & ((step < low) | (step > high))
         if not beyond.any():
             break

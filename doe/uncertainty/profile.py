@@ -27,6 +27,8 @@ WIDEST_STEP = 1.0 / 12.0
 LOWER = 0.01
 """If a profile is below the optimum by more than this, it has found a better optimum. The search restarts
 there."""
+REST = 1e-6
+"""Error of a rise by the end of a search [-]; small beside the level."""
 RESTARTS = 5
 """Largest number of restarts from better optima."""
 
@@ -165,7 +167,7 @@ class _Walk:
     def at(self, u: float, warm: Fit) -> Fit:
         start = warm.unit_point.copy()
         start[self.j] = u
-        return self.likelihood.maximise(start, held=self.held)
+        return self.likelihood.maximise(start, held=self.held, rest=REST)
 
     def rise(self, fit: Fit) -> float:
         return fit.deviance - self.best.deviance
