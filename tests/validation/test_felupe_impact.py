@@ -1,0 +1,142 @@
+"""The impact test by FElupe: its laws, its tangent, a wave, and the solver of this package."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kolsky.virtual.instruments import measure_outline
+from kolsky.virtual.material import law_of
+from kolsky.virtual.schema import Specification
+from kolsky.virtual.truth import simulate_truths
+from populations.felupe_impact import (
+    AXIAL,
+    RADIAL,
+    Cylinder,
+    Flyer,
+    History,
+    Solid,
+    simulate,
+    slopes,
+    truth,
+)
+from populations.wrong_inputs import POPULATION, read_specification
+
+LAWS = [
+    one
+    for draw in ("material",)
+    for one in read_specification(POPULATION).declared.population.draw[draw].choose
+]
+
+
+class Push:
+    """A flyer that reaches a speed [m/s] within a rise [s], with the slope of a sine squared."""
+
+    start = 0.0
+
+    def __init__(self, speed: float, rise: float):
+        self.speed, self.rise = speed, rise
+
+    def velocity(self, t: Any) -> Any:
+        s = np.clip(np.asarray(t) / self.rise, 0.0, 1.0)
+        return self.speed * np.sin(0.5 * np.pi * s) ** 2
+
+    def displacement(self, t: Any) -> Any:
+        t = np.maximum(np.asarray(t), 0.0)
+        s = np.minimum(t, self.rise)
+        ramp = 0.5 * s - self.rise / (2.0 * np.pi) * np.sin(np.pi * s / self.rise)
+        return self.speed * (ramp + np.maximum(t - self.rise, 0.0))
+
+
+def solid(mu: float, nu: float, damping: float = 0.0) -> Solid:
+    material = {
+        "law": "neo_hookean",
+        "parameters": {"mu": 1.0},
+        "shear_modulus": f"{mu} Pa",
+        "poisson": nu,
+        "damping": f"{damping} s",
+        "stiffness_factor": 1.0,
+    }
+    return Solid.of(Specification.model_validate({"material": material}))
+
+
+@pytest.mark.parametrize("table", LAWS, ids=[one["law"] for one in LAWS])
+def test_the_laws_are_those_of_the_population(table):
+    """U' and U'' of every law that is drawn, against this package's own formula."""
+    law = law_of(table["law"], table["parameters"], 1.0)
+    I1 = np.linspace(3.0, 12.0, 7)
+    first, second = slopes(table["law"], table["parameters"])
+    np.testing.assert_allclose(first(I1), law.dW_dI(I1, I1)[0], rtol=1e-12)
+    np.testing.assert_allclose(second(I1), law.d2W_dI2(I1, I1)[0], rtol=1e-12, atol=1e-15)
+
+
+def test_another_law_is_refused():
+    with pytest.raises(ValueError, match="no truth of mooney_rivlin"):
+        slopes("mooney_rivlin", {"C10": 1.0, "C01": 0.1})
+
+
+def test_the_stress_of_a_stretch_and_its_rate_by_hand():
+    """F = diag(a, b, b), of volume 1, with rate diag(d, 0, 0): mu dev(F F^T) + 2 eta dev D + p."""
+    one = solid(30e3, 0.499, damping=20e-6)
+    a = 0.7
+    b, d = a**-0.5, -400.0
+    F, rate = np.diag([a, b, b])[..., None], np.diag([d, 0.0, 0.0])[..., None]
+    elastic = 30e3 * (np.array([a**2, b**2, b**2]) - (a**2 + 2.0 * b**2) / 3.0)
+    viscous = 2.0 * 20e-6 * 30e3 * d / a * np.array([2.0, -1.0, -1.0]) / 3.0
+    P = one.stress(F, rate, np.array([5e3]))[..., 0]
+    np.testing.assert_allclose(P @ F[..., 0].T, np.diag(elastic + viscous + 5e3), atol=1e-9 * 30e3)
+    assert one.bulk == pytest.approx(2.0 * 30e3 * 1.499 / (3.0 * 0.002))
+
+
+def test_the_tangent_is_the_difference_of_the_forces():
+    """On a sheared body in motion, with the eliminated pressure."""
+    body = Cylinder(solid(30e3, 0.499, damping=20e-6), 5e-3, 6e-3, 1000.0, (2, 2))
+    rng = np.random.default_rng(5)
+    u, rest, way = rng.standard_normal((3, body.nodes.size))
+    body.set_rate(1e6, rest)
+    u, way = 5e-5 * u, 1e-9 * way
+    found = 0.5 * (body.forces(u + way) - body.forces(u - way))
+    np.testing.assert_allclose(body.tangent(u) @ way, found, atol=1e-6 * np.abs(found).max())
+
+
+def test_the_mass_is_that_of_the_body():
+    body = Cylinder(solid(30e3, 0.499), 5e-3, 6e-3, 1000.0, (3, 2))
+    axial = np.zeros(body.nodes.size)
+    axial[AXIAL::2] = 1.0
+    assert axial @ body.mass @ axial == pytest.approx(1000.0 * np.pi * 5e-3**2 * 6e-3, rel=1e-12)
+
+
+def test_a_wave_without_lateral_motion():
+    """nu = 0, small strain: the flyer feels rho c A v, the other platen twice that, one passage later.
+
+    The strain v / c is 1e-3, and so is the difference of the finite from the small strain. The rise takes
+    eleven elements' passages and 50 steps: the dispersion of both is less (4e-4 with half of either).
+    """
+    mu, rho, radius, length = 30e3, 1000.0, 2e-3, 10e-3
+    c = np.sqrt(2.0 * mu / rho)
+    passage = length / c
+    push = Push(1e-3 * c, 0.5 * passage)
+    body = Cylinder(solid(mu, 0.0), radius, length, rho, (1, 8))
+    history = simulate(body, Flyer(push), 1.9 * passage, passage / 100.0)
+    t = passage * np.linspace(0.0, 1.9, 96)
+    transmitted, incident = history.forces(t)
+    unit = rho * c * np.pi * radius**2
+    np.testing.assert_allclose(incident, unit * push.velocity(t), atol=4e-3 * unit * push.speed)
+    np.testing.assert_allclose(
+        transmitted, 2.0 * unit * push.velocity(t - passage), atol=8e-3 * unit * push.speed
+    )
+    side = history.outline(t)
+    np.testing.assert_allclose(side[:, -1, AXIAL], length - push.displacement(t), atol=1e-12)
+    np.testing.assert_allclose(side[..., RADIAL], radius, atol=1e-3 * push.displacement(t[-1]))
+
+
+def test_forces_and_outlines_between_the_steps():
+    times = np.array([0.0, 1.0, 2.0])
+    side = np.arange(12.0).reshape(3, 2, 2)
+    history = History(times, 10.0 * times, times**2, np.array([0.0, 2.0, 4.0]), side, {})
+    transmitted, incident = history.forces(np.array([0.5, 2.0]))
+    np.testing.assert_allclose(transmitted, [5.0, 20.0])
+    np.testing.assert_allclose(incident, [0.5, 4.0])
+    np.testing.assert_allclose(
+        history.outline(np.array([0.0, 0.5, 2.0, 3.0, 4.0]))[:, 1, 0], [2, 3, 6, 8, 10]
+    )
