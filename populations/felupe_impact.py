@@ -42,6 +42,10 @@ HALVINGS = 5
 """Largest number of times that a step without convergence is halved."""
 AXIAL, RADIAL = 0, 1
 """Components of position and displacement. FElupe's axis of revolution is its first."""
+PLANE = ((0, 0), (0, 1), (1, 0), (1, 1))
+"""Components of a tensor in the plane."""
+COMPONENTS = np.array([*PLANE, (2, 2)]).T
+"""Components that are not always zero, shape [2, 5]."""
 
 
 def slopes(law: str, given: dict[str, float]) -> tuple[Callable[..., Any], Callable[..., Any]]:
@@ -90,21 +94,38 @@ class Solid:
         )
 
     def stress(self, F: FloatArray, rate: FloatArray, pressure: FloatArray) -> FloatArray:
-        """First Piola-Kirchhoff stress [Pa] of F, its rate and the mean stress."""
-        state = _State.of(F, rate)
-        return self.first(state.I1) * state.slope + state.J * _dot(self._cauchy(state, pressure), state.T)
+        """First Piola-Kirchhoff stress [Pa] of F, its rate and the mean stress.
 
-    def _cauchy(self, state: "_State", pressure: FloatArray) -> FloatArray:
-        """Viscous stress and pressure."""
-        return _plus(2.0 * self.viscosity * _deviator(state.L), pressure)
+        It is written in components, because this is the most frequent operation.
+        """
+        (a, b), (c, d), h = F[0, :2], F[1, :2], F[2, 2]
+        plane = a * d - b * c
+        J, across = plane * h, a**2 + b**2 + c**2 + d**2 + h**2
+        Ta, Tb, Tc, Td, Th = d / plane, -c / plane, -b / plane, a / plane, 1.0 / h
+        cut = J ** (-2.0 / 3.0)
+        elastic = 2.0 * cut * self.first(cut * across)
+        across = across / 3.0
+        (ra, rb), (rc, rd), rh = rate[0, :2], rate[1, :2], rate[2, 2]
+        along, out, hoop = ra * Ta + rb * Tb, rc * Tc + rd * Td, rh * Th
+        twice = 2.0 * self.viscosity * J
+        mean = J * pressure - twice * (along + out + hoop) / 3.0
+        along, out, hoop = twice * along + mean, twice * out + mean, twice * hoop + mean
+        shear = 0.5 * twice * (ra * Tc + rb * Td + rc * Ta + rd * Tb)
+        P = np.zeros_like(F)
+        P[0, 0] = elastic * (a - across * Ta) + along * Ta + shear * Tc
+        P[0, 1] = elastic * (b - across * Tb) + along * Tb + shear * Td
+        P[1, 0] = elastic * (c - across * Tc) + shear * Ta + out * Tc
+        P[1, 1] = elastic * (d - across * Td) + shear * Tb + out * Td
+        P[2, 2] = elastic * (h - across * Th) + hoop * Th
+        return P
 
     def tangent(self, F: FloatArray, rate: FloatArray, pressure: FloatArray, speed: float) -> FloatArray:
         """Its derivative by F at a fixed pressure, if the rate of F is `speed` F plus a constant [Pa]."""
         state = _State.of(F, rate)
         T, J, L = state.T, state.J, state.L
-        sigma = self._cauchy(state, pressure)
+        sigma = _plus(2.0 * self.viscosity * _deviator(L), pressure)
         found = np.zeros((3, 3, *F.shape))
-        for k, l in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 2)):
+        for k, l in COMPONENTS.T:
             dF = np.zeros_like(F)
             dF[k, l] = 1.0
             grown = T[k, l]
@@ -196,7 +217,7 @@ class Cylinder:
             fem.Mesh(points, cells, "quad"), order=2, calc_points=True, calc_midfaces=True
         )
         region = fem.RegionBiQuadraticQuad(mesh)
-        self.motion, self.rest = (fem.FieldAxisymmetric(region, dim=2) for _ in range(2))
+        self.motion = fem.FieldAxisymmetric(region, dim=2)
         self.field = fem.FieldContainer([self.motion])
         self.nodes = mesh.points
         self.mass = fem.SolidBody(fem.NeoHooke(1.0, 1.0), self.field, density=density).assemble.mass()
@@ -208,40 +229,50 @@ class Cylinder:
         self.top = np.flatnonzero(self.nodes[:, AXIAL] > length - near)
         self.axis = np.flatnonzero(self.nodes[:, RADIAL] < near)
         # Linear functions of the element, and the projection of a function of its points on them.
-        dV = 2.0 * np.pi * self.motion.radius * region.dV
+        self.dV = region.dV
+        turned = 2.0 * np.pi * self.motion.radius * region.dV
         local = region.quadrature.points
         self.linear = np.stack([np.ones(len(local)), *local.T])
-        gram = np.einsum("aq,bq,qc->cab", self.linear, self.linear, dV)
+        gram = np.einsum("aq,bq,qc->cab", self.linear, self.linear, turned)
         self.gram = np.linalg.inv(gram).transpose(1, 2, 0)
-        self.project = np.einsum("aq,abc,br,rc->qrc", self.linear, self.gram, self.linear, dV, optimize=True)
-        self.dV = region.dV
+        self.project = np.einsum(
+            "aq,abc,br,rc->qrc", self.linear, self.gram, self.linear, turned, optimize=True
+        )
+        # The gradient of a displacement at the points, and the forces of a stress, as matrices.
+        shape = np.broadcast_to(region.h.reshape(*region.dhdX[:, 0].shape[:2], -1), region.dhdX[:, 0].shape)
+        values = [region.dhdX[:, J] for _, J in PLANE] + [shape / self.motion.radius]
+        columns = [2 * mesh.cells.T[:, None] + i for i, _ in PLANE] + [2 * mesh.cells.T[:, None] + RADIAL]
+        rows = np.arange(5 * turned.size).reshape(5, 1, *turned.shape)
+        index = [np.broadcast_to(one, (5, *shape.shape)).ravel() for one in (rows, np.stack(columns))]
+        size = 5 * turned.size, self.nodes.size
+        self.gradient = csr_matrix((np.stack(values).ravel(), index), shape=size)
+        self.gathered = (self.gradient.T.multiply(np.tile(turned.ravel(), 5))).tocsr()
 
-    def _strained(self, u: FloatArray) -> FloatArray:
-        self.motion.values[:] = u.reshape(-1, 2)
-        return np.asarray(self.field.extract()[0])
+    def _rate(self, u: FloatArray) -> FloatArray:
+        """Gradient of a displacement or velocity, shape [3, 3, points, elements]."""
+        found = np.zeros((3, 3, *self.dV.shape))
+        found[*COMPONENTS] = (self.gradient @ u).reshape(5, *self.dV.shape)
+        return found
 
     def set_rate(self, speed: float, rest: FloatArray) -> None:
         """The velocity is `speed` [1/s] times the displacement, plus a rest [m/s]."""
-        self.rest.values[:] = rest.reshape(-1, 2)
-        self.speed, self.constant = speed, _plus(self.rest.grad(), np.array(-speed))
+        self.speed, self.constant = speed, _plus(self._rate(rest), np.array(-speed))
 
-    def _pressure(self, F: FloatArray) -> FloatArray:
+    def _strained(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Deformation gradient, its rate and the mean stress."""
+        F = _plus(self._rate(u), np.array(1.0))
         dilatation = (F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]) * F[2, 2] - 1.0
-        return self.solid.bulk * np.einsum("qrc,rc->qc", self.project, dilatation)
+        pressure = self.solid.bulk * np.einsum("qrc,rc->qc", self.project, dilatation)
+        return F, self.speed * F + self.constant, pressure
 
     def forces(self, u: FloatArray) -> FloatArray:
         """Elastic and viscous forces [N] of a displacement, shape [2 n]."""
-        F = self._strained(u)
-        P = self.solid.stress(F, self.speed * F + self.constant, self._pressure(F))
-        values = fem.IntegralForm([P], v=self.field, dV=self.dV).integrate()[0]
-        place = self.motion.indices.cai.transpose(1, 2, 0)
-        return np.bincount(place.ravel(), values.ravel(), minlength=u.size)
+        return np.asarray(self.gathered @ self.solid.stress(*self._strained(u))[*COMPONENTS].ravel())
 
     def tangent(self, u: FloatArray) -> csr_matrix:
         """Their derivative [N/m]."""
-        F = self._strained(u)
-        rate = self.speed * F + self.constant
-        A = self.solid.tangent(F, rate, self._pressure(F), self.speed)
+        F, rate, pressure = self._strained(u)
+        A = self.solid.tangent(F, rate, pressure, self.speed)
         form = fem.IntegralForm([A], v=self.field, u=self.field, dV=self.dV)
         values = form.integrate()[0]
         state = _State.of(F, rate)

@@ -94,7 +94,7 @@ def test_the_tangent_is_the_difference_of_the_forces():
     rng = np.random.default_rng(5)
     u, rest, way = rng.standard_normal((3, body.nodes.size))
     body.set_rate(1e6, rest)
-    u, way = 5e-5 * u, 1e-9 * way
+    u, way = 1e-5 * u, 1e-9 * way
     found = 0.5 * (body.forces(u + way) - body.forces(u - way))
     np.testing.assert_allclose(body.tangent(u) @ way, found, atol=1e-6 * np.abs(found).max())
 
@@ -109,21 +109,21 @@ def test_the_mass_is_that_of_the_body():
 def test_a_wave_without_lateral_motion():
     """nu = 0, small strain: the flyer feels rho c A v, the other platen twice that, one passage later.
 
-    The strain v / c is 1e-3, and so is the difference of the finite from the small strain. The rise takes
-    eleven elements' passages and 50 steps: the dispersion of both is less (4e-4 with half of either).
+    The strain v / c is 1e-3, which is also the difference of finite and small strain, relative to the force.
+    The two together take up to 3 ‰ here. The reflected force has twice this strain.
     """
     mu, rho, radius, length = 30e3, 1000.0, 2e-3, 10e-3
     c = np.sqrt(2.0 * mu / rho)
     passage = length / c
-    push = Push(1e-3 * c, 0.5 * passage)
-    body = Cylinder(solid(mu, 0.0), radius, length, rho, (1, 8))
-    history = simulate(body, Flyer(push), 1.9 * passage, passage / 100.0)
+    push = Push(1e-3 * c, passage)
+    body = Cylinder(solid(mu, 0.0), radius, length, rho, (1, 12))
+    history = simulate(body, Flyer(push), 1.9 * passage, passage / 50.0)
     t = passage * np.linspace(0.0, 1.9, 96)
     transmitted, incident = history.forces(t)
     unit = rho * c * np.pi * radius**2
-    np.testing.assert_allclose(incident, unit * push.velocity(t), atol=4e-3 * unit * push.speed)
+    np.testing.assert_allclose(incident, unit * push.velocity(t), atol=2e-3 * unit * push.speed)
     np.testing.assert_allclose(
-        transmitted, 2.0 * unit * push.velocity(t - passage), atol=8e-3 * unit * push.speed
+        transmitted, 2.0 * unit * push.velocity(t - passage), atol=5e-3 * unit * push.speed
     )
     side = history.outline(t)
     np.testing.assert_allclose(side[:, -1, AXIAL], length - push.displacement(t), atol=1e-12)
