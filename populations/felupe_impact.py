@@ -24,7 +24,7 @@ from kolsky.virtual.truth import KNOT, Job, SurfaceHistory, Truth, TruthError
 
 ELEMENTS = (24, 16)
 """Elements across the radius and along half the length."""
-TIME_STEP = 0.5e-6
+TIME_STEP = 0.25e-6
 """[s]."""
 GRADING = 16.0
 """Largest over smallest element; the small ones lie at side and faces."""
