@@ -201,7 +201,7 @@ def test_what_felupe_does_not_simulate_is_refused():
 
 
 def test_the_study_takes_felupes_truths(monkeypatch, tmp_path):
-    """One of three simulations fails: the other shots are FElupe's, and no other program makes the third."""
+    """One of three simulations fails: the other shots are FElupe's, and no other program makes it."""
     from populations import felupe_impact, wrong_inputs
 
     asked = []
@@ -220,5 +220,6 @@ def test_the_study_takes_felupes_truths(monkeypatch, tmp_path):
     assert [one.name for one in found] == ["right-01", "right-03"]
     assert len(asked) == 3
     assert [len(np.load(one / "truth_surface.npz")["r"][0]) for one in found] == [12, 12]
-    assert wrong_inputs.made_by_felupe(args) == found
+    again = wrong_inputs.made_by_felupe(args)  # only the missing one is tried again
+    assert [one.name for one in again] == ["right-01", "right-02", "right-03"]
     assert len(asked) == 4
