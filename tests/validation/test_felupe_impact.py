@@ -2,15 +2,18 @@
 
 from argparse import Namespace
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from kolsky.virtual.instruments import measure_outline
+from kolsky.virtual.instruments import free_outline, measure_outline
 from kolsky.virtual.material import law_of
 from kolsky.virtual.schema import Specification, TruthTable
-from kolsky.virtual.truth import KNOT, TruthError, simulate_truths
+from kolsky.virtual.truth import KNOT, SurfaceHistory, TruthError, simulate_truths
+from populations.coverage_problem import HEIGHTS, drawn, stroke, velocity
 from populations.felupe_impact import (
     AXIAL,
     RADIAL,
@@ -22,9 +25,13 @@ from populations.felupe_impact import (
     slopes,
     truth,
 )
+from populations.other_program import thinned
 from populations.wrong_inputs import POPULATION, read_specification
 
 LAWS = read_specification(POPULATION).declared.population.draw["material"].choose
+FILE = Path(__file__).parents[1] / "reference" / "M_bonded.csv"
+NUMBER, SEED = 0, 61
+"""Of the experiment in `FILE`; made by `python -m populations.other_program --csv 0 --out FOLDER`."""
 LOWEST = 1.2
 """Lowest order of the mesh error that was found (docs/validation/coverage.md)."""
 
@@ -192,6 +199,35 @@ def test_force_and_outline_are_those_of_this_packages_solver():
         lambda one: measure_outline(shots[0], one, shot=0).Z,
     ):
         assert rms(part(fine) - part(expected)) < 2.0**-LOWEST * rms(part(coarse) - part(expected))
+
+
+@pytest.mark.slow
+def test_force_and_outline_are_those_of_dolfinx():
+    """The same elements, steps and landings: the forces differ by the ends of the iterations.
+
+    The reference's radii lie on its elements' quadratic, those here on a spline through the nodes.
+    """
+    expected = np.loadtxt(FILE, delimiter=",", skiprows=1)
+    setup, t = drawn(NUMBER, SEED)
+    flyer = SimpleNamespace(
+        start=0.0,
+        displacement=lambda time: stroke(time, setup, t),
+        velocity=lambda time: velocity(time, setup, t),
+    )
+    first, second = slopes("yeoh", {"C10": 0.5, "C20": t.second / 4.0, "C30": t.third / 6.0})
+    mu, nu = t.stiffness_factor * t.shear_modulus, t.poisson
+    bulk = 2.0 * mu * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))
+    one = Solid(lambda I: mu * first(I), lambda I: mu * second(I), bulk, t.damping * mu)
+    body = Cylinder(one, 0.5 * setup.diameter, setup.length, setup.density, (24, 16))
+    history = simulate(body, Flyer(flyer), setup.end, 0.5e-6)
+    frames = setup.frames[setup.frames > 0.0]
+    y, r = np.moveaxis(history.outline(frames), -1, 0)
+    surface = SurfaceHistory(frames, r, y, np.zeros(len(frames)), np.zeros(len(frames)))
+    heights = HEIGHTS * (setup.length - stroke(frames, setup, t))[:, None]
+    Z = [np.interp(heights[k], *free_outline(surface, k)) for k in range(len(frames))]
+    found = thinned(history.forces(setup.samples)[0], np.array(Z).ravel())
+    np.testing.assert_allclose(found[:, 0], expected[:, 0], atol=1e-5)  # 3e-6 N, of 18.7 N
+    assert rms(found[:, 1:] - expected[:, 1:]) < 0.2e-6  # 0.10 um
 
 
 def test_what_felupe_does_not_simulate_is_refused():
