@@ -487,7 +487,8 @@ def simulate(body: Cylinder, flyer: Flyer, last: float, time_step: float = TIME_
 
     while impact.t < last + time_step:  # the inner time of the last step is beyond `last`
         advance(time_step, HALVINGS)
-    return History(*np.array(ends).T, np.array(times), np.array(side), impact.count)
+    force_times, transmitted, incident = np.array(ends).T
+    return History(force_times, transmitted, incident, np.array(times), np.array(side), impact.count)
 
 
 def truth(quantities: Specification, elements: tuple[int, int] = ELEMENTS, step: float = TIME_STEP) -> Truth:
@@ -514,7 +515,7 @@ def truth(quantities: Specification, elements: tuple[int, int] = ELEMENTS, step:
             history = simulate(body, Flyer(job.path), job.last, step)
     except NoConvergence as error:
         raise TruthError(f"{q.name}: no convergence {error}") from None
-    times = KNOT * np.arange(int(np.floor(job.last / KNOT * (1.0 + 1e-12))) + 1)
+    times = KNOT * np.arange(int(np.floor(job.last / KNOT * (1.0 + 1e-12))) + 1, dtype=np.float64)
     transmitted, incident = history.forces(times)
     seen, start = history.outline(np.maximum(job.frames, 0.0)), job.path.start
     return Truth(
