@@ -22,7 +22,7 @@ from kolsky.virtual.motion import Path1D
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.truth import KNOT, Job, SurfaceHistory, Truth, TruthError
 
-ELEMENTS = (24, 16)
+ELEMENTS = (36, 24)
 """Elements across the radius and along half the length."""
 TIME_STEP = 0.25e-6
 """[s]."""
