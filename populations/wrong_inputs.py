@@ -2,10 +2,11 @@
 row.
 
     python -m populations.wrong_inputs --out FOLDER [--population SPEC.toml] [--seed N] [--device cuda]
-        [--workers N] [--shots N] [--right N] [--rows WORD,...] [--table FILE.json]
+        [--workers N] [--shots N] [--right N] [--rows WORD,...] [--table FILE.json] [--truth felupe]
 
 Every identification is one file in FOLDER/jobs; existing files are not recomputed. The page
-docs/validation/wrong_inputs.md is made from the table that --table writes.
+docs/validation/wrong_inputs.md is made from the table that --table writes. With `--truth felupe` another
+program simulates the truths (`populations.felupe_impact`). Everything else of the shots is the same.
 """
 
 import argparse
@@ -19,7 +20,10 @@ from pathlib import Path
 from typing import Any
 
 from kolsky.base.errors import InputError
-from populations.driver import answers, command, mesh, write
+from kolsky.virtual.make import make, place_of, write_shot
+from kolsky.virtual.specification import Series, ShotSpecification, read_specification
+from kolsky.virtual.truth import TruthError
+from populations.driver import answers, command, mesh, results, write
 from populations.wrong_input_rows import CURVE, MODEL, RIGHT, ROWS, Row
 
 POPULATION = Path(__file__).with_suffix(".toml")
@@ -215,27 +219,55 @@ def jobs_of(args: argparse.Namespace, shots: list[Path]) -> Iterator[Job]:
         yield from (Job(row.name, shot, args.device, args.threads, meshes) for shot in chosen)
 
 
-def made(args: argparse.Namespace) -> list[Path]:
-    """Folders of the correct shots; missing ones are made."""
-    from kolsky.virtual.make import make
-    from kolsky.virtual.specification import read_specification
-
+def asked(args: argparse.Namespace) -> tuple[Series, list[int]]:
+    """The population, and the numbers of its correct shots."""
     series = read_specification(args.population)
     if args.seed is not None:
         content = {**tomllib.loads(Path(args.population).read_text("utf-8")), "seed": args.seed}
         declared = series.declared.model_copy(update={"seed": args.seed})
         series = replace(series, file=replace(series.file, content=content), declared=declared)
-    many = min(max(args.right, args.shots, args.least), len(series.numbers))
+    return series, list(series.numbers)[: max(args.right, args.shots, args.least)]
+
+
+def made(args: argparse.Namespace) -> list[Path]:
+    """Folders of the correct shots; missing ones are made."""
+    series, numbers = asked(args)
     found = make(
         series,
         args.out / "shots",
-        numbers=list(series.numbers)[:many],
+        numbers=numbers,
         device=args.device,
         threads=args.threads,
         workers=args.workers,
         progress=lambda one: print(one.folder, flush=True),
     )
     return [one.folder for one in found]
+
+
+def made_by_felupe(args: argparse.Namespace) -> list[Path]:
+    """Folders of the correct shots with truths of FElupe; missing ones are made.
+
+    Shots with a failed simulation are printed and left out.
+    """
+    series, numbers = asked(args)
+    shots = {n: series.shot(n) for n in numbers}
+    places = {n: place_of(series, shot, args.out / "shots") for n, shot in shots.items()}
+    missing = [(shots[n], place) for n, place in places.items() if not place.exists()]
+    for text in results(write_felupe_shot, missing, args.workers):
+        print(text, flush=True)
+    there = [n for n, place in places.items() if place.exists()]
+    return [one.folder for one in make(series, args.out / "shots", numbers=there)]  # only checks them
+
+
+def write_felupe_shot(shot: ShotSpecification, folder: Path) -> str:
+    """Write one shot with a truth of FElupe; returns the folder, or the reason why it cannot be made."""
+    from populations.felupe_impact import truth
+
+    try:
+        write_shot(shot, truth(shot.quantities), folder)
+    except TruthError as error:
+        return f"{shot.name} cannot be made: {error}"
+    return str(folder)
 
 
 def attempt(job: Job) -> dict[str, Any]:
@@ -266,9 +298,12 @@ def main() -> int:
     parser.add_argument("--rows", default="", help="only rows whose names hold one of these words")
     parser.add_argument("--mesh", type=mesh, metavar="16x22", help="surrogate's mesh, for a trial")
     parser.add_argument("--refined-mesh", type=mesh, metavar="32x44", default=(32, 44))
+    words = "program of the truths; give each its own --out"
+    parser.add_argument("--truth", choices=("own", "felupe"), default="own", help=words)
     parser.add_argument("--table", type=Path, help="where the table is written, as JSON")
     args = parser.parse_args()
-    jobs = {job.file(args.out): (job,) for job in jobs_of(args, made(args))}
+    shots = made_by_felupe(args) if args.truth == "felupe" else made(args)
+    jobs = {job.file(args.out): (job,) for job in jobs_of(args, shots)}
     print(f"{sum(not path.exists() for path in jobs)} of {len(jobs)} jobs to do", flush=True)
     each = answers(attempt, jobs, workers=args.workers, line=line)
     for path, one in zip(jobs, each, strict=True):
@@ -285,6 +320,7 @@ def main() -> int:
     print(", ".join(f"{word} {value:.3g}" for word, value in total.items()))
     if args.table is not None:
         about = {"population": Path(args.population).name, "seed": args.seed, "device": args.device}
+        about["truth"] = args.truth
         write(args.table, finite({"about": about, "summary": total, "rows": rows}), indent=1)
     return 1 if broken else 0
 
