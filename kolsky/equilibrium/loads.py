@@ -56,7 +56,7 @@ class RigidContact:
         across = spacing if model.kinematics == "3d" else _across(model)
         usual = CONTACT_STIFFNESS * model.solid.shear_modulus * across
         self.stiffness = usual if surface.stiffness is None else surface.stiffness
-        self.cells = _cell_with(model.mesh.cells, self.nodes)
+        self.cells = cell_with(model.mesh.cells, self.nodes)
 
     def place(self, u: FloatArray, at: Mapping[str, float]) -> "Place":
         """Gaps, normals and curvature of the surface at the points, with histories at given values."""
@@ -124,7 +124,7 @@ def _across(model: Model) -> float:
     return model.thickness
 
 
-def _cell_with(cells: IntArray, nodes: IntArray) -> IntArray:
+def cell_with(cells: IntArray, nodes: IntArray) -> IntArray:
     """For each point, a cell that contains it."""
     of = np.full(int(cells.max()) + 1, -1)
     of[cells.ravel()] = np.repeat(np.arange(len(cells)), cells.shape[1])

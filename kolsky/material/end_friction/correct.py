@@ -269,8 +269,6 @@ def _correction(
         past_data=best.mesh.past,
         snaps=best.mesh.snaps,
         remarks=_remarks_on(found, weights, logs, test),
-        places=test.strain,
-        response=response[:, :n],
     )
 
 
