@@ -25,7 +25,9 @@ from typing import Literal
 import numpy as np
 
 from explicit.materials import LAWS, AnyLaw
+from explicit.materials.law import ParameterSpec
 from explicit.materials.volumetric import bulk_modulus
+from explicit.relaxation import uniaxial_stress
 from kolsky.base.arrays import FloatArray
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, Solid, bulk, polynomial
 
@@ -42,32 +44,23 @@ DIFFERENCE = 1e-6
 """Relative step of the derivatives of the map from fitted constants to those of the energy."""
 
 
-@dataclass(frozen=True)
-class ConstantSpec:
-    """A constant of a law that may be fitted."""
-
-    name: str
-    unit: str
-    """ "Pa" or "1"."""
-    lower: float
-    upper: float
-
-
-def constants_of(law: str) -> tuple[ConstantSpec, ...]:
+def constants_of(law: str) -> tuple[ParameterSpec, ...]:
     """Constants of a law by name, Poisson's ratio last.
 
     Raises ValueError if there is no such law. The message lists the available laws.
     """
-    poisson = ConstantSpec(POISSON, "1", 0.0, LARGEST_POISSON)
+    poisson = ParameterSpec(POISSON, "1", 0.0, LARGEST_POISSON, 0.45, "Poisson's ratio at rest")
     if law == COUPLED:
-        return ConstantSpec(YOUNG, "Pa", 0.0, np.inf), poisson
+        return ParameterSpec(YOUNG, "Pa", 0.0, np.inf, 1e5, "Young's modulus at rest"), poisson
     known = LAWS.get("yeoh" if law == YEOH_D else law)
     if known is None:
         raise ValueError(f"law must be one of {', '.join(sorted([*LAWS, COUPLED, YEOH_D]))}, got {law!r}")
-    own = [ConstantSpec(s.name, s.unit, s.lower, s.upper) for s in known.PARAMETERS]
-    if law == YEOH_D:
-        own += [ConstantSpec(name, "Pa", 0.0, np.inf) for name in ("D2", "D3")]
-    return (*own, poisson)
+    more = ("D2", "D3") if law == YEOH_D else ()
+    return (
+        *known.PARAMETERS,
+        *(ParameterSpec(name, "Pa", 0.0, np.inf, 0.0, "volumetric modulus") for name in more),
+        poisson,
+    )
 
 
 def solid_of(law: str, values: Mapping[str, float]) -> Solid:
@@ -117,14 +110,14 @@ class Constants:
                 )
 
     @property
-    def specs(self) -> tuple[ConstantSpec, ...]:
+    def specs(self) -> tuple[ParameterSpec, ...]:
         """All constants."""
         own = constants_of(self.law)
         further = (replace(spec, name=f"{name}.{spec.name}") for name in self.regions for spec in own)
         return (*own, *further)
 
     @property
-    def free_specs(self) -> tuple[ConstantSpec, ...]:
+    def free_specs(self) -> tuple[ParameterSpec, ...]:
         """The free constants, in their order."""
         known = {spec.name: spec for spec in self.specs}
         return tuple(known[name] for name in self.free)
@@ -245,12 +238,6 @@ def _incompressible_law(constants: Constants, free: FloatArray) -> AnyLaw:
         return LAWS["neo_hookean"].of([values[YOUNG] / (2.0 * (1.0 + values[POISSON]))])
     kind = LAWS["yeoh" if constants.law == YEOH_D else constants.law]
     return kind.of([values[spec.name] for spec in kind.PARAMETERS])
-
-
-def uniaxial_stress(law: AnyLaw, stretch: FloatArray) -> FloatArray:
-    """Nominal stress of the incompressible law under uniaxial load [Pa], shape [n]."""
-    slope, side, _ = law.principal(stretch, stretch**-0.5, stretch**-0.5)
-    return np.asarray(slope - side * stretch**-1.5)
 
 
 def law_curve(

@@ -25,8 +25,6 @@ from kolsky.material.end_friction.cylinder import Body
 class Compression:
     """Force and shape of a compressed cylinder at chosen strains."""
 
-    strain: FloatArray
-    """Nominal compressive strain [-], shape [n]."""
     stress: FloatArray
     """Force over the undeformed section [Pa], compression positive, shape [n]."""
     bulge: FloatArray
@@ -276,7 +274,6 @@ def compress(
     volume = run.body.volumes
     area = np.pi * mesh.points[:, 0].max() ** 2
     return Compression(
-        strain=strain,
         stress=np.array([row[0] for row in rows]) / area,
         bulge=np.array([row[1] for row in rows]),
         stress_by=np.array([row[2] for row in rows]) / area,
