@@ -30,6 +30,7 @@ from explicit.materials.volumetric import bulk_modulus
 from explicit.relaxation import uniaxial_stress
 from kolsky.base.arrays import FloatArray
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, Solid, bulk, polynomial
+from kolsky.material.uniaxial import CurveBand
 
 POISSON = "poisson"
 """Name of Poisson's ratio among the constants."""
@@ -212,25 +213,6 @@ SLOPE_STEP = 1e-5
 """Relative step of the slopes by the constants."""
 
 
-@dataclass(frozen=True)
-class LawCurve:
-    """Nominal stress of a fitted law as a function of nominal strain."""
-
-    branch: Literal["tension", "compression"]
-    """Tension or compression."""
-    strain: FloatArray
-    """Nominal, tension positive [-], shape [n]."""
-    stress: FloatArray
-    """Nominal, tension positive [Pa], shape [n]."""
-    modes: FloatArray
-    """Standard deviations that are common to all points [Pa], shape [modes, n]."""
-
-    @property
-    def sigma(self) -> FloatArray:
-        """Standard uncertainty of each stress [Pa], shape [n]."""
-        return np.asarray(np.sqrt((self.modes**2).sum(axis=0)))
-
-
 def _incompressible_law(constants: Constants, free: FloatArray) -> AnyLaw:
     """The law of `explicit.materials` with these constants. The coupled law becomes neo-Hookean."""
     values = constants.all(free)
@@ -246,43 +228,28 @@ def law_curve(
     *,
     branch: Literal["tension", "compression"],
     largest_strain: float,
-) -> LawCurve:
-    """The curve of a fitted law with the uncertainty of its constants.
+) -> CurveBand:
+    """The curve of a fitted law, positive along its branch, with the uncertainty of its constants.
 
     ``constants``: the fitted law. ``covariance``: of its free constants, SI, shape [p, p]. It is not finite
     if unknown; the curve then has no modes. ``branch``, ``largest_strain``: tension or compression, and the
     largest nominal strain, > 0 and in compression < 1.
     """
-    end = 1.0 + largest_strain if branch == "tension" else 1.0 - largest_strain
-    stretch = np.linspace(1.0, end, POINTS)
+    side = 1.0 if branch == "tension" else -1.0
+    stretch = np.linspace(1.0, 1.0 + side * largest_strain, POINTS)
     free = constants.start
-    stress = uniaxial_stress(_incompressible_law(constants, free), stretch)
+    stress = side * uniaxial_stress(_incompressible_law(constants, free), stretch)
+    band = CurveBand(side * (stretch - 1.0), stress, np.zeros(POINTS), np.zeros((0, POINTS)), ())
     if not np.isfinite(covariance).all():
-        return LawCurve(branch, stretch - 1.0, stress, np.zeros((0, POINTS)))
+        return band
     values, vectors = np.linalg.eigh(covariance)
     slopes = []
     for j in range(len(free)):
         step = SLOPE_STEP * max(abs(free[j]), 1e-3 * constants.scales[j])
         moved = free.copy()
         moved[j] += step
-        slopes.append((uniaxial_stress(_incompressible_law(constants, moved), stretch) - stress) / step)
+        curve = side * uniaxial_stress(_incompressible_law(constants, moved), stretch)
+        slopes.append((curve - stress) / step)
     modes = (vectors * np.sqrt(np.maximum(values, 0.0))).T @ np.array(slopes)
-    kept = np.abs(modes).max(axis=1) > 0.0
-    return LawCurve(branch, stretch - 1.0, stress, modes[kept])
-
-
-def shot_lines(curve: LawCurve, file: str) -> str:
-    """The lines of a shot.toml that declare the curve as its [curve]."""
-    lines = [
-        "[curve]",
-        f'file = "{file}"',
-        'strain = { column = "strain", unit = "1" }',
-        'stress = { column = "stress (Pa)", unit = "Pa" }',
-        'convention = "tension positive"',
-        f'branch = "{curve.branch}"',
-    ]
-    if len(curve.modes):
-        lines.append('modes = { prefix = "mode", unit = "Pa" }')
-    else:
-        lines.append('relative_sigma = ""  # fill in: the constants have no covariance')
-    return "\n".join(lines) + "\n"
+    kept = modes[np.abs(modes).max(axis=1) > 0.0]
+    return replace(band, modes=kept, names=("constants",) * len(kept))

@@ -99,29 +99,20 @@ class _AmgFactors:
         for old in (hierarchy.made, False):
             if not old:
                 hierarchy.drop()
-            count = _Count()
+            calls: list[object] = []
             found, info = method(
                 matrix,
                 right,
                 rtol=self.tolerance,
                 maxiter=ITERATIONS,
                 M=hierarchy.preconditioner(self.matrix),
-                callback=count,
+                callback=calls.append,
                 **({} if self.symmetric else {"callback_type": "pr_norm"}),
             )
             if info == 0:
-                hierarchy.served(count.calls, self.tolerance)
+                hierarchy.served(len(calls), self.tolerance)
                 return np.asarray(found)
         raise SingularError(f"{ITERATIONS} iterations with multigrid did not reach {self.tolerance:g}")
-
-
-class _Count:
-    """Counts its calls."""
-
-    calls = 0
-
-    def __call__(self, _: object) -> None:
-        self.calls += 1
 
 
 def _amg_factors(pattern: Pattern, points: FloatArray) -> Callable[[csr_array, bool, bool], Factors]:
