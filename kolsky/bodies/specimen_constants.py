@@ -167,14 +167,14 @@ class Constants:
         the energy's constants times this matrix. It uses central differences of the closed form. A difference
         is one-sided if the point on the other side is invalid.
         """
-        return self._differences(
+        return self.differences(
             free, DIFFERENCE, lambda at: np.concatenate([solid.parameters() for solid in self.solids(at)])
         )
 
-    def _differences(
+    def differences(
         self, free: Sequence[float] | FloatArray, share: float, value: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Central differences of a value by the free constants.
+        """Central differences of a value of shape [n] by the free constants, shape [n, n_free].
 
         The steps are the given shares of their sizes. A difference is one-sided if the point on the other
         side is invalid.
@@ -203,14 +203,12 @@ class Constants:
 
         A difference is one-sided if the point on the other side is invalid.
         """
-        whole = self._differences(free, _SECOND_DIFFERENCE, self.chain)
+        whole = self.differences(free, _SECOND_DIFFERENCE, self.chain)
         return np.asarray(0.5 * (whole + np.swapaxes(whole, 1, 2)))
 
 
 POINTS = 41
 """Number of points of the curve, with the point at rest."""
-SLOPE_STEP = 1e-5
-"""Relative step of the slopes by the constants."""
 
 
 def _incompressible_law(constants: Constants, free: FloatArray) -> AnyLaw:
@@ -243,13 +241,9 @@ def law_curve(
     if not np.isfinite(covariance).all():
         return band
     values, vectors = np.linalg.eigh(covariance)
-    slopes = []
-    for j in range(len(free)):
-        step = SLOPE_STEP * max(abs(free[j]), 1e-3 * constants.scales[j])
-        moved = free.copy()
-        moved[j] += step
-        curve = side * uniaxial_stress(_incompressible_law(constants, moved), stretch)
-        slopes.append((curve - stress) / step)
-    modes = (vectors * np.sqrt(np.maximum(values, 0.0))).T @ np.array(slopes)
+    slopes = constants.differences(
+        free, DIFFERENCE, lambda at: side * uniaxial_stress(_incompressible_law(constants, at), stretch)
+    )
+    modes = (vectors * np.sqrt(np.maximum(values, 0.0))).T @ slopes.T
     kept = modes[np.abs(modes).max(axis=1) > 0.0]
     return replace(band, modes=kept, names=("constants",) * len(kept))

@@ -94,9 +94,11 @@ class ContactPoints:
 
     def added(self, elements: FloatArray, blocks: FloatArray) -> FloatArray:
         """Element matrices [n_elements, 18, 18] with the matrix of each point, shape [n, 2, 2]."""
-        each = np.einsum("pij,pa,pb->paibj", blocks, self.shape, self.shape, optimize=True)
+        on = np.flatnonzero(blocks.any(axis=(1, 2)))
+        shared = self.shape[on, :, None, None, None] * self.shape[on, None, None, :, None]
+        each = blocks[on, None, :, None, :] * shared
         total = elements.copy()
-        np.add.at(total, self.cells, each.reshape(-1, 18, 18))
+        np.add.at(total, self.cells[on], each.reshape(-1, 18, 18))
         return total
 
 
@@ -428,7 +430,7 @@ class _March:
                     # The pattern is symmetric, and most of the matrix too. Orderings of A + A^T therefore
                     # have the least fill-in.
                     self.factor = splu(
-                        self.pattern.matrix(elements).tocsc(),
+                        self.pattern.matrix(np.swapaxes(elements, 1, 2)).T,  # in columns
                         permc_spec="MMD_AT_PLUS_A",
                         diag_pivot_thresh=0.1,
                         options={"SymmetricMode": True},
