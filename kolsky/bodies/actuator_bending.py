@@ -27,6 +27,7 @@ from kolsky.bodies.actuator_model import (
     Touching,
     bend_of,
     bend_slope,
+    chord_of,
     forces_outside,
     smallest_gap,
     touching,
@@ -34,7 +35,6 @@ from kolsky.bodies.actuator_model import (
 from kolsky.bodies.actuator_reading import ActuatorSpec
 from kolsky.equilibrium.arc_length import ArcPath
 from kolsky.equilibrium.dynamics import Prony, march
-from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solid import Solid
 
 OVERLAP = 0.1
@@ -121,12 +121,7 @@ def _simulated(
 
 def path_angle(path: ArcPath) -> FloatArray:
     """Bending angle along a path [rad], shape [n]."""
-    mesh = path.model.mesh
-    ends = [
-        (mesh.points[mesh.nodes(where)] + path.displacements[:, mesh.nodes(where)]).mean(axis=1)
-        for where in ("origin", "tip")
-    ]
-    return bend_of(ends[1] - ends[0])
+    return bend_of(chord_of(path.model.mesh, path.displacements))
 
 
 def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -185,12 +180,8 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
         if not run.outcome.ok:
             reached = time[run.reached - 1]
             raise ValueError(f"{one.name}, beyond {reached:.4g} s: {run.outcome.cause}; {run.outcome.cure}")
-        mesh = model.mesh
-        ends = [
-            mesh.points[mesh.nodes(where)].mean(axis=0) + run.mean_displacement(where)
-            for where in ("origin", "tip")
-        ]
-        motions.append(BendInTime(one.name, time, pressure, bend_of(ends[1] - ends[0])))
+        angle = bend_of(chord_of(model.mesh, run.displacements))
+        motions.append(BendInTime(one.name, time, pressure, angle))
     return motions
 
 
@@ -373,7 +364,7 @@ def pressures_for(
 
     def jacobian(x: FloatArray) -> FloatArray:
         near = memory.at(most * x)
-        by = most * _chord_slopes(near)
+        by = most * near.chord_slopes()[-1].T
         top = bend_slope(near.chord[-1])[None] @ by
         return top if tip is None else np.concatenate([top, by / size])
 
@@ -386,14 +377,6 @@ def pressures_for(
     close = float(np.abs(best.fun).max()) <= 1e2 * TOLERANCE
     ended = SearchEnd.YES if close else SearchEnd.NEAREST if best.status > 0 else SearchEnd.NOT_CONVERGED
     return Inversion(angle, most * best.x, float(near.angle[-1]), near.slopes()[-1], ended, memory.equilibria)
-
-
-def _chord_slopes(near: Bending) -> FloatArray:
-    """Derivative of the chord by the pressures at the last step [m/Pa], shape [3, n_cavities]."""
-    names = tuple(h for h in near.solution.model.histories if h != WEIGHT)
-    sensitivity = direct(near.solution, histories=names)
-    by = (sensitivity.mean_displacement("tip") - sensitivity.mean_displacement("origin"))[-1]
-    return by[-len(names) :].T
 
 
 class _NoEquilibriumError(Exception):

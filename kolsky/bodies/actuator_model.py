@@ -217,22 +217,28 @@ class Bending:
     @property
     def chord(self) -> FloatArray:
         """Vector from the origin to the tip [m], shape [n, 3]."""
-        return self.positions("tip") - self.positions("origin")
-
-    def positions(self, where: str) -> FloatArray:
-        """Mean position of a set of points [m], shape [n, 3]."""
-        mesh = self.solution.model.mesh
-        return np.asarray(
-            mesh.points[mesh.nodes(where)].mean(axis=0) + self.solution.mean_displacement(where)
-        )
+        return chord_of(self.solution.model.mesh, self.solution.displacements)
 
     def slopes(self) -> FloatArray:
         """dTheta/dp by the pressure of each cavity [rad/Pa], shape [n, n_cavities]; exact."""
+        return np.einsum("nd,npd->np", bend_slope(self.chord), self.chord_slopes())
+
+    def chord_slopes(self) -> FloatArray:
+        """Derivatives of the chord by the pressure of each cavity [m/Pa], shape [n, n_cavities, 3]; exact."""
         names = tuple(h for h in self.solution.model.histories if h != WEIGHT)
         found = direct(self.solution, histories=names)
         tip, origin = (found.mean_displacement(where) for where in ("tip", "origin"))
-        by = (tip - origin)[:, -len(names) :]  # the constants come before the histories
-        return np.einsum("nd,npd->np", bend_slope(self.chord), by)
+        return (tip - origin)[:, -len(names) :]  # the constants come before the histories
+
+
+def chord_of(mesh: Mesh, displacements: FloatArray) -> FloatArray:
+    """Vector from the mean origin to the mean tip [m], shape [n, 3].
+
+    ``displacements``: [m], shape [n, n_points, 3].
+    """
+    sets = [mesh.nodes(where) for where in ("origin", "tip")]
+    ends = [mesh.points[own].mean(axis=0) + displacements[:, own].mean(axis=1) for own in sets]
+    return np.asarray(ends[1] - ends[0])
 
 
 def bend_of(chord: FloatArray) -> FloatArray:

@@ -198,27 +198,10 @@ def search(
             converged = lower <= chi2 * (1.0 + CHI_SQUARE_TOLERANCE)
             ended = "chi-square no longer falls" if converged else f"no step lowers chi-square {why}".strip()
             break
-    return _optimum_at(samples, p, x, there, bounds, scales, converged=converged, ended=ended, runs=runs)
-
-
-def _optimum_at(
-    samples: tuple[Samples, ...],
-    p: FloatArray,
-    x: tuple[FloatArray, ...],
-    there: tuple[Linearised, ...],
-    bounds: tuple[FloatArray, FloatArray],
-    scales: FloatArray,
-    *,
-    converged: bool,
-    ended: str,
-    runs: int,
-) -> SearchOptimum:
-    """The record of a search's end point. Arguments are those of `SearchOptimum` and `search`."""
     problem = _joined([reduce(own, at, f) for own, at, f in zip(samples, x, there, strict=True)])
-    chi2 = sum(chi_square(own, at, f.force) for own, at, f in zip(samples, x, there, strict=True))
     near = 1e-6 * np.maximum(scales, np.abs(p))
-    at = (p - bounds[0] <= near) | (bounds[1] - p <= near)
-    return SearchOptimum(p, x, there, problem, chi2, tuple(map(bool, at)), converged, ended, runs)
+    bound = tuple(map(bool, (p - bounds[0] <= near) | (bounds[1] - p <= near)))
+    return SearchOptimum(p, x, there, problem, chi2, bound, converged, ended, runs)
 
 
 def _covariance(samples: Samples, there: Linearised) -> FloatArray:

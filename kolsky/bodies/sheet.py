@@ -18,14 +18,16 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from dic.basics import MAD
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.bodies.specimen_constants import Constants
+from kolsky.equilibrium.linear.base import Pattern
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.model import Fixed, Model, Prescribed
+from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.sensitivity import Sensitivities, direct
 from kolsky.equilibrium.solid import Solid
 from kolsky.equilibrium.solution import Solution
@@ -249,22 +251,16 @@ def sheet_state(
     return SheetState(solution, solution.displacements, by, force, by_force @ chain, slopes)
 
 
-def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_matrix:
+def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_array:
     """Integral of products of shape functions over some cells [m^2], shape [nodes, nodes].
 
     This is for one displacement component. The other component has the same integral.
     """
-    element = mesh.element
-    points, weights = element.rule(element.gauss + 1)
-    values, gradients = element.values(points), element.gradients(points)
-    own = mesh.cells[cells]
-    jacobian = np.einsum("gkj,mki->mgij", gradients, mesh.points[own])
-    area = np.abs(np.linalg.det(jacobian)) * weights
-    each = np.einsum("mg,ga,gb->mab", area, values, values)
-    k = own.shape[1]
-    rows, columns = np.repeat(own, k, axis=1).ravel(), np.tile(own, (1, k)).ravel()
+    # products of shape functions have twice their degree
+    whole = geometry(mesh, kinematics="plane_strain", thickness=1.0, gauss=mesh.element.gauss + 1)
+    each = np.einsum("mg,ga,gb->mab", whole.volumes[cells], whole.values, whole.values)
     n = len(mesh.points)
-    return coo_matrix((each.ravel(), (rows, columns)), shape=(n, n)).tocsr()
+    return Pattern(mesh.cells[cells], np.arange(n), n).matrix(each)
 
 
 def cells_inside(mesh: Mesh, low: FloatArray, high: FloatArray) -> BoolArray:

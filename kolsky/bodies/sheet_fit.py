@@ -32,7 +32,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from kolsky.base.arrays import BoolArray, FloatArray
@@ -107,7 +107,7 @@ class FieldProblem:
         self.sheet, self.data, self.constants = sheet, data, constants
 
     @cached_property
-    def mass(self) -> csr_matrix:
+    def mass(self) -> csr_array:
         """Mass matrix of the measured region, one component, shape [nodes, nodes]."""
         return mass_matrix(self.sheet.mesh, self.data.cells)
 
@@ -243,7 +243,7 @@ def relative_deviation(change: FloatArray, sigma: FloatArray | float, constants:
     return np.asarray(np.sqrt(variance(change, sigma)) / np.abs(constants))
 
 
-def smoothed(mass: csr_matrix, change: FloatArray) -> FloatArray:
+def smoothed(mass: csr_array, change: FloatArray) -> FloatArray:
     """Sensitivity as a field, Eqs. (K.26, K.27).
 
     Its integral with a disturbance is the change of the constants.
@@ -253,7 +253,7 @@ def smoothed(mass: csr_matrix, change: FloatArray) -> FloatArray:
     """
     inside = np.flatnonzero(mass.diagonal() > 0.0)
     field = np.zeros_like(change)
-    solver = splu(csc_matrix(mass[inside][:, inside]))
+    solver = splu(csc_array(mass[inside][:, inside]))
     field[:, inside] = solver.solve(np.ascontiguousarray(change[:, inside].T)).T
     return field
 
@@ -275,7 +275,7 @@ class BeforeTest:
     """True if a combination of constants affects no displacement. Eigenvectors are then used."""
 
 
-def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> BeforeTest:
+def before_test(slopes: FloatArray, mass: csr_array, constants: FloatArray) -> BeforeTest:
     """Map of the places at which a displacement would constrain the constants most, Eqs. (K.28-36).
 
     The model is assumed correct, u = u_msr. The curvature is then that of Eq. (K.30). The constants are

@@ -24,12 +24,13 @@ from kolsky.bodies.specimen_constants import POISSON, Constants, solid_of
 from kolsky.bodies.specimen_reading import Specification, read_constants
 from kolsky.bodies.specimen_schema import FieldSection
 from kolsky.bodies.specimen_studies import Expected, plan
+from kolsky.equilibrium.elements import ELEMENTS, element
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.solid import Solid
 from kolsky.readers.meshes import GmshMesh, read_gmsh
 from kolsky.readers.table import Column, read_table
 
-KINDS = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8", 9: "quad9"}
+KINDS = {one.n_nodes: one.name for one in ELEMENTS.values() if one.dimension == 2}
 """Element type by the number of its points."""
 
 
@@ -192,13 +193,6 @@ def _sheet(
     return sheet, constants
 
 
-MIRRORED = {
-    "tri3": (0, 2, 1), "quad4": (0, 3, 2, 1), "tri6": (0, 2, 1, 5, 4, 3), "quad8": (0, 3, 2, 1, 7, 6, 5, 4),
-    "quad9": (0, 3, 2, 1, 7, 6, 5, 4, 8),
-}  # fmt: skip
-"""Order of the nodes that reverses a cell, by its element."""
-
-
 def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
     """Cells with counter-clockwise node order, and the number of reversed cells.
 
@@ -210,7 +204,8 @@ def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int
     area = 0.5 * (corners[..., 0] * later[..., 1] - corners[..., 1] * later[..., 0]).sum(axis=1)
     clockwise = area < 0.0
     turned = cells.copy()
-    turned[clockwise] = cells[clockwise][:, list(MIRRORED[kind])]
+    nodes = element(kind).nodes  # a mirrored cell has its reference coordinates swapped
+    turned[clockwise] = cells[clockwise][:, (nodes[:, None] == nodes[:, ::-1]).all(axis=2).argmax(axis=0)]
     return turned, int(clockwise.sum())
 
 

@@ -25,9 +25,12 @@ from typing import Literal
 import numpy as np
 
 from explicit.materials import LAWS, AnyLaw
+from explicit.materials.law import ParameterSpec
 from explicit.materials.volumetric import bulk_modulus
+from explicit.relaxation import uniaxial_stress
 from kolsky.base.arrays import FloatArray
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, Solid, bulk, polynomial
+from kolsky.material.uniaxial import CurveBand
 
 POISSON = "poisson"
 """Name of Poisson's ratio among the constants."""
@@ -42,32 +45,23 @@ DIFFERENCE = 1e-6
 """Relative step of the derivatives of the map from fitted constants to those of the energy."""
 
 
-@dataclass(frozen=True)
-class ConstantSpec:
-    """A constant of a law that may be fitted."""
-
-    name: str
-    unit: str
-    """ "Pa" or "1"."""
-    lower: float
-    upper: float
-
-
-def constants_of(law: str) -> tuple[ConstantSpec, ...]:
+def constants_of(law: str) -> tuple[ParameterSpec, ...]:
     """Constants of a law by name, Poisson's ratio last.
 
     Raises ValueError if there is no such law. The message lists the available laws.
     """
-    poisson = ConstantSpec(POISSON, "1", 0.0, LARGEST_POISSON)
+    poisson = ParameterSpec(POISSON, "1", 0.0, LARGEST_POISSON, 0.45, "Poisson's ratio at rest")
     if law == COUPLED:
-        return ConstantSpec(YOUNG, "Pa", 0.0, np.inf), poisson
+        return ParameterSpec(YOUNG, "Pa", 0.0, np.inf, 1e5, "Young's modulus at rest"), poisson
     known = LAWS.get("yeoh" if law == YEOH_D else law)
     if known is None:
         raise ValueError(f"law must be one of {', '.join(sorted([*LAWS, COUPLED, YEOH_D]))}, got {law!r}")
-    own = [ConstantSpec(s.name, s.unit, s.lower, s.upper) for s in known.PARAMETERS]
-    if law == YEOH_D:
-        own += [ConstantSpec(name, "Pa", 0.0, np.inf) for name in ("D2", "D3")]
-    return (*own, poisson)
+    more = ("D2", "D3") if law == YEOH_D else ()
+    return (
+        *known.PARAMETERS,
+        *(ParameterSpec(name, "Pa", 0.0, np.inf, 0.0, "volumetric modulus") for name in more),
+        poisson,
+    )
 
 
 def solid_of(law: str, values: Mapping[str, float]) -> Solid:
@@ -117,14 +111,14 @@ class Constants:
                 )
 
     @property
-    def specs(self) -> tuple[ConstantSpec, ...]:
+    def specs(self) -> tuple[ParameterSpec, ...]:
         """All constants."""
         own = constants_of(self.law)
         further = (replace(spec, name=f"{name}.{spec.name}") for name in self.regions for spec in own)
         return (*own, *further)
 
     @property
-    def free_specs(self) -> tuple[ConstantSpec, ...]:
+    def free_specs(self) -> tuple[ParameterSpec, ...]:
         """The free constants, in their order."""
         known = {spec.name: spec for spec in self.specs}
         return tuple(known[name] for name in self.free)
@@ -173,14 +167,14 @@ class Constants:
         the energy's constants times this matrix. It uses central differences of the closed form. A difference
         is one-sided if the point on the other side is invalid.
         """
-        return self._differences(
+        return self.differences(
             free, DIFFERENCE, lambda at: np.concatenate([solid.parameters() for solid in self.solids(at)])
         )
 
-    def _differences(
+    def differences(
         self, free: Sequence[float] | FloatArray, share: float, value: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Central differences of a value by the free constants.
+        """Central differences of a value of shape [n] by the free constants, shape [n, n_free].
 
         The steps are the given shares of their sizes. A difference is one-sided if the point on the other
         side is invalid.
@@ -209,33 +203,12 @@ class Constants:
 
         A difference is one-sided if the point on the other side is invalid.
         """
-        whole = self._differences(free, _SECOND_DIFFERENCE, self.chain)
+        whole = self.differences(free, _SECOND_DIFFERENCE, self.chain)
         return np.asarray(0.5 * (whole + np.swapaxes(whole, 1, 2)))
 
 
 POINTS = 41
 """Number of points of the curve, with the point at rest."""
-SLOPE_STEP = 1e-5
-"""Relative step of the slopes by the constants."""
-
-
-@dataclass(frozen=True)
-class LawCurve:
-    """Nominal stress of a fitted law as a function of nominal strain."""
-
-    branch: Literal["tension", "compression"]
-    """Tension or compression."""
-    strain: FloatArray
-    """Nominal, tension positive [-], shape [n]."""
-    stress: FloatArray
-    """Nominal, tension positive [Pa], shape [n]."""
-    modes: FloatArray
-    """Standard deviations that are common to all points [Pa], shape [modes, n]."""
-
-    @property
-    def sigma(self) -> FloatArray:
-        """Standard uncertainty of each stress [Pa], shape [n]."""
-        return np.asarray(np.sqrt((self.modes**2).sum(axis=0)))
 
 
 def _incompressible_law(constants: Constants, free: FloatArray) -> AnyLaw:
@@ -247,55 +220,30 @@ def _incompressible_law(constants: Constants, free: FloatArray) -> AnyLaw:
     return kind.of([values[spec.name] for spec in kind.PARAMETERS])
 
 
-def uniaxial_stress(law: AnyLaw, stretch: FloatArray) -> FloatArray:
-    """Nominal stress of the incompressible law under uniaxial load [Pa], shape [n]."""
-    slope, side, _ = law.principal(stretch, stretch**-0.5, stretch**-0.5)
-    return np.asarray(slope - side * stretch**-1.5)
-
-
 def law_curve(
     constants: Constants,
     covariance: FloatArray,
     *,
     branch: Literal["tension", "compression"],
     largest_strain: float,
-) -> LawCurve:
-    """The curve of a fitted law with the uncertainty of its constants.
+) -> CurveBand:
+    """The curve of a fitted law, positive along its branch, with the uncertainty of its constants.
 
     ``constants``: the fitted law. ``covariance``: of its free constants, SI, shape [p, p]. It is not finite
     if unknown; the curve then has no modes. ``branch``, ``largest_strain``: tension or compression, and the
     largest nominal strain, > 0 and in compression < 1.
     """
-    end = 1.0 + largest_strain if branch == "tension" else 1.0 - largest_strain
-    stretch = np.linspace(1.0, end, POINTS)
+    side = 1.0 if branch == "tension" else -1.0
+    stretch = np.linspace(1.0, 1.0 + side * largest_strain, POINTS)
     free = constants.start
-    stress = uniaxial_stress(_incompressible_law(constants, free), stretch)
+    stress = side * uniaxial_stress(_incompressible_law(constants, free), stretch)
+    band = CurveBand(side * (stretch - 1.0), stress, np.zeros(POINTS), np.zeros((0, POINTS)), ())
     if not np.isfinite(covariance).all():
-        return LawCurve(branch, stretch - 1.0, stress, np.zeros((0, POINTS)))
+        return band
     values, vectors = np.linalg.eigh(covariance)
-    slopes = []
-    for j in range(len(free)):
-        step = SLOPE_STEP * max(abs(free[j]), 1e-3 * constants.scales[j])
-        moved = free.copy()
-        moved[j] += step
-        slopes.append((uniaxial_stress(_incompressible_law(constants, moved), stretch) - stress) / step)
-    modes = (vectors * np.sqrt(np.maximum(values, 0.0))).T @ np.array(slopes)
-    kept = np.abs(modes).max(axis=1) > 0.0
-    return LawCurve(branch, stretch - 1.0, stress, modes[kept])
-
-
-def shot_lines(curve: LawCurve, file: str) -> str:
-    """The lines of a shot.toml that declare the curve as its [curve]."""
-    lines = [
-        "[curve]",
-        f'file = "{file}"',
-        'strain = { column = "strain", unit = "1" }',
-        'stress = { column = "stress (Pa)", unit = "Pa" }',
-        'convention = "tension positive"',
-        f'branch = "{curve.branch}"',
-    ]
-    if len(curve.modes):
-        lines.append('modes = { prefix = "mode", unit = "Pa" }')
-    else:
-        lines.append('relative_sigma = ""  # fill in: the constants have no covariance')
-    return "\n".join(lines) + "\n"
+    slopes = constants.differences(
+        free, DIFFERENCE, lambda at: side * uniaxial_stress(_incompressible_law(constants, at), stretch)
+    )
+    modes = (vectors * np.sqrt(np.maximum(values, 0.0))).T @ slopes.T
+    kept = modes[np.abs(modes).max(axis=1) > 0.0]
+    return replace(band, modes=kept, names=("constants",) * len(kept))

@@ -35,6 +35,7 @@ from kolsky.bodies.errors_in_variables import (
 )
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_model import SpecimenModel
+from kolsky.material.fits.fit import inflation, neighbour_correlation
 
 LEVEL = 0.95
 """Probability of the intervals."""
@@ -48,8 +49,6 @@ _BROAD = 0.5
 [-]."""
 EXPLAINED = 1e-3
 """Below this probability of a larger chi-square, the law does not explain the data."""
-_LARGEST_NEIGHBOUR = 0.9
-"""Upper limit for the correlation of neighbours. Above it, the factor would be unbounded."""
 
 
 class ConstantVerdict(Enum):
@@ -144,12 +143,6 @@ def correlation_of(covariance: FloatArray) -> FloatArray:
     return np.asarray(correlation)
 
 
-def neighbour_correlation(residual: FloatArray) -> float:
-    """Correlation of neighbours in one series of residuals about zero [-]."""
-    total = float(residual @ residual)
-    return float(residual[1:] @ residual[:-1]) / total if total > 0.0 and len(residual) > 2 else 0.0
-
-
 def intervals(
     names: tuple[str, ...],
     values: FloatArray,
@@ -190,12 +183,6 @@ def intervals(
         for j in range(p)
     )
     return Intervals(estimates, covariance, scale, alike, degrees, probability)
-
-
-def inflation(alike: float) -> float:
-    """Variance of an estimate with correlated residuals, divided by that with independent ones, >= 1 [-]."""
-    rho = min(max(alike, 0.0), _LARGEST_NEIGHBOUR)
-    return (1.0 + rho) / (1.0 - rho)
 
 
 def _estimate(

@@ -376,29 +376,11 @@ class SpecimenModel:
 
 
 def strains(solution: Solution, step: int) -> tuple[FloatArray, FloatArray]:
-    """Normal strains F_ii - 1 at the Gauss points along the coordinate axes, with their volumes.
+    """Normal strains F_ii - 1 along the coordinate axes at the Gauss points [-], shape [m, g, 3].
 
-    Parameters
-    ----------
-    solution
-        Equilibria of a three-dimensional model.
-    step
-        Which.
-
-    Returns
-    -------
-    strain
-        F_ii - 1 [-], shape [m, g, 3].
-    volume
-        Volume of each point in the reference state [m^3], shape [m, g].
+    The volumes of the points in the reference state [m^3], shape [m, g], are returned too. ``solution``:
+    equilibria of a three-dimensional model. ``step``: which.
     """
-    model = solution.model
-    element = model.mesh.element
-    points, weights = element.rule(model.gauss or element.gauss)
-    gradients = element.gradients(points)
-    corners = model.mesh.points[model.mesh.cells]
-    jacobian = np.einsum("gkj,mki->mgij", gradients, corners)
-    moved = np.einsum("gkj,mki->mgij", gradients, corners + solution.displacements[step][model.mesh.cells])
-    deformation = moved @ np.linalg.inv(jacobian)
-    strain = np.einsum("mgii->mgi", deformation) - 1.0
-    return strain, np.abs(np.linalg.det(jacobian)) * weights
+    geometry = solution.equations.body.points.geometry
+    moved = solution.displacements[step][solution.model.mesh.cells]
+    return np.einsum("mki,mgki->mgi", moved, geometry.E), geometry.volumes

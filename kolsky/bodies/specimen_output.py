@@ -9,12 +9,14 @@ import numpy as np
 from kolsky.base.files import columns_of, jsonable, write_table, write_tables
 from kolsky.base.hdf5 import creating, group, put, put_text
 from kolsky.bodies.sheet_fit import FieldFit
-from kolsky.bodies.specimen_constants import LawCurve, law_curve, shot_lines
+from kolsky.bodies.specimen_constants import law_curve
 from kolsky.bodies.specimen_fit import SpecimenFit
 from kolsky.bodies.specimen_model import AXES
 from kolsky.bodies.specimen_studies import Expected, StudyRow, cross_table
 from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.equilibrium.meshes import Mesh
+from kolsky.material.reference_curve import curve_columns, curve_table
+from kolsky.material.uniaxial import CurveBand
 
 VERSION = 1
 """Version of the layout of the HDF5 file."""
@@ -83,7 +85,10 @@ def write_fits(folder: Path, fits: Sequence[SpecimenFit]) -> None:
             "# Use one of the two, with its file in the folder of shot.toml. The tests reached "
             f"{100.0 * pull:.3g} % in tension and {100.0 * push:.3g} % in compression.\n\n"
         )
-        lines = [shot_lines(curve, f"{name}.csv") for name, curve in _law_curves(found).items()]
+        lines = [
+            curve_table(f"{name}.csv", curve, compression=name.endswith("_compression"))
+            for name, curve in _law_curves(found).items()
+        ]
         (folder / "curves" / f"{found.name}_shot.toml").write_text(said + "\n".join(lines), encoding="utf-8")
     _write_hdf5(folder / "specimen.h5", fits)
 
@@ -93,8 +98,7 @@ def tables(*fits: SpecimenFit) -> dict[str, dict[str, Any]]:
     curves: dict[str, dict[str, Any]] = {}
     for found in fits:
         for name, curve in _law_curves(found).items():
-            modes = {f"mode {k + 1} (Pa)": mode for k, mode in enumerate(curve.modes)}
-            curves[f"curves/{name}"] = {"strain": curve.strain, "stress (Pa)": curve.stress, **modes}
+            curves[f"curves/{name}"] = curve_columns(curve)
     return {
         "constants": columns_of(row for found in fits for row in _constant_rows(found)),
         "forces": columns_of(row for found in fits for row in _force_rows(found)),
@@ -149,7 +153,7 @@ def largest_strains(found: SpecimenFit) -> tuple[float, float]:
     return max(pulls), max(pushes)
 
 
-def _law_curves(found: SpecimenFit) -> dict[str, LawCurve]:
+def _law_curves(found: SpecimenFit) -> dict[str, CurveBand]:
     """The fitted law as curves of both branches, by the names of their tables."""
     constants, covariance = found.constants, found.intervals.covariance
     pull, push = largest_strains(found)

@@ -15,7 +15,7 @@ import numpy as np
 
 from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
-from kolsky.bodies.errors_in_variables import Linearised, Samples, reduce
+from kolsky.bodies.errors_in_variables import Samples, reduce
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_fit import SlowTest, SpecimenFit, correlation_of, fit
 from kolsky.bodies.specimen_model import SpecimenModel
@@ -164,14 +164,14 @@ def slopes(
     schedules: Mapping[str, FloatArray],
     noise: Mapping[str, tuple[float, float]],
     constants: Constants,
-) -> tuple[dict[str, FloatArray], dict[str, float], dict[str, Linearised]]:
-    """Simulate every planned test once.
+) -> tuple[dict[str, FloatArray], dict[str, float]]:
+    """Simulate every planned test once, for the whitened slopes and the largest force of `plan`.
 
     ``models``: specimens by name. ``schedules``: displacements of their ends [m], shape [n, ends]. ``noise``:
     sigma of displacement [m] and of force [N]. ``constants``: the constants at which the tests are planned.
     Raises ValueError if a simulation fails.
     """
-    whitened, forces, responses = {}, {}, {}
+    whitened, forces = {}, {}
     for name, model in models.items():
         answer = model.linearised(constants, constants.start, schedules[name])
         if isinstance(answer, str):
@@ -179,8 +179,7 @@ def slopes(
         samples = Samples(schedules[name], answer.force, *noise[name])
         whitened[name] = reduce(samples, schedules[name], answer).jacobian
         forces[name] = float(np.abs(answer.force).max())
-        responses[name] = answer
-    return whitened, forces, responses
+    return whitened, forces
 
 
 def plan(

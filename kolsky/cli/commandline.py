@@ -95,7 +95,6 @@ BROUGHT_BY = {
     "emcee": "kolsky[bayes]",
     "distributed": "kolsky[cluster]",
     "pyamg": "kolsky[amg]",
-    "pypardiso": "kolsky[pardiso]",
 }
 """Name for pip of the distribution, or the extra of this package, that provides a module."""
 FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}

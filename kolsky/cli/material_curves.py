@@ -255,7 +255,8 @@ def reference_curve(
 
                 save_figures(partial / f"{names[pull]}_figures", curve, formats=figures)
         other = f"{names['conditioned']}.csv" if conditioned else None
-        table = curves.curve_table(out.name, made["first"], other)
+        first = made["first"]
+        table = curves.curve_table(out.name, first.band, compression=first.compression, conditioned=other)
         (partial / f"{out.stem}.toml").write_text(table, encoding="utf-8")
     rows: dict[str, Any] = {}
     for pull, curve in made.items():

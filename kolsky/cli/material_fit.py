@@ -460,7 +460,7 @@ def material_healing(
     Writes healing.json and healing.csv, and healing_specimens.csv with every specimen's properties.
     """
     from explicit.materials import LAWS
-    from kolsky.base.files import columns_of, filling, usable_folder, write_json, write_table
+    from kolsky.base.files import columns_of, filling, jsonable, usable_folder, write_json, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material.fits.properties import healing
 
@@ -477,7 +477,8 @@ def material_healing(
         "inputs": {"undamaged": groups[0][1], "healed": groups[1][1]},
         "law": law,
         "properties": {
-            name: _json(asdict(row)) | {"unit": result.units[name]} for name, row in result.rows.items()
+            name: {**jsonable(asdict(row), name), "unit": result.units[name]}
+            for name, row in result.rows.items()
         },
         "specimens": {
             "undamaged": {one.name: one.values for one in result.undamaged},
@@ -498,25 +499,21 @@ def material_healing(
     )
 
 
-def _json(value: Any) -> Any:
-    """Numbers for JSON. An unknown number is null."""
-    if isinstance(value, dict):
-        return {name: _json(part) for name, part in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _table(result: "Healing") -> dict[str, list[Any]]:
+    from kolsky.base.files import jsonable
+
     rows = result.rows.items()
-    return {
+    whole = {
         "property": [name for name, _ in rows],
         "unit": [result.units[name] for name, _ in rows],
         "undamaged": [row.undamaged.value for _, row in rows],
-        "u undamaged": [_json(row.undamaged.sigma) for _, row in rows],
+        "u undamaged": [row.undamaged.sigma for _, row in rows],
         "healed": [row.healed.value for _, row in rows],
-        "u healed": [_json(row.healed.sigma) for _, row in rows],
+        "u healed": [row.healed.sigma for _, row in rows],
         "healing efficiency (1)": [row.efficiency.value for _, row in rows],
-        "u efficiency (1)": [_json(row.efficiency.sigma) for _, row in rows],
+        "u efficiency (1)": [row.efficiency.sigma for _, row in rows],
     }
+    return {name: jsonable(column, name) for name, column in whole.items()}
 
 
 def _specimen_rows(result: "Healing") -> Iterator[dict[str, Any]]:

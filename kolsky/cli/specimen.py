@@ -326,7 +326,7 @@ def _plan_tests(read: "Specification", names: tuple[str, ...]) -> "list[Expected
         for name in used
     }
     with read.toml.refusing("tests", "cannot be simulated"):
-        whitened, forces, _ = slopes(
+        whitened, forces = slopes(
             {name: read.models[name] for name in used},
             {name: read.schedule(name) for name in used},
             noise,

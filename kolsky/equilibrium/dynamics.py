@@ -154,8 +154,6 @@ class Motion:
     """Times [s], the first 0, shape [n + 1]."""
     displacements: FloatArray
     """Displacements [m], shape [n + 1, n_points, d]."""
-    velocities: FloatArray
-    """Velocities [m/s], of the same shape."""
     forces: FloatArray
     """Forces of supports on the points [N], of the same shape: internal and inertial forces minus weight and
     pressure. They are 0 at the start."""
@@ -248,11 +246,10 @@ def march(
         if relaxing is not None:
             relaxing.accept(state.body)
         found.append(now)
-    moved, velocity = np.full(shape, np.nan), np.full(shape, np.nan)
-    for k, one in enumerate(found):
-        moved[k], velocity[k] = one.u.reshape(shape[1:]), one.v.reshape(shape[1:])
+    moved = np.full(shape, np.nan)
+    moved[: len(found)] = np.reshape([one.u for one in found], (len(found), *shape[1:]))
     time = np.asarray(dt * np.arange(n + 1), dtype=np.float64)
-    return Motion(model, time, moved, velocity, forces, outcome, len(found))
+    return Motion(model, time, moved, forces, outcome, len(found))
 
 
 def _at_rest(equations: Equations, state: State, masses: FloatArray, u: FloatArray) -> Instant:

@@ -149,18 +149,18 @@ class Equations:
                 np.add.at(elements, cells, -state.at[name] * by)
         return elements
 
-    def stiffness(self, state: State, *, held: bool = False, single: bool = False) -> FloatArray:
+    def stiffness(self, state: State, *, single: bool = False) -> FloatArray:
         """Tangent of the residual, for each element [N/m], shape [m, k d, k d].
 
-        `held` fixes points in contact on their surface. Derivatives of the solution need this. `single`:
-        single precision, for factors that only guide an iteration.
+        `single`: single precision, for factors that only guide an iteration.
         """
-        return self.with_contact(self.carried_stiffness(state, single=single), state, held=held)
+        return self.with_contact(self.carried_stiffness(state, single=single), state, held=False)
 
     def with_contact(self, elements: FloatArray, state: State, *, held: bool) -> FloatArray:
         """Element matrices with the stiffness of the points in contact.
 
-        Without points in contact, the unchanged array.
+        `held` fixes these points on their surface. Derivatives of the solution need this. Without points in
+        contact, the unchanged array is returned.
         """
         if self.contacts:
             elements = elements.copy()

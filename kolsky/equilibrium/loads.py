@@ -56,7 +56,7 @@ class RigidContact:
         across = spacing if model.kinematics == "3d" else _across(model)
         usual = CONTACT_STIFFNESS * model.solid.shear_modulus * across
         self.stiffness = usual if surface.stiffness is None else surface.stiffness
-        self.cells = _cell_with(model.mesh.cells, self.nodes)
+        self.cells = cell_with(model.mesh.cells, self.nodes)
 
     def place(self, u: FloatArray, at: Mapping[str, float]) -> "Place":
         """Gaps, normals and curvature of the surface at the points, with histories at given values."""
@@ -124,7 +124,7 @@ def _across(model: Model) -> float:
     return model.thickness
 
 
-def _cell_with(cells: IntArray, nodes: IntArray) -> IntArray:
+def cell_with(cells: IntArray, nodes: IntArray) -> IntArray:
     """For each point, a cell that contains it."""
     of = np.full(int(cells.max()) + 1, -1)
     of[cells.ravel()] = np.repeat(np.arange(len(cells)), cells.shape[1])
@@ -233,22 +233,30 @@ def nodal_forces(model: Model, at: Mapping[str, float]) -> FloatArray:
     return flat
 
 
+def sizes(tangents: FloatArray) -> FloatArray:
+    """Areas (lengths) of tangents [..., d - 1, d]."""
+    if tangents.shape[-1] == 3:
+        return np.asarray(np.linalg.norm(np.cross(tangents[..., 0, :], tangents[..., 1, :]), axis=-1))
+    return np.asarray(np.linalg.norm(tangents[..., 0, :], axis=-1))
+
+
+def face_areas(
+    model: Model, X: FloatArray, values: FloatArray, slopes: FloatArray, weights: FloatArray
+) -> FloatArray:
+    """Undeformed area of each point of faces [m2], shape [f, g]."""
+    area = weights * sizes(np.einsum("gkt,fkd->fgtd", slopes, X))
+    if model.kinematics == "axisymmetric":
+        return np.asarray(area * 2.0 * np.pi * np.einsum("gk,fk->fg", values, X[..., 0]))
+    return np.asarray(area if model.dimension == 3 else area * model.thickness)
+
+
 def areas(model: Model, where: str) -> FloatArray:
     """Undeformed area of each point in a set's faces: integrals of the shape functions [m2], shape [n]."""
     total = np.zeros(len(model.mesh.points))
     for faces in faces_on(model.mesh, where, model.gauss):
         nodes = model.mesh.cells[faces.cells]
-        X = model.mesh.points[nodes]
-        tangents = np.einsum("gkt,fkd->fgtd", faces.slopes, X)
-        if X.shape[2] == 3:
-            area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=-1)
-        else:
-            area = np.linalg.norm(tangents[:, :, 0], axis=-1)
-            if model.kinematics == "axisymmetric":
-                area = area * (2.0 * np.pi * np.einsum("gk,fk->fg", faces.values, X[..., 0]))
-            else:
-                area = area * model.thickness
-        np.add.at(total, nodes, np.einsum("g,gk,fg->fk", faces.weights, faces.values, area))
+        area = face_areas(model, model.mesh.points[nodes], faces.values, faces.slopes, faces.weights)
+        np.add.at(total, nodes, area @ faces.values)
     return total
 
 

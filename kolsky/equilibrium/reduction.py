@@ -98,23 +98,16 @@ class Sample:
     """True if the tolerance was reached."""
 
 
-def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sample:
+def choose(G: FloatArray, *, tolerance: float) -> Sample:
     """Choose elements and weights, Eq. (R.2).
 
-    Parameters
-    ----------
-    G : array, shape [n, m]
-        Contributions of the m elements.
-    tolerance : float
-        tau, in (0, 1).
-    most : int, optional
-        Maximum number of elements.
+    ``G``: contributions of the m elements, shape [n, m]. ``tolerance``: tau, in (0, 1).
     """
     if not 0.0 < tolerance < 1.0:
         raise ValueError(f"tolerance must be in (0, 1), got {tolerance}")
     b = G.sum(axis=1)
     size = float(np.linalg.norm(b))
-    limit = min(G.shape) if most is None else min(most, *G.shape)
+    limit = min(G.shape)
     sizes = np.linalg.norm(G, axis=0)
     w = np.zeros(G.shape[1])
     active: list[int] = []
@@ -285,7 +278,6 @@ def reduce(
     modes: int,
     tolerance: float,
     gravity: str | None = None,
-    most: int | None = None,
 ) -> ReducedModel:
     """Make a reduced model from equilibria of one model.
 
@@ -299,14 +291,12 @@ def reduce(
         Tolerance for choosing the elements, Eq. (R.2).
     gravity : str, optional
         History of the weight's factor.
-    most : int, optional
-        Maximum number of elements.
     """
     model = solutions[0].model
     snapshots = np.concatenate([s.displacements[: s.reached].reshape(s.reached, -1) for s in solutions])
     basis = decompose(snapshots, min(modes, independent(snapshots)))
     G = shares(model, basis, snapshots)
-    return ReducedModel(model, basis, choose(G, tolerance=tolerance, most=most), gravity=gravity)
+    return ReducedModel(model, basis, choose(G, tolerance=tolerance), gravity=gravity)
 
 
 def shares(model: Model, basis: Basis, snapshots: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 from explicit.arrays import BoolArray, FloatArray, IntArray
 from kolsky.equilibrium.elements import Element, complete, tensor
-from kolsky.equilibrium.loads import faces_on
+from kolsky.equilibrium.loads import face_areas, faces_on, sizes
 from kolsky.equilibrium.model import Model, SelfContact
 
 OUTSIDE = 0.01
@@ -89,23 +89,6 @@ def normals(tangents: FloatArray) -> FloatArray:
     return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True))
 
 
-def sizes(tangents: FloatArray) -> FloatArray:
-    """Areas (lengths) of tangents [..., d - 1, d]."""
-    if tangents.shape[-1] == 3:
-        return np.asarray(np.linalg.norm(np.cross(tangents[..., 0, :], tangents[..., 1, :]), axis=-1))
-    return np.asarray(np.linalg.norm(tangents[..., 0, :], axis=-1))
-
-
-def areas(
-    model: Model, X: FloatArray, values: FloatArray, slopes: FloatArray, weights: FloatArray
-) -> FloatArray:
-    """Undeformed area of each point [m2], shape [f, g]."""
-    area = weights * sizes(np.einsum("gkt,fkd->fgtd", slopes, X))
-    if model.kinematics == "axisymmetric":
-        return np.asarray(area * 2.0 * np.pi * np.einsum("gk,fk->fg", values, X[..., 0]))
-    return np.asarray(area if model.dimension == 3 else area * model.thickness)
-
-
 def _inside_face(item: Element, places: FloatArray) -> BoolArray:
     """True for positions in a face, or at most `OUTSIDE` outside it, shape [t]."""
     if item.shape == "hypercube" or item.dimension == 1:
@@ -157,7 +140,7 @@ class SurfaceContact:
         self.values = self.element.values(points)
         slopes = self.element.gradients(points)
         X = model.mesh.points[self.first]
-        self.areas = areas(model, X, self.values, slopes, weights).ravel()
+        self.areas = face_areas(model, X, self.values, slopes, weights).ravel()
         lengths = sizes(np.einsum("gkt,fkd->fgtd", slopes, X)) @ weights
         self.size = float(np.mean(lengths)) ** (1.0 / (d - 1))
         self.stiffness = 0.5 * condition.penalty * model.solid.shear_modulus / self.size

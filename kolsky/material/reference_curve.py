@@ -332,9 +332,9 @@ def read_uniaxial_test(
     return test, digest
 
 
-def curve_columns(made: ReferenceCurve) -> dict[str, list[float]]:
+def curve_columns(made: ReferenceCurve | CurveBand) -> dict[str, list[float]]:
     """A table that `[curve]` of a shot.toml reads, strain and stress positive along the branch."""
-    band = made.band
+    band = made if isinstance(made, CurveBand) else made.band
     modes = {
         f"{MODE} {number}: {name} (Pa)": row.tolist()
         for number, (name, row) in enumerate(zip(band.names, band.modes, strict=True), start=1)
@@ -366,9 +366,10 @@ def write_modulus(path: Path, made: ReferenceCurve) -> None:
     )
 
 
-def curve_table(name: str, made: ReferenceCurve, conditioned: str | None) -> str:
+def curve_table(name: str, band: CurveBand, *, compression: bool, conditioned: str | None = None) -> str:
     """The table `[curve]` for a shot.toml that reads the curve."""
-    side = "compression" if made.compression else "tension"
+    side = "compression" if compression else "tension"
+    known = bool(band.names or band.noise.any())
     lines = [
         "[curve]",
         f'file = "{name}"',
@@ -376,8 +377,10 @@ def curve_table(name: str, made: ReferenceCurve, conditioned: str | None) -> str
         'stress = { column = "nominal stress (Pa)", unit = "Pa" }',
         f'convention = "{side} positive"',
         f'branch = "{side}"',
-        'sigma = { column = "independent sigma (Pa)", unit = "Pa" }',
-        *([f'modes = {{ prefix = "{MODE} ", unit = "Pa" }}'] if made.band.names else []),
+        'sigma = { column = "independent sigma (Pa)", unit = "Pa" }'
+        if known
+        else 'relative_sigma = ""  # fill in: the curve has no uncertainty',
+        *([f'modes = {{ prefix = "{MODE} ", unit = "Pa" }}'] if band.names else []),
         *([] if conditioned is None else [f'conditioned = "{conditioned}"']),
     ]
     return "\n".join(lines) + "\n"

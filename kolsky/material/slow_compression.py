@@ -1,6 +1,6 @@
 """Quasi-static compression by the explicit solver, slow enough for the declared error."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, pi, sqrt
 from pathlib import Path
@@ -47,47 +47,39 @@ class SlowNumerics:
 
 
 @dataclass(frozen=True)
-class SlowTests:
-    """Simulated tests at chosen strains, one row per test."""
+class SlowRun:
+    """A simulated test at chosen strains."""
 
     stress: FloatArray
-    """Mean force of both faces over the undeformed cross-section [Pa], shape [n_tests, n]."""
+    """Mean force of both faces over the undeformed cross-section [Pa], shape [n]."""
     bulge: FloatArray
-    """Radius at mid-height [m], shape [n_tests, n]."""
+    """Radius at mid-height [m], shape [n]."""
     kinetic_share: float
-    """Largest ratio of kinetic to elastic energy of any test, from `OUTSET` on [-]."""
+    """Largest ratio of kinetic to elastic energy, from `LEAST_COMPARED_STRAIN` on [-]."""
     face_difference: float
-    """Largest difference of the face forces divided by their mean, of any test, from `OUTSET` on [-]."""
+    """Largest difference of the face forces divided by their mean, from `LEAST_COMPARED_STRAIN` on [-]."""
     past_data: float
-    """Largest share of the specimen's volume that was strained past the curve, of any test [-]."""
+    """Share of the specimen's volume that was strained past the curve [-]."""
 
 
-def slow_tests(
-    laws: Sequence[MaterialLaw],
+def slow_run(
+    law: MaterialLaw,
     specimen: Specimen,
     strain: FloatArray,
     *,
     faces: str,
     side: str | None = None,
-    friction: FloatArray | float = 0.0,
-    numerics: SlowNumerics | None = None,
-) -> SlowTests:
-    """Compress one specimen of several materials slowly, in one batch.
+    friction: float = 0.0,
+    numerics: SlowNumerics,
+) -> SlowRun:
+    """Compress a specimen once; the arguments are those of `slow_compression`.
 
-    Raises ValueError if the strains are not ascending inside (0, 1), or if a simulation does not complete.
+    Raises ValueError if the strains are not ascending inside (0, 1), or if the simulation does not complete.
     The message gives outcome, time and place of its end.
-
-    ``laws``: a material for each test, all of one class, shape [n_tests]. ``specimen``: its undeformed size;
-    the density is not used. ``strain``: nominal compressive strains to record, ascending, > 0 [-], shape [n].
-    ``faces``: contact law of the faces, a name of `explicit.contact.CONTACT_LAWS`. ``side``: contact law of
-    the side surface; default: that of the faces. ``friction``: Coulomb's coefficient for the law "coulomb"
-    [-], scalar or shape [n_tests]. ``numerics``: mesh and duration.
     """
-    numerics = numerics or SlowNumerics()
     if strain.size < 2 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
         raise ValueError("strains of a slow test must ascend inside (0, 1), at least two of them")
-    modulus = 3.0 * min(law.initial_shear_modulus for law in laws)
-    passage = specimen.length / sqrt(modulus / DENSITY)
+    passage = specimen.length / sqrt(3.0 * law.initial_shear_modulus / DENSITY)
     duration = numerics.passages * passage
     motion = _motion(strain[-1] * specimen.length, duration)
     knots = np.linspace(0.0, duration, 20001)
@@ -99,7 +91,7 @@ def slow_tests(
                 specimen.radius, specimen.length, n_radial=n_radial, n_axial=n_axial, grading=numerics.grading
             ),
             density=DENSITY,
-            materials=tuple(laws),
+            materials=(law,),
             motions=(motion,),
             faces=faces,
             side=faces if side is None else side,
@@ -109,24 +101,27 @@ def slow_tests(
             mass_damping=DRAG / passage,
             damping=_VISCOSITY * passage,
             friction=friction,
-            material=np.arange(len(laws)),
         ),
         explicit.Sampling(force_times=times, surface_times=times),
         threads=numerics.threads,
     )
-    if not response.completed.all():
-        first = int(np.argmin(response.completed))
-        raise ValueError(f"the slow compression ended {response.describe(first)}")
-    force = 0.5 * (response.force_flyer + response.force_transmission)
+    if not response.completed[0]:
+        raise ValueError(f"the slow compression ended {response.describe(0)}")
+    flyer, transmission = response.force_flyer[0], response.force_transmission[0]
+    force = 0.5 * (flyer + transmission)
     seen = strain >= min(LEAST_COMPARED_STRAIN, strain[-1])
-    kinetic = response.energy.kinetic[:, seen] / response.energy.elastic[:, seen]
-    apart = np.abs(response.force_flyer - response.force_transmission)[:, seen] / np.abs(force[:, seen])
-    return SlowTests(
+    energy = response.energy
+    return SlowRun(
         stress=force / (pi * specimen.radius**2),
-        bulge=_at_mid_height(response.surface_r, response.surface_y),
-        kinetic_share=float(kinetic.max()),
-        face_difference=float(apart.max()),
-        past_data=float(response.extrapolated_share.max()),
+        bulge=np.array(
+            [
+                np.interp(0.5 * (y[0] + y[-1]), y, r)
+                for r, y in zip(response.surface_r[0], response.surface_y[0], strict=True)
+            ]
+        ),
+        kinetic_share=float((energy.kinetic[0, seen] / energy.elastic[0, seen]).max()),
+        face_difference=float((np.abs(flyer - transmission)[seen] / np.abs(force[seen])).max()),
+        past_data=float(response.extrapolated_share[0]),
     )
 
 
@@ -144,15 +139,6 @@ def _motion(stroke: float, duration: float) -> explicit.PlatenMotion:
         return np.asarray(speed * s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
 
     return explicit.PlatenMotion.sampled(position, velocity, start=0.0, end=duration, n_knots=4001)
-
-
-def _at_mid_height(r: FloatArray, y: FloatArray) -> FloatArray:
-    """Radius half-way between the platens, shape [n_tests, n]; both arrays [n_tests, n, n_nodes]."""
-    found = np.empty(r.shape[:2])
-    for place in np.ndindex(found.shape):
-        heights = y[place]
-        found[place] = np.interp(0.5 * (heights[0] + heights[-1]), heights, r[place])
-    return found
 
 
 FIRST = 60.0
@@ -180,9 +166,9 @@ class SlowCompression:
     durations: tuple[float, ...]
     """Durations of the runs [passages of a wave]. The last one is that of the result."""
     errors: tuple[float, ...]
-    """Largest error from `OUTSET` on in each run [-]. It is infinite for the first run, which has no earlier
-    run for comparison."""
-    test: SlowTests
+    """Largest error from `LEAST_COMPARED_STRAIN` on in each run [-]. It is infinite for the first run, which
+    has no earlier run for comparison."""
+    test: SlowRun
     """The last run: kinetic energy, difference of the faces, share past the data."""
 
 
@@ -219,8 +205,8 @@ def slow_compression(
     stiffness_factor
         Factor m on the law [-]. A static force is proportional to it.
     error
-        Requested relative error of the force from a strain of `OUTSET` on, in [1e-4, 0.1]. The error of the
-        mesh is not included.
+        Requested relative error of the force from a strain of `LEAST_COMPARED_STRAIN` on, in [1e-4, 0.1]. The
+        error of the mesh is not included.
     numerics
         Mesh, Poisson's ratio and threads. Its duration is the start of the search; default: `FIRST`.
     progress
@@ -233,9 +219,9 @@ def slow_compression(
     numerics = numerics or SlowNumerics(passages=FIRST)
     durations, errors = [numerics.passages], [float("inf")]
 
-    def run(passages: float) -> SlowTests:
+    def run(passages: float) -> SlowRun:
         made = replace(numerics, passages=passages)
-        return slow_tests([law], specimen, strain, faces=faces, side=side, friction=friction, numerics=made)
+        return slow_run(law, specimen, strain, faces=faces, side=side, friction=friction, numerics=made)
 
     before = run(durations[0])
     progress(durations[0], errors[0])
@@ -244,7 +230,7 @@ def slow_compression(
         durations.append(ceil(factor * durations[-1]))
         found = run(durations[-1])
         ratio = durations[-1] / durations[-2]
-        left = np.abs(before.stress[0] / found.stress[0] - 1.0) / (ratio - 1.0)
+        left = np.abs(before.stress / found.stress - 1.0) / (ratio - 1.0)
         errors.append(float(left[strain >= min(LEAST_COMPARED_STRAIN, strain[-1])].max()))
         progress(durations[-1], errors[-1])
         if errors[-1] <= error:
@@ -258,12 +244,12 @@ def slow_compression(
                 "unstable"
             )
         before = found
-    stress = stiffness_factor * found.stress[0]
+    stress = stiffness_factor * found.stress
     return SlowCompression(
         strain=strain,
         force=stress * pi * specimen.radius**2,
         stress=stress,
-        radius=found.bulge[0],
+        radius=found.bulge,
         error=left,
         durations=tuple(durations),
         errors=tuple(errors),

@@ -224,15 +224,6 @@ class Hold:
     last: float
     """Nominal stress at its end [Pa]."""
 
-    def remark(self, name: str) -> str:
-        """The remark on a curve without the hold."""
-        long = f"{self.samples} samples" if self.duration is None else f"{self.duration:.4g} s"
-        return (
-            f"{name}: its strain is held at {self.strain:.3g} for {long} and the stress goes from"
-            f" {1e-3 * self.first:.4g} to {1e-3 * self.last:.4g} kPa; this relaxation is not in the curve,"
-            " `kolsky material relaxation` reads it"
-        )
-
 
 def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold | None]:
     """A ramp that ends when its strain is reached, and the hold after it.
@@ -271,10 +262,15 @@ def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold |
 
 
 def remarks_of(name: str, hold: Hold | None) -> tuple[str, ...]:
-    """A hold in words, if the stress relaxes in it."""
+    """The remark on a curve without the hold, if the stress relaxes in it."""
     if hold is None or abs(hold.last - hold.first) <= LOSS * abs(hold.first):
         return ()
-    return (hold.remark(name),)
+    long = f"{hold.samples} samples" if hold.duration is None else f"{hold.duration:.4g} s"
+    return (
+        f"{name}: its strain is held at {hold.strain:.3g} for {long} and the stress goes from"
+        f" {1e-3 * hold.first:.4g} to {1e-3 * hold.last:.4g} kPa; this relaxation is not in the curve,"
+        " `kolsky material relaxation` reads it",
+    )
 
 
 COVERAGE = 2.0
@@ -309,14 +305,6 @@ class CurveBand:
     def interval(self, k: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
         """Both ends of the band at each strain [Pa], shape [n] each."""
         return self.stress - k * self.sigma, self.stress + k * self.sigma
-
-    def draws(self, n: int, rng: np.random.Generator) -> FloatArray:
-        """Curves drawn from the band [Pa], shape [n, n_points]."""
-        return np.asarray(
-            self.stress
-            + rng.standard_normal((n, len(self.names))) @ self.modes
-            + self.noise * rng.standard_normal((n, self.stress.size))
-        )
 
     def times(self, factor: FloatArray | float) -> "CurveBand":
         """The curve and all its uncertainties multiplied by a factor, shape [n] or a number."""

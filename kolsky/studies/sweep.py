@@ -2,17 +2,15 @@
 
 No run is repeated.
 
-The design is made here, or read from a CSV file of parameter values with units in its header.
+The design is made here, or read from a table of parameter values with units in its header.
 """
 
-import csv
 import hashlib
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -24,20 +22,14 @@ from doe.ledger import ExecutorFactory, Ledger, LedgerError, Pace, Run, run_chun
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refused
-from kolsky.base.files import (
-    decode,
-    jsonable,
-    missing,
-    read_bytes,
-    remove_empty,
-    source_hash,
-)
+from kolsky.base.files import jsonable, missing, remove_empty, source_hash
 from kolsky.base.units import UnitError, quantity
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import PARAMETERS, any_slides, checked_value, parameter
 from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
 from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE, DesignTable, terms
 from kolsky.inverse.settings import Numerics
+from kolsky.readers.table import Column, read_table
 from kolsky.readers.text import full_match
 from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
@@ -299,80 +291,37 @@ HEADER = re.compile(r"\s*([a-z_]+)\s*(?:\(\s*([^()]+?)\s*\))?\s*")
 
 
 def read_design(path: Path) -> Design:
-    """Read a design from a CSV file.
+    """Read a design from a table with the header "stiffness_factor (1), damping (us)", one point per row.
 
-    It has a header "stiffness_factor (1), damping (us)", then one point per line.
-
-    A name without a unit is in SI. The design's box covers the values of each column.
+    A name without a unit is in SI. The design's box covers the values of each column. Raises InputError if
+    the file cannot be read, or if a column is no parameter or has a value that is not allowed.
     """
-    text = decode(path, read_bytes(path))
-    rows = csv.reader(StringIO(text, newline=""), strict=True)
-    points: list[list[float]] = []
-    try:
-        columns = _header(path, next(rows, []))
-        for row in rows:
-            if not row:
-                continue
-            if len(points) == MOST_RUNS:
-                raise InputError(path, "has too many points", allowed=f"at most {MOST_RUNS}")
-            points.append(_point(path, rows.line_num, row, columns))
-    except csv.Error as error:
-        raise InputError(
-            path,
-            f"cannot be read as a CSV file: {error}",
-            line=rows.line_num,
-            cure="give a text file with commas and a header",
-        ) from None
-    if len(points) < 2:
-        raise InputError(path, f"holds {len(points)} points", allowed="2 or more", cure="a point a line")
-    values = np.array(points)
-    for (name, _), column in zip(columns, values.T, strict=True):
+    table = read_table(path)
+    columns: dict[str, Column] = {}
+    for cell in table.header:
+        match = full_match(HEADER, cell)
+        cure = 'write NAME (UNIT), e.g. "damping (us)"; the names are those of --vary'
+        if match is None:
+            raise InputError(path, f"{cell[:60]!r} is no column", line=table.header_line, cure=cure)
+        name, unit = match[1], match[2]
+        with refused(path, line=table.header_line, cure=cure, errors=(ValueError, UnitError)):
+            si = parameter(name).unit
+            factor = 1.0 if unit is None or unit == si else quantity(f"1 {unit}", si)
+        if name in columns:
+            raise InputError(
+                path, f"{name} stands twice", line=table.header_line, cure="keep one of the columns"
+            )
+        columns[name] = Column(cell, factor)
+    count = len(table.sheet.rows)
+    if not 2 <= count <= MOST_RUNS:
+        raise InputError(path, f"holds {count} points", allowed=f"2 to {MOST_RUNS}", cure="a point a line")
+    values = np.column_stack([table.values(column) for column in columns.values()])
+    for name, column in zip(columns, values.T, strict=True):
+        for row, value in enumerate(column.tolist()):
+            with refused(path, line=table.first_line + row, cure="correct the value or its unit"):
+                checked_value(name, value)
         if column.min() == column.max():
             raise InputError(
                 path, f"{name} has one value only", cure=f"leave it out and hold it with -p {name}="
             )
-    box = Box(tuple(name for name, _ in columns), tuple(values.min(axis=0)), tuple(values.max(axis=0)))
-    return from_points(box, values)
-
-
-def _header(path: Path, cells: list[str]) -> list[tuple[str, float]]:
-    """Name and SI value of the unit of each column."""
-    columns: list[tuple[str, float]] = []
-    for cell in cells:
-        match = full_match(HEADER, cell)
-        if match is None:
-            raise InputError(
-                path, f"{cell[:60]!r} is no column", line=1, cure='write NAME (UNIT), e.g. "damping (us)"'
-            )
-        name, unit = match[1], match[2]
-        cure = 'write NAME (UNIT), e.g. "damping (us)"; the names are those of --vary'
-        with refused(path, line=1, cure=cure, errors=(ValueError, UnitError)):
-            si = parameter(name).unit
-            factor = 1.0 if unit is None or unit == si else quantity(f"1 {unit}", si)
-        if name in dict(columns):
-            raise InputError(path, f"{name} stands twice", line=1, cure="keep one of the columns")
-        columns.append((name, factor))
-    if not columns:
-        raise InputError(path, "has no header", cure='write NAME (UNIT), e.g. "damping (us)"')
-    return columns
-
-
-def _point(path: Path, line: int, row: list[str], columns: list[tuple[str, float]]) -> list[float]:
-    if len(row) != len(columns):
-        raise InputError(
-            path,
-            f"has {len(row)} values where the header has {len(columns)}",
-            line=line,
-            cure="give every point a value of each parameter",
-        )
-    point = []
-    for cell, (name, factor) in zip(row, columns, strict=True):
-        try:
-            number = float(cell)
-        except ValueError:
-            raise InputError(
-                path, f"{cell[:60]!r} is not a number ({name})", line=line, cure="mend it"
-            ) from None
-        with refused(path, line=line, cure="correct the value or its unit"):
-            point.append(checked_value(name, number * factor))  # refuses NaN too
-    return point
+    return from_points(Box(tuple(columns), tuple(values.min(axis=0)), tuple(values.max(axis=0))), values)

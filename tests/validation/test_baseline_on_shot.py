@@ -15,7 +15,7 @@ from kolsky.inverse.result import Estimate
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
 from kolsky.material.reference_curve import ReferenceCurve, Treatment, reference_curve
-from kolsky.material.slow_compression import SlowNumerics, slow_tests
+from kolsky.material.slow_compression import SlowNumerics, slow_run
 from kolsky.material.uniaxial import CurveBand, UniaxialTest
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
@@ -54,8 +54,8 @@ def bonded_tests() -> Compared:
     """Make the tests from the shot's own curve, bonded ends, on a mesh that the correction does not use."""
     shot = load_shot(OPEN_01)
     size = Specimen(shot.specimen.diameter, shot.specimen.length, shot.specimen.density)
-    made = slow_tests(
-        [material_law(shot.curve)],
+    made = slow_run(
+        material_law(shot.curve),
         size,
         STRAIN,
         faces="bonded",
@@ -66,7 +66,7 @@ def bonded_tests() -> Compared:
         UniaxialTest(
             name=f"specimen {number}",
             strain=STRAIN,
-            stress=factor * made.stress[0] * (1.0 + NOISE * rng.standard_normal(STRAIN.size)),
+            stress=factor * made.stress * (1.0 + NOISE * rng.standard_normal(STRAIN.size)),
             compression=True,
         )
         for number, factor in enumerate(SPECIMENS, start=1)

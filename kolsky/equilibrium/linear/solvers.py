@@ -1,10 +1,10 @@
 """Linear solvers by name.
 
 "multifrontal" (`kolsky.equilibrium.linear.multifrontal`) eliminates element matrices in dense fronts and is
-the usual choice. "superlu" is SciPy's and "pardiso" is Intel's solver (extra `pardiso`). "amg" is the
-conjugate gradient method with an algebraic multigrid of smoothed aggregation (Vanek, Mandel and Brezina 1996;
-PyAMG, the extra `amg`). It is for problems too large for a factorisation in memory. Its near-null space is
-the rigid motions. `BridgedSolver` adds blocks between points of different elements (contact).
+the usual choice. "superlu" is SciPy's. "amg" is the conjugate gradient method with an algebraic multigrid of
+smoothed aggregation (Vanek, Mandel and Brezina 1996; PyAMG, the extra `amg`). It is for problems too large
+for a factorisation in memory. Its near-null space is the rigid motions. `BridgedSolver` adds blocks between
+points of different elements (contact).
 """
 
 from collections.abc import Callable
@@ -99,29 +99,20 @@ class _AmgFactors:
         for old in (hierarchy.made, False):
             if not old:
                 hierarchy.drop()
-            count = _Count()
+            calls: list[object] = []
             found, info = method(
                 matrix,
                 right,
                 rtol=self.tolerance,
                 maxiter=ITERATIONS,
                 M=hierarchy.preconditioner(self.matrix),
-                callback=count,
+                callback=calls.append,
                 **({} if self.symmetric else {"callback_type": "pr_norm"}),
             )
             if info == 0:
-                hierarchy.served(count.calls, self.tolerance)
+                hierarchy.served(len(calls), self.tolerance)
                 return np.asarray(found)
         raise SingularError(f"{ITERATIONS} iterations with multigrid did not reach {self.tolerance:g}")
-
-
-class _Count:
-    """Counts its calls."""
-
-    calls = 0
-
-    def __call__(self, _: object) -> None:
-        self.calls += 1
 
 
 def _amg_factors(pattern: Pattern, points: FloatArray) -> Callable[[csr_array, bool, bool], Factors]:
@@ -220,27 +211,6 @@ class _SuperLU:
         return np.asarray(self._factors.solve(right, trans="T"))
 
 
-class _Pardiso:
-    def __init__(self, matrix: csr_array, symmetric: bool, guiding: bool) -> None:
-        try:
-            from pypardiso import PyPardisoSolver
-        except ImportError as missing:
-            raise ValueError('linear = "pardiso" needs the extra: pip install "kolsky[pardiso]"') from missing
-        self._matrix, self._symmetric = matrix, symmetric
-        self._solver, self._transposed = PyPardisoSolver(), None
-        self._solver.factorize(matrix)
-        self._make = PyPardisoSolver
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        return np.asarray(self._solver.solve(self._matrix, np.asfortranarray(right)))
-
-    def solve_transposed(self, right: FloatArray) -> FloatArray:
-        if self._symmetric:
-            return self.solve(right)
-        transposed = self._matrix.T.tocsr()
-        return np.asarray(self._make().solve(transposed, np.asfortranarray(right)))
-
-
 def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> LinearSolver:
     """Return a solver by name. "auto" selects one.
 
@@ -253,11 +223,9 @@ def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArr
         name = "amg"
     if name == "superlu":
         return SparseSolver(pattern, _SuperLU, worth=DIRECT)
-    if name == "pardiso":
-        return SparseSolver(pattern, _Pardiso, worth=DIRECT)
     if name == "amg":
         return SparseSolver(pattern, _amg_factors(pattern, points), worth=1)
-    raise ValueError(f"linear must be one of auto, multifrontal, superlu, pardiso, amg, got {name!r}")
+    raise ValueError(f"linear must be one of auto, multifrontal, superlu, amg, got {name!r}")
 
 
 def _finite(elements: FloatArray) -> FloatArray:

@@ -7,24 +7,24 @@ Contact is checked point by point: no penetration, sticking or sliding.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
 
 from explicit.materials.law import Stretches
 from kolsky.base.arrays import FloatArray
-from kolsky.material.end_friction.cylinder import Body, HalfCylinder, quadratic_functions
+from kolsky.equilibrium.linear.base import Pattern
+from kolsky.equilibrium.loads import cell_with, faces_on
+from kolsky.equilibrium.meshes import Mesh
+from kolsky.material.end_friction.cylinder import Body
 
 
 @dataclass(frozen=True)
 class Compression:
     """Force and shape of a compressed cylinder at chosen strains."""
 
-    strain: FloatArray
-    """Nominal compressive strain [-], shape [n]."""
     stress: FloatArray
     """Force over the undeformed section [Pa], compression positive, shape [n]."""
     bulge: FloatArray
@@ -33,13 +33,9 @@ class Compression:
     """Derivatives of the stress by the parameters, shape [n, n_parameters]."""
     bulge_by: FloatArray
     """Derivatives of the radius [m], shape [n, n_parameters]."""
-    outline: FloatArray
-    """Positions r, z of the nodes of the side's upper half [m], shape [n, n_side, 2]."""
     past: float
     """Share of the volume that is strained past the homogeneous strain of the last point [-]."""
-    steps: int = 0
-    """Number of equilibria."""
-    snaps: int = 0
+    snaps: int
     """Number of jumps to another equilibrium. In a jump, a node of the edge comes into contact or leaves
     it."""
 
@@ -56,38 +52,37 @@ GAUSS = 5
 class ContactPoints:
     """Points on the body's boundary and their share of its undeformed area."""
 
-    nodes: NDArray[np.int64]
-    """Nodes that interpolate each point, shape [n, 3]."""
+    cells: NDArray[np.int64]
+    """Element of each point, shape [n]."""
     shape: FloatArray
-    """Their weights in the point [-], shape [n, 3]."""
+    """Weights of the element's nodes in the point [-], shape [n, 9]."""
     areas: FloatArray
     """Undeformed area of each point [m^2], shape [n]."""
-    n_nodes: int
-    """Nodes of the mesh."""
+    matrix: csr_array
+    """Values at the points from values at the nodes, shape [n, n_nodes]."""
 
     @classmethod
-    def of(cls, mesh: HalfCylinder, *, face: bool) -> "ContactPoints":
+    def of(cls, mesh: Mesh, *, face: bool) -> "ContactPoints":
         """Points of the side, and those of the face if it can move."""
-        points, weights = np.polynomial.legendre.leggauss(GAUSS)
-        N, _ = quadratic_functions(points)
-        line = mesh.side
-        three = np.stack([line[:-2:2], line[1:-1:2], line[2::2]], axis=1)
-        length = mesh.nodes[three[:, 2], 1] - mesh.nodes[three[:, 0], 1]
-        nodes = np.repeat(three, GAUSS, axis=0)
-        shape = np.tile(N, (len(three), 1))
-        areas = (np.pi * mesh.radius * length[:, None] * weights).ravel()
+        (side,) = faces_on(mesh, "right", GAUSS)
+        radius, z = mesh.points[:, 0].max(), mesh.points[mesh.nodes("right"), 1]
+        heights = mesh.points[mesh.cells[side.cells], 1] @ side.slopes[:, :, 0].T
+        cells = np.repeat(side.cells, GAUSS)
+        shape = np.tile(side.values, (side.cells.size, 1))
+        areas = (2.0 * np.pi * radius * heights * side.weights).ravel()
         if face:
-            nodes = np.concatenate([nodes, np.repeat(mesh.face[:, None], 3, axis=1)])
-            shape = np.concatenate([shape, np.tile([1.0, 0.0, 0.0], (mesh.face.size, 1))])
-            areas = np.concatenate([areas, mesh.areas[mesh.face]])
-        return cls(nodes, shape, areas, len(mesh.nodes))
-
-    @cached_property
-    def matrix(self) -> csr_array:
-        """Values at the points from values at the nodes, shape [n, n_nodes]."""
-        n = len(self.nodes)
-        rows = np.repeat(np.arange(n), 3)
-        return csr_array((self.shape.ravel(), (rows, self.nodes.ravel())), shape=(n, self.n_nodes))
+            top = mesh.nodes("top")
+            r = mesh.points[top, 0]
+            ends = np.concatenate([r[:1], 0.5 * (r[1:] + r[:-1]), r[-1:]])
+            own = 2.0 * np.pi * np.maximum(r, 0.25 * r[1]) * np.diff(ends)
+            own[-1] += np.pi * radius * (z[-1] - z[-2])  # the edge has a part of the side
+            above = cell_with(mesh.cells, top)
+            cells = np.concatenate([cells, above])
+            shape = np.concatenate([shape, mesh.cells[above] == top[:, None]])
+            areas = np.concatenate([areas, own])
+        places = (np.repeat(np.arange(cells.size), 9), mesh.cells[cells].ravel())
+        matrix = csr_array((shape.ravel(), places), shape=(cells.size, len(mesh.points)))
+        return cls(cells, shape, areas, matrix)
 
     def at(self, values: FloatArray) -> FloatArray:
         """Values at the points from nodal values, shape [n_nodes, ...]."""
@@ -97,15 +92,14 @@ class ContactPoints:
         """Forces on the points as forces on the nodes, shape [n_nodes, ...]."""
         return np.asarray(self.matrix.T @ forces)
 
-    @cached_property
-    def pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
-        """Pairs of nodes of each point, and the product of their shares, shape [n, 9] each."""
-        first, second = np.divmod(np.arange(9), 3)
-        return (
-            self.nodes[:, first],
-            self.nodes[:, second],
-            self.shape[:, first] * self.shape[:, second],
-        )
+    def added(self, elements: FloatArray, blocks: FloatArray) -> FloatArray:
+        """Element matrices [n_elements, 18, 18] with the matrix of each point, shape [n, 2, 2]."""
+        on = np.flatnonzero(blocks.any(axis=(1, 2)))
+        shared = self.shape[on, :, None, None, None] * self.shape[on, None, None, :, None]
+        each = blocks[on, None, :, None, :] * shared
+        total = elements.copy()
+        np.add.at(total, self.cells[on], each.reshape(-1, 18, 18))
+        return total
 
 
 _STIFF = 200.0
@@ -152,7 +146,7 @@ class ContactForces:
 class Platen:
     """A platen that moves down onto a body."""
 
-    mesh: HalfCylinder
+    mesh: Mesh
     bonded: bool
     """True if the face is glued. Then only the side can come into contact, and it sticks."""
     friction: float
@@ -168,15 +162,15 @@ class Platen:
     @cached_property
     def penalty(self) -> FloatArray:
         """k A of each point [N/m], shape [n_contact]."""
-        r, z = self.mesh.nodes.T
+        r, z = self.mesh.points.T
         smallest = min(np.diff(np.unique(r)).min(), np.diff(np.unique(z)).min()) * 2.0
         return np.asarray(_STIFF * self.modulus / smallest * self.points.areas)
 
     def at_rest(self, n_parameters: int) -> Grip:
         """State before the platen moves: the face is in contact."""
-        r, z = self.points.at(self.mesh.nodes).T
+        r, z = self.points.at(self.mesh.points).T
         nothing = np.zeros((r.size, n_parameters))
-        touching = z >= self.mesh.height * (1.0 - 1e-9)
+        touching = z >= self.mesh.points[:, 1].max() * (1.0 - 1e-9)
         return Grip(touching, r, nothing, np.zeros(r.size), nothing)
 
     def forces(self, x: FloatArray, level: float, grip: Grip) -> ContactForces:
@@ -229,53 +223,6 @@ class Platen:
         return Grip(touching, anchor, change, found.normal, pressing)
 
 
-class Equations:
-    """Stiffness of body, contact and drag on the free displacements.
-
-    ``mesh``: the body. ``platen``: the platen that it touches. ``free``: free displacements, shape [n].
-    """
-
-    def __init__(self, mesh: HalfCylinder, platen: Platen, free: NDArray[np.int64]) -> None:
-        size = 2 * len(mesh.nodes)
-        rows = np.repeat(mesh.dofs, 18, axis=1).ravel()
-        columns = np.tile(mesh.dofs, (1, 18)).ravel()
-        first, second, self.paired = platen.points.pairs
-        first, second = 2 * first.ravel(), 2 * second.ravel()
-        every = np.arange(size)
-        rows = np.concatenate([rows, first, first, first + 1, every])
-        columns = np.concatenate([columns, second, second + 1, second + 1, every])
-        place = np.full(size, -1)
-        place[free] = np.arange(free.size)
-        self.kept = (place[rows] >= 0) & (place[columns] >= 0)
-        key = place[columns[self.kept]] * free.size + place[rows[self.kept]]
-        unique, self.slot = np.unique(key, return_inverse=True)
-        self.row = unique % free.size
-        self.start = np.searchsorted(unique // free.size, np.arange(free.size + 1))
-        weight = np.zeros(len(mesh.nodes))
-        np.add.at(weight, mesh.elements, mesh.gauss[1].sum(axis=1)[:, None] / 9.0)
-        # Drag equal to the stiffness of the whole body per displacement, distributed by volume.
-        stiffness = 3.0 * platen.modulus * np.pi * mesh.radius**2 / mesh.height
-        self.drag_unit: FloatArray = np.repeat(weight / weight.sum(), 2) * stiffness
-
-    def factor(self, stiffness: FloatArray, contact: ContactForces, drag: float) -> Any:
-        """Factors of the matrix. They `solve` right-hand sides.
-
-        ``stiffness``: of the elements [N/m], shape [n_elements, 18, 18]. ``contact``: contact forces with
-        their derivatives. ``drag``: viscous drag in units of `drag_unit` [-].
-        """
-        c = -contact.stiffness[:, :, :, None] * self.paired[:, None, None, :]
-        touch = (c[:, i, j].ravel() for i, j in ((0, 0), (0, 1), (1, 1)))
-        data = np.concatenate([stiffness.ravel(), *touch, drag * self.drag_unit])[self.kept]
-        n = self.start.size - 1
-        values = np.bincount(self.slot, weights=data, minlength=self.row.size)
-        matrix = csc_array((values, self.row, self.start), shape=(n, n))
-        # The pattern is symmetric, and most of the matrix too. Orderings of A + A^T therefore have the least
-        # fill-in.
-        return splu(
-            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True}
-        )
-
-
 STEP = 0.01
 """Largest step of compression [-]."""
 LEAST_STEP = 5e-4
@@ -297,7 +244,7 @@ converged."""
 
 def compress(
     laws: Sequence[Stretches],
-    mesh: HalfCylinder,
+    mesh: Mesh,
     strain: FloatArray,
     *,
     bulk: float,
@@ -326,17 +273,14 @@ def compress(
         np.maximum((state.stretch**2).sum(axis=-1) / np.cbrt(state.stretch.prod(axis=-1)) ** 2 - 3.0, 0.0)
     )
     lam = 1.0 - strain[-1]
-    volume = mesh.gauss[1]
-    area = np.pi * mesh.radius**2
+    volume = run.body.volumes
+    area = np.pi * mesh.points[:, 0].max() ** 2
     return Compression(
-        strain=strain,
         stress=np.array([row[0] for row in rows]) / area,
         bulge=np.array([row[1] for row in rows]),
         stress_by=np.array([row[2] for row in rows]) / area,
         bulge_by=np.array([row[3] for row in rows]),
-        outline=np.array([row[4] for row in rows]),
         past=float(volume[s > (1.0 - lam) * np.sqrt((lam + 2.0) / lam)].sum() / volume.sum()),
-        steps=run.steps,
         snaps=run.snaps,
     )
 
@@ -347,7 +291,7 @@ class _March:
     def __init__(
         self,
         laws: Sequence[Stretches],
-        mesh: HalfCylinder,
+        mesh: Mesh,
         platen: Platen,
         bulk: float,
         steps: FloatArray | None,
@@ -357,22 +301,29 @@ class _March:
         self.parameter_steps = np.zeros(0) if steps is None else steps
         self.by_friction = by_friction
         n = self.parameter_steps.size + by_friction
-        size = 2 * len(mesh.nodes)
+        size = mesh.points.size
         self.u, self.before, self.at = np.zeros(size), np.zeros(size), (0.0, 0.0)
         self.change = np.zeros((size, n))
         self.grip: Grip = platen.at_rest(n)
+        radius, self.height = mesh.points.max(axis=0)
+        face, self.middle = 2 * mesh.nodes("top"), 2 * mesh.nodes("bottom") + 1
         fixed = np.zeros(size, dtype=bool)
-        fixed[2 * mesh.axis] = fixed[2 * mesh.middle + 1] = True
-        self.glued = 2 * mesh.face + 1
-        if platen.bonded:
-            fixed[2 * mesh.face] = fixed[self.glued] = True
+        fixed[2 * mesh.nodes("left")] = fixed[self.middle] = True
+        self.glued = face + 1 if platen.bonded else face[:0]
+        fixed[self.glued] = fixed[self.glued - 1] = True
         self.free = np.flatnonzero(~fixed)
-        self.equations = Equations(mesh, platen, self.free)
-        self.steps = self.snaps = 0
+        index = np.full(size, -1)
+        index[self.free] = np.arange(self.free.size)
+        self.pattern = Pattern(self.body.dofs, index, self.free.size)
+        # Drag equal to the stiffness of the whole body per displacement, distributed by volume.
+        share = self.body.volumes.sum(axis=1) / self.body.volumes.sum() / 9.0
+        self.drag_unit = 3.0 * platen.modulus * np.pi * radius**2 / self.height * share
+        self.snaps = 0
         self.drag, self.crept = 0.0, np.zeros(size)
+        self.drag_forces = self.pattern.vector(np.repeat(self.drag_unit[:, None], 18, axis=1))
 
-    def reach(self, strain: float) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
-        """Force, bulge, their derivatives and the outline at a strain."""
+    def reach(self, strain: float) -> tuple[float, float, FloatArray, FloatArray]:
+        """Force, bulge and their derivatives at a strain."""
         size = STEP
         while self.at[1] < strain - 1e-12:
             to = min(self.at[1] + size, strain)
@@ -390,15 +341,13 @@ class _March:
                 )
             else:
                 size = 0.5 * (to - self.at[1])
-        x = self.mesh.nodes + self.u.reshape(-1, 2)
         internal, _, _ = self._balance(self.laws[0], self.u, strain)
-        middle = 2 * self.mesh.middle + 1
+        edge = self.middle[-1] - 1  # the radius at mid-height
         return (
-            float(internal[middle].sum()),
-            float(x[self.mesh.side[0], 0]),
+            float(internal[self.middle].sum()),
+            float(self.mesh.points[:, 0].max() + self.u[edge]),
             self.force_change,
-            self.change[2 * self.mesh.side[0]].copy(),
-            x[self.mesh.side],
+            self.change[edge].copy(),
         )
 
     def _balance(
@@ -409,9 +358,9 @@ class _March:
         if not state.valid:
             raise FloatingPointError("an element is turned inside out")
         force, stiffness = self.body.forces(law, state)
-        level = self.mesh.height * (1.0 - strain)
-        contact = self.platen.forces(self.mesh.nodes + u.reshape(-1, 2), level, self.grip)
-        return self.body.assembled(force), contact, stiffness
+        level = self.height * (1.0 - strain)
+        contact = self.platen.forces(self.mesh.points + u.reshape(-1, 2), level, self.grip)
+        return self.pattern.vector(force), contact, stiffness
 
     def _step(self, to: float) -> bool:
         """Equilibrium at a strain; False if it was not found."""
@@ -419,15 +368,13 @@ class _March:
         guess = self.u.copy()
         if last < now:
             guess += (self.u - self.before) * (to - now) / (now - last)
-        elif self.platen.bonded:
-            guess[1::2] -= self.mesh.nodes[:, 1] * to
-            guess[0::2] += self.mesh.nodes[:, 0] * 0.5 * to
-            guess[2 * self.mesh.face] = 0.0
         else:
-            guess[1::2] -= self.mesh.nodes[:, 1] * to
-        for start in (guess, self.u.copy()):
+            guess[1::2] -= self.mesh.points[:, 1] * to
             if self.platen.bonded:
-                start[self.glued] = -to * self.mesh.height
+                guess[0::2] += self.mesh.points[:, 0] * 0.5 * to
+                guess[self.glued - 1] = 0.0
+        for start in (guess, self.u.copy()):
+            start[self.glued] = -to * self.height
             found = self._newton(start, to)
             if found is not None:
                 self._accept(found, to)
@@ -442,8 +389,7 @@ class _March:
         It is used if no equilibrium is near. False if it finds none.
         """
         start = self.u.copy()
-        if self.platen.bonded:
-            start[self.glued] = -to * self.mesh.height
+        start[self.glued] = -to * self.height
         self.crept, self.drag = self.u.copy(), FIRST_DRAG
         failures = 0
         for _ in range(CREEP_STEPS):
@@ -472,35 +418,43 @@ class _March:
                     internal, contact, stiffness = self._balance(self.laws[0], u, to)
                 except FloatingPointError:
                     return None
-                rest = internal + self.drag * self.equations.drag_unit * (u - self.crept)
+                rest = internal + self.drag * self.drag_forces * (u - self.crept)
                 rest[0::2] -= points.shared(contact.tangential)
                 rest[1::2] += points.shared(contact.normal)
                 size = np.abs(rest[self.free]).sum()
                 if not np.isfinite(size):
                     return None
+                elements = points.added(stiffness, -contact.stiffness)
+                elements += self.drag * self.drag_unit[:, None, None] * np.eye(18)
                 try:
-                    self.factor = self.equations.factor(stiffness, contact, self.drag)
+                    # The pattern is symmetric, and most of the matrix too. Orderings of A + A^T therefore
+                    # have the least fill-in.
+                    self.factor = splu(
+                        self.pattern.matrix(np.swapaxes(elements, 1, 2)).T,  # in columns
+                        permc_spec="MMD_AT_PLUS_A",
+                        diag_pivot_thresh=0.1,
+                        options={"SymmetricMode": True},
+                    )
                 except RuntimeError:
                     return None
                 if size < _BALANCED * np.abs(internal).sum():
                     return u
                 step = np.zeros_like(u)
                 step[self.free] = -self.factor.solve(rest[self.free])
-                most = np.abs(step).max() / (0.2 * self.mesh.height)
+                most = np.abs(step).max() / (0.2 * self.height)
                 share = 1.0 if count < FULL else 0.3 + 0.7 * ((0.618034 * count) % 1.0)
                 u = u + min(share, 1.0 / max(1.0, most)) * step
         return None
 
     def _accept(self, u: FloatArray, to: float) -> None:
         """Keep an equilibrium, with its derivatives."""
-        self.steps += 1
         _, contact, stiffness = self._balance(self.laws[0], u, to)
         state, points = self.body.deformation(u), self.platen.points
         n = self.change.shape[1]
         by = np.zeros((u.size, n))
-        base = self.body.isochoric_forces(self.laws[0], state) if n else np.zeros(u.size)
+        base = self.body.isochoric_forces(self.laws[0], state)
         for k, (law, step) in enumerate(zip(self.laws[1:], self.parameter_steps, strict=True)):
-            by[:, k] = (self.body.isochoric_forces(law, state) - base) / step
+            by[:, k] = self.pattern.vector(self.body.isochoric_forces(law, state) - base) / step
         direct = by.copy()
         pressed = (contact.normal > 0.0)[:, None] * self.grip.normal_change
         held = contact.by_anchor[:, None] * self.grip.anchor_change + contact.by_normal[:, None] * pressed
@@ -513,15 +467,13 @@ class _March:
             change[self.free] = -self.factor.solve(direct[self.free])
         # The force is that of the internal forces at mid-height. It depends on the parameters and on the
         # displacements.
-        moved = np.einsum("ekl,eln->ekn", stiffness, change[self.mesh.dofs], optimize=True)
-        middle = np.zeros(u.size, dtype=bool)
-        middle[2 * self.mesh.middle + 1] = True
-        self.force_change = (moved * middle[self.mesh.dofs][:, :, None]).sum(axis=(0, 1)) + by[middle].sum(
-            axis=0
-        )
+        dofs = self.body.dofs
+        moved = np.einsum("ekl,eln->ekn", stiffness, change[dofs], optimize=True)
+        at_middle = np.isin(dofs, self.middle)[:, :, None]
+        self.force_change = (moved * at_middle).sum(axis=(0, 1)) + by[self.middle].sum(axis=0)
         c = contact.stiffness
         out, down = points.at(change[0::2]), points.at(change[1::2])
         slid = c[:, 0, 0, None] * out + c[:, 0, 1, None] * down + held
-        x = self.mesh.nodes + u.reshape(-1, 2)
+        x = self.mesh.points + u.reshape(-1, 2)
         self.grip = self.platen.gripped(x, contact, self.grip, out, down, slid)
         self.before, self.u, self.at, self.change = self.u, u, (self.at[1], to), change

@@ -51,6 +51,7 @@ from kolsky.material.end_friction.problem import (
     ModelFit,
 )
 from kolsky.material.fits.compare import candidates
+from kolsky.material.fits.fit import inflation, neighbour_correlation
 from kolsky.material.uniaxial import CurveBand
 
 LARGEST_MISFIT = 0.03
@@ -102,8 +103,6 @@ def _remarks_on(
 _LAWS_TRIED = ("yeoh", "mooney_rivlin_2", "ogden2", "gent")
 """Laws of the library that are fitted in addition to the curves of nodes. Two depend on the first invariant
 and have different continuations. One depends on both invariants, one on the stretches."""
-LARGEST_LIKENESS = 0.9
-"""Upper limit of the autocorrelation of the misfit [-]."""
 
 
 def correct_friction(
@@ -269,8 +268,6 @@ def _correction(
         past_data=best.mesh.past,
         snaps=best.mesh.snaps,
         remarks=_remarks_on(found, weights, logs, test),
-        places=test.strain,
-        response=response[:, :n],
     )
 
 
@@ -281,16 +278,12 @@ def _chosen(band: CurveBand, test: MeasuredSpecimen) -> NDArray[np.int64]:
 def _noise(best: ModelOptimum, test: MeasuredSpecimen, response: FloatArray, band: CurveBand) -> FloatArray:
     """Modes of ln T by errors of the stresses.
 
-    The errors are their noise, or the misfit if it is larger.
-
-    Misfits of neighbouring strains have a correlation rho. Fewer of them are therefore independent. They are
-    treated as independent with (1 + rho) / (1 - rho) times the variance (Bartlett 1935).
+    The errors are their noise, or the misfit if it is larger. Misfits of neighbouring strains are correlated:
+    they are treated as independent with `inflation` times the variance.
     """
     n = test.strain.size
     own = (band.noise / band.stress)[_chosen(band, test)]
-    off = best.off
-    alike = float(np.clip(off[1:] @ off[:-1] / max(float(off @ off), 1e-300), 0.0, LARGEST_LIKENESS))
-    size = np.maximum(own, best.misfit * np.sqrt((1.0 + alike) / (1.0 - alike)))
+    size = np.maximum(own, best.misfit * np.sqrt(inflation(neighbour_correlation(best.off))))
     _, s, vt = np.linalg.svd((response[:, :n] * size).T, full_matrices=False)
     kept = s > 1e-4 * s[0]
     return np.asarray(s[kept, None] * vt[kept])
@@ -360,7 +353,7 @@ def fit_specimen(
         before = model_fit(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
         drift = _range_drift(one, test)
         # `_fit_candidates` fits only laws of the library
-        units = one.model.units  # type: ignore[attr-defined]
+        units = one.model.units  # type: ignore[union-attr]
         parts = (drift.excess, _poisson_change(one, test), slow_change(one.gain, test.noise, test.strain))
         more = np.linalg.norm(parts, axis=0)[: len(units)] * units
         sigma = {

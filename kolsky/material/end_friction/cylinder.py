@@ -8,132 +8,31 @@ from numpy.typing import NDArray
 
 from explicit.materials.law import Stretches, kirchhoff, tangent
 from kolsky.base.arrays import FloatArray
-
-GAUSS = 3
-"""Gauss points along each side of an element."""
-
-
-@dataclass(frozen=True)
-class HalfCylinder:
-    """Elements between mid-height (z = 0) and the upper face. The lower half has the same number."""
-
-    radius: float
-    """Undeformed radius [m]."""
-    height: float
-    """Half of the undeformed length [m]."""
-    n_radial: int
-    """Elements across the radius."""
-    n_axial: int
-    """Elements along the half length."""
-    grading: float = 4.0
-    """Size of the largest element divided by that of the smallest [-]. The small ones lie at the side and at
-    the face."""
-
-    def __post_init__(self) -> None:
-        if not (self.radius > 0.0 and self.height > 0.0):
-            raise ValueError(f"radius and height must be > 0 m, got {self.radius} and {self.height}")
-        if self.n_radial < 2 or self.n_axial < 2:
-            raise ValueError(f"a mesh needs 2 x 2 elements or more, got {self.n_radial} x {self.n_axial}")
-        if not self.grading >= 1.0:
-            raise ValueError(f"the grading must be >= 1, got {self.grading}")
-
-    @cached_property
-    def nodes(self) -> FloatArray:
-        """Undeformed r and z of the nodes [m], shape [n_nodes, 2], row by row from mid-height."""
-        r = _graded(self.radius, self.n_radial, self.grading)
-        z = _graded(self.height, self.n_axial, self.grading)
-        return np.column_stack([np.tile(r, z.size), np.repeat(z, r.size)])
-
-    @cached_property
-    def elements(self) -> NDArray[np.int64]:
-        """Nodes of each element, row by row from its lower inner corner, shape [n_elements, 9]."""
-        row = 2 * self.n_radial + 1
-        first = (2 * row * np.arange(self.n_axial)[:, None] + 2 * np.arange(self.n_radial)).ravel()
-        local = (row * np.arange(3)[:, None] + np.arange(3)).ravel()
-        return np.asarray(first[:, None] + local)
-
-    @cached_property
-    def dofs(self) -> NDArray[np.int64]:
-        """Unknowns of each element, r and z node by node, shape [n_elements, 18]."""
-        return (2 * self.elements[:, :, None] + np.arange(2)).reshape(len(self.elements), 18)
-
-    @property
-    def row(self) -> int:
-        """Nodes across the radius."""
-        return 2 * self.n_radial + 1
-
-    @cached_property
-    def face(self) -> NDArray[np.int64]:
-        """Nodes of the upper face from the axis outward, with its edge."""
-        return np.arange(len(self.nodes) - self.row, len(self.nodes))
-
-    @cached_property
-    def side(self) -> NDArray[np.int64]:
-        """Nodes of the side from mid-height upward, with the edge."""
-        return np.arange(self.row - 1, len(self.nodes), self.row)
-
-    @cached_property
-    def axis(self) -> NDArray[np.int64]:
-        """Nodes of the axis."""
-        return np.arange(0, len(self.nodes), self.row)
-
-    @cached_property
-    def middle(self) -> NDArray[np.int64]:
-        """Nodes at mid-height."""
-        return np.arange(self.row)
-
-    @cached_property
-    def gauss(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """B, shape [n_elements, 9, 5, 18] [1/m]; volumes of the points [m^3], shape [n_elements, 9]; linear
-        functions of the pressure (1, xi, eta), shape [9, 3].
-        """
-        points, weights = np.polynomial.legendre.leggauss(GAUSS)
-        eta, xi = (g.ravel() for g in np.meshgrid(points, points, indexing="ij"))
-        weight = np.outer(weights, weights).ravel()
-        N1, D1 = quadratic_functions(xi)
-        N2, D2 = quadratic_functions(eta)
-        shape = (N2[:, :, None] * N1[:, None, :]).reshape(-1, 9)
-        along = np.stack(
-            [
-                (N2[:, :, None] * D1[:, None, :]).reshape(-1, 9),
-                (D2[:, :, None] * N1[:, None, :]).reshape(-1, 9),
-            ]
-        )
-        x = self.nodes[self.elements]
-        jacobian = np.einsum("aqn,eni->eqai", along, x)
-        slopes = np.einsum("eqia,aqn->eqin", np.linalg.inv(jacobian), along)
-        r = np.einsum("qn,en->eq", shape, x[:, :, 0])
-        B = np.zeros((*r.shape, 5, 18))
-        B[:, :, 0, 0::2], B[:, :, 1, 0::2] = slopes[:, :, 0], slopes[:, :, 1]
-        B[:, :, 2, 1::2], B[:, :, 3, 1::2] = slopes[:, :, 0], slopes[:, :, 1]
-        B[:, :, 4, 0::2] = shape / r[:, :, None]
-        volume = np.linalg.det(jacobian) * weight * 2.0 * np.pi * r
-        return B, volume, np.column_stack([np.ones(xi.size), xi, eta])
-
-    @cached_property
-    def areas(self) -> FloatArray:
-        """Undeformed area of face and side that belongs to each node [m^2], shape [n_nodes]."""
-        found = np.zeros(len(self.nodes))
-        for line in (self.face, self.side):
-            x = self.nodes[line]
-            length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(x, axis=0).T))])
-            between = np.concatenate([[0.0], 0.5 * (length[1:] + length[:-1]), length[-1:]])
-            r = np.maximum(x[:, 0], 0.25 * x[1, 0])
-            found[line] += 2.0 * np.pi * r * np.diff(between)
-        return found
+from kolsky.equilibrium.meshes import Mesh, grid
+from kolsky.equilibrium.points import geometry
 
 
-def _graded(length: float, n: int, ratio: float) -> FloatArray:
-    """Corner and middle nodes of n elements with sizes that decrease geometrically toward the end."""
-    size = ratio ** (-np.arange(n) / (n - 1))
-    corner = np.concatenate([[0.0], np.cumsum(size)]) * length / size.sum()
-    return np.sort(np.concatenate([corner, 0.5 * (corner[1:] + corner[:-1])]))
+def half_cylinder(radius: float, height: float, n_radial: int, n_axial: int, *, grading: float = 4.0) -> Mesh:
+    """Biquadratic elements between mid-height (z = 0) and the upper face. The lower half has the same number.
 
+    The sets are "left" (axis), "right" (side), "bottom" (mid-height) and "top" (face), each in the order of
+    its coordinate.
 
-def quadratic_functions(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Quadratic functions of nodes at -1, 0, 1 and their derivatives, shape [n, 3]."""
-    value = np.column_stack([0.5 * x * (x - 1.0), 1.0 - x**2, 0.5 * x * (x + 1.0)])
-    return value, np.column_stack([x - 0.5, -2.0 * x, x + 0.5])
+    ``radius``, ``height``: undeformed radius, and half of the undeformed length [m]. ``n_radial``,
+    ``n_axial``: elements across the radius and along the half length. ``grading``: size of the largest
+    element divided by that of the smallest [-]. The small ones lie at the side and at the face.
+    """
+    if not (radius > 0.0 and height > 0.0):
+        raise ValueError(f"radius and height must be > 0 m, got {radius} and {height}")
+    if n_radial < 2 or n_axial < 2:
+        raise ValueError(f"a mesh needs 2 x 2 elements or more, got {n_radial} x {n_axial}")
+    if not grading >= 1.0:
+        raise ValueError(f"the grading must be >= 1, got {grading}")
+    lines = []
+    for length, n in ((radius, n_radial), (height, n_axial)):
+        size = grading ** (-np.arange(n) / (n - 1))
+        lines.append(np.concatenate([[0.0], np.cumsum(size)]) * (length / size.sum()))
+    return grid(lines, np.ones((n_radial, n_axial), dtype=bool), kind="quad9")
 
 
 EQUAL_STRETCHES = 1e-7
@@ -226,31 +125,33 @@ def _volume(F: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return plane * tt, first, second
 
 
-@dataclass(frozen=True)
 class Body:
-    """A mesh and a bulk modulus."""
+    """A mesh and a bulk modulus K [Pa]."""
 
-    mesh: HalfCylinder
-    bulk: float
-    """Bulk modulus K [Pa]."""
-
-    @cached_property
-    def _inverse_mass(self) -> FloatArray:
-        _, volume, phi = self.mesh.gauss
-        return np.linalg.inv(np.einsum("eq,qa,qb->eab", volume, phi, phi))
+    def __init__(self, mesh: Mesh, bulk: float) -> None:
+        self.bulk = bulk
+        self.dofs: NDArray[np.int64] = (2 * mesh.cells[:, :, None] + np.arange(2)).reshape(-1, 18)
+        """Unknowns of each element, r and z node by node, shape [n_elements, 18]."""
+        points = geometry(mesh, kinematics="axisymmetric", thickness=1.0, gauss=None)
+        self.volumes = points.volumes
+        """Volumes of the Gauss points [m^3], shape [n_elements, 9]."""
+        self._B = np.zeros((*points.volumes.shape, 5, 18))
+        self._B[:, :, 0, 0::2], self._B[:, :, 1, 0::2], self._B[:, :, 4, 0::2] = np.moveaxis(points.E, -1, 0)
+        self._B[:, :, 2, 1::2], self._B[:, :, 3, 1::2] = self._B[:, :, 0, 0::2], self._B[:, :, 1, 0::2]
+        # the pressure is linear in each element
+        self._phi = np.column_stack([np.ones(len(points.points)), points.points])
+        self._inverse_mass = np.linalg.inv(np.einsum("eq,qa,qb->eab", self.volumes, self._phi, self._phi))
 
     def deformation(self, u: FloatArray) -> Deformation:
         """Deformation of the displacements u [m], shape [2 n_nodes]."""
-        B, _, _ = self.mesh.gauss
-        return Deformation.of(UNDEFORMED + np.einsum("eqik,ek->eqi", B, u[self.mesh.dofs]))
+        return Deformation.of(UNDEFORMED + np.einsum("eqik,ek->eqi", self._B, u[self.dofs]))
 
     def forces(self, law: Stretches, state: Deformation) -> tuple[FloatArray, FloatArray]:
         """Internal forces of each element [N], shape [n, 18], and their derivatives [N/m], shape
         [n, 18, 18].
         """
-        B, volume, phi = self.mesh.gauss
+        B, volume, phi, inverse = self._B, self.volumes, self._phi, self._inverse_mass
         J, dJ, d2J = _volume(state.F)
-        inverse = self._inverse_mass
         theta = np.einsum("eab,eq,qb,eq->ea", inverse, volume, phi, J, optimize=True)
         p = self.bulk * (theta @ phi.T - 1.0)
         P = isochoric_stress(law, state) + p[..., None] * dJ
@@ -264,17 +165,9 @@ class Body:
         return force, stiffness
 
     def isochoric_forces(self, law: Stretches, state: Deformation) -> FloatArray:
-        """Forces of the isochoric energy [N], shape [2 n_nodes].
+        """Forces of the isochoric energy of each element [N], shape [n, 18].
 
         No other forces depend on a law's constants.
         """
-        B, volume, _ = self.mesh.gauss
-        P = isochoric_stress(law, state) * volume[..., None]
-        return self.assembled(np.einsum("eqik,eqi->ek", B, P, optimize=True))
-
-    def assembled(self, force: FloatArray) -> FloatArray:
-        """Forces of elements summed at the nodes [N], shape [2 n_nodes]."""
-        size = 2 * len(self.mesh.nodes)
-        return np.asarray(
-            np.bincount(self.mesh.dofs.ravel(), weights=force.ravel(), minlength=size), dtype=np.float64
-        )
+        P = isochoric_stress(law, state) * self.volumes[..., None]
+        return np.asarray(np.einsum("eqik,eqi->ek", self._B, P, optimize=True))

@@ -27,7 +27,7 @@ from kolsky.material.fits.compare import Candidate
 from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.search import Weighting
+from kolsky.material.fits.search import Weighting, residuals_of
 from kolsky.material.uniaxial import gaussian_strain
 
 TOLERANCE = 1e-3
@@ -109,7 +109,7 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> M
         prior = np.hstack([prior, np.zeros((len(prior), theta.size - prior.shape[1]))])
         return np.vstack([test.jacobian(made, theta), prior])
 
-    low, high = model.lower, model.upper
+    low, high = model.bounds
     if test.free:
         low, high = np.append(low, np.log(1e-3)), np.append(high, np.log(10.0))
     if run(start) is None:
@@ -167,7 +167,8 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptim
     """
     stress = near.model.stress(test.own(near.theta), test.strain)
     homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)
-    model = LibraryModel(candidate, float(stress[0] / gaussian_strain(test.strain[:1], compression=True)[0]))
+    residuals = residuals_of(candidate.law, [homogeneous], held=candidate.held)
+    model = LibraryModel(candidate.name, residuals)
     why = ""
     for bounded in (False, True):
         try:
@@ -179,7 +180,7 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptim
                 held=candidate.held,
                 starts=4,
             )
-            start = model.unknowns(first.values)
+            start = np.array([first.values[name] for name in model.names]) / model.units
             if test.free:
                 start = np.append(start, near.theta[-1])
             return fit_model(test, model, start)
@@ -316,7 +317,7 @@ def _refined_fit(
     prior = one.model.prior(test.own(one.theta))[0]
     theta = one.theta - np.linalg.pinv(jacobian, rcond=LEAST_SINGULAR_VALUE) @ np.append(residual, prior)
     m = test.own(theta).size
-    theta[:m] = np.clip(theta[:m], one.model.lower, one.model.upper)
+    theta[:m] = np.clip(theta[:m], *one.model.bounds)
     if not (one.model.stress(test.own(theta), test.strain) > 0.0).all():
         return _coarse_fit(one, finer)
     residual = residual + jacobian[: residual.size] @ (theta - one.theta)

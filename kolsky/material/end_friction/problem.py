@@ -3,22 +3,21 @@
 A curve model is a first-invariant law by nodes or a law of the library.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, Protocol, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from explicit.materials import LAWS, bulk_modulus
-from explicit.materials.law import Stretches
+from explicit.materials import LAWS, AnyLaw, bulk_modulus
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.material.end_friction.compression import Compression, compress
-from kolsky.material.end_friction.cylinder import HalfCylinder
-from kolsky.material.fits.compare import Candidate
+from kolsky.material.end_friction.cylinder import half_cylinder
 from kolsky.material.fits.homogeneous import Mode, incompressible_stress
+from kolsky.material.fits.search import Residuals, bounds_of
 from kolsky.material.uniaxial import CurveBand, gaussian_strain
 
 Continuation = Literal["tangent", "quadratic", "exponential", "level"]
@@ -98,37 +97,6 @@ class NodesLaw:
         )
 
 
-class CurveModel(Protocol):
-    """A law with unknowns scaled to the order of 1."""
-
-    @property
-    def name(self) -> str:
-        """Name for tables."""
-        ...
-
-    @property
-    def lower(self) -> FloatArray:
-        """Lower bounds of the unknowns, shape [n]."""
-        ...
-
-    @property
-    def upper(self) -> FloatArray:
-        """Upper bounds, shape [n]."""
-        ...
-
-    def law(self, theta: FloatArray) -> Stretches:
-        """The law of the unknowns. Raises ValueError if they give no valid law."""
-        ...
-
-    def stress(self, theta: FloatArray, strain: FloatArray) -> FloatArray:
-        """Nominal stress of frictionless compression [Pa], compression positive, shape of `strain`."""
-        ...
-
-    def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals of the prior, and their derivatives by the unknowns."""
-        ...
-
-
 SMOOTH = 0.3
 """Likely size of the second difference of ln 2U' from node to node, divided by the square of their distance
 in s [-]. It is the standard deviation of the smoothness prior. Rubber-like curves have 0 to 1."""
@@ -149,25 +117,23 @@ class NodesModel:
         return f"nodes, {self.continuation}"
 
     @property
-    def lower(self) -> FloatArray:
-        """Lower bounds: none."""
-        return np.full(self.nodes.size, -np.inf)
-
-    @property
-    def upper(self) -> FloatArray:
-        """Upper bounds: none."""
-        return np.full(self.nodes.size, np.inf)
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the unknowns, shape [n] each: none."""
+        return np.full(self.nodes.size, -np.inf), np.full(self.nodes.size, np.inf)
 
     def law(self, theta: FloatArray) -> NodesLaw:
-        """See `CurveModel`; the unknowns are ln(2U' / Pa)."""
+        """The law of the unknowns ln(2U' / Pa)."""
         return NodesLaw(self.nodes, theta, self.continuation)
 
     def stress(self, theta: FloatArray, strain: FloatArray) -> FloatArray:
-        """See `CurveModel`."""
+        """Nominal stress of frictionless compression [Pa], compression positive, shape of `strain`."""
         return self.law(theta).two_u_prime(measure(strain))[0] * gaussian_strain(strain, compression=True)
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Second differences divided by `SMOOTH` times the square of the distance."""
+        """Residuals of the prior, and their derivatives by the unknowns.
+
+        They are second differences divided by `SMOOTH` times the square of the distance.
+        """
         h = self.nodes[1] - self.nodes[0]
         second = np.diff(np.eye(theta.size), 2, axis=0) / (SMOOTH * h**0.5)
         return second @ theta, second
@@ -175,65 +141,43 @@ class NodesModel:
 
 @dataclass(frozen=True)
 class LibraryModel:
-    """A law of the library; moduli in units of a stress."""
+    """A law of the library; the members are those of `NodesModel`."""
 
-    candidate: Candidate
-    """The law and its fixed constants."""
-    unit: float
-    """Unit of the moduli [Pa]."""
+    name: str
+    """The law's name."""
+    residuals: Residuals
+    """The law with its fixed constants. The moduli are in units of the largest stress."""
 
     @property
-    def name(self) -> str:
-        """The law's name."""
-        return self.candidate.name
-
-    @cached_property
-    def _free(self) -> list[int]:
-        held = self.candidate.held
-        return [k for k, spec in enumerate(self.candidate.law.PARAMETERS) if spec.name not in held]
-
-    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the free constants."""
-        return tuple(self.candidate.law.PARAMETERS[k].name for k in self._free)
+        return tuple(spec.name for spec in self.residuals.free)
 
-    @cached_property
+    @property
     def units(self) -> FloatArray:
         """SI per unit of the unknowns, shape [n]."""
-        specs = self.candidate.law.PARAMETERS
-        return np.array([self.unit if specs[k].unit == "Pa" else 1.0 for k in self._free])
+        return self.residuals.units
 
     @property
-    def lower(self) -> FloatArray:
-        """Lower bounds of the unknowns. A modulus may be negative if the law is then still valid."""
-        specs = self.candidate.law.PARAMETERS
-        return np.array([specs[k].lower if specs[k].strict else -np.inf for k in self._free]) / self.units
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the unknowns. A modulus may be negative if the law is then still valid."""
+        return bounds_of(self.residuals, bounded=False)
 
-    @property
-    def upper(self) -> FloatArray:
-        """Upper bounds of the unknowns."""
-        specs = self.candidate.law.PARAMETERS
-        return np.array([specs[k].upper if specs[k].strict else np.inf for k in self._free]) / self.units
-
-    def law(self, theta: FloatArray) -> Stretches:
-        """See `CurveModel`."""
-        specs = self.candidate.law.PARAMETERS
-        values = [self.candidate.held.get(spec.name, 0.0) for spec in specs]
-        for k, value in zip(self._free, theta * self.units, strict=True):
-            values[k] = float(value)
-        return self.candidate.law.of(values)
-
-    def unknowns(self, values: dict[str, float]) -> FloatArray:
-        """Constants by name [SI] as unknowns."""
-        return np.array([values[name] for name in self.names]) / self.units
+    def law(self, theta: FloatArray) -> AnyLaw:
+        """The law of the unknowns. Raises ValueError if they give no valid law."""
+        return self.residuals.build(theta)
 
     def stress(self, theta: FloatArray, strain: FloatArray) -> FloatArray:
-        """See `CurveModel`."""
+        """See `NodesModel`."""
         return -incompressible_stress(self.law(theta), Mode.UNIAXIAL, 1.0 - np.asarray(strain))
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """No prior."""
         return np.zeros(0), np.zeros((0, theta.size))
+
+
+CurveModel = NodesModel | LibraryModel
+"""A law with unknowns scaled to the order of 1."""
 
 
 def _measure(lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
@@ -382,12 +326,8 @@ class FrictionCorrection:
     """Share of the specimen that was strained past the end of the curve [-]."""
     snaps: int = 0
     """Jumps to another equilibrium in the simulated test."""
-    remarks: tuple[str, ...] = field(default=())
+    remarks: tuple[str, ...] = ()
     """Remarks for the user."""
-    places: FloatArray = field(default_factory=lambda: np.zeros(0))
-    """Strains at which the test was compared [-], shape [m]."""
-    response: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    """Change of ln T at the strains of the band by ln S at `places`, shape [n, m]."""
 
 
 @dataclass(frozen=True)
@@ -453,11 +393,11 @@ class MeasuredSpecimen:
         law = model.law(x)
         steps = np.full(x.size if derivatives else 0, DIFFERENCE)
         moved = [model.law(x + DIFFERENCE * row) for row in np.eye(x.size)[: steps.size]]
-        shear = float(law.initial_shear_modulus)  # type: ignore[attr-defined]
+        shear = float(law.initial_shear_modulus)
         mesh = n.refined_mesh if refined else n.mesh
         return compress(
             [law, *moved],
-            HalfCylinder(self.specimen.radius, 0.5 * self.specimen.length, *mesh),
+            half_cylinder(self.specimen.radius, 0.5 * self.specimen.length, *mesh),
             self.strain,
             bulk=float(bulk_modulus(shear, n.poisson)),
             modulus=shear,

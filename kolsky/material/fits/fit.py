@@ -59,6 +59,25 @@ def durbin_watson(residual: FloatArray) -> float:
     return float(np.sum(np.diff(residual) ** 2) / np.sum(residual**2))
 
 
+def neighbour_correlation(residual: FloatArray) -> float:
+    """Correlation of neighbours in one series of residuals about zero [-]."""
+    total = float(residual @ residual)
+    return float(residual[1:] @ residual[:-1]) / total if total > 0.0 and len(residual) > 2 else 0.0
+
+
+LARGEST_LIKENESS = 0.9
+"""Upper limit for the correlation of neighbours [-]. Above it, `inflation` would be unbounded."""
+
+
+def inflation(alike: float) -> float:
+    """Variance of an estimate divided by that with independent residuals, >= 1 [-] (Bartlett 1935).
+
+    ``alike``: correlation of neighbouring residuals [-]. Fewer of them are therefore independent.
+    """
+    rho = min(max(alike, 0.0), LARGEST_LIKENESS)
+    return (1.0 + rho) / (1.0 - rho)
+
+
 def _deviance(chi2: float, n: int, known_noise: bool) -> float:
     if known_noise:
         return chi2

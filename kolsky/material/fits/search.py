@@ -265,7 +265,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
     which the law exists. ``starts``: number of starts that are refined. Raises ValueError if the least
     squares lie outside the valid laws: the initial shear modulus would not be > 0, or a point has no stress.
     """
-    lower, upper = _bounds(residuals, bounded)
+    lower, upper = bounds_of(residuals, bounded=bounded)
     known = []
     if not bounded and not _linear(residuals):
         try:
@@ -292,7 +292,9 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
     jacobian = least_squares(residuals, x, jac="3-point", max_nfev=1, x_scale="jac").jac
     unbounded = np.nan
     if bounded and at.any():
-        unbounded = min(chi2, _refined(residuals, x, *_bounds(residuals, False), FINE, "3-point")[0])
+        unbounded = min(
+            chi2, _refined(residuals, x, *bounds_of(residuals, bounded=False), FINE, "3-point")[0]
+        )
     return SearchResult(
         x,
         chi2,
@@ -309,7 +311,11 @@ def _linear(residuals: Residuals) -> bool:
     return all(spec.unit == "Pa" for spec in residuals.free)
 
 
-def _bounds(residuals: Residuals, bounded: bool) -> tuple[FloatArray, FloatArray]:
+def bounds_of(residuals: Residuals, *, bounded: bool) -> tuple[FloatArray, FloatArray]:
+    """Bounds of the unknowns, shape [n_free] each.
+
+    ``bounded``: True for those in which the energy is positive; otherwise those in which the law exists.
+    """
     lower, upper = [], []
     for spec, unit in zip(residuals.free, residuals.units, strict=True):
         kept = bounded or spec.strict

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import columns_of
+from kolsky.base.files import columns_of, jsonable
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit, FitOutcome
 from kolsky.material.fits.homogeneous import Mode
@@ -39,7 +39,7 @@ def tables(comparison: Comparison) -> dict[str, Columns]:
 def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
     """All results except the curves, in SI units."""
     best = comparison.best
-    return {
+    whole = {
         "tests": [
             {
                 "name": t.name,
@@ -57,6 +57,7 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
         "laws": [_row(row) for row in comparison.rows],
         "inputs": hashes,
     }
+    return {key: jsonable(value, key) for key, value in whole.items()}
 
 
 def _properties(test: HomogeneousTest) -> dict[str, Any]:
@@ -95,22 +96,22 @@ def _row(row: Row) -> dict[str, Any]:
         **said,
         "fit": {
             "constants": f.values,
-            "sigma": {name: _finite(value) for name, value in f.sigma.items()},
+            "sigma": f.sigma,
             "outcome": f.outcome.value,
             "at_bound": list(f.at_bound),
             "outside": list(f.law.outside()),
             "shear_modulus": f.law.shear_modulus,
             "youngs_modulus": f.youngs_modulus,
             "poisson": f.poisson,
-            "bulk_modulus": _finite(f.bulk_modulus),
+            "bulk_modulus": f.bulk_modulus,
             "D1": f.D1,
             "bounds_cost": f.bounds_cost,
             "sse": f.sse,
             "rmse": f.rmse,
             "r_squared": f.r_squared,
-            "aic": _finite(f.aic),
-            "bic": _finite(f.bic),
-            "durbin_watson": _finite(f.durbin_watson),
+            "aic": f.aic,
+            "bic": f.bic,
+            "durbin_watson": f.durbin_watson,
             "starts": len(f.ends),
             "starts_agreeing": f.agreeing,
         },
@@ -134,10 +135,6 @@ def _row(row: Row) -> dict[str, Any]:
             for path in row.stability
         ],
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _fitted(comparison: Comparison) -> list[tuple[Row, Fit]]:

@@ -356,11 +356,6 @@ class ApparentModuli:
     sigma: FloatArray
     """Its standard uncertainty from that of the stress [Pa], shape [n]."""
 
-    @property
-    def rate(self) -> FloatArray:
-        """Strain over age [1/s], 0 for an oscillation, shape [n]."""
-        return np.asarray(np.abs(self.strain) / self.age)
-
 
 def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
     """The moduli of a single slow test, relaxation or oscillation.

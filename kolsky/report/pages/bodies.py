@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from explicit.materials.law import ParameterSpec
 from kolsky.bodies.actuator_bending import SearchEnd, relative_bend
-from kolsky.bodies.specimen_constants import ConstantSpec
 from kolsky.bodies.specimen_fit import ConstantVerdict
 from kolsky.bodies.specimen_studies import cross_table
 from kolsky.report.body_views import ActuatorView, SheetView, SpecimenView
@@ -45,7 +45,7 @@ def render_specimen(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) 
 write_specimen = page_writer(render_specimen)
 
 
-def _shown_value(spec: ConstantSpec, value: float | None) -> str:
+def _shown_value(spec: ParameterSpec, value: float | None) -> str:
     """A constant as text, moduli in kPa."""
     if value is None or not np.isfinite(value):
         return numbers.NOTHING

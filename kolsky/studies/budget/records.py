@@ -38,16 +38,16 @@ class JointShares:
     """95 % interval of this share."""
 
 
-def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: int = 1) -> FloatArray:
+def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray) -> FloatArray:
     """Intervals of shares u_i^2 / sum u^2.
 
     One u is a standard deviation of a few values.
 
     ``u``: standard uncertainties, shape [k]. Those that are NaN have no part. ``drawn``: index of the u that
-    is the standard deviation of `values`. ``values``: the draws, shape [n]. ``seed``: of the bootstrap.
-    Returns: 95 % intervals, shape [k, 2]; NaN if u is NaN.
+    is the standard deviation of `values`. ``values``: the draws, shape [n]. Returns: 95 % intervals by
+    bootstrap, shape [k, 2]; NaN if u is NaN.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     again = values[rng.integers(len(values), size=(RESAMPLES, len(values)))].var(axis=1, ddof=1)
     squares = np.tile(u**2, (RESAMPLES, 1))
     squares[:, drawn] = again
@@ -60,11 +60,11 @@ def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: in
     return found
 
 
-def joint_shares(z: FloatArray, values: FloatArray, *, seed: int = 1) -> JointShares | None:
+def joint_shares(z: FloatArray, values: FloatArray) -> JointShares | None:
     """Shares of sources in the variance of draws of all of them together, Eq. (E.12).
 
-    ``z``: errors in standard uncertainties, shape [n, p]. ``values``: the answers, shape [n]. ``seed``: of
-    the bootstrap. Returns: None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be
+    ``z``: errors in standard uncertainties, shape [n, p]. ``values``: the answers, shape [n].
+    Returns: None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be
     distinguished.
     """
     n, p = z.shape
@@ -75,7 +75,7 @@ def joint_shares(z: FloatArray, values: FloatArray, *, seed: int = 1) -> JointSh
     gain = np.linalg.pinv(A)
     fitted = A @ (gain @ values)
     residual = values - fitted
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     drawn = residual[rng.integers(n, size=(RESAMPLES, n))] * np.sqrt(n / left)
     samples = np.concatenate([values[None], fitted + drawn])
     slopes = samples @ gain.T

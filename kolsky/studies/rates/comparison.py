@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from explicit.materials import MaterialLaw
+from explicit.relaxation import uniaxial_stress
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import curve_replicates, material_law
 from kolsky.studies.rates.records import (
@@ -110,9 +111,7 @@ def _measure(strain: float) -> float:
 
 def _stress(law: MaterialLaw, strain: float) -> float:
     """Nominal compressive stress of an isochoric uniaxial compression [Pa]."""
-    stretch = 1.0 - strain
-    tau = law.stress(np.array([1.0 / stretch, stretch**2, 0.0, 1.0 / stretch]))
-    return float(tau[0] - tau[1]) / stretch
+    return -float(uniaxial_stress(law, 1.0 - strain))
 
 
 def _quantities(law: MaterialLaw, strain: float) -> dict[str, float]:

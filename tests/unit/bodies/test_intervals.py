@@ -20,9 +20,10 @@ from kolsky.bodies.errors_in_variables import (
     reduce,
     search,
 )
-from kolsky.bodies.specimen_fit import ConstantVerdict, inflation, intervals, neighbour_correlation
+from kolsky.bodies.specimen_fit import ConstantVerdict, intervals
 from kolsky.equilibrium.arc_length import ArcPath
 from kolsky.equilibrium.solution import Outcome
+from kolsky.material.fits.fit import inflation, neighbour_correlation
 
 FREE = (np.array([0.0, 0.0]), np.array([np.inf, np.inf]))
 J = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0], [1.0, 3.0], [1.0, 4.0], [1.0, 5.0]])

@@ -12,9 +12,10 @@ from kolsky.bodies import actuator_control
 from kolsky.bodies.actuator_control import basis_key
 from kolsky.bodies.actuator_reading import ControlSection
 from kolsky.bodies.sheet_reading import read_field
-from kolsky.bodies.specimen_constants import Constants, constants_of, law_curve, shot_lines, solid_of
+from kolsky.bodies.specimen_constants import Constants, constants_of, law_curve, solid_of
 from kolsky.bodies.specimen_reading import read_specification
 from kolsky.bodies.specimen_studies import cross_table, expected, plan
+from kolsky.material.reference_curve import curve_columns, curve_table
 from tests.unit.bodies.small import DOWN, MOST, actuator
 
 STRIP = """
@@ -306,10 +307,11 @@ def test_curve_of_a_neo_hookean_law() -> None:
 def test_curve_in_compression_and_of_the_coupled_law() -> None:
     coupled = Constants("neo_hookean_coupled", {"E": 5.8e4, "poisson": 0.45}, ("E",))
     curve = law_curve(coupled, np.full((1, 1), np.nan), branch="compression", largest_strain=0.5)
-    lam = 1.0 + curve.strain
+    lam = 1.0 - curve.strain
     assert lam[-1] == pytest.approx(0.5)
-    assert curve.stress == pytest.approx(5.8e4 / 2.9 * (lam - lam**-2))
+    assert curve.stress == pytest.approx(5.8e4 / 2.9 * (lam**-2 - lam))
     assert curve.modes.shape == (0, 41)
+    assert 'relative_sigma = ""' in curve_table("law.csv", curve, compression=True)
 
 
 def test_correlated_constants_move_a_curve_less() -> None:
@@ -324,9 +326,11 @@ def test_correlated_constants_move_a_curve_less() -> None:
 
 def test_lines_for_a_shot() -> None:
     curve = law_curve(NEO, np.array([[1e6]]), branch="compression", largest_strain=0.5)
-    lines = tomllib.loads(shot_lines(curve, "law.csv"))["curve"]
-    assert lines["branch"] == "compression"
-    assert lines["modes"] == {"prefix": "mode", "unit": "Pa"}
+    lines = tomllib.loads(curve_table("law.csv", curve, compression=True))["curve"]
+    assert (lines["branch"], lines["convention"]) == ("compression", "compression positive")
+    assert lines["modes"] == {"prefix": "mode ", "unit": "Pa"}
+    columns = curve_columns(curve)
+    assert columns["mode 1: constants (Pa)"] == pytest.approx(0.05 * np.array(columns["nominal stress (Pa)"]))
 
 
 def test_expected_deviations_add_information() -> None:

@@ -206,6 +206,6 @@ def test_table_for_a_tension_curve_says_tension(tmp_path: Path):
 
     strain = np.linspace(0.01, 1.0, 50)
     test = UniaxialTest("t", strain, E / 3.0 * (1.0 + strain - (1.0 + strain) ** -2), compression=False)
-    text = curve_table("c.csv", reference_curve([test], Treatment()), None)
+    text = curve_table("c.csv", reference_curve([test], Treatment()).band, compression=False)
     assert 'branch = "tension"' in text
     assert "modes" not in text  # one test without a toe has none

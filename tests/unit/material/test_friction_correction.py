@@ -37,7 +37,7 @@ FINER = 0.004
 class Factor:
     """A model with one unknown: T = exp(x) 10 kPa times the strain."""
 
-    name, lower, upper = "factor", np.full(1, -np.inf), np.full(1, np.inf)
+    name, bounds = "factor", (np.full(1, -np.inf), np.full(1, np.inf))
 
     def __init__(self, off=0.0):
         self.off = off
@@ -215,7 +215,7 @@ class Falling(Factor):
 def test_a_direction_that_the_test_does_not_tell_is_not_moved_in():
     test = made_test()
     one = found(test, refined=False)
-    one.model.lower, one.model.upper = np.full(2, -np.inf), np.full(2, np.inf)
+    one.model.bounds = np.full(2, -np.inf), np.full(2, np.inf)
     # A second unknown of a millionth of the first one's effect: uncut it would go to a thousand and more.
     wavering = np.where(np.arange(N) % 2, 1e-6, -1e-6)
     jacobian = np.column_stack([one.jacobian[:, 0], wavering / test.noise])
@@ -248,7 +248,7 @@ def test_a_law_without_stress_at_some_strain_is_a_failed_one(monkeypatch):
 def test_a_law_past_its_bound_stays_at_it():
     test = made_test()
     one = found(test, refined=False)
-    one.model.upper = np.full(1, 0.25 * FINER)
+    one.model.bounds = np.full(1, -np.inf), np.full(1, 0.25 * FINER)
     (moved,), finer = on_refined_mesh([one], test)
     np.testing.assert_allclose(moved.theta, 0.25 * FINER)
     assert moved.misfit == pytest.approx(0.75 * FINER, rel=1e-9)

@@ -27,12 +27,12 @@ def made(monkeypatch: pytest.MonkeyPatch, order: float, size: float) -> list[flo
     """Runs whose force is the static one times 1 + size / duration^order, ten times that at the outset."""
     asked: list[float] = []
 
-    def runs(laws: Any, specimen: Any, strain: Any, *, numerics: SlowNumerics, **_: Any) -> Any:
+    def runs(law: Any, specimen: Any, strain: Any, *, numerics: SlowNumerics, **_: Any) -> Any:
         asked.append(numerics.passages)
         wrong = size * np.array([10.0, 1.0, 0.5]) / numerics.passages**order
-        return SimpleNamespace(stress=(STATIC * (1.0 + wrong))[None], bulge=np.full((1, 3), 5e-3))
+        return SimpleNamespace(stress=STATIC * (1.0 + wrong), bulge=np.full(3, 5e-3))
 
-    monkeypatch.setattr(module, "slow_tests", runs)
+    monkeypatch.setattr(module, "slow_run", runs)
     return asked
 
 
