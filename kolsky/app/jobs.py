@@ -163,10 +163,7 @@ def cancel(job: Job) -> None:
 
 
 def _see_end(job: Job) -> None:
-    """Wait for the end of a cancelled command.
-
-    It is killed after `GRACE`, and its log is completed.
-    """
+    """Wait for the end of a cancelled command. It is killed after `GRACE`, and its log is completed."""
     until = time.monotonic() + GRACE
     while _alive(job.process, job.log):
         if time.monotonic() > until:
@@ -214,10 +211,7 @@ def read_job(log: Path) -> Job:
 
 
 def _code_of(child: subprocess.Popen[bytes]) -> int | None:
-    """The exit code of a process as in a shell, for a log without a last line.
-
-    None while it runs.
-    """
+    """The exit code of a process as in a shell, for a log without a last line. None while it runs."""
     code = child.poll()
     return code if code is None or code >= 0 else 128 - code
 
@@ -254,10 +248,7 @@ def is_running(folder: Path) -> bool:
 
 
 def _alive(process: int, log: Path) -> bool:
-    """True if a process exists and is a kolsky command.
-
-    Another process may have the same number.
-    """
+    """True if a process exists and is a kolsky command. Another process may have the same number."""
     child = _CHILDREN.get(log)
     if child is not None and child.pid == process:
         return child.poll() is None

@@ -79,10 +79,7 @@ def read_result(folder: Path) -> Result:
 
 
 def _pictures(folder: Path) -> PictureSet | None:
-    """The pictures of a shot, or None if they cannot be opened.
-
-    The pictures page gives the reason.
-    """
+    """The pictures of a shot, or None if they cannot be opened. The pictures page gives the reason."""
     if "pictures" not in Draft(folder / SHOT_FILE).content():
         return None
     try:

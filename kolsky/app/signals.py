@@ -196,10 +196,7 @@ def _column(section: Mapping[str, Any], key: str) -> tuple[str, str]:
 
 
 def _values(table: TableEntry, section: Mapping[str, Any], key: str, si: str, into: float) -> FloatArray:
-    """A declared column in the unit of a plot.
-
-    It is not converted while its unit is blank or wrong.
-    """
+    """A declared column in the unit of a plot. It is not converted while its unit is blank or wrong."""
     name, unit = _column(section, key)
     values = _samples(table, name)
     try:

@@ -84,10 +84,7 @@ def _translate(
 
 
 def _without_doubles(model: type[BaseModel], errors: list[Any]) -> list[Any]:
-    """Report a misspelt key as one problem.
-
-    Otherwise it would be an unknown key and a missing one.
-    """
+    """Report a misspelt key as one problem. Otherwise it would be an unknown key and a missing one."""
     meant = {(*e["loc"][:-1], _nearest(model, e["loc"])) for e in errors if e["type"] == "extra_forbidden"}
     return [e for e in errors if not (e["type"] == "missing" and e["loc"] in meant)]
 
@@ -129,10 +126,7 @@ def _words(
 
 
 def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:
-    """The valid keys of a table of the schema.
-
-    In a table of named tables, any name is valid.
-    """
+    """The valid keys of a table of the schema. In a table of named tables, any name is valid."""
     names = iter(location)
     for name in names:
         annotation = model.model_fields[name].annotation

@@ -112,10 +112,7 @@ REPEAT_AFTER = 0.05
 
 
 def _ending(received: list[int]) -> Callable[[int, FrameType | None], None]:
-    """Handler of a signal that ends the command.
-
-    It raises an exception, and every block cleans up.
-    """
+    """Handler of a signal that ends the command. It raises an exception, and every block cleans up."""
 
     def end(number: int, frame: FrameType | None) -> None:
         received.append(number)
@@ -127,10 +124,7 @@ def _ending(received: list[int]) -> Callable[[int, FrameType | None], None]:
 
 
 def _repeat_ignored_signals(received: list[int]) -> None:
-    """Repeat a signal if Python ignores its exception, as in a finaliser.
-
-    No message is printed.
-    """
+    """Repeat a signal if Python ignores its exception, as in a finaliser. No message is printed."""
     ordinary = sys.unraisablehook
 
     def repeat(event: "sys.UnraisableHookArgs") -> None:

@@ -18,11 +18,12 @@ import typer
 from dic.files import scratch
 from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError, refuse
+from kolsky.base.files import usable_folder
 from kolsky.base.options import ADVANCED, Option
 from kolsky.cli import texts
-from kolsky.cli.options import Figures, Out, changed
+from kolsky.cli.options import Figures, Out, changed, load, usable
 from kolsky.cli.sweep import Workers
-from kolsky.cli.terminal import printing
+from kolsky.cli.terminal import print_result, printing, progress_bars
 from kolsky.inverse.settings import Settings
 
 if TYPE_CHECKING:
@@ -95,8 +96,6 @@ def identify_shots(
     """
     from doe.ledger import LedgerError
     from kolsky import joint_identification
-    from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.inverse.parameters import with_relaxation
     from kolsky.inverse.slow_tests import read_slow_tests
     from kolsky.report.result_folder import write_results
@@ -136,7 +135,6 @@ def require_one_material(paths: Sequence[Path]) -> None:
 
     Raises InputError if two shot files name a different `material`, or if one cannot be read.
     """
-    from kolsky.base.errors import InputError
     from kolsky.studies.rates.rate import declarations
 
     named = [(file, said.material) for file, said in map(declarations, paths) if said.material is not None]
@@ -279,8 +277,6 @@ class Printout:
 def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:
     """Identify a shot and write its results."""
     from kolsky import identification
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import progress_bars
     from kolsky.inverse.parameters import with_relaxation
     from kolsky.report.result_folder import PAGE, write_identify_results
     from kolsky.results import printed
@@ -316,7 +312,6 @@ def paper_answer(
     If the method fails, there is a warning and no error.
     """
     from doe.ledger import LedgerError
-    from kolsky.cli.terminal import progress_bars
     from kolsky.shot.curve import with_pull
     from kolsky.studies import paper_method as paper
     from kolsky.studies.paper_method import BOUNDS, paper_method
@@ -352,7 +347,6 @@ def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Worker
 
     They are printed in the order of the shots.
     """
-    from kolsky.cli.terminal import print_result, progress_bars
 
     jobs = [
         replace(pattern, shot=shot, out=out)
@@ -555,7 +549,6 @@ def identify(
 
 def _print_one(job: SingleShotJob) -> None:
     """Identify one shot in this process and print its answer."""
-    from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import drawing_processes
 
     answer = _run_job(job, processes=drawing_processes())

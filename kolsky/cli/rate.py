@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kolsky.base.files import usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
+from kolsky.cli.terminal import print_result, progress_bars
 
 if TYPE_CHECKING:
     from kolsky.inverse.result import Identification
@@ -38,8 +40,6 @@ def rate(
     Writes rates.h5, rates.html and CSV tables. A slope that the range of rates does not support is rejected.
     A shot whose data the model does not explain is left out and named.
     """
-    from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.result_folder import write_results
     from kolsky.studies.rates import rate as rates
     from kolsky.studies.rates.output import summary
@@ -73,7 +73,6 @@ def _identification_of(progress: Any) -> "Identify":
 
     def identify(shot: Path, loaded: "Shot") -> "Identification":
         from kolsky import identification
-        from kolsky.base.files import usable_folder
         from kolsky.report.result_folder import write_identify_results
         from kolsky.studies.rates.rate import result_of
 

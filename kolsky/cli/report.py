@@ -4,9 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+from kolsky.base.files import filling, usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.options import Figures, Out, ShotPath
+from kolsky.cli.options import Figures, Out, ShotPath, load, usable
+from kolsky.cli.terminal import counted, print_result, progress_bars
 
 
 def report(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
@@ -18,9 +20,6 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     if (shot / "joint.h5").is_file() and not (shot / "shot.toml").exists():
         _joint(shot, out, figures)
         return
-    from kolsky.base.files import filling
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import PAGE, read_identify_results, write_identify_page
     from kolsky.shot.recordings import shot_recordings
 
@@ -38,9 +37,7 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
 
 def _joint(folder: Path, out: Path | None, figures: Sequence[str]) -> None:
     """The page of several shots identified together, from their result file."""
-    from kolsky.base.files import usable_folder
     from kolsky.cli.identify import answer_lines
-    from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import write_results
     from kolsky.results.joint import read_joint_hdf5
 
@@ -88,11 +85,8 @@ def film(
                 require_pyvista()
             if name in FILMS:
                 writer_for(name)
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import counted, print_result, progress_bars
 
     loaded, folder = load(shot, out)
-    from kolsky.base.files import filling
     from kolsky.report.paraview import write_vtu
     from kolsky.report.result_folder import RESULT_FILE
     from kolsky.report.scene.drawing import write_film, write_stills

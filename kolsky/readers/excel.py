@@ -118,10 +118,7 @@ def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wante
 
 
 def _check_archive(path: Path) -> None:
-    """Unpack every part once, without storing it.
-
-    Sizes in the archive's directory may be wrong.
-    """
+    """Unpack every part once, without storing it. Sizes in the archive's directory may be wrong."""
     total = 0
     try:
         with zipfile.ZipFile(path) as archive:

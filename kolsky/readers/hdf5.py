@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from dic.files import regular
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import regular
 from kolsky.readers.contents import (
     SAMPLES_LIMIT,
     Channel,
@@ -269,10 +269,7 @@ def _walk(
     texts: dict[str, str],
     others: list[str],
 ) -> None:
-    """Collect a group.
-
-    External links raise an error, and objects without numbers are listed.
-    """
+    """Collect a group. External links raise an error, and objects without numbers are listed."""
     import h5py
 
     keys = {**above, **_numbers(group.attrs)}

@@ -404,10 +404,7 @@ def _of_channel(
     decimal: str,
     unit: str | None,
 ) -> "_Stated | str | None":
-    """The number of a clock key for one channel.
-
-    If it is unusable, the reason as text. None if absent.
-    """
+    """The number of a clock key for one channel. If it is unusable, the reason as text. None if absent."""
     texts = [field for field in fields if not _TIME_OF_DAY.search(field)]
     values = [v for field in texts if (v := _number(field.rpartition(":")[2], decimal)) is not None]
     if not values:

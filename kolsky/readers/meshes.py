@@ -136,10 +136,7 @@ def _points_and_elements(
 
 
 def _counted(path: Path, name: str, lines: list[str]) -> list[str]:
-    """The lines of a block after the line with their number.
-
-    The number is checked.
-    """
+    """The lines of a block after the line with their number. The number is checked."""
     said = lines[0] if lines else ""
     if not said.isdecimal() or int(said[:12]) != len(lines) - 1:
         raise InputError(

@@ -354,10 +354,7 @@ def _plural(delimiter: str) -> str:
 
 
 def _dialect(path: Path, layout: Layout) -> Dialect:
-    """The declared delimiter and decimal sign, without columns.
-
-    Quotes are handled only with a layout.
-    """
+    """The declared delimiter and decimal sign, without columns. Quotes are handled only with a layout."""
     delimiter = declared_delimiter(path, layout.delimiter or "comma")
     decimal = declared_decimal(path, layout.decimal or ".")
     if delimiter == decimal:

@@ -389,10 +389,7 @@ def find_dialect(
 def _no_numbers(
     path: Path, lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str], word: str
 ) -> InputError:
-    """The error for lines without a numeric column.
-
-    It shows a field of the last such line.
-    """
+    """The error for lines without a numeric column. It shows a field of the last such line."""
     line, text = _last_word(lines, characters, decimals)
     said = [
         *([f"the delimiter {delimiter_name(characters[0])}"] if len(characters) == 1 else []),

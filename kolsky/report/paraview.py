@@ -187,10 +187,7 @@ def _write_frames(
     triangles: NDArray[np.int64],
     fields: Callable[[int, BoolArray], dict[str, np.ndarray]],
 ) -> list[Path]:
-    """Write one file per frame, and the listing.
-
-    A triangle is written if all its corners are valid.
-    """
+    """Write one file per frame, and the listing. A triangle is written if all its corners are valid."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{name}_{frame:05d}{suffix}" for frame in range(surface.n_frames)]
     for frame, path in enumerate(files):

@@ -188,10 +188,7 @@ def _is_recording(table: TableEntry) -> bool:
 
 
 def _part_of(table: TableEntry) -> str | None:
-    """The table of a shot file for a file.
-
-    None if the columns of the file do not identify it.
-    """
+    """The table of a shot file for a file. None if the columns of the file do not identify it."""
     frame, lengths = table.frame, table.of("m")
     if frame is not None:
         if np.unique(frame.values).size < frame.values.size:
@@ -305,10 +302,7 @@ def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
 
 
 def _recorder(path: Path, contents: Contents) -> TableEntry:
-    """A file in a recorder's format.
-
-    Its channels, and the clock of the first channel.
-    """
+    """A file in a recorder's format. Its channels, and the clock of the first channel."""
     channels = tuple(
         ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0)) for c in contents.channels
     )

@@ -57,10 +57,7 @@ def _answer_lines(group: GroupRates) -> dict[str, str] | None:
 
 
 def _ends(value: float, interval: tuple[float, float]) -> tuple[str, str, str]:
-    """A value and the ends of its interval.
-
-    They are rounded according to the half width.
-    """
+    """A value and the ends of its interval. They are rounded according to the half width."""
     half = 0.5 * (interval[1] - interval[0])
     return measured(value, half)[0], numbers.like(interval[0], half), numbers.like(interval[1], half)
 

@@ -144,10 +144,7 @@ def dominant(result: Identification, estimate: Estimate) -> str:
 
 
 def _halved(result: Identification, estimate: Estimate) -> list[str]:
-    """Return the effect of halving each part.
-
-    The root sum of squares of the parts must be the whole.
-    """
+    """Return the effect of halving each part. The root sum of squares of the parts must be the whole."""
     total = estimate.sigma
     if not (isfinite(total) and total > 0.0):
         return []

@@ -152,10 +152,7 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
 
 
 def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> None:
-    """Set a parallel projection with space for the colour bar at the right.
-
-    It is the same at all times.
-    """
+    """Set a parallel projection with space for the colour bar at the right. It is the same at all times."""
     left_end = -SIDE_DISTANCE * radius * RIGHT[0] - radius if beside else -PLATEN * radius
     across = 0.5 * (PLATEN * radius - left_end)
     width, height = plotter.window_size
