@@ -367,8 +367,8 @@ def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder:
     continues an interrupted comparison.
     """
     from doe.ledger import LedgerError
-    from kolsky.inverse.joint_result import JointSettings
     from kolsky.inverse.parameters import with_relaxation
+    from kolsky.inverse.settings import JointSettings
     from kolsky.inverse.slow_tests import read_slow_tests
     from kolsky.joint_identification import identify_shots
     from kolsky.shot.load import load_shot
