@@ -28,8 +28,7 @@ from kolsky.cli.material_fit import material_fit, material_healing
 from kolsky.cli.new import channels, check, new, open_pages
 from kolsky.cli.options import with_settings
 from kolsky.cli.plan import plan, predict, virtual_make, virtual_new
-from kolsky.cli.rate import rate
-from kolsky.cli.report import film, report
+from kolsky.cli.report import film, rate, report
 from kolsky.cli.simulate import simulate
 from kolsky.cli.specimen import specimen_fit, specimen_new, specimen_plan, specimen_simulate
 from kolsky.cli.sweep import budget, sweep
