@@ -178,10 +178,7 @@ def _see_end(job: Job) -> None:
 
 
 def read_job(log: Path) -> Job:
-    """A run, read from its log.
-
-    Raises InputError if the file is not the log of a command.
-    """
+    """A run, read from its log. Raises InputError if the file is not the log of a command."""
     size = log.stat().st_size
     with log.open("rb") as file:
         head = file.readline().decode("utf-8", "replace")
@@ -240,10 +237,7 @@ def running_job(folder: Path) -> Job | None:
 
 
 def is_running(folder: Path) -> bool:
-    """True if a command of a shot is running.
-
-    For speed, only runs of this server are checked.
-    """
+    """True if a command of a shot is running. For speed, only runs of this server are checked."""
     return any(child.poll() is None for log, child in _CHILDREN.items() if log.parent.parent == folder)
 
 

@@ -113,10 +113,7 @@ def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Iterable[Any]]]
 
 
 def columns_of(rows: Iterable[Mapping[str, Any]], headings: Iterable[str] = ()) -> dict[str, list[Any]]:
-    """A table of rows given as heading -> cell.
-
-    ``headings``: headings that it has even without rows.
-    """
+    """A table of rows given as heading -> cell. ``headings``: headings that it has even without rows."""
     columns: dict[str, list[Any]] = {heading: [] for heading in headings}
     for row in rows:
         for heading, cell in row.items():

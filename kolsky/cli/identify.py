@@ -339,10 +339,7 @@ def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Worker
 def run_jobs(
     executor: Callable[[], Any], jobs: Sequence[SingleShotJob], report: Callable[[int], None]
 ) -> list[_Answer]:
-    """Run the jobs by an executor's workers.
-
-    `report` is called with the number of finished jobs.
-    """
+    """Run the jobs by an executor's workers. `report` is called with the number of finished jobs."""
     answers: dict[int, _Answer] = {}
     report(0)
     try:

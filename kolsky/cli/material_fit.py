@@ -48,10 +48,7 @@ def size_of(option: str, text: str) -> Specimen:
 
 
 def with_size(columns: Columns, size: Specimen) -> Columns:
-    """The columns with the size of a cylinder.
-
-    A size declared with the columns must agree.
-    """
+    """The columns with the size of a cylinder. A size declared with the columns must agree."""
     for option, given, declared, unit in (
         ("--length", columns.length, size.length, "m"),
         ("--area or --diameter", columns.section, size.area, "m^2"),

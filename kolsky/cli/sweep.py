@@ -365,10 +365,7 @@ _SCHEDULER_START = "start one with `dask scheduler` and give its address or its 
 
 
 def dask_client(place: str) -> Any:
-    """A client of the scheduler at an address or in a scheduler file.
-
-    The caller closes it.
-    """
+    """A client of the scheduler at an address or in a scheduler file. The caller closes it."""
     try:
         from distributed import Client
     except ImportError:

@@ -11,10 +11,7 @@ _HEAD = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 
 def sniff(path: Path) -> bool:
-    """True if a file ends in .xls and is a compound file.
-
-    Many programs also use .xls for text files.
-    """
+    """True if a file ends in .xls and is a compound file. Many programs also use .xls for text files."""
     return path.suffix.lower() == ".xls" and head_of(path, 8) == _HEAD
 
 

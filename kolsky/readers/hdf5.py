@@ -222,10 +222,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def table_lines(path: Path, _sheet: str | None) -> list[str]:
-    """The vectors of equal length as tab-separated lines.
-
-    Raises InputError as `read`.
-    """
+    """The vectors of equal length as tab-separated lines. Raises InputError as `read`."""
     file_hash(path)
     arrays, _, _, others = inside(path)
     if not arrays and others:

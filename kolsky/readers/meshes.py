@@ -93,10 +93,7 @@ def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
 
 
 def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], str]:
-    """Names of the physical groups by dimension and number.
-
-    Raises `InputError` for another format.
-    """
+    """Names of the physical groups by dimension and number. Raises `InputError` for another format."""
     if not (blocks.get("MeshFormat") or [""])[0].startswith("2."):
         raise InputError(path, "is not a Gmsh mesh of format 2", cure=CURE)
     names = {}

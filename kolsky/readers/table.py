@@ -41,10 +41,7 @@ TEXT_SUFFIXES = tuple(suffix for suffix in delimited.SUFFIXES if suffix != ".xls
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
-    """The detected layout of a table.
-
-    It is `PLAIN` if the table is plain or no better layout is found.
-    """
+    """The detected layout of a table. It is `PLAIN` if the table is plain or no better layout is found."""
     try:
         text, encoding = decode_text(path, data)
         return _layout_of(path, lines_of(path, text), encoding)

@@ -41,10 +41,7 @@ def write_grid(
 def write_surface(
     path: Path, points: FloatArray, faces: np.ndarray, fields: Mapping[str, np.ndarray]
 ) -> None:
-    """Write a surface (VTP): points and polygons of one size.
-
-    Without faces, each point is a vertex.
-    """
+    """Write a surface (VTP): points and polygons of one size. Without faces, each point is a vertex."""
     _check_arrays(points, faces, fields)
     vertices = np.zeros((0, 1), dtype=np.int64) if len(faces) else np.arange(len(points))[:, None]
     piece = {

@@ -142,10 +142,7 @@ class Survey:
 
 
 def survey(folder: Path) -> Survey:
-    """Survey the files of a folder.
-
-    Nothing is written, and unreadable files are listed.
-    """
+    """Survey the files of a folder. Nothing is written, and unreadable files are listed."""
     parts: dict[str, list[TableEntry]] = {}
     doubtful: dict[str, str] = {}
     recordings: list[TableEntry] = []
@@ -240,10 +237,7 @@ def voltage_of(table: TableEntry) -> ColumnEntry | None:
 
 
 def displacement_of(table: TableEntry) -> ColumnEntry | None:
-    """The flyer's displacement.
-
-    It is the only column of lengths that is not a standard deviation.
-    """
+    """The flyer's displacement. It is the only column of lengths that is not a standard deviation."""
     lengths = [c for c in table.of("m") if not _SIGMA.search(c.name)]
     return lengths[0] if len(lengths) == 1 else None
 
@@ -262,10 +256,7 @@ def microseconds(seconds: float) -> str:
 
 
 def read_entry(path: Path) -> TableEntry:
-    """A file, read with its detected layout.
-
-    Raises InputError if the file cannot be read.
-    """
+    """A file, read with its detected layout. Raises InputError if the file cannot be read."""
     contents = read_contents(path)
     form = contents.facts.get("format")
     if form not in ("delimited", *WORKBOOKS):

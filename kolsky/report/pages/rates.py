@@ -266,10 +266,7 @@ write_page = page_writer(render)
 
 
 def figures_of(report: RateReport, index: int) -> Mapping[str, FigureKind[Any]]:
-    """Return the figures of one group.
-
-    If there are several groups, names end in the group's number.
-    """
+    """Return the figures of one group. If there are several groups, names end in the group's number."""
     group = report.groups[index]
     suffix = f"-{index + 1}" if len(report.groups) > 1 else ""
     return {

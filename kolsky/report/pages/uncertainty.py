@@ -133,10 +133,7 @@ def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
 
 
 def dominant(result: Identification, estimate: Estimate) -> str:
-    """Return the largest shares of an estimate's variance in one line.
-
-    "" if the estimate is not bounded.
-    """
+    """Return the largest shares of an estimate's variance in one line. "" if the estimate is not bounded."""
     if not isfinite(estimate.sigma):
         return ""
     largest = list(variance_shares(result, estimate.name).items())[:MOST_PARTS]

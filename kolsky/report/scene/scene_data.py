@@ -328,10 +328,7 @@ def simulated(scene: Scene, k: int) -> Surface:
 
 
 def measured_body(scene: Scene, k: int) -> Surface | None:
-    """The measured outline nearest to time k, revolved and moved aside.
-
-    None if no outline was measured.
-    """
+    """The measured outline nearest to time k, revolved and moved aside. None if no outline was measured."""
     y, Z = scene.outline_at(k)
     if y.size < 2:
         return None
