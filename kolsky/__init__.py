@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from kolsky.base.records import FlyerMotion
     from kolsky.identification import diagnose, identify
     from kolsky.inverse.forward import Forward, material_law
-    from kolsky.inverse.joint_result import JointSettings
     from kolsky.inverse.observations import radius_at
     from kolsky.inverse.result import Identification
-    from kolsky.inverse.settings import Numerics, Settings
+    from kolsky.inverse.settings import JointSettings, Numerics, Settings
     from kolsky.inverse.simulate import simulate, write_simulation
     from kolsky.inverse.slow_tests import read_slow_tests
     from kolsky.joint_identification import identify_shots
@@ -64,7 +63,7 @@ _HOME = {
     "HomogeneousTest": "kolsky.material.fits.homogeneous_test",
     "Identification": "kolsky.inverse.result",
     "InputError": "kolsky.base.errors",
-    "JointSettings": "kolsky.inverse.joint_result",
+    "JointSettings": "kolsky.inverse.settings",
     "Numerics": "kolsky.inverse.settings",
     "Settings": "kolsky.inverse.settings",
     "Shot": "kolsky.shot.records",

@@ -46,7 +46,6 @@ from kolsky.inverse.joint_problem import CLOCK, GAIN, SCATTER, JointProblem, Sta
 from kolsky.inverse.joint_result import (
     CurveFound,
     JointResult,
-    JointSettings,
     ModelChoice,
     OwnStiffness,
     ShotPart,
@@ -67,6 +66,7 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, reference_words, require_declared
 from kolsky.inverse.problem import Freed, PreparedShot, choose, prepare_shot
 from kolsky.inverse.result import Estimate
+from kolsky.inverse.settings import JointSettings
 from kolsky.inverse.work import Progress
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.budgets import declared_changes, declared_parts

@@ -23,9 +23,8 @@ from typing import Any
 import numpy as np
 
 from explicit.relaxation import PronySeries
-from kolsky.inverse.joint_result import JointSettings
 from kolsky.inverse.parameters import with_relaxation
-from kolsky.inverse.settings import Numerics
+from kolsky.inverse.settings import JointSettings, Numerics
 from kolsky.joint_identification import identify_shots
 from kolsky.material.relaxation.evidence import HistoryTest, RateModel
 from kolsky.results.joint import to_json

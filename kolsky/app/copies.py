@@ -65,10 +65,7 @@ def copy_of(folder: Path, cause: CauseFinding) -> Path:
 
 
 def original_of(copy: Path) -> Path | None:
-    """The original of a copied shot.
-
-    None if the shot is not a copy, or if the original does not exist.
-    """
+    """The original of a copied shot. None if the shot is not a copy, or if the original does not exist."""
     m = re.fullmatch(r"(?P<name>.+), [\w.]+ changed", copy.name)
     original = copy.with_name(m["name"]) if m else None
     return original if original is not None and (original / SHOT_FILE).is_file() else None

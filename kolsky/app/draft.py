@@ -294,10 +294,7 @@ def column_toml(column: str, unit: str) -> str:
 
 
 def series_toml(key: str, name: str, offset: Iterable[str]) -> str:
-    """The declaration of a camera's pictures in a shot file.
-
-    Numbers have no quotes; blanks stay blank.
-    """
+    """The declaration of a camera's pictures in a shot file. Numbers have no quotes; blanks stay blank."""
     places = []
     for text in offset:
         try:

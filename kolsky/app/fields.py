@@ -281,10 +281,7 @@ def outcome_legend(counts: dict[PointOutcome, int]) -> str:
 
 
 def path_svg(points: MeasuredPoints, number: int, camera: int, k: int, width: float) -> str:
-    """The path of a point in a camera's picture up to a frame, and its position.
-
-    A lost point is hollow.
-    """
+    """The path of a point in a camera's picture up to a frame, and its position. A lost point is hollow."""
     places = points.pixels[camera][: k + 1, number]
     known = places[np.isfinite(places).all(axis=1)]
     if not len(known):

@@ -31,10 +31,7 @@ T = TypeVar("T")
 
 
 async def in_thread(act: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
-    """Run a long function in a thread and return its result.
-
-    The page stays responsive.
-    """
+    """Run a long function in a thread and return its result. The page stays responsive."""
     return cast(T, await run.io_bound(act, *given, **named))
 
 
@@ -43,10 +40,7 @@ class NoShot(ValueError):
 
 
 def folder_at(root: Path, name: str) -> Path:
-    """The folder of a shot by its name in an address.
-
-    Only folders inside the root are allowed.
-    """
+    """The folder of a shot by its name in an address. Only folders inside the root are allowed."""
     folder = (root / name).resolve()
     if not folder.is_relative_to(root) or not folder.is_dir():
         raise NoShot(f"there is no folder {name!r} below {root}")
@@ -75,10 +69,7 @@ def beside(shot: str, folder: Path) -> str:
 
 @contextmanager
 def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
-    """A page with the head line.
-
-    Elements created inside the context are its content.
-    """
+    """A page with the head line. Elements created inside the context are its content."""
     ui.add_css(STYLE)
     ui.colors(primary=BLUE, negative=RED)
     ui.page_title(f"{title} - kolsky")
@@ -109,10 +100,7 @@ def note(words: str, kind: str = "soft") -> ui.label:
 
 
 def serve_files(root: Path) -> None:
-    """Serve the result pages in a shot's folder, in a sandbox.
-
-    A foreign page cannot act for the user.
-    """
+    """Serve the result pages in a shot's folder, in a sandbox. A foreign page cannot act for the user."""
 
     def result_page(shot: str, name: str) -> Response:
         try:
@@ -202,10 +190,7 @@ def dots(name: str, data: list[Any], colour: str, size: float = 3.0, **more: Any
 
 
 def band(name: str, x: Any, low: Any, high: Any) -> list[dict[str, Any]]:
-    """A band between two curves.
-
-    It is an invisible lower part with its width stacked on top.
-    """
+    """A band between two curves. It is an invisible lower part with its width stacked on top."""
     common = {"type": "line", "stack": name, "symbol": "none", "silent": True, "lineStyle": {"width": 0}}
     width = [b - a for a, b in zip(map(float, low), map(float, high), strict=True)]
     return [

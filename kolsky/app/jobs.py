@@ -163,10 +163,7 @@ def cancel(job: Job) -> None:
 
 
 def _see_end(job: Job) -> None:
-    """Wait for the end of a cancelled command.
-
-    It is killed after `GRACE`, and its log is completed.
-    """
+    """Wait for the end of a cancelled command. It is killed after `GRACE`, and its log is completed."""
     until = time.monotonic() + GRACE
     while _alive(job.process, job.log):
         if time.monotonic() > until:
@@ -181,10 +178,7 @@ def _see_end(job: Job) -> None:
 
 
 def read_job(log: Path) -> Job:
-    """A run, read from its log.
-
-    Raises InputError if the file is not the log of a command.
-    """
+    """A run, read from its log. Raises InputError if the file is not the log of a command."""
     size = log.stat().st_size
     with log.open("rb") as file:
         head = file.readline().decode("utf-8", "replace")
@@ -214,10 +208,7 @@ def read_job(log: Path) -> Job:
 
 
 def _code_of(child: subprocess.Popen[bytes]) -> int | None:
-    """The exit code of a process as in a shell, for a log without a last line.
-
-    None while it runs.
-    """
+    """The exit code of a process as in a shell, for a log without a last line. None while it runs."""
     code = child.poll()
     return code if code is None or code >= 0 else 128 - code
 
@@ -246,18 +237,12 @@ def running_job(folder: Path) -> Job | None:
 
 
 def is_running(folder: Path) -> bool:
-    """True if a command of a shot is running.
-
-    For speed, only runs of this server are checked.
-    """
+    """True if a command of a shot is running. For speed, only runs of this server are checked."""
     return any(child.poll() is None for log, child in _CHILDREN.items() if log.parent.parent == folder)
 
 
 def _alive(process: int, log: Path) -> bool:
-    """True if a process exists and is a kolsky command.
-
-    Another process may have the same number.
-    """
+    """True if a process exists and is a kolsky command. Another process may have the same number."""
     child = _CHILDREN.get(log)
     if child is not None and child.pid == process:
         return child.poll() is None

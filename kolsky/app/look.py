@@ -61,10 +61,7 @@ class Result:
 
 
 def read_result(folder: Path) -> Result:
-    """Read the result of a shot and, for simulations, the shot.
-
-    Raises InputError if there is no result.
-    """
+    """Read the result of a shot and, for simulations, the shot. Raises InputError if there is no result."""
     results = folder / "results"
     found = read_identification(results / RESULT_FILE)
     try:
@@ -79,10 +76,7 @@ def read_result(folder: Path) -> Result:
 
 
 def _pictures(folder: Path) -> PictureSet | None:
-    """The pictures of a shot, or None if they cannot be opened.
-
-    The pictures page gives the reason.
-    """
+    """The pictures of a shot, or None if they cannot be opened. The pictures page gives the reason."""
     if "pictures" not in Draft(folder / SHOT_FILE).content():
         return None
     try:
@@ -504,10 +498,7 @@ def misfit_words(tried: Misfit, reference: Misfit) -> str:
 
 
 def picture_source(pictures: Pictures, k: int) -> str:
-    """A frame as an image source, at most as large as displayed.
-
-    Empty if it cannot be read.
-    """
+    """A frame as an image source, at most as large as displayed. Empty if it cannot be read."""
     png = png_of(pictures, k)
     if isinstance(png, str):
         return ""

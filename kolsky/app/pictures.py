@@ -63,10 +63,7 @@ class OpenPictures:
 
 
 def open_all(folder: Path) -> OpenPictures:
-    """Open the pictures of a folder.
-
-    Raises InputError if it has no pictures, or if they cannot be used.
-    """
+    """Open the pictures of a folder. Raises InputError if it has no pictures, or if they cannot be used."""
     session = open_region_session(folder)
     if (path := find_measurement_file(folder)) is not None:
         measurement = read_measurement(path)
@@ -84,10 +81,7 @@ def open_all(folder: Path) -> OpenPictures:
 
 
 def measured_in(folder: Path, series: Sequence[Pictures]) -> tuple[tuple[MeasuredPoints, ...], str]:
-    """The surfaces measured from the pictures of a folder.
-
-    If there are none, the reason.
-    """
+    """The surfaces measured from the pictures of a folder. If there are none, the reason."""
     if not (folder / "results" / RESULT_FILE).is_file():
         return (), "No fields yet: run dic first."
     try:

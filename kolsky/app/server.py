@@ -104,10 +104,7 @@ def given_token(scope: Scope) -> str:
 
 
 class Gate:
-    """Accepts requests by HTTP and websocket according to `Door`.
-
-    It sets the policy of every page.
-    """
+    """Accepts requests by HTTP and websocket according to `Door`. It sets the policy of every page."""
 
     def __init__(self, app: Callable[[Scope, Receive, Send], Awaitable[None]], door: Door) -> None:
         """Wrap an ASGI application."""

@@ -705,10 +705,7 @@ def one_sided(name: str, **more: Any) -> dict[str, Any]:
 
 
 def _brush_on(plot: ui.echart) -> None:
-    """Let the user drag a time span on a plot.
-
-    The previous span is removed.
-    """
+    """Let the user drag a time span on a plot. The previous span is removed."""
     plot.run_chart_method("dispatchAction", {"type": "brush", "areas": []})
     plot.run_chart_method(
         "dispatchAction",

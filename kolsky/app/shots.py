@@ -88,10 +88,7 @@ def _raw(files: list[str]) -> bool:
 
 
 def list_shots(root: Path) -> list[ListedShot]:
-    """The shots below a root.
-
-    One file is read for each: its summary or, without a summary, its shot file.
-    """
+    """The shots below a root. One file is read for each: its summary or, without a summary, its shot file."""
     start = len(os.path.join(root, ""))
     return [
         _listed(place[start:].replace(os.sep, "/") or ".", place, file) for place, file in shot_folders(root)

@@ -71,10 +71,7 @@ def _entry(path: Path, changed: float) -> TableEntry:
 
 
 def entry(folder: Path, name: str) -> TableEntry:
-    """A file of a shot as a table.
-
-    Raises InputError if it does not exist or cannot be read.
-    """
+    """A file of a shot as a table. Raises InputError if it does not exist or cannot be read."""
     path = folder / name
     if not name or not path.is_file():
         raise InputError(path, "is not there", cure="choose another file")
@@ -87,10 +84,7 @@ def _surfaces(folder: Path, state: tuple[int, float]) -> SurfaceSurvey:
 
 
 def surfaces(folder: Path) -> SurfaceSurvey:
-    """The series of exports of a folder.
-
-    They are read again if one of its tables was added or changed.
-    """
+    """The series of exports of a folder. They are read again if one of its tables was added or changed."""
     places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
     times = [
         one.stat().st_mtime
@@ -107,10 +101,7 @@ def _series(folder: Path, state: tuple[int, float]) -> tuple[SeriesEntry, ...]:
 
 
 def picture_series(folder: Path) -> tuple[SeriesEntry, ...]:
-    """The picture series of a folder.
-
-    They are searched again if something was added to the folder.
-    """
+    """The picture series of a folder. They are searched again if something was added to the folder."""
     places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
     return _series(folder, (len(places), max(place.stat().st_mtime for place in places)))
 
@@ -127,10 +118,7 @@ def rig_files(folder: Path) -> list[str]:
 
 
 def declared_series(folder: Path, content: Mapping[str, Any]) -> list[Pictures]:
-    """The declared pictures of both cameras.
-
-    Empty while one series cannot be opened.
-    """
+    """The declared pictures of both cameras. Empty while one series cannot be opened."""
     found = []
     for camera in CAMERAS:
         section = content.get("pictures", {}).get(camera)
@@ -156,10 +144,7 @@ def changes(series: list[Pictures]) -> PictureChanges | None:
 
 
 def change_signal(found: PictureChanges) -> Signal:
-    """The change of the pictures by frame.
-
-    It is the larger of those of both cameras.
-    """
+    """The change of the pictures by frame. It is the larger of those of both cameras."""
     return Signal(found.time, PERCENT * np.fmax(*found.change), FRAME, "Change from the first picture (%)")
 
 
@@ -196,10 +181,7 @@ def _column(section: Mapping[str, Any], key: str) -> tuple[str, str]:
 
 
 def _values(table: TableEntry, section: Mapping[str, Any], key: str, si: str, into: float) -> FloatArray:
-    """A declared column in the unit of a plot.
-
-    It is not converted while its unit is blank or wrong.
-    """
+    """A declared column in the unit of a plot. It is not converted while its unit is blank or wrong."""
     name, unit = _column(section, key)
     values = _samples(table, name)
     try:
@@ -217,10 +199,7 @@ def _offset(section: Mapping[str, Any]) -> float:
 
 
 def force_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
-    """The transmitted force's volts on the shot's clock.
-
-    Compression is upward when its sign is declared.
-    """
+    """The transmitted force's volts on the shot's clock. Compression is upward when its sign is declared."""
     section = content.get("force", {})
     table = entry(folder, str(section.get("file", "")))
     volts = _values(table, section, "voltage", "V", 1.0)
@@ -238,10 +217,7 @@ def force_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
 
 
 def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
-    """The flyer's motion by frame.
-
-    It is toward the specimen when its sign is declared.
-    """
+    """The flyer's motion by frame. It is toward the specimen when its sign is declared."""
     section = content.get("flyer")
     if isinstance(section, dict):
         table = entry(folder, str(section.get("file", "")))
@@ -280,10 +256,7 @@ def on_clock(folder: Path, content: Mapping[str, Any], motion: Signal) -> Signal
 
 
 def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
-    """The quasi-static curve.
-
-    It is tension positive when its convention is declared.
-    """
+    """The quasi-static curve. It is tension positive when its convention is declared."""
     section = content.get("curve", {})
     table = entry(folder, str(section.get("file", "")))
     strain, stress = (

@@ -73,10 +73,7 @@ class Valley:
 
 
 class WhatIf:
-    """A shot with its result, ready to be simulated with other parameters.
-
-    The mesh is that of the search.
-    """
+    """A shot with its result, ready to be simulated with other parameters. The mesh is that of the search."""
 
     def __init__(self, shot: Shot, found: Identification) -> None:
         """Prepare the shot.

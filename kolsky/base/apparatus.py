@@ -148,10 +148,7 @@ NETWORK_FREE = ("creep_ratio", "creep_resistance")
 
 
 def prony_names(branches: int) -> tuple[str, ...]:
-    """Parameters of a Prony series, branch by branch.
-
-    The strengths come first, then the times.
-    """
+    """Parameters of a Prony series, branch by branch. The strengths come first, then the times."""
     numbers = range(1, branches + 1)
     return (*(f"prony_strength_{k}" for k in numbers), *(f"prony_time_{k}" for k in numbers))
 

@@ -16,27 +16,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from dic.files import HIDDEN, alone_in, regular, replacing, scratch, text_cell
+from dic.files import HIDDEN, alone_in, replacing, scratch, text_cell
 from kolsky.base.errors import InputError
-
-__all__ = [
-    "check_size",
-    "columns_of",
-    "decode",
-    "filling",
-    "missing",
-    "read_bytes",
-    "read_errors",
-    "regular",
-    "remove_empty",
-    "source_hash",
-    "usable_folder",
-    "write_json",
-    "write_table",
-    "write_tables",
-]
 
 CURE = "give another place with --out FOLDER"
 SIZE_LIMIT = 200_000_000
@@ -132,15 +113,41 @@ def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Iterable[Any]]]
 
 
 def columns_of(rows: Iterable[Mapping[str, Any]], headings: Iterable[str] = ()) -> dict[str, list[Any]]:
-    """A table of rows given as heading -> cell.
-
-    ``headings``: headings that it has even without rows.
-    """
+    """A table of rows given as heading -> cell. ``headings``: headings that it has even without rows."""
     columns: dict[str, list[Any]] = {heading: [] for heading in headings}
     for row in rows:
         for heading, cell in row.items():
             columns.setdefault(heading, []).append(cell)
     return columns
+
+
+Files = Mapping[str, Any]
+"""Name of a file -> its text, an object of JSON types, or the function of its path that writes it."""
+
+
+def write_folder(
+    folder: Path, files: Files, tables: Mapping[str, Mapping[str, Iterable[Any]]] | None = None
+) -> None:
+    """Write files, and tables by name (see `write_table`), into a folder: all of them, or none.
+
+    Raises InputError as `filling`.
+    """
+    with filling(folder) as partial:
+        write_tables(partial, tables or {})
+        write_files(partial, files)
+
+
+def write_files(folder: Path, files: Files) -> None:
+    """Write files into a folder; see `Files`."""
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if callable(content):
+            content(path)
+        elif isinstance(content, str):
+            path.write_text(content, encoding="utf-8")
+        else:
+            write_json(path, content)
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -249,7 +256,7 @@ def jsonable(value: Any, where: str) -> Any:
     """
     if isinstance(value, Enum):
         return value.value if isinstance(value.value, str) else value.name
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # an array or a number of NumPy, which a command loads only if it needs it
         return jsonable(value.tolist(), where)
     if value is None or isinstance(value, bool | int | str):
         return value

@@ -106,10 +106,7 @@ class Place:
 
 @contextmanager
 def creating(path: Path, **attributes: Any) -> Iterator[h5py.File]:
-    """A new file with these attributes, moved to `path` at the end.
-
-    If this fails, an older file is kept.
-    """
+    """A new file with these attributes, moved to `path` at the end. If this fails, an older file is kept."""
     import h5py
 
     with replacing(Path(path)) as partial:
@@ -173,10 +170,7 @@ def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
 
 
 def stored_attribute(path: Path, form: Format, name: str) -> object:
-    """One attribute of a file.
-
-    None if there is no such file, format, version or attribute.
-    """
+    """One attribute of a file. None if there is no such file, format, version or attribute."""
     import h5py
 
     try:
@@ -295,10 +289,7 @@ def _text(value: Any, where: str) -> str | tuple[str, ...]:
 
 
 def opened(place: Place, kind: type) -> Any:
-    """The object at a place, reached over hard links.
-
-    A soft or external link could lead to any place.
-    """
+    """The object at a place, reached over hard links. A soft or external link could lead to any place."""
     import h5py
 
     here: Any = place.file

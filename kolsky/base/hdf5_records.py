@@ -534,10 +534,7 @@ class GroupName(Item):
 
 @dataclass(frozen=True)
 class Pair(Item):
-    """A tuple of two, with one dataset or group each.
-
-    Their names end in `ends`.
-    """
+    """A tuple of two, with one dataset or group each. Their names end in `ends`."""
 
     item: Item
     """The form of each."""

@@ -44,6 +44,7 @@ class Option:
 
 NUMERICAL = "Mesh and solver"
 ADVANCED = "Advanced"
+TOGETHER = "Several shots together"
 """Panels below the common options."""
 
 HeaderLine = Annotated[

@@ -189,10 +189,7 @@ def _start_worker(started: Any) -> None:
 
 
 def _follow_parent() -> None:
-    """End this worker at once when its parent process has ended.
-
-    The parent handles Ctrl-C.
-    """
+    """End this worker at once when its parent process has ended. The parent handles Ctrl-C."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     assert parent is not None  # the pool starts it

@@ -30,10 +30,7 @@ FILL_IN = "is not filled in"
 
 
 def blanks(content: Any, key: str = "") -> Iterator[str]:
-    """Dotted keys of the blanks, in the order of the file.
-
-    A list of blanks counts as one.
-    """
+    """Dotted keys of the blanks, in the order of the file. A list of blanks counts as one."""
     if isinstance(content, dict):
         for name, value in content.items():
             yield from blanks(value, f"{key}.{name}" if key else name)
@@ -84,10 +81,7 @@ def _translate(
 
 
 def _without_doubles(model: type[BaseModel], errors: list[Any]) -> list[Any]:
-    """Report a misspelt key as one problem.
-
-    Otherwise it would be an unknown key and a missing one.
-    """
+    """Report a misspelt key as one problem. Otherwise it would be an unknown key and a missing one."""
     meant = {(*e["loc"][:-1], _nearest(model, e["loc"])) for e in errors if e["type"] == "extra_forbidden"}
     return [e for e in errors if not (e["type"] == "missing" and e["loc"] in meant)]
 
@@ -129,10 +123,7 @@ def _words(
 
 
 def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:
-    """The valid keys of a table of the schema.
-
-    In a table of named tables, any name is valid.
-    """
+    """The valid keys of a table of the schema. In a table of named tables, any name is valid."""
     names = iter(location)
     for name in names:
         annotation = model.model_fields[name].annotation
@@ -147,10 +138,7 @@ def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:
 
 
 def line_of(lines: dict[str, int], key: str) -> int | None:
-    """The line of a key, or of the nearest enclosing table.
-
-    None for the file as a whole.
-    """
+    """The line of a key, or of the nearest enclosing table. None for the file as a whole."""
     parts = key.split(".")
     for end in range(len(parts), 0, -1):
         line = lines.get(".".join(parts[:end]))
@@ -182,10 +170,7 @@ class Statement:
 
 
 def statements(text: str) -> Iterator[Statement]:
-    """The statements of a text in their order.
-
-    There are none inside a value.
-    """
+    """The statements of a text in their order. There are none inside a value."""
     start, line, table = 0, 1, ""
     while start < len(text):
         row = text[start : _next_line(text, start)].rstrip("\r\n")
@@ -439,10 +424,7 @@ def _without_table(text: str, table: str) -> str:
 
 
 def value_end(text: str, start: int) -> int:
-    """Index behind the value that begins at `start`.
-
-    Blanks and a comment behind it are not counted.
-    """
+    """Index behind the value that begins at `start`. Blanks and a comment behind it are not counted."""
     depth, k, last = 0, start, start
     while k < len(text):
         c = text[k]

@@ -150,10 +150,7 @@ SHOT_KINDS = ("s", "m", "V", "Pa", "N", "1")
 
 
 def dimension_of(unit: str, kinds: Iterable[str] = SHOT_KINDS) -> str:
-    """The first of some SI units that has the dimension of a written unit.
-
-    Empty if none has it.
-    """
+    """The first of some SI units that has the dimension of a written unit. Empty if none has it."""
     written, kinds = "1" if unit == "-" else unit, tuple(kinds) if unit else ()
     usual = next((kind for kind in kinds if written in USUAL.get(kind, {})), "")
     for kind in () if usual else kinds:

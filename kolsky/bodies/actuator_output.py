@@ -1,40 +1,56 @@
-"""Bends, inversions and runs of the loop as CSV and JSON."""
+"""Bends, inversions and runs of the loop as tables of columns (SI) and as JSON types."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import columns_of, jsonable, write_table
+from kolsky.base.files import columns_of, jsonable
 from kolsky.bodies.actuator_bending import BendInTime, Direction, Inversion, path_angle, relative_bend
 from kolsky.bodies.actuator_control import Closed, Reduction
 from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
 
+Tables = dict[str, Mapping[str, Any]]
+"""Name of a table -> heading, with the unit -> cells."""
 
-def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
-    """Write bend.csv and line.csv (the base's middle line at the declared pressures)."""
-    write_table(folder / "bend.csv", columns_of(row for one in directions for row in _bend_rows(one)))
-    for one in directions:
-        if one.path is not None:
-            columns = {"arc (m)": one.path.arc, "pressure (Pa)": one.path.load}
-            write_table(folder / f"path_{one.name}.csv", {**columns, "angle (rad)": path_angle(one.path)})
-    forces = columns_of(
-        {
-            "gravity": one.name,
-            "on": name,
-            "pressure (Pa)": float(one.pristine.pressures[k].max()),
-            **{f"{axis} (N)": float(x) for axis, x in zip("xyz", each[k], strict=True)},
+
+def bend_tables(
+    directions: Sequence[Direction], motions: Sequence[BendInTime], markers: Sequence[MarkerComparison]
+) -> Tables:
+    """Bends, paths, forces, the base's middle line at the declared pressures, motions and markers.
+
+    A table without rows is left out.
+    """
+    paths = {
+        f"path_{one.name}": {
+            "arc (m)": one.path.arc,
+            "pressure (Pa)": one.path.load,
+            "angle (rad)": path_angle(one.path),
         }
         for one in directions
-        for name, each in one.forces.items()
-        for k in range(len(each))
-    )
-    if forces:
-        write_table(folder / "forces.csv", forces)
-    line = columns_of(row for one in directions for row in _line_rows(one))
-    if line:
-        write_table(folder / "line.csv", line)
+        if one.path is not None
+    }
+    rows = {
+        "forces": (row for one in directions for row in _force_rows(one)),
+        "line": (row for one in directions for row in _line_rows(one)),
+        "motion": (row for one in motions for row in _motion_rows(one)),
+        "markers": (row for one in markers for row in _marker_rows(one)),
+    }
+    bend = columns_of(row for one in directions for row in _bend_rows(one))
+    others = {name: table for name, each in rows.items() if (table := columns_of(each))}
+    return {"bend": bend, **paths, **others}
+
+
+def _force_rows(one: Direction) -> Iterator[dict[str, Any]]:
+    """One row per plane or support and pressure step."""
+    for name, each in one.forces.items():
+        for k, force in enumerate(each):
+            yield {
+                "gravity": one.name,
+                "on": name,
+                "pressure (Pa)": float(one.pristine.pressures[k].max()),
+                **{f"{axis} (N)": float(x) for axis, x in zip("xyz", force, strict=True)},
+            }
 
 
 def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
@@ -78,19 +94,28 @@ def _line_rows(one: Direction) -> Iterator[dict[str, Any]]:
             }
 
 
-def write_motion(path: Path, motions: Sequence[BendInTime]) -> None:
-    """Write the bend over time of every direction of gravity."""
-    rows = (
-        {
+def _motion_rows(one: BendInTime) -> Iterator[dict[str, Any]]:
+    for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True):
+        yield {
             "gravity": one.name,
             "time (s)": float(time),
             "pressure (Pa)": float(pressure),
             "angle (rad)": float(angle),
         }
-        for one in motions
-        for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True)
-    )
-    write_table(path, columns_of(rows))
+
+
+def _marker_rows(one: MarkerComparison) -> Iterator[dict[str, Any]]:
+    """Measured and simulated positions of every marker."""
+    for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1):
+        yield {
+            "gravity": one.gravity,
+            "pressure (Pa)": one.pressure,
+            "marker": number,
+            "x measured (m)": float(seen[0]),
+            "z measured (m)": float(seen[1]),
+            "x simulated (m)": float(made[0]),
+            "z simulated (m)": float(made[1]),
+        }
 
 
 def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -186,37 +211,16 @@ def markers_json(compared: Sequence[MarkerComparison], stiffness: StiffnessFit |
     return {"markers": jsonable(rows, "markers"), "stiffness": jsonable(fit, "stiffness")}
 
 
-def write_markers(path: Path, compared: Sequence[MarkerComparison]) -> None:
-    """Write measured and simulated positions of every marker."""
-    rows = (
-        {
-            "gravity": one.gravity,
-            "pressure (Pa)": one.pressure,
-            "marker": number,
-            "x measured (m)": float(seen[0]),
-            "z measured (m)": float(seen[1]),
-            "x simulated (m)": float(made[0]),
-            "z simulated (m)": float(made[1]),
-        }
-        for one in compared
-        for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1)
-    )
-    write_table(path, columns_of(rows))
-
-
-def write_loop(path: Path, run: Closed) -> None:
-    """Write every tick of a run of the loop."""
-    write_table(
-        path,
-        {
-            "time (s)": run.time,
-            "wanted (rad)": run.wanted,
-            "measured (rad)": run.measured,
-            "plant (rad)": run.angle,
-            "pressure (Pa)": run.pressure,
-            "wall time (s)": run.wall,
-            "processor time (s)": run.processor,
-            "at a bound": run.bounded.astype(int),
-            "held": run.held.astype(int),
-        },
-    )
+def loop_columns(run: Closed) -> dict[str, Any]:
+    """Every tick of a run of the loop."""
+    return {
+        "time (s)": run.time,
+        "wanted (rad)": run.wanted,
+        "measured (rad)": run.measured,
+        "plant (rad)": run.angle,
+        "pressure (Pa)": run.pressure,
+        "wall time (s)": run.wall,
+        "processor time (s)": run.processor,
+        "at a bound": run.bounded.astype(int),
+        "held": run.held.astype(int),
+    }

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import columns_of, jsonable, write_table, write_tables
+from kolsky.base.files import columns_of, jsonable
 from kolsky.base.hdf5 import creating, group, put, put_text
 from kolsky.bodies.sheet_fit import FieldFit
 from kolsky.bodies.specimen_constants import law_curve
@@ -14,7 +14,6 @@ from kolsky.bodies.specimen_fit import SpecimenFit
 from kolsky.bodies.specimen_model import AXES
 from kolsky.bodies.specimen_studies import Expected, StudyRow, cross_table
 from kolsky.bodies.stiffness_map import StiffnessMap
-from kolsky.equilibrium.meshes import Mesh
 from kolsky.material.reference_curve import curve_columns, curve_table
 from kolsky.material.uniaxial import CurveBand
 
@@ -76,9 +75,15 @@ def _fit(found: SpecimenFit) -> dict[str, Any]:
     }
 
 
-def write_fits(folder: Path, fits: Sequence[SpecimenFit]) -> None:
-    """Write the tables, with the lines of a shot.toml that name the laws' curves, and specimen.h5."""
-    write_tables(folder, tables(*fits))
+def files_of(fits: Sequence[SpecimenFit], inputs: Mapping[str, str]) -> dict[str, Any]:
+    """The files of fits beside their tables, for `kolsky.base.files.write_folder`.
+
+    A text with the lines of a shot.toml that name the law's curves belongs to each fit.
+    """
+    files: dict[str, Any] = {
+        "specimen.json": fits_json(fits, inputs),
+        "specimen.h5": lambda path: _write_hdf5(path, fits),
+    }
     for found in fits:
         pull, push = largest_strains(found)
         said = (
@@ -89,8 +94,8 @@ def write_fits(folder: Path, fits: Sequence[SpecimenFit]) -> None:
             curve_table(f"{name}.csv", curve, compression=name.endswith("_compression"))
             for name, curve in _law_curves(found).items()
         ]
-        (folder / "curves" / f"{found.name}_shot.toml").write_text(said + "\n".join(lines), encoding="utf-8")
-    _write_hdf5(folder / "specimen.h5", fits)
+        files[f"curves/{found.name}_shot.toml"] = said + "\n".join(lines)
+    return files
 
 
 def tables(*fits: SpecimenFit) -> dict[str, dict[str, Any]]:
@@ -197,27 +202,25 @@ def plan_json(found: Sequence[Expected], free: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def write_plan(folder: Path, found: Sequence[Expected], free: Sequence[str]) -> None:
-    """Write plan.csv, the most informative choice first."""
+def plan_columns(found: Sequence[Expected], free: Sequence[str]) -> dict[str, Any]:
+    """A plan as named columns, the most informative choice first."""
     columns: dict[str, Any] = {"tests": [" + ".join(one.tests) for one in found]}
     columns["criterion (1)"] = [one.criterion for one in found]
     for j, name in enumerate(free):
         columns[f"relative sigma of {name} (1)"] = [float(one.relative[j]) for one in found]
-    columns["peak force (N)"] = [one.peak_force for one in found]
-    write_table(folder / "plan.csv", columns)
+    return columns | {"peak force (N)": [one.peak_force for one in found]}
 
 
-def write_study(path: Path, rows: Sequence[StudyRow]) -> None:
-    """Write the fits of a study as one table."""
+def study_columns(rows: Sequence[StudyRow]) -> dict[str, Any]:
+    """The fits of a study as named columns."""
     names = list(dict.fromkeys(name for row in rows for name in row.values))
-    columns: dict[str, Any] = {"case": [row.label for row in rows]}
-    columns |= {f"{name} (SI)": [row.values.get(name, "") for row in rows] for name in names}
-    columns |= {
+    return {
+        "case": [row.label for row in rows],
+        **{f"{name} (SI)": [row.values.get(name, "") for row in rows] for name in names},
         "RMSE (N)": [row.rmse for row in rows],
         "displacement components": [row.unknowns for row in rows],
         "simulations": [row.simulations for row in rows],
     }
-    write_table(path, columns)
 
 
 def field_json(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, Any]:
@@ -253,9 +256,26 @@ def field_json(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, An
     return {key: jsonable(value, key) for key, value in whole.items()}
 
 
-def write_field(folder: Path, found: FieldFit, steps: Sequence[FieldFit | str]) -> None:
-    """Write steps.csv: forces, misfits and the constants of every step, fitted separately."""
-    data, free = found.problem.data, found.constants.free
+def field_tables(
+    found: FieldFit, steps: Sequence[FieldFit | str], stiffness: StiffnessMap | None
+) -> dict[str, dict[str, Any]]:
+    """Tables of a fitted sheet: forces, misfits and the constants of every step fitted alone; its map."""
+    tables = {"steps": _step_columns(found, steps)}
+    if stiffness is not None:
+        mesh = found.problem.sheet.mesh
+        middle = mesh.points[mesh.cells].mean(axis=1)
+        blocks = range(len(stiffness.factors))
+        places = np.array([middle[stiffness.regions == r].mean(axis=0) for r in blocks])
+        tables["map"] = {
+            "x (m)": places[:, 0],
+            "y (m)": places[:, 1],
+            "stiffness over the fitted one (1)": stiffness.factors,
+        }
+    return tables
+
+
+def _step_columns(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, Any]:
+    data = found.problem.data
     columns: dict[str, Any] = {
         "pad (m)": data.pad,
         "force measured (N)": data.force,
@@ -264,23 +284,10 @@ def write_field(folder: Path, found: FieldFit, steps: Sequence[FieldFit | str]) 
         "noise alone (1)": found.noise,
     }
     by_u, by_f = found.relative_by_displacement(1.0), found.relative_by_force(1.0)
-    for j, name in enumerate(free):
-        alone = [np.nan if isinstance(step, str) else float(step.values[j]) for step in steps]
-        columns[f"{name} of the step alone (SI)"] = ["" if np.isnan(value) else value for value in alone]
+    for j, name in enumerate(found.constants.free):
+        if steps:
+            alone = [np.nan if isinstance(step, str) else float(step.values[j]) for step in steps]
+            columns[f"{name} of the step alone (SI)"] = ["" if np.isnan(x) else x for x in alone]
         columns[f"relative sigma of {name} per displacement noise (1/m)"] = by_u[:, j]
         columns[f"relative sigma of {name} per force noise (1/N)"] = by_f[:, j]
-    if not steps:
-        columns = {key: value for key, value in columns.items() if "step alone" not in key}
-    write_table(folder / "steps.csv", columns)
-
-
-def write_map(path: Path, found: StiffnessMap, mesh: Mesh) -> None:
-    """Write the factor of stiffness of each block with its middle."""
-    middle = mesh.points[mesh.cells].mean(axis=1)
-    places = np.array([middle[found.regions == r].mean(axis=0) for r in range(len(found.factors))])
-    columns = {
-        "x (m)": places[:, 0],
-        "y (m)": places[:, 1],
-        "stiffness over the fitted one (1)": found.factors,
-    }
-    write_table(path, columns)
+    return columns

@@ -4,15 +4,19 @@ The bend for a pressure, the pressures for target bends, and the closed loop wit
 command ends with a page, a JSON file and figures.
 """
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kolsky.base.files import Files, usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli.options import Figures, Film, Vtu
+from kolsky.cli.terminal import print_result
 from kolsky.inverse.settings import Device
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from kolsky.report.body_views import ActuatorView
@@ -38,16 +42,9 @@ def actuator_simulate(
 
     Compares measured markers where SPEC names them. Writes actuator.html, actuator.json, bend.csv, line.csv.
     """
-    from kolsky.base.files import usable_folder
     from kolsky.bodies.actuator_bending import move, simulate_all, warnings_of
     from kolsky.bodies.actuator_markers import compared_markers
-    from kolsky.bodies.actuator_output import (
-        bends_json,
-        markers_json,
-        write_bends,
-        write_markers,
-        write_motion,
-    )
+    from kolsky.bodies.actuator_output import bend_tables, bends_json, markers_json
     from kolsky.bodies.actuator_reading import read_actuator
     from kolsky.report.body_views import ActuatorView
     from kolsky.report.films import write_actuator_film
@@ -66,19 +63,14 @@ def actuator_simulate(
     )
     content = bends_json(directions, inputs) | markers_json(compared, stiffness)
 
-    def tables(partial: Path) -> None:
-        write_bends(partial, directions)
-        if motions:
-            write_motion(partial / "motion.csv", motions)
-        if compared:
-            write_markers(partial / "markers.csv", compared)
-        for one in directions:
-            if vtu:
-                write_solution_vtu(partial / f"{one.name}.vtu", one.pristine.solution)
-            if film:
-                write_actuator_film(partial / f"{one.name}.{film}", one)
-
-    _write_result(folder, view, content, inputs, figures, write_more=tables)
+    files: dict[str, Any] = {}
+    for one in directions:
+        if vtu:
+            files[f"{one.name}.vtu"] = partial(write_solution_vtu, solution=one.pristine.solution)
+        if film:
+            files[f"{one.name}.{film}"] = partial(write_actuator_film, shown=one)
+    tables = bend_tables(directions, motions, compared)
+    _write_result(folder, view, content, inputs, figures, tables=tables, files=files)
 
 
 def actuator_invert(
@@ -92,7 +84,6 @@ def actuator_invert(
     Separate chambers have a pressure each, found by bounded least squares with a wanted tip. Writes
     actuator.html and actuator.json.
     """
-    from kolsky.base.files import usable_folder
     from kolsky.bodies.actuator_bending import Inversion, SearchEnd, pressure_for, pressures_for
     from kolsky.bodies.actuator_output import inversions_json
     from kolsky.bodies.actuator_reading import read_actuator
@@ -140,9 +131,8 @@ def actuator_control(
 
     Writes actuator.html, actuator.json and, for each direction of gravity, every tick as CSV.
     """
-    from kolsky.base.files import usable_folder
     from kolsky.bodies.actuator_control import loop_warnings, run_control
-    from kolsky.bodies.actuator_output import loop_json, write_loop
+    from kolsky.bodies.actuator_output import loop_columns, loop_json
     from kolsky.bodies.actuator_reading import read_actuator
     from kolsky.report.body_views import ActuatorView
 
@@ -158,11 +148,8 @@ def actuator_control(
     view = ActuatorView(read.name, closed=closed, reductions=reductions, warnings=warnings)
     content = loop_json(closed, reductions, read.inputs)
 
-    def ticks(partial: Path) -> None:
-        for name, run in closed.items():
-            write_loop(partial / f"{name}.csv", run)
-
-    _write_result(folder, view, content, read.inputs, figures, write_more=ticks)
+    ticks = {name: loop_columns(run) for name, run in closed.items()}
+    _write_result(folder, view, content, read.inputs, figures, tables=ticks)
 
 
 def _write_result(
@@ -172,19 +159,14 @@ def _write_result(
     inputs: dict[str, str],
     figures: tuple[str, ...],
     *,
-    write_more: Callable[[Path], None] = lambda partial: None,
+    tables: Mapping[str, Mapping[str, Any]] | None = None,
+    files: Files | None = None,
 ) -> None:
-    """Write actuator.html, actuator.json, figures and further files, and print the result."""
-    from kolsky.base.files import filling, write_json
-    from kolsky.cli.terminal import print_result
-    from kolsky.report.figures_alone import save_figures_alone
+    """Write actuator.html, actuator.json, figures, tables and further files, and print the result."""
     from kolsky.report.pages.bodies import actuator_rows, write_actuator
 
-    with filling(folder) as partial:
-        write_more(partial)
-        write_json(partial / "actuator.json", content)
-        write_actuator(partial / "actuator.html", view, inputs)
-        save_figures_alone(partial, view, figures)
+    page = {"actuator.html": lambda path: write_actuator(path, view, inputs), "actuator.json": content}
+    write_folder(folder, {**page, **(files or {}), **figure_files(figures, view)}, tables)
     print_result(
         actuator_rows(view), content, files={"page": folder / "actuator.html"}, warnings=view.warnings
     )

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kolsky.base.files import usable_folder, write_folder
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, OutFolder, ShotPath
+from kolsky.cli.terminal import print_result, progress_bars
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from kolsky.bars.records import ReducedTest
@@ -23,8 +26,6 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     flyer test. Writes waves.h5, waves.html and CSV tables into SHOT/results.
     """
     from kolsky.bars.reduction.output import summary
-    from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.result_folder import write_results
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.waves import waves as reduced
@@ -37,10 +38,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     print_result(
         _wave_rows(result),
         summary(result),
-        files={
-            "result": folder / "waves.h5",
-            "page": folder / "waves.html",
-        },
+        files={"result": folder / "waves.h5", "page": folder / "waves.html"},
         warnings=result.remarks,
     )
 
@@ -90,17 +88,12 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     Needs the tables bars, recorders and gauges in shot.toml, no specimen. Writes wavespeed.csv into
     SHOT/results.
     """
-    from kolsky.base.files import filling, usable_folder, write_table
-    from kolsky.cli.terminal import print_result
-    from kolsky.report.figures_alone import save_figures_alone
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.waves import residual_columns, wave_speed_of, wave_speed_summary
 
     shot_name, speed, notes = wave_speed_of(shot)
     folder = usable_folder(out or folder_of(shot) / "results")
-    with filling(folder) as partial:
-        write_table(partial / "wavespeed.csv", residual_columns(speed))
-        save_figures_alone(partial, speed, figures)
+    write_folder(folder, figure_files(figures, speed), {"wavespeed": residual_columns(speed)})
     print_result(
         {
             "shot": shot_name,
@@ -138,17 +131,12 @@ def repeats(
             f"got {len(shots)} shot, the scatter between tests needs {_FEWEST} or more",
             cure="name all repeats of the test",
         )
-    from kolsky.base.files import filling, usable_folder, write_table
-    from kolsky.cli.terminal import print_result, progress_bars
-    from kolsky.report.figures_alone import save_figures_alone
     from kolsky.shot import waves
 
     folder = usable_folder(out)
     with progress_bars() as progress, texts.refused(cure="give two tests or more of one specimen and setup"):
         curves = waves.repeats(shots, progress=progress)
-    with filling(folder) as partial:
-        write_table(partial / "repeats.csv", curves.columns())
-        save_figures_alone(partial, curves.mean, figures)
+    write_folder(folder, figure_files(figures, curves.mean), {"repeats": curves.columns()})
     summary = curves.summary()
     (first, last), largest = summary["strain_range"], summary["largest_mean_stress"]
     low, high = largest["band"]

@@ -28,8 +28,7 @@ from kolsky.cli.material_fit import material_fit, material_healing
 from kolsky.cli.new import channels, check, new, open_pages
 from kolsky.cli.options import with_settings
 from kolsky.cli.plan import plan, predict, virtual_make, virtual_new
-from kolsky.cli.rate import rate
-from kolsky.cli.report import film, report
+from kolsky.cli.report import film, rate, report
 from kolsky.cli.simulate import simulate
 from kolsky.cli.specimen import specimen_fit, specimen_new, specimen_plan, specimen_simulate
 from kolsky.cli.sweep import budget, sweep
@@ -111,10 +110,7 @@ REPEAT_AFTER = 0.05
 
 
 def _ending(received: list[int]) -> Callable[[int, FrameType | None], None]:
-    """Handler of a signal that ends the command.
-
-    It raises an exception, and every block cleans up.
-    """
+    """Handler of a signal that ends the command. It raises an exception, and every block cleans up."""
 
     def end(number: int, frame: FrameType | None) -> None:
         received.append(number)
@@ -126,10 +122,7 @@ def _ending(received: list[int]) -> Callable[[int, FrameType | None], None]:
 
 
 def _repeat_ignored_signals(received: list[int]) -> None:
-    """Repeat a signal if Python ignores its exception, as in a finaliser.
-
-    No message is printed.
-    """
+    """Repeat a signal if Python ignores its exception, as in a finaliser. No message is printed."""
     ordinary = sys.unraisablehook
 
     def repeat(event: "sys.UnraisableHookArgs") -> None:

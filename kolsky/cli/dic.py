@@ -4,16 +4,20 @@ From the pictures of a shot to surfaces, and from a target to two cameras.
 """
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, ShotPath
+from kolsky.cli.terminal import print_result, progress_bars
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from dic.calibration.views import Calibration
@@ -53,9 +57,7 @@ def dic(
         _measure_pictures(measurement, out, device, figures, csv=csv, vtu=vtp)
         return
     from dic.processes import allow_forks
-    from kolsky.base.files import usable_folder
     from kolsky.base.process import keep_freed_memory, single_threaded_libraries
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.pictures.rig import calibrate_in_background
     from kolsky.shot.load import load_pictures
 
@@ -108,8 +110,6 @@ def _measure_pictures(
 ) -> None:
     """The measurement that a dic.toml describes."""
     from dic.processes import allow_forks
-    from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.pictures.measurement import measure_file, read_measurement
 
     measurement = read_measurement(path)
@@ -131,7 +131,6 @@ def _measure_pictures(
 
 def _draw_regions(source: Path, out: Path | None, *, grid: bool) -> None:
     """Regions by hand: with a grid, or in the pages of `kolsky open`."""
-    from kolsky.base.files import usable_folder
     from kolsky.pictures.regions import write_grids
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.dic import frames_to_show, open_region_session
@@ -176,9 +175,7 @@ def calibrate(
 
     formats = {one.name: one for one in FORMATS}
     exports = [texts.one_of("--export", name, tuple(formats)) for name in texts.listed(export)]
-    from kolsky.base.files import filling, usable_folder
     from kolsky.base.process import single_threaded_libraries
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.pictures.calibration import (
         calibration_json,
         calibration_of,
@@ -191,18 +188,22 @@ def calibrate(
     folder = usable_folder(out or toml.path.parent / "results")
     with progress_bars() as progress, single_threaded_libraries():
         calibration = calibration_of(toml, section, progress)
-    from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.surfaces import write_calibration
 
-    with filling(folder) as partial:
-        cure = "is it the folder of a calibration series of this target? look at the pictures named"
-        with texts.refused(cure=cure, place=folder, errors=(CameraFileError,)):
-            write_rig(partial / _RIG_FILE, calibration.rig, "opencv")
-            for name in exports:
-                write_rig(partial / f"rig-{name}{formats[name].suffix}", calibration.rig, name)
-        write_calibration_points(partial / "calibration.csv", calibration)
-        write_calibration(partial / "calibration.html", toml.path.parent.resolve().name, calibration)
-        save_figures_alone(partial, calibration, figures)
+    name = toml.path.parent.resolve().name
+    files = {
+        _RIG_FILE: lambda path: write_rig(path, calibration.rig, "opencv"),
+        **{
+            f"rig-{form}{formats[form].suffix}": partial(write_rig, rig=calibration.rig, format=form)
+            for form in exports
+        },
+        "calibration.csv": lambda path: write_calibration_points(path, calibration),
+        "calibration.html": lambda path: write_calibration(path, name, calibration),
+        **figure_files(figures, calibration),
+    }
+    cure = "is it the folder of a calibration series of this target? look at the pictures named"
+    with texts.refused(cure=cure, place=folder, errors=(CameraFileError,)):
+        write_folder(folder, files)
     print_result(
         calibration_summary(calibration),
         {**calibration_json(calibration), "warnings": calibration_warnings(calibration)},

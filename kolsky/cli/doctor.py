@@ -12,6 +12,8 @@ from typing import Annotated, Any
 import typer
 
 from dic.processes import cores
+from kolsky.base.files import jsonable
+from kolsky.cli.terminal import print_result
 
 
 def doctor(
@@ -23,8 +25,6 @@ def doctor(
 
     The exit code is 1 if something that is installed with this package is missing.
     """
-    from kolsky.base.files import jsonable
-    from kolsky.cli.terminal import print_result
 
     installation = examine(folder)
     print_result(

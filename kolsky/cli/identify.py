@@ -18,72 +18,26 @@ import typer
 from dic.files import scratch
 from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError, refuse
-from kolsky.base.options import ADVANCED, Option
+from kolsky.base.files import usable_folder
+from kolsky.base.options import ADVANCED, TOGETHER, Option
 from kolsky.cli import texts
-from kolsky.cli.options import Figures, Out, changed
+from kolsky.cli.options import Figures, Out, changed, load, usable
 from kolsky.cli.sweep import Workers
-from kolsky.cli.terminal import printing
-from kolsky.inverse.settings import Settings
+from kolsky.cli.terminal import print_result, printing, progress_bars
+from kolsky.inverse.settings import JointSettings, Settings
 
 if TYPE_CHECKING:
-    from kolsky.inverse.joint_result import JointResult, JointSettings
+    from kolsky.inverse.joint_result import JointResult
     from kolsky.inverse.result import FitQuality
     from kolsky.shot.records import Shot
 
 
-TOGETHER = "Several shots together"
-"""Panel of `--help`."""
-
-
-@dataclass(frozen=True)
-class JointOptions:
-    """Options for shots that are identified together. See `kolsky.inverse.joint_result.JointSettings`."""
-
-    slow_tests: Annotated[
-        Path | None,
-        Option("Relaxation, ramps, oscillation of the same material.", metavar="TOML", panel=TOGETHER),
-    ] = None
-    curve_nodes: Annotated[
-        int, Option("Estimate the curve too, at this number of strains: 4 to 24.", min=0, panel=TOGETHER)
-    ] = 0
-    curve_roughness: Annotated[
-        float, Option("Standard deviation of the second difference of the nodes' logarithms.", panel=TOGETHER)
-    ] = 0.1
-    gain_each: Annotated[
-        float,
-        Option(
-            'Standard uncertainty of each shot\'s gain, "0.5 %".', metavar="PERCENT", unit="1", panel=TOGETHER
-        ),
-    ] = 0.0
-    scatter: Annotated[bool, Option("Assume no specimen-to-specimen scatter.", panel=TOGETHER)] = True
-
-    @property
-    def is_needed(self) -> bool:
-        """True if an option needs a joint identification, even of one shot."""
-        return self.slow_tests is not None or self.curve_nodes > 0
-
-    def settings(self, settings: "Settings") -> "JointSettings":
-        """The settings of the library, from those of a single shot.
-
-        Raises InputError if a value is not allowed.
-        """
-        from kolsky.inverse.joint_result import JointSettings
-
-        shared = ("free", "held", "hold", "numerics", "refined_mesh", "replicates", "seed")
-        joint = ("curve_nodes", "curve_roughness", "gain_each", "scatter")
-        cure = "correct the option; `kolsky identify --help` shows each with its range"
-        with texts.refused(cure=cure):
-            return JointSettings(
-                **{name: getattr(settings, name) for name in shared},
-                **{name: getattr(self, name) for name in joint},
-            )
-
-
 def identify_shots(
     paths: Sequence[Path],
-    options: JointOptions,
+    joint: JointSettings,
     settings: "Settings",
     *,
+    slow_tests: Path | None,
     relaxation: tuple[RelaxationKind, int] | None,
     out: Path | None,
     figures: Sequence[str],
@@ -95,8 +49,6 @@ def identify_shots(
     """
     from doe.ledger import LedgerError
     from kolsky import joint_identification
-    from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.inverse.parameters import with_relaxation
     from kolsky.inverse.slow_tests import read_slow_tests
     from kolsky.report.result_folder import write_results
@@ -104,7 +56,9 @@ def identify_shots(
     from kolsky.shot.curve import with_pull
     from kolsky.shot.load import load_shot
 
-    chosen = options.settings(settings)
+    shared = ("free", "held", "hold", "numerics", "refined_mesh", "replicates", "seed")
+    with texts.refused(cure="correct the option; `kolsky identify --help` shows each with its range"):
+        chosen = replace(joint, **{name: getattr(settings, name) for name in shared})
     require_one_material(paths)
     shots = []
     for path in paths:
@@ -112,7 +66,7 @@ def identify_shots(
         if relaxation is not None:
             shot = with_relaxation(shot, *relaxation)
         shots.append(with_pull(shot, settings.pull))
-    slow = () if options.slow_tests is None else read_slow_tests(options.slow_tests)
+    slow = () if slow_tests is None else read_slow_tests(slow_tests)
     folder = usable_folder(out or Path("joint"))
     folder.mkdir(parents=True, exist_ok=True)
     cure = "give shots of one material with one set of free parameters"
@@ -136,7 +90,6 @@ def require_one_material(paths: Sequence[Path]) -> None:
 
     Raises InputError if two shot files name a different `material`, or if one cannot be read.
     """
-    from kolsky.base.errors import InputError
     from kolsky.studies.rates.rate import declarations
 
     named = [(file, said.material) for file, said in map(declarations, paths) if said.material is not None]
@@ -279,8 +232,6 @@ class Printout:
 def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:
     """Identify a shot and write its results."""
     from kolsky import identification
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import progress_bars
     from kolsky.inverse.parameters import with_relaxation
     from kolsky.report.result_folder import PAGE, write_identify_results
     from kolsky.results import printed
@@ -316,7 +267,6 @@ def paper_answer(
     If the method fails, there is a warning and no error.
     """
     from doe.ledger import LedgerError
-    from kolsky.cli.terminal import progress_bars
     from kolsky.shot.curve import with_pull
     from kolsky.studies import paper_method as paper
     from kolsky.studies.paper_method import BOUNDS, paper_method
@@ -352,7 +302,6 @@ def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Worker
 
     They are printed in the order of the shots.
     """
-    from kolsky.cli.terminal import print_result, progress_bars
 
     jobs = [
         replace(pattern, shot=shot, out=out)
@@ -390,10 +339,7 @@ def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Worker
 def run_jobs(
     executor: Callable[[], Any], jobs: Sequence[SingleShotJob], report: Callable[[int], None]
 ) -> list[_Answer]:
-    """Run the jobs by an executor's workers.
-
-    `report` is called with the number of finished jobs.
-    """
+    """Run the jobs by an executor's workers. `report` is called with the number of finished jobs."""
     answers: dict[int, _Answer] = {}
     report(0)
     try:
@@ -501,7 +447,11 @@ def identify(
     ] = None,
     each: Annotated[bool, Option("Identify several shots one by one, with a results folder each.")] = False,
     workers: Workers,
-    joint: JointOptions,
+    slow_tests: Annotated[
+        Path | None,
+        Option("Relaxation, ramps, oscillation of the same material.", metavar="TOML", panel=TOGETHER),
+    ] = None,
+    joint: Annotated[JointSettings, ("curve_nodes", "curve_roughness", "gain_each", "scatter")],
     out: Out = None,
     figures: Figures = (),
     verbose: Annotated[bool, Option("Print every value of the answer.", short="-v")] = False,
@@ -527,13 +477,15 @@ def identify(
     if not each:
         problem = "is for shots that are identified one by one"
         texts.refuse(changed(workers), problem, cure="give --each, or leave it out")
-    if (len(shots) > 1 or joint.is_needed) and not each:
+    if (len(shots) > 1 or slow_tests is not None or joint.curve_nodes > 0) and not each:
         texts.refuse(
             {"--method": method != "least-squares", "--bayes": settings.bayes, "--diagnose": diagnose},
             "is for a single shot",
             cure="leave it out, or identify the shots one by one",
         )
-        identify_shots(shots, joint, settings, relaxation=relaxation, out=out, figures=figures)
+        identify_shots(
+            shots, joint, settings, slow_tests=slow_tests, relaxation=relaxation, out=out, figures=figures
+        )
         return
     job = SingleShotJob(
         shots[0],
@@ -547,7 +499,8 @@ def identify(
     )
     if each:
         problem = "is for several shots together"
-        texts.refuse(changed(joint), problem, cure="leave it out, or leave out --each")
+        given = {"--slow-tests": slow_tests is not None, **changed(joint)}
+        texts.refuse(given, problem, cure="leave it out, or leave out --each")
         identify_each(shots, job, workers)
         return
     _print_one(job)
@@ -555,7 +508,6 @@ def identify(
 
 def _print_one(job: SingleShotJob) -> None:
     """Identify one shot in this process and print its answer."""
-    from kolsky.cli.terminal import print_result
     from kolsky.report.result_folder import drawing_processes
 
     answer = _run_job(job, processes=drawing_processes())

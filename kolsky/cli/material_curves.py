@@ -13,9 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import HeaderLine, Option, SheetName
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
+from kolsky.cli.terminal import print_result, progress_bars
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from kolsky.base.apparatus import Specimen
@@ -194,8 +197,6 @@ def reference_curve(
     """
     if out.suffix != ".csv":
         raise texts.refusal("is not a table", key="--out", value=str(out), allowed="FILE.csv")
-    from kolsky.base.files import filling, usable_folder, write_table
-    from kolsky.cli.terminal import print_result
     from kolsky.material import reference_curve as curves
     from kolsky.material.end_friction.problem import CorrectionNumerics
     from kolsky.material.uniaxial import Toe
@@ -246,18 +247,16 @@ def reference_curve(
     with texts.refused(cure=cure):
         made = {pull: curves.reference_curve(tests, treatment, pull=pull) for pull in pulls}
     names = {"first": out.stem, "conditioned": f"{out.stem}_conditioned"}
-    with filling(folder) as partial:
-        for pull, curve in made.items():
-            write_table(partial / f"{names[pull]}.csv", curves.curve_columns(curve))
-            curves.write_modulus(partial / f"{names[pull]}_modulus.csv", curve)
-            if figures:
-                from kolsky.report.canvas import save_figures
-
-                save_figures(partial / f"{names[pull]}_figures", curve, formats=figures)
-        other = f"{names['conditioned']}.csv" if conditioned else None
-        first = made["first"]
-        table = curves.curve_table(out.name, first.band, compression=first.compression, conditioned=other)
-        (partial / f"{out.stem}.toml").write_text(table, encoding="utf-8")
+    other = f"{names['conditioned']}.csv" if conditioned else None
+    first = made["first"]
+    table = curves.curve_table(out.name, first.band, compression=first.compression, conditioned=other)
+    written: dict[str, Any] = {f"{out.stem}.toml": table}
+    tables: dict[str, Any] = {}
+    for pull, curve in made.items():
+        name = names[pull]
+        tables |= {name: curves.curve_columns(curve), f"{name}_modulus": curves.modulus_columns(curve)}
+        written |= figure_files(figures, curve, name=f"{name}_figures")
+    write_folder(folder, written, tables)
     rows: dict[str, Any] = {}
     for pull, curve in made.items():
         rows |= _curve_rows(curve, f"{pull}: " if conditioned else "")
@@ -330,10 +329,7 @@ def material_relaxation(
     Compares elastic, Prony and Bergstrom-Boyce models by AICc and BIC, and states which the data choose.
     Writes relaxation.html, relaxation.json and CSV tables.
     """
-    from kolsky.base.files import filling, usable_folder, write_json, write_table
-    from kolsky.cli.terminal import print_result
     from kolsky.inverse.slow_tests import read_slow_list
-    from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.material import write_relaxation
     from kolsky.studies.rate_dependence import analyse_rate_dependence, summary, tables
     from kolsky.studies.rate_models import comparison_summary, comparison_table
@@ -352,12 +348,11 @@ def material_relaxation(
         content["joint_comparison"] = comparison_summary(together)
         written["relaxation_joint_models"] = comparison_table(together)
         rows |= {f"{name}, with shots": text for name, text in _comparison_rows(together).items()}
-    with filling(folder) as partial:
-        for name, table in written.items():
-            write_table(partial / f"{name}.csv", table)
-        write_json(partial / "relaxation.json", content)
-        write_relaxation(partial / "relaxation.html", result, dict(slow.files))
-        save_figures_alone(partial, result, figures)
+    files = {
+        "relaxation.json": content,
+        "relaxation.html": lambda path: write_relaxation(path, result, dict(slow.files)),
+    }
+    write_folder(folder, files | figure_files(figures, result), written)
     print_result(
         rows,
         content,
@@ -374,9 +369,8 @@ def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder:
     continues an interrupted comparison.
     """
     from doe.ledger import LedgerError
-    from kolsky.cli.terminal import progress_bars
-    from kolsky.inverse.joint_result import JointSettings
     from kolsky.inverse.parameters import with_relaxation
+    from kolsky.inverse.settings import JointSettings
     from kolsky.inverse.slow_tests import read_slow_tests
     from kolsky.joint_identification import identify_shots
     from kolsky.shot.load import load_shot

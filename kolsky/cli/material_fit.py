@@ -10,10 +10,13 @@ import typer
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.errors import InputError
+from kolsky.base.files import columns_of, jsonable, usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
+from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.material.fits.columns import Columns
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from kolsky.material.end_friction.problem import ModelFit
@@ -45,10 +48,7 @@ def size_of(option: str, text: str) -> Specimen:
 
 
 def with_size(columns: Columns, size: Specimen) -> Columns:
-    """The columns with the size of a cylinder.
-
-    A size declared with the columns must agree.
-    """
+    """The columns with the size of a cylinder. A size declared with the columns must agree."""
     for option, given, declared, unit in (
         ("--length", columns.length, size.length, "m"),
         ("--area or --diameter", columns.section, size.area, "m^2"),
@@ -80,9 +80,7 @@ def _fit_cylinder_with_friction(
     """
     import numpy as np
 
-    from kolsky.base.files import columns_of, filling, write_json, write_table
     from kolsky.cli.material_curves import ends_of
-    from kolsky.cli.terminal import print_result
     from kolsky.material.end_friction.correct import fit_specimen
     from kolsky.material.end_friction.problem import ASSUMED_POISSON_SIGMA, CorrectionNumerics
     from kolsky.material.fits.homogeneous import Mode
@@ -117,15 +115,13 @@ def _fit_cylinder_with_friction(
     ratio = {"value": numerics.poisson, "sigma": numerics.poisson_sigma}
     content = {"inputs": hashes, "ends": ends, "poisson": ratio, "laws": [model_summary(one) for one in fits]}
     fitted = [one for one in fits if not one.reason]
-    with filling(folder) as partial:
-        write_json(partial / "specimen.json", content)
-        write_table(partial / "specimen_constants.csv", columns_of(_constant_rows(fitted)))
-        curves: dict[str, list[Any]] = {
-            "nominal strain (1)": mean.band.strain.tolist(),
-            "apparent nominal stress (Pa)": mean.band.stress.tolist(),
-        }
-        curves |= {f"{one.name} without end friction (Pa)": np.asarray(one.stress).tolist() for one in fitted}
-        write_table(partial / "specimen_curves.csv", curves)
+    curves: dict[str, list[Any]] = {
+        "nominal strain (1)": mean.band.strain.tolist(),
+        "apparent nominal stress (Pa)": mean.band.stress.tolist(),
+    }
+    curves |= {f"{one.name} without end friction (Pa)": np.asarray(one.stress).tolist() for one in fitted}
+    tables = {"specimen_constants": columns_of(_constant_rows(fitted)), "specimen_curves": curves}
+    write_folder(folder, {"specimen.json": content}, tables)
     print_result(
         {},
         content,
@@ -326,13 +322,10 @@ def material_fit(
 
     Several tests are fitted at once. Writes material.html, material.json and CSV tables.
     """
-    from kolsky.base.files import filling, usable_folder, write_json, write_table
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.material.fits.compare import candidates, compare_laws
     from kolsky.material.fits.search import Weighting
     from kolsky.material.fits.tables import as_json as to_json
     from kolsky.material.fits.tables import remarks, tables
-    from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.material import write_fits
 
     with texts.refused("--laws: ", cure="`kolsky material fit --help` lists the laws"):
@@ -390,20 +383,18 @@ def material_fit(
     if all(row.fit is None for row in comparison.rows):
         reasons = "; ".join(row.reason for row in comparison.rows)
         raise texts.refusal(f"no law can be fitted: {reasons}", cure="give more points or more kinds of test")
-    content = to_json(comparison, hashes)
-
-    with filling(folder) as partial:
-        for name, table in tables(comparison).items():
-            write_table(partial / f"{name}.csv", table)
-        write_json(partial / "material.json", content)
-        write_fits(partial / "material.html", comparison, hashes, remarks(comparison))
-        save_figures_alone(partial, comparison, figures)
+    content, warnings = to_json(comparison, hashes), remarks(comparison)
+    written: dict[str, Any] = {
+        "material.json": content,
+        "material.html": lambda path: write_fits(path, comparison, hashes, warnings),
+    }
+    write_folder(folder, written | figure_files(figures, comparison), tables(comparison))
     print_result(
         {},
         content,
         lines=[*taken, *_lines(comparison)],
         files={"report": folder / "material.html"},
-        warnings=remarks(comparison),
+        warnings=warnings,
     )
 
 
@@ -460,8 +451,6 @@ def material_healing(
     Writes healing.json and healing.csv, and healing_specimens.csv with every specimen's properties.
     """
     from explicit.materials import LAWS
-    from kolsky.base.files import columns_of, filling, jsonable, usable_folder, write_json, write_table
-    from kolsky.cli.terminal import print_result
     from kolsky.material.fits.properties import healing
 
     texts.one_of("--law", law, tuple(LAWS))
@@ -486,10 +475,8 @@ def material_healing(
         },
         "remarks": list(result.remarks),
     }
-    with filling(folder) as partial:
-        write_json(partial / "healing.json", content)
-        write_table(partial / "healing.csv", _table(result))
-        write_table(partial / "healing_specimens.csv", columns_of(_specimen_rows(result)))
+    tables = {"healing": _table(result), "healing_specimens": columns_of(_specimen_rows(result))}
+    write_folder(folder, {"healing.json": content}, tables)
     print_result(
         {},
         content,
@@ -500,7 +487,6 @@ def material_healing(
 
 
 def _table(result: "Healing") -> dict[str, list[Any]]:
-    from kolsky.base.files import jsonable
 
     rows = result.rows.items()
     whole = {

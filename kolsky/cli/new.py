@@ -12,6 +12,7 @@ import typer
 
 from dic.files import one_line
 from kolsky.base.errors import InputError
+from kolsky.base.files import decode, filling, read_bytes, usable_folder
 from kolsky.base.options import HeaderLine, Option, SheetName
 from kolsky.cli.options import Out, ShotPath
 from kolsky.cli.terminal import as_json, print_json
@@ -144,7 +145,6 @@ def _found_lines(
 
 
 def _text_of(series: Path) -> str:
-    from kolsky.base.files import decode, read_bytes
     from kolsky.base.toml import TOML_LIMIT
     from kolsky.schema.shot_file import find_shot_file
 
@@ -187,7 +187,6 @@ def check(shot: ShotPath, out: Out = None) -> None:
     summary.print_table(loaded)
     for remark in summary.remarks(loaded):
         print(one_line(f"warning: {remark}"), file=sys.stderr)
-    from kolsky.base.files import filling, usable_folder
     from kolsky.report.pages.waves import PAGE, write_check
     from kolsky.schema.shot_file import folder_of
 

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
+from kolsky.base.files import usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.terminal import printing
+from kolsky.cli.terminal import printing, progress_bars
 
 if TYPE_CHECKING:
     from kolsky.pictures.picture_set import PictureSet
@@ -56,10 +57,7 @@ READERS: tuple[tuple[Any, Callable[[str, Any], Any]], ...] = (
 
 @dataclass(frozen=True)
 class _Argument:
-    """One option of a command.
-
-    It has its declaration for typer and the conversion of its text.
-    """
+    """One option of a command. It has its declaration for typer and the conversion of its text."""
 
     annotation: Any
     """Annotation for typer."""
@@ -203,10 +201,7 @@ def changed(record: Any) -> dict[str, bool]:
 
 
 def _word(name: str, option: Option, default: Any) -> str:
-    """Name of an option without its dashes.
-
-    A switch that is on by default is turned off by "no-".
-    """
+    """Name of an option without its dashes. A switch that is on by default is turned off by "no-"."""
     word = option.name or name.replace("_", "-")
     return f"no-{word}" if default is True else word
 
@@ -274,8 +269,6 @@ def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tup
     the shot. ``inside``: folders inside it. ``forks``: True if several processes may correlate pictures.
     Raises InputError if the shot or the folder cannot be used.
     """
-    from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import progress_bars
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.load import load_shot
 

@@ -10,11 +10,12 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from kolsky.base.files import usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.new import write_specification
-from kolsky.cli.options import Figures, Film, Out, OutFolder, ShotPath, Values
-from kolsky.cli.terminal import as_json
+from kolsky.cli.options import Figures, Film, Out, OutFolder, ShotPath, Values, load, usable
+from kolsky.cli.terminal import as_json, print_result, progress_bars
 from kolsky.inverse.settings import Device, Numerics, Threads
 
 
@@ -140,8 +141,6 @@ def plan(
     """
     changes: dict[str, Any] = {name: value for name, value in vars(instruments).items() if value is not None}
     names = tuple(texts.ranges("--free", [_without_bounds(name) for name in free]))
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.result_folder import write_results
     from kolsky.studies.planning import plan as output
     from kolsky.studies.planning import plan as planning
@@ -208,8 +207,6 @@ def predict(
             writer_for(film)
     if want and not vary:
         raise texts.refusal("--want needs --vary", cure='add e.g. --vary "striker.speed=4 m/s:7 m/s:5"')
-    from kolsky.base.files import usable_folder
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.prediction import design
     from kolsky.prediction import predict as prediction
     from kolsky.prediction.design import to_json
@@ -293,7 +290,6 @@ def virtual_make(
     workers: Annotated[int, Option("Number of parallel processes.", min=1)] = 1,
 ) -> None:
     """Make the shot folders of a specification; existing shots are left unchanged."""
-    from kolsky.cli.terminal import print_result
     from kolsky.virtual.make import Made, make
     from kolsky.virtual.specification import read_specification
 

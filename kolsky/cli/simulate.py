@@ -7,9 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
+from kolsky.base.files import filling, jsonable
 from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.options import Out, ShotPath, Values, Vtu, changed
+from kolsky.cli.options import Out, ShotPath, Values, Vtu, changed, load, usable
+from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.inverse.settings import Numerics
 
 
@@ -68,9 +70,6 @@ def simulate(
             "common deformed one",
             cure="leave one out",
         )
-    from kolsky.base.files import filling, jsonable
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.inverse import simulate as simulation
     from kolsky.inverse.result import worst_imbalance
     from kolsky.uncertainty.warnings import (
@@ -145,13 +144,7 @@ def _simulate_slow_test(
     last: float | None,
     error: float,
 ) -> None:
-    """The quasi-static test of a shot's specimen.
-
-    It has a last strain and an error of the force.
-    """
-    from kolsky.base.files import filling, jsonable
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import print_result
+    """The quasi-static test of a shot's specimen. It has a last strain and an error of the force."""
     from kolsky.inverse import simulate as slow
     from kolsky.material.slow_compression import write_slow_compression
 

@@ -7,15 +7,16 @@ declared constants. `plan` finds the tests and shapes that constrain the constan
 import functools
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.new import write_specification
 from kolsky.cli.options import Figures, Vtu
-from kolsky.cli.terminal import as_json
+from kolsky.cli.terminal import as_json, print_result, progress_bars
 from kolsky.inverse.settings import Device
 
 if TYPE_CHECKING:
@@ -72,9 +73,7 @@ def specimen_fit(
     Writes specimen.html, specimen.json, specimen.h5, tables, and the fitted law as curves that a shot.toml
     can name.
     """
-    from kolsky.base.files import usable_folder
     from kolsky.bodies.specimen_reading import read_specification
-    from kolsky.cli.terminal import print_result
 
     if stills:
         _require_drawing()
@@ -168,10 +167,9 @@ def _fit_sheet(
     from kolsky.bodies.sheet_fit import fit_steps
     from kolsky.bodies.sheet_reading import read_field
     from kolsky.bodies.stiffness_map import stiffness_map as stiffness_map_of
-    from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.report.body_views import sheet_view_of
     from kolsky.report.pages.bodies import sheet_rows, specimen_rows
-    from kolsky.report.result_folder import write_sheet_results
+    from kolsky.report.result_folder import write_specimen_results
 
     measured = read_field(read)
     section = read.declared.field
@@ -187,7 +185,7 @@ def _fit_sheet(
     mapped = stiffness_map_of(result.problem, blocks) if blocks else None
     view = sheet_view_of(read.name, measured, result, steps, mapped, change=change)
     inputs = {**read.inputs, **measured.inputs}
-    write_sheet_results(folder, view, inputs, formats=figures, vtu=vtu, stills=stills)
+    write_specimen_results(folder, view, inputs, formats=figures, vtu=vtu, stills=stills)
     rows = {row["name"]: f"{row['value']}, {row['interval']}, {row['verdict']}" for row in sheet_rows(view)}
     print_result(
         rows | specimen_rows(view),
@@ -212,9 +210,7 @@ def specimen_simulate(
     Writes a CSV file for each test, or points.csv and pad.csv of a sheet. The SPEC can name these files, as
     data with known constants. A sheet's points and the motion of its pad are those of the SPEC's files.
     """
-    from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.bodies.specimen_reading import read_specification, simulate_tests
-    from kolsky.cli.terminal import print_result
     from kolsky.report.body_views import BINS, strain_share
     from kolsky.report.result_folder import write_solution_vtu
 
@@ -226,16 +222,17 @@ def specimen_simulate(
         return
     with read.toml.refusing("tests", "cannot be simulated"):
         simulated = simulate_tests(read, seed=seed)
-    with filling(folder) as partial:
-        for name, one in simulated.items():
-            write_table(partial / f"{name}.csv", one.columns)
-            share = strain_share(name, one.solution, read.models[name].shape.mid_region())
-            columns = {"strain from (1)": BINS[:-1], "strain to (1)": BINS[1:]}
-            for part, values in (("whole", share.whole), ("middle", share.middle)):
-                columns |= {f"share along {a}, {part} (1)": v for a, v in zip("xyz", values, strict=True)}
-            write_table(partial / f"{name}_strains.csv", columns)
-            if vtu:
-                write_solution_vtu(partial / f"{name}.vtu", one.solution)
+    files: dict[str, Any] = {}
+    tables: dict[str, Any] = {}
+    for name, one in simulated.items():
+        share = strain_share(name, one.solution, read.models[name].shape.mid_region())
+        columns = {"strain from (1)": BINS[:-1], "strain to (1)": BINS[1:]}
+        for part, values in (("whole", share.whole), ("middle", share.middle)):
+            columns |= {f"share along {a}, {part} (1)": v for a, v in zip("xyz", values, strict=True)}
+        tables |= {name: one.columns, f"{name}_strains": columns}
+        if vtu:
+            files[f"{name}.vtu"] = functools.partial(write_solution_vtu, solution=one.solution)
+    write_folder(folder, files, tables)
     rows = {
         name: f"{len(one.force)} samples to {1e3 * one.displacement.max():.4g} mm, "
         f"{one.force[-1].max():.5g} N"
@@ -250,15 +247,11 @@ def specimen_simulate(
 
 def _simulate_sheet(read: "Specification", folder: Path, *, seed: int | None) -> None:
     """Write points and pad of a simulated sheet, and print their files."""
-    from kolsky.base.files import filling, write_table
     from kolsky.bodies.sheet_reading import read_field, simulate_sheet
-    from kolsky.cli.terminal import print_result
 
     with read.toml.refusing("field", "cannot be simulated"):
         simulated = simulate_sheet(read_field(read), seed=seed)
-    with filling(folder) as partial:
-        write_table(partial / "points.csv", simulated.point_columns)
-        write_table(partial / "pad.csv", simulated.pad_columns)
+    write_folder(folder, {}, {"points": simulated.point_columns, "pad": simulated.pad_columns})
     rows = {
         "points": f"{len(simulated.points)} in {len(simulated.frames)} frames",
         "pad": f"to {1e3 * abs(simulated.pad[-1]):.4g} mm, {simulated.force[-1]:.5g} N",
@@ -282,11 +275,9 @@ def specimen_plan(
     of one SPEC. For a sheet, the field and the force are compared, single and combined; its points and the
     motion of its pad are those of the SPEC's files. Writes plan.csv and plan.json.
     """
-    from kolsky.base.files import filling, usable_folder, write_json
     from kolsky.bodies import specimen_output
     from kolsky.bodies.sheet_reading import plan_sheet, read_field
     from kolsky.bodies.specimen_reading import read_specification
-    from kolsky.cli.terminal import print_result
     from kolsky.results import numbers
 
     read = read_specification(spec, device=device)
@@ -303,9 +294,7 @@ def specimen_plan(
     else:
         choices = _plan_tests(read, names)
     content = specimen_output.plan_json(choices, free)
-    with filling(folder) as partial:
-        specimen_output.write_plan(partial, choices, free)
-        write_json(partial / "plan.json", content)
+    write_folder(folder, {"plan.json": content}, {"plan": specimen_output.plan_columns(choices, free)})
     rows = {
         " + ".join(one.tests): ", ".join(
             f"{name} ± {numbers.percent(float(value))}"

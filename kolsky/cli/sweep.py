@@ -19,10 +19,12 @@ import typer
 
 from dic.processes import cores
 from kolsky.base.errors import InputError
+from kolsky.base.files import jsonable, usable_folder
 from kolsky.base.options import ADVANCED, Option
 from kolsky.base.process import process_pool
 from kolsky.cli import texts
-from kolsky.cli.options import Figures, Out, ShotPath, Values
+from kolsky.cli.options import Figures, Out, ShotPath, Values, load, usable
+from kolsky.cli.terminal import print_result, sweep_progress
 from kolsky.inverse.settings import Numerics, Settings
 
 if TYPE_CHECKING:
@@ -50,8 +52,6 @@ def sweep(
     chosen = choice.design()
     texts.apart("--points" if choice.points else "--vary", chosen.box.names, "--parameter", parameter)
     part = records.part(chosen)
-    from kolsky.cli.options import load, usable
-    from kolsky.cli.terminal import print_result, sweep_progress
 
     loaded, folder = load(shot, out)
     if (vary := choice.vary_of(loaded.interface)) != choice.vary:
@@ -59,7 +59,6 @@ def sweep(
         part = records.part(chosen)
     numerics = replace(numerics, threads=workers.threads(numerics.threads))
     place = records.place(folder)
-    from kolsky.base.files import jsonable
     from kolsky.report.result_folder import write_sweep_results
     from kolsky.results.tables import failed_runs
     from kolsky.studies import sweep as sweeping
@@ -366,10 +365,7 @@ _SCHEDULER_START = "start one with `dask scheduler` and give its address or its 
 
 
 def dask_client(place: str) -> Any:
-    """A client of the scheduler at an address or in a scheduler file.
-
-    The caller closes it.
-    """
+    """A client of the scheduler at an address or in a scheduler file. The caller closes it."""
     try:
         from distributed import Client
     except ImportError:
@@ -488,8 +484,6 @@ def budget(
 ) -> None:
     """Budget the errors of a test; writes budget.csv and budget.html, and stores realisations in a ledger."""
     from doe.ledger import LedgerError
-    from kolsky.base.files import jsonable, usable_folder
-    from kolsky.cli.terminal import print_result, sweep_progress
     from kolsky.report.result_folder import write_budget_results
     from kolsky.studies.budget import budget as budgets
     from kolsky.studies.budget.realisation import factors_of, usual_sizes

@@ -97,10 +97,7 @@ def plain_or_text(value: object) -> object:
 
 
 def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
-    """ "0.2 um/N" as a number in an SI unit.
-
-    It is above zero if it must be positive.
-    """
+    """ "0.2 um/N" as a number in an SI unit. It is above zero if it must be positive."""
     from kolsky.base.units import quantity
 
     with refused(f"{option}: ", cure="write it as `--help` shows"):

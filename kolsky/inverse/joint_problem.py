@@ -19,13 +19,13 @@ from scipy.optimize import lsq_linear
 
 from doe.least_squares import Whitening, least_squares
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.inverse.joint_result import JointSettings, Slow
+from kolsky.inverse.joint_result import Slow
 from kolsky.inverse.joint_runs import JointRuns, Unknowns, curve_bytes, smoothness
 from kolsky.inverse.objective import BLOCKS, FrontNoise, Objective, Prior
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.path_noise import drawn_modes, noise_of
-from kolsky.inverse.settings import Numerics
+from kolsky.inverse.settings import JointSettings, Numerics
 from kolsky.inverse.slow_tests import slow_measured, slow_predicted
 
 GAIN, CLOCK, SCATTER = "gain", "clock", "scatter"

@@ -1,4 +1,4 @@
-"""Several shots identified together: settings, result, and relaxation that the data do not need.
+"""Several shots identified together: result, and relaxation that the data do not need.
 
 A strength that the data do not need still has a value and an interval. The upper end of the interval is a
 useful bound. Its relaxation time keeps a uniform distribution over its range.
@@ -7,69 +7,13 @@ useful bound. Its relaxation time keeps a uniform distribution over its range.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from dic.views import ResultViews
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Estimate, FitQuality, Verdict
-from kolsky.inverse.settings import Numerics, Settings
 from kolsky.material.relaxation.evidence import Evidence
-
-MOST_NODES = 24
-
-
-@dataclass(frozen=True)
-class JointSettings:
-    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerical
-    choices.
-    """
-
-    free: Mapping[str, tuple[float, float] | None] | None = None
-    """Shared free parameters and their bounds, None for default bounds. Default: the parameters that are free
-    in every single shot."""
-    held: Mapping[str, float] = field(default_factory=dict)
-    """Parameters held at values that differ from those of the shots."""
-    hold: tuple[str, ...] = ()
-    """Parameters held at the shots' values that would be free by default."""
-    numerics: Numerics = field(default_factory=lambda: Numerics(mesh=(16, 22)))
-    """The mesh of the search, and the arithmetic."""
-    refined_mesh: tuple[int, int] = (32, 43)
-    """The mesh of the answer."""
-    replicates: int = 24
-    """Number of random draws of each flyer motion and each curve. With 0, their noise is left out of weights
-    and intervals."""
-    curve_nodes: int = 0
-    """Number of free nodes of the curve: 0 or 4 to `MOST_NODES`. They replace the stiffness factor."""
-    curve_roughness: float = 0.1
-    """Standard deviation of the second difference of the logarithm of the nodes' factors [-]."""
-    scatter: bool = True
-    """True if the shots may differ in stiffness beyond their noise; the scatter is estimated."""
-    gain_each: float = 0.0
-    """Standard uncertainty of the force scale of each shot, in addition to a shared calibration [-]."""
-    choose: bool = True
-    """True if the model with relaxation is compared with a model without it."""
-    seed: int = 1
-    """Seed of every random draw."""
-
-    def __post_init__(self) -> None:
-        if self.curve_nodes and not 4 <= self.curve_nodes <= MOST_NODES:
-            raise ValueError(f"curve_nodes must be 0 or 4 to {MOST_NODES}, got {self.curve_nodes}")
-        if not 0.0 < self.curve_roughness < 10.0:
-            raise ValueError(f"curve_roughness must be in (0, 10), got {self.curve_roughness}")
-        if not 0.0 <= self.gain_each < 1.0:
-            raise ValueError(f"gain_each must be in [0, 1), got {self.gain_each}")
-        if self.numerics.compressible is not None:
-            raise ValueError("a joint identification runs Poisson's ratio directly: leave the correction out")
-        if not self.refined_mesh[0] > self.numerics.mesh[0]:
-            raise ValueError(
-                f"the refined mesh {self.refined_mesh} must be finer than that of the search "
-                f"{self.numerics.mesh}: the mesh error is extrapolated from both"
-            )
-
-    def of_one(self) -> Settings:
-        """The free and held parameters as settings for a single shot."""
-        return Settings(free=self.free, held=self.held, hold=self.hold, numerics=self.numerics)
 
 
 @dataclass(frozen=True)

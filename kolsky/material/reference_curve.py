@@ -12,7 +12,6 @@ from dic.views import ResultViews
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import refused
-from kolsky.base.files import write_table
 from kolsky.material.end_friction.correct import correct_friction
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, FrictionCorrection, ModelFit
 from kolsky.material.uniaxial import (
@@ -347,23 +346,20 @@ def curve_columns(made: ReferenceCurve | CurveBand) -> dict[str, list[float]]:
     }
 
 
-def write_modulus(path: Path, made: ReferenceCurve) -> None:
-    """Write E_a over strain and time with its k = 2 interval, and that of the uncorrected curve."""
+def modulus_columns(made: ReferenceCurve) -> dict[str, list[float]]:
+    """E_a over strain and time with its k = 2 interval, and that of the uncorrected curve."""
     modulus = made.modulus
     low, high = modulus.interval()
     apparent = apparent_modulus(made.apparent, compression=made.compression)
     time = {} if modulus.time is None else {"time since zero strain (s)": modulus.time.tolist()}
-    write_table(
-        path,
-        {
-            "nominal strain (1)": modulus.strain.tolist(),
-            **time,
-            "E_a (Pa)": modulus.modulus.tolist(),
-            "low end, k = 2 (Pa)": low.tolist(),
-            "high end, k = 2 (Pa)": high.tolist(),
-            "E_a as if frictionless (Pa)": apparent.modulus.tolist(),
-        },
-    )
+    return {
+        "nominal strain (1)": modulus.strain.tolist(),
+        **time,
+        "E_a (Pa)": modulus.modulus.tolist(),
+        "low end, k = 2 (Pa)": low.tolist(),
+        "high end, k = 2 (Pa)": high.tolist(),
+        "E_a as if frictionless (Pa)": apparent.modulus.tolist(),
+    }
 
 
 def curve_table(name: str, band: CurveBand, *, compression: bool, conditioned: str | None = None) -> str:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from dic.bodies.region import polygon_mask
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Shape
+from dic.files import regular
 from dic.full_field.measure import Extensometer, FullFieldSettings
 from dic.images import PictureError, Pictures, of_colours
 from dic.result import FullField
 from dic.tracking import Tracking
 from kolsky.base.errors import InputError, refuse
-from kolsky.base.files import regular
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.toml import TomlFile, parse_toml
 from kolsky.pictures.picture_set import CAMERAS, digest, fits_sensor, matching

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.files import regular
 from dic.outcome import FrameOutcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
-from kolsky.base.files import read_errors, regular
+from kolsky.base.files import read_errors
 from kolsky.pictures.frames import read_frames
 from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.pictures import PicturesSection, SeriesSection

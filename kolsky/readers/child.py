@@ -58,10 +58,7 @@ def xls(path: str, place: str) -> list[dict[str, Any]]:
 
 
 def mat(path: str, place: str, most: int = UNPACKED_LIMIT) -> list[tuple[str, str]]:
-    """Name and class of the variables of a file before 7.3.
-
-    Arrays of numbers are written to a .npz file.
-    """
+    """Name and class of the variables of a file before 7.3. Arrays of numbers are written to a .npz file."""
     import numpy as np
     from scipy.io import loadmat, whosmat
 

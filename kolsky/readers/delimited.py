@@ -15,10 +15,7 @@ SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", "")
 
 
 def sniff(path: Path) -> bool:
-    """True if a file may be delimited text, by its ending.
-
-    It must have no zero bytes except in UTF-16.
-    """
+    """True if a file may be delimited text, by its ending. It must have no zero bytes except in UTF-16."""
     head = head_of(path)
     if path.suffix.lower() not in SUFFIXES or not head.strip():
         return False

@@ -1,6 +1,6 @@
-"""Excel workbook (.xlsx): the stored values of one sheet. Formulas are not used.
+"""Excel workbooks (.xlsx, and .xls of Excel 97 to 2003): the stored values of one sheet, without formulas.
 
-openpyxl reads the rows one by one. python-calamine is used for the old .xls (`kolsky.readers.excel_97`). It
+openpyxl reads the rows of .xlsx one by one. python-calamine is used for the old .xls, in a child process: it
 first stores a sheet as a full rectangle. A workbook of 5 kB with a cell at XFD1048576 then crashes the
 process.
 """
@@ -8,14 +8,13 @@ process.
 import math
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Contents, Layout, file_hash, head_of
+from kolsky.readers.contents import Contents, Layout, file_hash, head_of, read_in_child
 from kolsky.readers.delimited import read_lines
-
-BINARY = True
 
 COMPRESSED_LIMIT = 100_000_000
 """Largest workbook that is read [bytes]."""
@@ -26,42 +25,54 @@ COLUMNS_LIMIT = 256
 ROWS_LIMIT = 1_048_576
 """Maximum number of rows of a sheet, as in Excel. A damaged file may declare any number."""
 
+_COMPOUND = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _DECLARATIONS = (b"<!DOCTYPE", b"<!ENTITY", "<!DOCTYPE".encode("utf-16-le"), "<!DOCTYPE".encode("utf-16-be"))
 
 
-def sniff(path: Path) -> bool:
+@dataclass(frozen=True)
+class Workbook:
+    """A format of workbooks."""
+
+    BINARY = True
+    form: str
+    """Its name in `kolsky.readers.recordings.FORMATS`."""
+    sniff: Callable[[Path], bool]
+    """True if a file looks like this format, by its ending and first bytes."""
+    chosen: Callable[[Path, str | None], tuple[str, str, Sequence[Sequence[object]]]]
+    """Hash of a file, and title and rows of the declared sheet or the only sheet with data."""
+
+    def read(self, path: Path, layout: Layout) -> Contents:
+        """Read a sheet as a table with metadata, names, units and samples.
+
+        Raises InputError if the file is damaged, not a workbook, too large unpacked, or declares XML
+        entities; if several sheets have data and none is declared; if the sheet is empty; or if a cell
+        contains an error. Other reasons are those of `kolsky.readers.delimited.read_lines`.
+        """
+        sha256, title, rows = self.chosen(path, layout.sheet)
+        stated = replace(layout, delimiter="tab", decimal=".")
+        facts = {"format": self.form, "sheet": title}
+        contents = read_lines(path, sha256, _lines(path, title, rows), stated, facts, word="row")
+        kept = {key: value for key, value in contents.facts.items() if key not in ("delimiter", "decimal")}
+        return replace(contents, facts=kept)
+
+    def table_lines(self, path: Path, wanted: str | None) -> list[str]:
+        """The rows of a sheet as tab-separated lines. Raises InputError as `read`."""
+        _, title, rows = self.chosen(path, wanted)
+        return _lines(path, title, rows)
+
+
+def _is_excel(path: Path) -> bool:
     """True if a file ends in .xlsx, .xlsm or, misnamed, .xls and is a zip archive."""
     return path.suffix.lower() in (".xlsx", ".xlsm", ".xls") and head_of(path, 4) == b"PK\x03\x04"
 
 
-def read(path: Path, layout: Layout) -> Contents:
-    """Read a sheet as a table with metadata, names, units and samples.
-
-    Raises InputError if it is not a workbook, is too large unpacked, or declares XML entities. The same error
-    is raised if several sheets have data and none is declared, or if a cell contains an error. Other reasons
-    are those of `kolsky.readers.delimited.read_lines`.
-    """
-    sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
-    _check_archive(path)
-    title, rows = _rows(path, layout.sheet)
-    return sheet_contents(path, sha256, "excel", title, rows, layout)
+def _is_excel_97(path: Path) -> bool:
+    """True if a file ends in .xls and is a compound file. Many programs also use .xls for text files."""
+    return path.suffix.lower() == ".xls" and head_of(path, 8) == _COMPOUND
 
 
-def table_lines(path: Path, wanted: str | None) -> list[str]:
-    """The rows of the declared sheet or the only sheet with data, as tab-separated lines.
-
-    Raises InputError as `read`.
-    """
-    file_hash(path, limit=COMPRESSED_LIMIT)
-    _check_archive(path)
-    return sheet_lines(path, *_rows(path, wanted))
-
-
-def sheet_lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str]:
-    """The rows of a sheet as lines with tabs, at most `COLUMNS_LIMIT` columns.
-
-    Raises InputError if it is empty, or if a cell contains an error.
-    """
+def _lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str]:
+    """The rows of a sheet as lines with tabs, at most `COLUMNS_LIMIT` columns."""
     texts = [
         [_text(path, number, cell) for cell in row[:COLUMNS_LIMIT]]
         for number, row in enumerate(rows, start=1)
@@ -75,28 +86,8 @@ def sheet_lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> lis
     return lines
 
 
-def sheet_contents(
-    path: Path, sha256: str, form: str, title: str, rows: Sequence[Sequence[object]], layout: Layout
-) -> Contents:
-    """Channels and metadata of the rows of one sheet.
-
-    ``path``, ``sha256``: the workbook and its hash. ``form``: name of its format. ``title``, ``rows``: the
-    sheet: texts, numbers, truth values. At most `COLUMNS_LIMIT` columns are read. ``layout``: the declared
-    layout. Raises InputError if it is empty, if a cell contains an error, or for the reasons of
-    `kolsky.readers.delimited.read_lines`.
-    """
-    lines = sheet_lines(path, title, rows)
-    stated = Layout(**{**vars(layout), "delimiter": "tab", "decimal": "."})
-    contents = read_lines(path, sha256, lines, stated, {"format": form, "sheet": title}, word="row")
-    kept = {key: value for key, value in contents.facts.items() if key not in ("delimiter", "decimal")}
-    return Contents(path, sha256, contents.channels, kept, contents.metadata)
-
-
-def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wanted: str | None) -> str:
-    """The title of the declared sheet or of the only sheet with data.
-
-    Raises InputError if there is no such sheet, or if several have data and none is declared.
-    """
+def _title(path: Path, titles: Sequence[str], filled: Sequence[str], wanted: str | None) -> str:
+    """The title of the declared sheet or of the only sheet with data."""
     if wanted is not None and wanted not in titles:
         raise InputError(
             path, f"has no sheet '{wanted}'; its sheets are {list(titles)}", cure="correct sheet"
@@ -118,10 +109,7 @@ def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wante
 
 
 def _check_archive(path: Path) -> None:
-    """Unpack every part once, without storing it.
-
-    Sizes in the archive's directory may be wrong.
-    """
+    """Unpack every part once, without storing it. Sizes in the archive's directory may be wrong."""
     total = 0
     try:
         with zipfile.ZipFile(path) as archive:
@@ -144,23 +132,24 @@ def _check_archive(path: Path) -> None:
                             )
                         before = block[-20:]
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError) as error:
-        raise damaged(path, error) from None
+        raise _damaged(path, error) from None
 
 
-def _rows(path: Path, wanted: str | None) -> tuple[str, list[tuple[object, ...]]]:
-    """Title and rows of the chosen sheet."""
+def _excel(path: Path, wanted: str | None) -> tuple[str, str, list[tuple[object, ...]]]:
     import openpyxl
 
+    sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
+    _check_archive(path)
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
     except Exception as error:  # openpyxl passes on the errors of its parsers
-        raise damaged(path, error) from None
+        raise _damaged(path, error) from None
     try:
         sheets = {sheet.title: sheet for sheet in book.worksheets}
         filled = [title for title, sheet in sheets.items() if wanted is None and _has_rows(sheet)]
         shown = [title for title in filled if sheets[title].sheet_state == "visible"]
         filled = shown or filled  # a hidden sheet holds a program's settings
-        title = chosen_sheet(path, list(sheets), filled, wanted)
+        title = _title(path, list(sheets), filled, wanted)
         rows: list[tuple[object, ...]] = []
         for row in sheets[title].iter_rows(values_only=True):
             if len(rows) == ROWS_LIMIT:
@@ -170,13 +159,25 @@ def _rows(path: Path, wanted: str | None) -> tuple[str, list[tuple[object, ...]]
                     cure="save it again in Excel, or as CSV",
                 )
             rows.append(row[:COLUMNS_LIMIT])
-        return title, rows
+        return sha256, title, rows
     except InputError:
         raise
     except Exception as error:
-        raise damaged(path, error) from None
+        raise _damaged(path, error) from None
     finally:
         book.close()
+
+
+def _excel_97(path: Path, wanted: str | None) -> tuple[str, str, list[list[object]]]:
+    sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
+    read = read_in_child(path, "xls", path, _damaged)
+    sheets = {sheet["title"]: sheet["rows"] for sheet in read}
+    filled = [
+        title for title, rows in sheets.items() if any(cell not in ("", None) for r in rows for cell in r)
+    ]
+    filled = [sheet["title"] for sheet in read if sheet["shown"] and sheet["title"] in filled] or filled
+    title = _title(path, list(sheets), filled, wanted)
+    return sha256, title, sheets[title]
 
 
 def _has_rows(sheet: object) -> bool:
@@ -198,6 +199,10 @@ def _text(path: Path, row: int, cell: object) -> str:
     return text
 
 
-def damaged(path: Path, error: Exception | str) -> InputError:
+def _damaged(path: Path, error: Exception | str) -> InputError:
     """The error for a file that is damaged or not a workbook."""
     return InputError(path, f"is not a workbook that can be read ({error})", cure="save it again in Excel")
+
+
+EXCEL = Workbook("excel", _is_excel, _excel)
+EXCEL_97 = Workbook("excel 97", _is_excel_97, _excel_97)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from dic.files import regular
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import regular
 from kolsky.readers.contents import (
     SAMPLES_LIMIT,
     Channel,
@@ -222,10 +222,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def table_lines(path: Path, _sheet: str | None) -> list[str]:
-    """The vectors of equal length as tab-separated lines.
-
-    Raises InputError as `read`.
-    """
+    """The vectors of equal length as tab-separated lines. Raises InputError as `read`."""
     file_hash(path)
     arrays, _, _, others = inside(path)
     if not arrays and others:
@@ -269,10 +266,7 @@ def _walk(
     texts: dict[str, str],
     others: list[str],
 ) -> None:
-    """Collect a group.
-
-    External links raise an error, and objects without numbers are listed.
-    """
+    """Collect a group. External links raise an error, and objects without numbers are listed."""
     import h5py
 
     keys = {**above, **_numbers(group.attrs)}

@@ -125,10 +125,7 @@ def heading_unit(heading: str) -> str | None:
 
 
 def likely_unit(heading: str) -> str:
-    """The likely unit of a heading in a shot's tables, for draft files.
-
-    Empty if there is none.
-    """
+    """The likely unit of a heading in a shot's tables, for draft files. Empty if there is none."""
     return _name_and_unit(heading, SHOT_KINDS)[1] or ""
 
 
@@ -404,10 +401,7 @@ def _of_channel(
     decimal: str,
     unit: str | None,
 ) -> "_Stated | str | None":
-    """The number of a clock key for one channel.
-
-    If it is unusable, the reason as text. None if absent.
-    """
+    """The number of a clock key for one channel. If it is unusable, the reason as text. None if absent."""
     texts = [field for field in fields if not _TIME_OF_DAY.search(field)]
     values = [v for field in texts if (v := _number(field.rpartition(":")[2], decimal)) is not None]
     if not values:
@@ -482,10 +476,7 @@ def uncommented(line: str, comment: str | None) -> str:
 
 
 def key_lines(dialect: Dialect, lines: Iterable[str]) -> dict[str, list[str]]:
-    """Key -> fields of lines such as "Sample Interval,1e-7,s" or "tInc = 2e-9".
-
-    Repeated keys get numbers.
-    """
+    """Key -> fields of lines such as "Sample Interval,1e-7,s" or "tInc = 2e-9". Repeated keys get numbers."""
     metadata: dict[str, list[str]] = {}
     separator = dialect.delimiter if dialect.delimiter != " " else None
     for line in lines:
@@ -502,10 +493,7 @@ def key_lines(dialect: Dialect, lines: Iterable[str]) -> dict[str, list[str]]:
 
 
 def add_key(metadata: dict[str, list[str]], key: str, fields: list[str]) -> None:
-    """Add a key.
-
-    A repeated key gets a number: "Date", "Date (2)".
-    """
+    """Add a key. A repeated key gets a number: "Date", "Date (2)"."""
     name, count = key, 1
     while name in metadata:
         count += 1
@@ -563,10 +551,7 @@ def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
 
 
 def check_width(path: Path, lines: list[str], separator: str, least: int) -> None:
-    """Check that no line has too few fields.
-
-    Raises InputError with the number of the line.
-    """
+    """Check that no line has too few fields. Raises InputError with the number of the line."""
     for number, line in enumerate(lines):
         fields = line.count(separator) + 1
         if fields < least:

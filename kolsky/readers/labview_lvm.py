@@ -130,10 +130,7 @@ def _columns(
 
 
 def _without_comment(line: str, separator: str, width: int) -> str:
-    """A line of samples without the last column of comments.
-
-    Most lines do not have this column.
-    """
+    """A line of samples without the last column of comments. Most lines do not have this column."""
     parts = line.split(separator)
     if len(parts) == width + 1:
         parts = parts[:width]

@@ -61,10 +61,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def table_lines(path: Path, _sheet: str | None) -> list[str]:
-    """The numeric arrays of equal length as tab-separated lines.
-
-    Raises InputError as `read`.
-    """
+    """The numeric arrays of equal length as tab-separated lines. Raises InputError as `read`."""
     file_hash(path)
     return array_lines(path, _arrays(path)[0])
 

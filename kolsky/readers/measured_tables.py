@@ -197,10 +197,7 @@ def _channel(contents: Contents, column: str) -> Channel | None:
 
 
 def _clock(contents: Contents, column: str, layout: Layout) -> Channel | None:
-    """The column of times as a channel.
-
-    To read it as a channel, another column is declared as the clock.
-    """
+    """The column of times as a channel. To read it as a channel, another column is declared as the clock."""
     if not contents.channels:
         return None
     first = contents.channels[0]

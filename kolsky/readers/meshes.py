@@ -93,10 +93,7 @@ def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
 
 
 def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], str]:
-    """Names of the physical groups by dimension and number.
-
-    Raises `InputError` for another format.
-    """
+    """Names of the physical groups by dimension and number. Raises `InputError` for another format."""
     if not (blocks.get("MeshFormat") or [""])[0].startswith("2."):
         raise InputError(path, "is not a Gmsh mesh of format 2", cure=CURE)
     names = {}
@@ -136,10 +133,7 @@ def _points_and_elements(
 
 
 def _counted(path: Path, name: str, lines: list[str]) -> list[str]:
-    """The lines of a block after the line with their number.
-
-    The number is checked.
-    """
+    """The lines of a block after the line with their number. The number is checked."""
     said = lines[0] if lines else ""
     if not said.isdecimal() or int(said[:12]) != len(lines) - 1:
         raise InputError(

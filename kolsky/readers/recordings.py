@@ -1,6 +1,6 @@
 """Read channels of a recorder's file by name, with checks, in SI units, on an exactly uniform clock.
 
-A new format is one module with `BINARY`, `sniff` and `read`, and one line in `FORMATS`. Every channel is
+A new format is `BINARY`, `sniff` and `read` in a module, and one line in `FORMATS`. Every channel is
 checked. Its samples must be finite, must change, and must not be clipped.
 """
 
@@ -15,8 +15,6 @@ from kolsky.base.errors import InputError
 from kolsky.base.records import Recording
 from kolsky.readers import (
     delimited,
-    excel,
-    excel_97,
     hdf5,
     labview_lvm,
     lanl_raw,
@@ -36,6 +34,7 @@ from kolsky.readers.contents import (
     check_name,
     head_of,
 )
+from kolsky.readers.excel import EXCEL, EXCEL_97
 from kolsky.readers.header import si_unit
 from kolsky.readers.table import Column, Table, read_table
 
@@ -46,7 +45,7 @@ class RecorderFormat(Protocol):
     BINARY: bool
     """True if its files are binary. Messages then give no lines, and numbers have no printed digits."""
 
-    def sniff(self, path: Path) -> bool:
+    def sniff(self, path: Path, /) -> bool:
         """True if a file looks like this format, by its ending and first bytes."""
 
     def read(self, path: Path, layout: Layout) -> Contents:
@@ -54,8 +53,8 @@ class RecorderFormat(Protocol):
 
 
 FORMATS: Mapping[str, RecorderFormat] = {
-    "excel": excel,
-    "excel 97": excel_97,
+    "excel": EXCEL,
+    "excel 97": EXCEL_97,
     "tdms": tdms,
     "matlab": matlab,
     "hdf5": hdf5,
@@ -65,7 +64,7 @@ FORMATS: Mapping[str, RecorderFormat] = {
     "scope": scope_binary,
     "delimited": delimited,
 }
-"""Name -> module. Each format is one file and one line here. Text of any program comes last.
+"""Name -> module or object. Each format is one line here. Text of any program comes last.
 
 :meta hide-value:
 """

@@ -125,19 +125,13 @@ def _shortest(interval: float) -> float:
 
 
 def _unit(channel: Any) -> str | None:
-    """The unit of a channel.
-
-    The library gives volts, amperes, watts or "unknown".
-    """
+    """The unit of a channel. The library gives volts, amperes, watts or "unknown"."""
     name = str(getattr(channel.unit, "name", "")).upper()
     return name if name in ("V", "A") else None
 
 
 def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
-    """Check the length of a record against its header.
-
-    The library does not always check it.
-    """
+    """Check the length of a record against its header. The library does not always check it."""
     promised = getattr(header, "n_pts", samples)
     if isinstance(promised, int) and samples < promised:
         raise InputError(
@@ -170,10 +164,7 @@ def _check_curve(path: Path) -> None:
 
 
 def _check_yokogawa(path: Path) -> None:
-    """Check that the samples of a Yokogawa .wfm do not overlap its header.
-
-    They are counted from the end.
-    """
+    """Check that the samples of a Yokogawa .wfm do not overlap its header. They are counted from the end."""
     head = head_of(path, 4096)
     count, width = (re.search(rb"\b" + key + rb":\s*(\d+)", head) for key in (b"NR_PT", b"BYT"))
     if path.suffix.lower() != ".wfm" or count is None or width is None:
@@ -185,10 +176,7 @@ def _check_yokogawa(path: Path) -> None:
 
 
 def _refuse_entities(path: Path) -> None:
-    """Raise InputError for XML entities.
-
-    Headers of Rohde & Schwarz are XML without entities.
-    """
+    """Raise InputError for XML entities. Headers of Rohde & Schwarz are XML without entities."""
     if not head_of(path, 64).lstrip(b"\xef\xbb\xbf").startswith(b"<?xml"):
         return
     if path.stat().st_size > 20_000_000:

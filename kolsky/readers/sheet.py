@@ -291,10 +291,7 @@ def _fits_mostly(dialect: Dialect, line: str) -> bool:
 
 
 def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect: Dialect) -> None:
-    """Raise InputError if integers are twice as many as names.
-
-    Example: "0,12,3,5" below "Strain,Stress".
-    """
+    """Raise InputError if integers are twice as many as names. Example: "0,12,3,5" below "Strain,Stress"."""
     names = [cell for cell in dialect.split(lines[first - 1]) if cell]
     twice = len(names) > 1 and 2 * len(names) == dialect.fields == len(dialect.numeric)
     if twice and dialect.delimiter == COMMA.character and not any(map(dialect.is_number, names)):
@@ -307,10 +304,7 @@ def _check_decimal_commas(path: Path, lines: Sequence[str], first: int, dialect:
 
 
 def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
-    """True for a line of units.
-
-    Without a line above it, units that are not of signals may be names: "m".
-    """
+    """True for a line of units. Without a line above it, units that are not of signals may be names: "m"."""
     cells = [cell for cell in _cells(dialect, line) if cell]
     units = [
         si_unit(cell) is not None
@@ -323,10 +317,7 @@ def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
 
 
 def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None:
-    """Check that a heading has words.
-
-    Channels may have the names 1, 2, 3, but not 0.0125.
-    """
+    """Check that a heading has words. Channels may have the names 1, 2, 3, but not 0.0125."""
     cells = _cells(dialect, line)
     numbers = [cells[i] for i in dialect.numeric if dialect.is_number(cells[i])]
     other = replace(dialect, decimal="," if dialect.decimal == "." else ".")

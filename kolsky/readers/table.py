@@ -18,8 +18,9 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import decode, read_bytes
-from kolsky.readers import delimited, excel, excel_97, hdf5, matlab
+from kolsky.readers import delimited, hdf5, matlab
 from kolsky.readers.contents import Layout, check_name, file_hash
+from kolsky.readers.excel import EXCEL, EXCEL_97
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, find_table
 from kolsky.readers.text import (
@@ -41,10 +42,7 @@ TEXT_SUFFIXES = tuple(suffix for suffix in delimited.SUFFIXES if suffix != ".xls
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
-    """The detected layout of a table.
-
-    It is `PLAIN` if the table is plain or no better layout is found.
-    """
+    """The detected layout of a table. It is `PLAIN` if the table is plain or no better layout is found."""
     try:
         text, encoding = decode_text(path, data)
         return _layout_of(path, lines_of(path, text), encoding)
@@ -325,7 +323,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
             find_table(path, lines, Layout())  # the error names the dialect that the lines almost have
         raise
     division = f"columns are separated by {_plural(dialect.delimiter)}; a layout may declare others"
-    if source in (excel, excel_97):
+    if source in (EXCEL, EXCEL_97):
         division = f"names were taken from row {header_line}; header_line and sheet in a layout change that"
     elif source is not None:
         division = "the arrays as long as the longest are its columns; `kolsky channels FILE` lists all"
@@ -337,7 +335,7 @@ def _source(path: Path) -> Any:
     if path.suffix.lower() in TEXT_SUFFIXES:
         check_name(path)
         return None
-    return next((form for form in (excel, excel_97, matlab, hdf5) if form.sniff(path)), None)
+    return next((form for form in (EXCEL, EXCEL_97, matlab, hdf5) if form.sniff(path)), None)
 
 
 def _sheet_layout(path: Path, lines: list[str]) -> Layout:
@@ -354,10 +352,7 @@ def _plural(delimiter: str) -> str:
 
 
 def _dialect(path: Path, layout: Layout) -> Dialect:
-    """The declared delimiter and decimal sign, without columns.
-
-    Quotes are handled only with a layout.
-    """
+    """The declared delimiter and decimal sign, without columns. Quotes are handled only with a layout."""
     delimiter = declared_delimiter(path, layout.delimiter or "comma")
     decimal = declared_decimal(path, layout.decimal or ".")
     if delimiter == decimal:

@@ -28,10 +28,7 @@ def sniff(path: Path) -> bool:
 
 
 def read(path: Path, layout: Layout) -> Contents:
-    """Read all blocks of a file.
-
-    Raises InputError if a line has fewer fields than the first block needs.
-    """
+    """Read all blocks of a file. Raises InputError if a line has fewer fields than the first block needs."""
     sha256, lines, encoding = read_text(path, layout)
     fields = lines[0].count(",") + 1
     check_width(path, lines, ",", fields)

@@ -31,18 +31,12 @@ _MARKS = (
 
 
 def full_match(pattern: re.Pattern[str], field: str, *, longest: int = LONGEST_FIELD) -> re.Match[str] | None:
-    """The match of a pattern with a whole field.
-
-    None for a field with more than `longest` characters.
-    """
+    """The match of a pattern with a whole field. None for a field with more than `longest` characters."""
     return pattern.fullmatch(field) if len(field) <= longest else None
 
 
 def read_text(path: Path, layout: Layout) -> tuple[str, list[str], str]:
-    """Hash, lines and encoding of a text file.
-
-    Raises InputError if it cannot be read.
-    """
+    """Hash, lines and encoding of a text file. Raises InputError if it cannot be read."""
     data = read_bytes(path)
     text, encoding = decode_text(path, data, layout.encoding)
     return hashlib.sha256(data).hexdigest(), lines_of(path, text), encoding
@@ -389,10 +383,7 @@ def find_dialect(
 def _no_numbers(
     path: Path, lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str], word: str
 ) -> InputError:
-    """The error for lines without a numeric column.
-
-    It shows a field of the last such line.
-    """
+    """The error for lines without a numeric column. It shows a field of the last such line."""
     line, text = _last_word(lines, characters, decimals)
     said = [
         *([f"the delimiter {delimiter_name(characters[0])}"] if len(characters) == 1 else []),
@@ -534,10 +525,7 @@ def declared_delimiter(path: Path, value: str) -> str:
 
 
 def declared_decimal(path: Path, value: str) -> str:
-    """The decimal sign that a layout declares.
-
-    Raises InputError if it is neither "." nor ",".
-    """
+    """The decimal sign that a layout declares. Raises InputError if it is neither "." nor ","."""
     if value not in (".", ","):
         raise InputError(path, f"is declared to have the decimal {value!r}", allowed='one of ".", ","')
     return value

@@ -107,6 +107,15 @@ class SheetView:
         return self.fit.problem.sheet.mesh
 
     @property
+    def fields(self) -> dict[str, FloatArray]:
+        """Sensitivities at the nodes by name, for ParaView [1/m^3], shape [nodes, 2] each."""
+        named = zip(self.fit.constants.free, self.sensitivity, strict=True)
+        fields = {f"sensitivity of {name} (1/m3)": field for name, field in named}
+        n = len(self.mesh.points)
+        before = {f"before test {k + 1} (1/m3)": f.reshape(2, n).T for k, f in enumerate(self.before.field)}
+        return fields | before
+
+    @property
     def warnings(self) -> list[str]:
         """Warnings of the fit and of the points."""
         said = [*self.fit.warnings, *([self.change] if self.change else [])]

@@ -75,10 +75,7 @@ def free_legends(figure: Figure) -> bool:
 
 
 def _move(legend: Legend, ax: Axes) -> bool:
-    """Move a legend to the first free position.
-
-    Returns False, without a move, if there is none.
-    """
+    """Move a legend to the first free position. Returns False, without a move, if there is none."""
     before = legend._loc_real  # type: ignore[attr-defined]  # Matplotlib has no public way to read it
     for place in PLACES:
         legend.set_loc(place)
@@ -157,10 +154,7 @@ def _paths(artist: Artist, ax: Axes) -> Iterator[tuple[Outline, bool]]:
 
 
 def _meets(path: Outline, joined: bool, box: Bbox) -> bool:
-    """True if a line crosses a box.
-
-    If its points are not joined: True if one of them is inside.
-    """
+    """True if a line crosses a box. If its points are not joined: True if one of them is inside."""
     vertices = np.asarray(path.vertices, dtype=np.float64)
     if not joined:
         x, y = vertices.T

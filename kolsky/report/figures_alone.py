@@ -1,6 +1,6 @@
-"""Figures of a result as separate files, if a command requests them."""
+"""Figures of results as separate files, if a command requests them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,18 +8,27 @@ if TYPE_CHECKING:
     from kolsky.report.figures.base import FigureKind
 
 
-def save_figures_alone(
-    folder: Path,
-    shown: Any,
-    formats: Sequence[str],
-    *,
-    registry: "Mapping[str, FigureKind[Any]] | None" = None,
-) -> None:
-    """Save the figures of a result as separate files if formats are given.
+def figure_files(
+    formats: Sequence[str], *shown: Any, name: str = "figures"
+) -> dict[str, Callable[[Path], object]]:
+    """The folder of the figures of some results, for `kolsky.base.files.write_folder`.
 
-    Matplotlib is loaded only in this case.
+    Empty without formats. Matplotlib is loaded only if figures are written.
     """
-    if formats:
+    return grouped_figures(formats, [(one, None) for one in shown], name)
+
+
+def grouped_figures(
+    formats: Sequence[str],
+    groups: "Iterable[tuple[Any, Mapping[str, FigureKind[Any]] | None]]",
+    name: str = "figures",
+) -> dict[str, Callable[[Path], object]]:
+    """As `figure_files`, each result with its own registry of figures."""
+
+    def write(folder: Path) -> None:
         from kolsky.report.canvas import save_figures
 
-        save_figures(folder / "figures", shown, formats=tuple(formats), registry=registry)
+        for shown, registry in groups:
+            save_figures(folder, shown, formats=formats, registry=registry)
+
+    return {name: write} if formats else {}

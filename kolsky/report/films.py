@@ -48,10 +48,7 @@ def _two_panels(heights: tuple[int, int]) -> Iterator[tuple[Axes, Axes, Callable
 
 
 def write_prediction_film(path: Path, found: Prediction) -> Path:
-    """Write the test as a film, with one picture per 25 µs.
-
-    ``rate``: frame rate of the film [1/s].
-    """
+    """Write the test as a film, with one picture per 25 µs. ``rate``: frame rate of the film [1/s]."""
     response = found.response
     if response is None:
         raise ValueError("a film shows the specimen's finite elements: predict without the quick way")

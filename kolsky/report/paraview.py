@@ -41,10 +41,7 @@ def write_grid(
 def write_surface(
     path: Path, points: FloatArray, faces: np.ndarray, fields: Mapping[str, np.ndarray]
 ) -> None:
-    """Write a surface (VTP): points and polygons of one size.
-
-    Without faces, each point is a vertex.
-    """
+    """Write a surface (VTP): points and polygons of one size. Without faces, each point is a vertex."""
     _check_arrays(points, faces, fields)
     vertices = np.zeros((0, 1), dtype=np.int64) if len(faces) else np.arange(len(points))[:, None]
     piece = {
@@ -115,7 +112,7 @@ def _array_element(parent: Any, name: str, values: np.ndarray) -> None:
 
 
 def write_vtu(
-    folder: Path, response: Response, mesh: Mesh, solid: Solid | None, *, sample: int = 0, every: int = 1
+    folder: Path, response: Response, mesh: Mesh, solid: Solid | None, *, every: int = 1
 ) -> list[Path]:
     """Write the mesh of one simulation at its surface times.
 
@@ -123,16 +120,14 @@ def write_vtu(
     mesh. ``solid``: the material; without it no pressure, stress and energy are written. ``every``: write
     every n-th surface time, starting with the first. Returns: the VTU files written, then `mesh.pvd`. Points
     are (r, y, 0) [m] with the displacement [m] from the first surface time and the `FIELDS` of films. The
-    series ends where the simulation ended. Raises ValueError if the response has no nodes, if `sample` or
-    `every` is out of range, or if the mesh has other nodes.
+    series ends where the simulation ended. Raises ValueError if the response has no nodes, if `every` is
+    below 1, or if the mesh has other nodes.
     """
     if response.nodes is None:
         raise ValueError("the response kept no nodes; request them when the simulation is run")
-    if not 0 <= sample < response.n_samples:
-        raise ValueError(f"sample must be in [0, {response.n_samples - 1}], got {sample}")
     if every < 1:
         raise ValueError(f"every must be >= 1, got {every}")
-    nodes = response.nodes[sample]
+    nodes = response.nodes[0]
     if nodes.shape[1] != mesh.n_nodes:
         raise ValueError(f"the mesh has {mesh.n_nodes} nodes, the response {nodes.shape[1]}")
     kinds = [kind for kind in FIELDS.values() if solid is not None or not kind.needs_solid]
@@ -187,10 +182,7 @@ def _write_frames(
     triangles: NDArray[np.int64],
     fields: Callable[[int, BoolArray], dict[str, np.ndarray]],
 ) -> list[Path]:
-    """Write one file per frame, and the listing.
-
-    A triangle is written if all its corners are valid.
-    """
+    """Write one file per frame, and the listing. A triangle is written if all its corners are valid."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{name}_{frame:05d}{suffix}" for frame in range(surface.n_frames)]
     for frame, path in enumerate(files):

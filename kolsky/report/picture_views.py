@@ -93,10 +93,7 @@ class FullFieldView:
 
 
 def read_full_field_view(name: str, result: FullField, pictures: Pictures) -> FullFieldView:
-    """Choose the frame to show and read its picture.
-
-    ``pictures``: camera 0's series.
-    """
+    """Choose the frame to show and read its picture. ``pictures``: camera 0's series."""
     shown = full_field_view(result, name)
     try:
         return replace(shown, picture=np.array(pictures.frame(shown.frame)))

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +21,9 @@ import numpy as np
 from dic.processes import background, cores
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import filling, write_json, write_table, write_tables
+from kolsky.base.files import filling, write_files, write_folder, write_tables
 from kolsky.inverse.result import Identification
-from kolsky.report.figures_alone import save_figures_alone
+from kolsky.report.figures_alone import figure_files, grouped_figures
 from kolsky.results.tables import summary_row, tables
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
@@ -181,21 +183,20 @@ def write_results(folder: Path, result: Any, *more: Any, formats: Sequence[str] 
     InputError
         If the results cannot be written.
     """
-    with filling(folder) as partial:
-        _write(partial, result, *more, formats=formats)
+    write_folder(folder, _files_of(result, *more, formats=formats), tables_of(result, *more))
 
 
-def _write(folder: Path, result: Any, *more: Any, formats: Sequence[str]) -> None:
+def _files_of(result: Any, *more: Any, formats: Sequence[str]) -> dict[str, Any]:
+    """The files of a result without its tables, for `kolsky.base.files.write_folder`."""
     known = RESULTS[_type_name(result)]
-    write_tables(folder, tables_of(result, *more))
-    for name, function in known.files.items():
+
+    def content(name: str, function: Callable[..., Any]) -> Any:
         if name.endswith(".json"):
-            write_json(folder / name, _function(function)(result, *more))
-        else:
-            _function(function)(folder / name, result, *more)
-    if formats:
-        for shown, registry in known.figures(result):
-            save_figures_alone(folder, shown, formats, registry=registry)
+            return function(result, *more)
+        return lambda path: function(path, result, *more)
+
+    files = {name: content(name, _function(dotted)) for name, dotted in known.files.items()}
+    return files | grouped_figures(formats, known.figures(result))
 
 
 def _type_name(result: object) -> str:
@@ -318,8 +319,7 @@ def write_identify_page(
     from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
-    save_figures_alone(folder, recordings, formats)
-    save_figures_alone(folder, found, formats)
+    write_files(folder, figure_files(formats, recordings, found))
 
 
 def write_dic_results(
@@ -363,7 +363,7 @@ def write_dic_results(
     shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
     with filling(folder) as partial:
         write_tables(partial, found, shot.pictures.frames.frame)
-        save_figures_alone(partial, shown, formats)
+        write_files(partial, figure_files(formats, shown))
         if csv:
             from dic.output import write_frames
 
@@ -398,15 +398,14 @@ def write_full_field_results(
     from kolsky.report.picture_views import read_full_field_view
 
     shown = read_full_field_view(measurement.name, result, measurement.series[0])
-    with filling(folder) as partial:
-        write_full_field(partial / "dic.h5", result)
-        write_full_field_history(partial / "history.csv", result)
-        write_field(partial / "dic.html", shown, measurement.inputs)
-        save_figures_alone(partial, shown, formats)
-        if csv:
-            write_full_field_frames(partial / "csv", result)
-        if vtu:
-            write_full_field_vtu(partial / "vtu", result)
+    files: dict[str, Any] = {
+        "dic.h5": lambda path: write_full_field(path, result),
+        "history.csv": lambda path: write_full_field_history(path, result),
+        "dic.html": lambda path: write_field(path, shown, measurement.inputs),
+    }
+    files |= {"csv": lambda path: write_full_field_frames(path, result)} if csv else {}
+    files |= {"vtu": lambda path: write_full_field_vtu(path, result)} if vtu else {}
+    write_folder(folder, files | figure_files(formats, shown))
 
 
 def write_budget_results(
@@ -422,13 +421,14 @@ def write_budget_results(
     from kolsky.report.pages.studies import write_budget
     from kolsky.studies.budget.records import columns
 
-    with filling(folder) as partial:
-        write_budget(partial / "budget.html", results, campaign)
-        for number, result in enumerate(results):
-            end = f"-{result.parameter}" if number else ""
-            write_table(partial / f"budget{end}.csv", columns(result))
-            registry = {key: replace(kind, name=f"{kind.name}{end}") for key, kind in BUDGETS.items()}
-            save_figures_alone(partial, result, formats, registry=registry)
+    tables, groups = {}, []
+    for number, result in enumerate(results):
+        end = f"-{result.parameter}" if number else ""
+        tables[f"budget{end}"] = columns(result)
+        registry = {key: replace(kind, name=f"{kind.name}{end}") for key, kind in BUDGETS.items()}
+        groups.append((result, registry))
+    files: dict[str, Any] = {"budget.html": lambda path: write_budget(path, results, campaign)}
+    write_folder(folder, files | grouped_figures(formats, groups), tables)
 
 
 def write_sweep_results(
@@ -463,10 +463,8 @@ def write_sweep_results(
     from kolsky.report.pages.studies import write_sweep
     from kolsky.studies.sweep import columns
 
-    with filling(folder) as partial:
-        write_table(partial / f"{name}.csv", columns(result))
-        write_sweep(partial / f"{name}.html", analysis, warnings=warnings)
-        save_figures_alone(partial, analysis, formats)
+    page: dict[str, Any] = {f"{name}.html": lambda path: write_sweep(path, analysis, warnings=warnings)}
+    write_folder(folder, page | figure_files(formats, analysis), {name: columns(result)})
 
 
 def write_prediction_results(
@@ -483,22 +481,22 @@ def write_prediction_results(
     ``folder``, ``formats``: as for `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
     ``film``: format of a film, "mp4" or "gif"; empty for no film.
     """
-    from math import isfinite
-
     from kolsky.prediction.design import write_specification
 
+    files = _files_of(found, scan, aim, formats=formats)
+    if scan is not None:
+        from kolsky.report.figures import SCANS
+
+        files |= grouped_figures(formats, [(found, None), ((scan, aim), SCANS)])
+    if film:
+        from kolsky.report.films import write_prediction_film
+
+        files[f"prediction.{film}"] = lambda path: write_prediction_film(path, found)
     with filling(folder) as partial:
-        _write(partial, found, scan, aim, formats=formats)
+        write_tables(partial, tables_of(found, scan, aim))
+        write_files(partial, files)
         if isfinite(found.events.separation):
             write_specification(partial, found)
-        if scan is not None:
-            from kolsky.report.figures import SCANS
-
-            save_figures_alone(partial, (scan, aim), formats, registry=SCANS)
-        if film:
-            from kolsky.report.films import write_prediction_film
-
-            write_prediction_film(partial / f"prediction.{film}", found)
 
 
 def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
@@ -516,7 +514,7 @@ def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
 
 def write_specimen_results(
     folder: Path,
-    view: SpecimenView,
+    view: SpecimenView | SheetView,
     inputs: Mapping[str, str],
     *,
     formats: Sequence[str] = (),
@@ -524,76 +522,36 @@ def write_specimen_results(
     stills: bool = False,
     studies: Mapping[str, Sequence[StudyRow]] | None = None,
 ) -> None:
-    """Write specimen.html, .json, .h5, tables and curves for `identify`.
+    """Write specimen.html, .json, tables and figures of force curves or of a sheet.
 
-    Figures and VTU files are written if requested.
+    Force curves also give specimen.h5, and curves for `identify`.
 
     ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
     ParaView. ``stills``: also draw this sample in three dimensions by PyVista. ``studies``: further tables by
     name.
     """
-    from kolsky.bodies import specimen_output  # imports scipy.stats
+    from kolsky.bodies import specimen_output as output  # imports scipy.stats
+    from kolsky.report.body_views import SpecimenView
     from kolsky.report.pages.bodies import write_specimen
 
-    with filling(folder) as partial:
-        specimen_output.write_fits(partial, view.fits)
-        write_json(partial / "specimen.json", specimen_output.fits_json(view.fits, inputs))
-        write_specimen(partial / "specimen.html", view, inputs)
-        for name, rows in (studies or {}).items():
-            specimen_output.write_study(partial / f"{name}.csv", rows)
-        if vtu:
-            for name, solution in view.solutions.items():
-                write_solution_vtu(partial / f"{name}.vtu", solution)
-        if stills:
-            _write_stills(partial, view.solutions)
-        save_figures_alone(partial, view, formats)
-
-
-def write_sheet_results(
-    folder: Path,
-    view: SheetView,
-    inputs: Mapping[str, str],
-    *,
-    formats: Sequence[str] = (),
-    vtu: bool = False,
-    stills: bool = False,
-) -> None:
-    """Write the results of a sheet.
-
-    `write_specimen_results` does the same for force curves.
-    """
-    from kolsky.bodies import specimen_output  # imports scipy.stats
-    from kolsky.report.pages.bodies import write_specimen
-
-    with filling(folder) as partial:
-        specimen_output.write_field(partial, view.fit, view.steps)
-        write_json(
-            partial / "specimen.json",
-            specimen_output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)},
-        )
-        if view.stiffness is not None:
-            specimen_output.write_map(partial / "map.csv", view.stiffness, view.mesh)
-        write_specimen(partial / "specimen.html", view, inputs)
-        if vtu:
-            fields = {
-                f"sensitivity of {name} (1/m3)": field
-                for name, field in zip(view.fit.constants.free, view.sensitivity, strict=True)
-            }
-            n = len(view.mesh.points)
-            for k, field in enumerate(view.before.field):
-                fields[f"before test {k + 1} (1/m3)"] = field.reshape(2, n).T
-            write_solution_vtu(partial / "sheet.vtu", view.fit.cost.state.solution, fields)
-        if stills:
-            _write_stills(partial, {"sheet": view.fit.cost.state.solution})
-        save_figures_alone(partial, view, formats)
-
-
-def _write_stills(folder: Path, solutions: Mapping[str, Solution]) -> None:
-    from kolsky.report.films import write_specimen_still
-
-    (folder / "stills").mkdir()
+    files: dict[str, Any] = {"specimen.html": lambda path: write_specimen(path, view, inputs)}
+    if isinstance(view, SpecimenView):
+        tables = output.tables(*view.fits)
+        files |= output.files_of(view.fits, inputs)
+        solutions, fields = view.solutions, {}
+    else:
+        tables = output.field_tables(view.fit, view.steps, view.stiffness)
+        files["specimen.json"] = output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)}
+        solutions, fields = {"sheet": view.fit.cost.state.solution}, view.fields
     for name, solution in solutions.items():
-        write_specimen_still(folder / "stills" / f"{name}.png", solution)
+        if vtu:
+            files[f"{name}.vtu"] = partial(write_solution_vtu, solution=solution, fields=fields)
+        if stills:
+            from kolsky.report.films import write_specimen_still
+
+            files[f"stills/{name}.png"] = partial(write_specimen_still, solution=solution)
+    tables |= {name: output.study_columns(rows) for name, rows in (studies or {}).items()}
+    write_folder(folder, files | figure_files(formats, view), tables)
 
 
 def write_solution_vtu(

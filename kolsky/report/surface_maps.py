@@ -225,10 +225,7 @@ def _fill(plotter, pyvista, points, name, frame, limits, chosen) -> None:  # typ
 
 
 def _look(plotter, points: MeasuredPoints, view: View) -> None:  # type: ignore[no-untyped-def]
-    """Set the camera of a picture.
-
-    The surface fits into the picture of every frame at one scale.
-    """
+    """Set the camera of a picture. The surface fits into the picture of every frame at one scale."""
     a, e = np.radians(view.azimuth), np.radians(view.elevation)
     eye = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
     right = np.array([np.cos(a), 0.0, -np.sin(a)])

@@ -153,10 +153,7 @@ def recorded_label(key: str) -> str:
 
 
 def recorded_value(key: str) -> tuple[float, str, str, str, int]:
-    """Return the display of a value.
-
-    Factor, unit, separator of a list, text for None, significant digits.
-    """
+    """Return the display of a value. Factor, unit, separator of a list, text for None, significant digits."""
     kind, dot, name = key.partition(".")
     if dot and kind in ("free", "held"):
         unit = "" if name_of(name).unit in ("1", "SI") else name_of(name).unit

@@ -157,10 +157,7 @@ def write_joint_hdf5(path: Path, found: JointResult) -> None:
 
 
 def read_joint_hdf5(path: Path) -> JointResult:
-    """Read a file of `write_joint_hdf5` and check everything in it.
-
-    The message is one line.
-    """
+    """Read a file of `write_joint_hdf5` and check everything in it. The message is one line."""
     with reading(Path(path), FORMAT, cure="write it again with `kolsky identify`") as place:
         return JOINT.read(place)
 

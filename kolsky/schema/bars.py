@@ -7,16 +7,8 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from kolsky.bars.audit import CORRECTIONS
 from kolsky.schema import fields as f
-from kolsky.schema.apparatus import UncertaintySection
+from kolsky.schema.apparatus import SpecimenSection, UncertaintySection
 from kolsky.schema.fields import LayoutSection, Section
-
-
-class WaveSpecimenSection(Section):
-    """[specimen]: a round specimen. A tensile specimen is declared by its gauge length."""
-
-    diameter: f.Length
-    length: f.Length
-    density: f.Density
 
 
 class PronySection(Section):
@@ -250,4 +242,4 @@ class BarsShotFile(Section):
 class WavesShotFile(BarsShotFile):
     """A shot.toml for `kolsky waves`. Bars and gauges are required; tables of `identify` are ignored."""
 
-    specimen: WaveSpecimenSection
+    specimen: SpecimenSection

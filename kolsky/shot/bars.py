@@ -254,10 +254,7 @@ def load_waves(source: Source) -> WavesInput:
 
 
 def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) -> Switches:
-    """The switches of the corrections.
-
-    Raises InputError if a correction is on but cannot have an effect.
-    """
+    """The switches of the corrections. Raises InputError if a correction is on but cannot have an effect."""
     switches = Switches(stated)
     idle = dict(NO_PART)
     if not two_stations:

@@ -49,10 +49,7 @@ def with_force_clock(shot: Shot, lag: float) -> Shot:
 
 
 def with_flyer_clock(shot: Shot, lag: float) -> Shot:
-    """Shift the flyer's clock.
-
-    The window ends no later than the last frame of the shifted motion.
-    """
+    """Shift the flyer's clock. The window ends no later than the last frame of the shifted motion."""
     motion = replace(shot.flyer, time=shot.flyer.time - lag)
     first, last = shot.window
     return replace(shot, flyer=motion, window=(first, min(last, float(motion.time[-1]))))

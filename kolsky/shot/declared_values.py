@@ -162,10 +162,7 @@ def _voltage_column(section: Any) -> str | None:
 
 
 def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tuple[str, float]]:
-    """Dotted keys that end in a name, with their values in SI.
-
-    The schema reports invalid quantities.
-    """
+    """Dotted keys that end in a name, with their values in SI. The schema reports invalid quantities."""
     if not isinstance(content, dict):
         return
     for name, value in content.items():

@@ -45,10 +45,7 @@ class PictureFilm:
 
 
 def _picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
-    """Pictures at equal time intervals, up to the last frame with points.
-
-    None if no picture can be read.
-    """
+    """Pictures at equal time intervals, up to the last frame with points. None if no picture can be read."""
     from dic.images import PictureError  # for shots with pictures only
 
     valid = np.flatnonzero(result.outcome == FrameOutcome.VALID)

@@ -54,10 +54,7 @@ def second_impact_time(motion: FlyerMotion, start: float) -> float | None:
 
 
 def _with_zero_start(motion: FlyerMotion, start: float) -> FloatArray | None:
-    """Covariance of the displacements with their common zero error after rest [m²].
-
-    None if it is zero.
-    """
+    """Covariance of the displacements with their common zero error after rest [m²]. None if it is zero."""
     if motion.zero_sigma == 0.0:
         return None
     moved = (motion.time > start).astype(np.float64)

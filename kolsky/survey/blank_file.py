@@ -93,10 +93,7 @@ def evidence(survey: Survey, picture: tuple[int, str] | None = None) -> Findings
 
 
 def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
-    """Add the static frames.
-
-    Returns the time of the last static frame on the frames' clock [s], if known.
-    """
+    """Add the static frames. Returns the time of the last static frame on the frames' clock [s], if known."""
     frames = survey.parts.get("frames", survey.parts.get("flyer"))
     if frames is None or frames.frame is None:
         return None

@@ -85,10 +85,7 @@ def _pair(series: list[SeriesEntry]) -> tuple[SeriesEntry, ...]:
 
 
 def _series(folder: Path) -> Iterator[SeriesEntry]:
-    """Every series in a folder and its subfolders.
-
-    Files that cannot be opened are left out.
-    """
+    """Every series in a folder and its subfolders. Files that cannot be opened are left out."""
     from dic.images import PictureError, open_pictures
 
     numbered: dict[str, list[Path]] = {}

@@ -85,10 +85,7 @@ def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
 
 
 def first_push(values: FloatArray, quiet: QuietStretch) -> int | None:
-    """Sign of the first large departure from the rest.
-
-    None unless it is also the largest one.
-    """
+    """Sign of the first large departure from the rest. None unless it is also the largest one."""
     off = np.asarray(values, dtype=np.float64) - quiet.level
     largest = float(np.abs(off).max())
     first = off[np.flatnonzero(np.abs(off) >= FIRST_PUSH * largest)[0]]

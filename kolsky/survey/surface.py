@@ -194,10 +194,7 @@ def _read(pattern: str, paths: list[Path], layout: tuple[str, tuple[str, ...]]) 
 
 
 def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
-    """The program's axis toward the flyer and the evidence for it.
-
-    None if no motion shows it.
-    """
+    """The program's axis toward the flyer and the evidence for it. None if no motion shows it."""
     if survey.flyer is not None:
         motion = survey.flyer.motion
         way = motion[int(np.argmax(np.linalg.norm(motion, axis=1)))]
@@ -275,10 +272,7 @@ def spacing(series: SeriesOfExports) -> float:
 
 
 def shows_cylinder(series: SeriesOfExports, y: str, Z: str) -> bool:
-    """True if the points at rest show the curvature of a cylinder.
-
-    A cylinder can then be fitted.
-    """
+    """True if the points at rest show the curvature of a cylinder. A cylinder can then be fitted."""
     extent = np.ptp(series.export.X, axis=0)
     width = extent[next(k for k in range(3) if _AXES[k] not in (y[1], Z[1]))]
     depth = extent[_AXES.index(Z[1])]

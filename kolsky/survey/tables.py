@@ -142,10 +142,7 @@ class Survey:
 
 
 def survey(folder: Path) -> Survey:
-    """Survey the files of a folder.
-
-    Nothing is written, and unreadable files are listed.
-    """
+    """Survey the files of a folder. Nothing is written, and unreadable files are listed."""
     parts: dict[str, list[TableEntry]] = {}
     doubtful: dict[str, str] = {}
     recordings: list[TableEntry] = []
@@ -188,10 +185,7 @@ def _is_recording(table: TableEntry) -> bool:
 
 
 def _part_of(table: TableEntry) -> str | None:
-    """The table of a shot file for a file.
-
-    None if the columns of the file do not identify it.
-    """
+    """The table of a shot file for a file. None if the columns of the file do not identify it."""
     frame, lengths = table.frame, table.of("m")
     if frame is not None:
         if np.unique(frame.values).size < frame.values.size:
@@ -243,10 +237,7 @@ def voltage_of(table: TableEntry) -> ColumnEntry | None:
 
 
 def displacement_of(table: TableEntry) -> ColumnEntry | None:
-    """The flyer's displacement.
-
-    It is the only column of lengths that is not a standard deviation.
-    """
+    """The flyer's displacement. It is the only column of lengths that is not a standard deviation."""
     lengths = [c for c in table.of("m") if not _SIGMA.search(c.name)]
     return lengths[0] if len(lengths) == 1 else None
 
@@ -265,10 +256,7 @@ def microseconds(seconds: float) -> str:
 
 
 def read_entry(path: Path) -> TableEntry:
-    """A file, read with its detected layout.
-
-    Raises InputError if the file cannot be read.
-    """
+    """A file, read with its detected layout. Raises InputError if the file cannot be read."""
     contents = read_contents(path)
     form = contents.facts.get("format")
     if form not in ("delimited", *WORKBOOKS):
@@ -305,10 +293,7 @@ def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
 
 
 def _recorder(path: Path, contents: Contents) -> TableEntry:
-    """A file in a recorder's format.
-
-    Its channels, and the clock of the first channel.
-    """
+    """A file in a recorder's format. Its channels, and the clock of the first channel."""
     channels = tuple(
         ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0)) for c in contents.channels
     )

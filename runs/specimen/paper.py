@@ -25,7 +25,7 @@ from kolsky.bodies.errors_in_variables import Samples
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_fit import SlowTest, fit
 from kolsky.bodies.specimen_model import Shape, SpecimenModel
-from kolsky.bodies.specimen_output import write_study
+from kolsky.bodies.specimen_output import study_columns
 from kolsky.bodies.specimen_studies import cross_table, noise_study, resolution_study, study_row
 from kolsky.report.body_views import BINS, strain_share
 
@@ -161,13 +161,13 @@ def study_resolution(lab: Laboratory, path: Path) -> None:
     rows = resolution_study(
         test, constants(START), factors=factors, orders=("hex8", "hex27"), base=(20, 5, 1)
     )
-    write_study(path, rows)
+    write_table(path, study_columns(rows))
 
 
 def study_noise(lab: Laboratory, path: Path) -> None:
     """Noise of up to 1.249 N added to the force: their Fig. 9."""
     rows = noise_study(lab.pair()[0], constants(START), sigmas=(0.0, 0.125, 0.312, 0.624, 1.249), repeats=3)
-    write_study(path, rows)
+    write_table(path, study_columns(rows))
 
 
 def study_starts(lab: Laboratory, path: Path) -> None:
@@ -202,7 +202,7 @@ def study_pulls(lab: Laboratory, path: Path) -> None:
         for law in laws:
             found = fit(name, [test], law, bonds=False)
             rows.append(study_row(f"{name}, {law.law}", found))
-    write_study(path, rows)
+    write_table(path, study_columns(rows))
 
 
 def study_bonds(lab: Laboratory, path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dic.files import text_cell
+from dic.files import replacing, text_cell
 from kolsky.bars.audit import table_of
 from kolsky.bars.records import (
     BarSignal,
@@ -18,7 +18,6 @@ from kolsky.bars.records import (
     WavesResult,
 )
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import replacing
 from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing
 
 FORMAT = Format("kolsky-waves")

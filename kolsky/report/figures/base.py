@@ -221,10 +221,7 @@ def label_point(
 
 
 def largest(values: NDArray[np.float64], default: float = 1.0) -> float:
-    """Return the largest finite |value|.
-
-    The result is `default` if there is none or all are zero.
-    """
+    """Return the largest finite |value|. The result is `default` if there is none or all are zero."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if finite.size and finite.max() > 0.0 else default
 

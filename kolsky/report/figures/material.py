@@ -36,10 +36,7 @@ LAW_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 
 
 def _shown_laws(comparison: Comparison) -> list[Row]:
-    """Return the laws to draw, least AIC first.
-
-    Of several laws with the same curve, one is drawn.
-    """
+    """Return the laws to draw, least AIC first. Of several laws with the same curve, one is drawn."""
     chosen: list[Row] = []
     for row in comparison.rows:
         # Laws with the same error to six digits have the same curve.

@@ -292,10 +292,7 @@ def _mark(ax: Axes, result: Prediction, *, named: bool) -> None:
 
 
 def _limits(ax: Axes, result: Prediction, signal: np.ndarray) -> None:
-    """Set limits from the flight, with a margin.
-
-    The impact of bar on flyer may lie outside the axes.
-    """
+    """Set limits from the flight, with a margin. The impact of bar on flyer may lie outside the axes."""
     events, times = result.events, result.bars.times
     if not np.isfinite(events.separation):
         return

@@ -85,10 +85,7 @@ def rate_slope(group: GroupRates, panels: Panels) -> str:
 
 
 def _plain_rates(ax: Axes) -> None:
-    """Label the rates with plain numbers.
-
-    Within a factor of five, the labels lie at equal distances.
-    """
+    """Label the rates with plain numbers. Within a factor of five, the labels lie at equal distances."""
     plain_log_ticks(ax.xaxis)
     low, high = ax.get_xlim()
     if high <= 5.0 * low:

@@ -57,10 +57,7 @@ def _answer_lines(group: GroupRates) -> dict[str, str] | None:
 
 
 def _ends(value: float, interval: tuple[float, float]) -> tuple[str, str, str]:
-    """A value and the ends of its interval.
-
-    They are rounded according to the half width.
-    """
+    """A value and the ends of its interval. They are rounded according to the half width."""
     half = 0.5 * (interval[1] - interval[0])
     return measured(value, half)[0], numbers.like(interval[0], half), numbers.like(interval[1], half)
 
@@ -269,10 +266,7 @@ write_page = page_writer(render)
 
 
 def figures_of(report: RateReport, index: int) -> Mapping[str, FigureKind[Any]]:
-    """Return the figures of one group.
-
-    If there are several groups, names end in the group's number.
-    """
+    """Return the figures of one group. If there are several groups, names end in the group's number."""
     group = report.groups[index]
     suffix = f"-{index + 1}" if len(report.groups) > 1 else ""
     return {

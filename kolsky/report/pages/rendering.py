@@ -27,10 +27,7 @@ LONGEST = 2000
 
 
 def environment() -> Environment:
-    """Return the templates of this folder.
-
-    Text is escaped and printable; undefined names are errors.
-    """
+    """Return the templates of this folder. Text is escaped and printable; undefined names are errors."""
     made = Environment(
         loader=FileSystemLoader(_HERE),
         autoescape=True,

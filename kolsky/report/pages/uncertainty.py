@@ -133,10 +133,7 @@ def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
 
 
 def dominant(result: Identification, estimate: Estimate) -> str:
-    """Return the largest shares of an estimate's variance in one line.
-
-    "" if the estimate is not bounded.
-    """
+    """Return the largest shares of an estimate's variance in one line. "" if the estimate is not bounded."""
     if not isfinite(estimate.sigma):
         return ""
     largest = list(variance_shares(result, estimate.name).items())[:MOST_PARTS]
@@ -144,10 +141,7 @@ def dominant(result: Identification, estimate: Estimate) -> str:
 
 
 def _halved(result: Identification, estimate: Estimate) -> list[str]:
-    """Return the effect of halving each part.
-
-    The root sum of squares of the parts must be the whole.
-    """
+    """Return the effect of halving each part. The root sum of squares of the parts must be the whole."""
     total = estimate.sigma
     if not (isfinite(total) and total > 0.0):
         return []

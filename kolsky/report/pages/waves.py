@@ -104,10 +104,7 @@ def per(slope: float, unit: str, of: str) -> str:
 
 
 def means_over(result: ReducedTest) -> str:
-    """Return the span of the means, and the duration of force balance, in words.
-
-    Empty if unknown.
-    """
+    """Return the span of the means, and the duration of force balance, in words. Empty if unknown."""
     named = (
         "plateau from",
         "plateau to",
@@ -134,10 +131,7 @@ def answers(result: ReducedTest) -> list[dict[str, Any]]:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a number with four digits in the unit of the page.
-
-    A time on a long clock keeps all digits.
-    """
+    """Return a number with four digits in the unit of the page. A time on a long clock keeps all digits."""
     if unit == "s" and abs(value) >= ABSOLUTE:
         return f"{value:.9f} s"
     factor, shown = SHOWN.get(unit, (1.0, unit))

@@ -56,10 +56,7 @@ def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = T
 def render(
     pyvista: Any, scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True
 ) -> NDArray[np.uint8]:
-    """Render with the given PyVista, see `_silent_pyvista`.
-
-    The process may crash if VTK cannot render.
-    """
+    """Render with the given PyVista, see `_silent_pyvista`. The process may crash if VTK cannot render."""
     if not 0 <= k < len(scene.times):
         raise IndexError(f"there are pictures 0 to {len(scene.times) - 1}, not {k}")
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
@@ -107,10 +104,7 @@ def _silent_pyvista() -> Any:
 
 @cache
 def renders() -> bool:
-    """Return True if this machine can render.
-
-    The test runs in a separate process, because VTK may crash.
-    """
+    """Return True if this machine can render. The test runs in a separate process, because VTK may crash."""
     trial = Path(__file__).with_name("render_trial.py")
     return run_program(trial, timeout=LONGEST_TRIAL).returncode == 0
 
@@ -152,10 +146,7 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
 
 
 def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> None:
-    """Set a parallel projection with space for the colour bar at the right.
-
-    It is the same at all times.
-    """
+    """Set a parallel projection with space for the colour bar at the right. It is the same at all times."""
     left_end = -SIDE_DISTANCE * radius * RIGHT[0] - radius if beside else -PLATEN * radius
     across = 0.5 * (PLATEN * radius - left_end)
     width, height = plotter.window_size

@@ -18,7 +18,6 @@ from kolsky.base.records import CentreLine
 
 if TYPE_CHECKING:
     import explicit
-    from dic import SurfaceHistory
     from explicit.materials.volumetric import VolumetricLaw
     from kolsky.base.records import MaterialCurve
     from kolsky.inverse.result import Identification
@@ -159,8 +158,6 @@ class Scene:
     """Field values at the ends of the colour scale."""
     measured_outline: CentreLine
     """Measured outline; empty if none was measured."""
-    surface: SurfaceHistory | None = None
-    """Measured points of the whole visible surface, if measured."""
 
     def outline_at(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Measured heights and radii [m] in the frame nearest to the time of picture k; empty without an
@@ -174,15 +171,9 @@ class Scene:
         return line.y[near][order], line.Z[near][order]
 
     def points_at(self, k: int) -> FloatArray:
-        """Measured points (x, y, Z) [m] nearest in time to picture k, shape [n, 3].
-
-        Points of the whole surface if measured, otherwise of the outline at x = 0.
-        """
-        if self.surface is None:
-            y, Z = self.outline_at(k)
-            return np.column_stack([np.zeros(y.size), y, Z])
-        frame = int(np.argmin(np.abs(self.surface.t - self.times[k])))
-        return self.surface.position[frame, self.surface.valid[frame]]
+        """Points (x, y, Z) [m] of the measured outline, x = 0, nearest in time to picture k, shape [n, 3]."""
+        y, Z = self.outline_at(k)
+        return np.column_stack([np.zeros(y.size), y, Z])
 
 
 def has_scene(result: Identification) -> bool:
@@ -199,16 +190,15 @@ def scene_of(
     *,
     field: str = "stretch",
     solid: Solid | None = None,
-    surface: SurfaceHistory | None = None,
     chosen: Callable[[int], Sequence[int]] = range,
 ) -> Scene:
     """Return the scene of an identification's simulation at the optimum.
 
     ``result``: its response must contain the nodes, and its provenance the specimen's size. Otherwise
     SceneDataMissing is raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are
-    stresses or energies. ``surface``: measured points of the whole surface, with the outline. ``chosen``:
-    gives the indices of the pictures for the number of times; default: all. The colour scale is that of all
-    pictures. Raises ValueError if the field is unknown or if it needs a missing solid.
+    stresses or energies. ``chosen``: gives the indices of the pictures for the number of times; default: all.
+    The colour scale is that of all pictures. Raises ValueError if the field is unknown or if it needs a
+    missing solid.
     """
     from explicit.mesh import deformation_gradient
 
@@ -232,7 +222,6 @@ def scene_of(
         field=field,
         limits=(float(low), float(high) if high > low else float(low) + 1.0),
         measured_outline=result.comparison.centre_line,
-        surface=surface,
     )
 
 
@@ -328,10 +317,7 @@ def simulated(scene: Scene, k: int) -> Surface:
 
 
 def measured_body(scene: Scene, k: int) -> Surface | None:
-    """The measured outline nearest to time k, revolved and moved aside.
-
-    None if no outline was measured.
-    """
+    """The measured outline nearest to time k, revolved and moved aside. None if no outline was measured."""
     y, Z = scene.outline_at(k)
     if y.size < 2:
         return None

@@ -13,11 +13,12 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.stats import norm, qmc
 
+from dic.files import regular
 from doe import Box
 from doe.ledger import Run
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import regular, source_hash
+from kolsky.base.files import source_hash
 from kolsky.inverse.coarse_search import on_edge
 from kolsky.inverse.gauss_newton import Step, gauss_newton_step
 from kolsky.inverse.problem import DEFAULT, InverseProblem

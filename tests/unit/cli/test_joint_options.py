@@ -6,26 +6,31 @@ import pytest
 from kolsky_command import run_kolsky
 
 from kolsky.base.errors import InputError
-from kolsky.cli.identify import JointOptions, require_one_material
-from kolsky.inverse.settings import Numerics, Settings
+from kolsky.cli.identify import identify_shots, require_one_material
+from kolsky.inverse.settings import JointSettings, Numerics, Settings
 
+OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 ONE = Settings(
     hold=("damping",), numerics=Numerics(mesh=(12, 16)), refined_mesh=(24, 32), replicates=3, seed=2
 )
 
 
-def test_the_options_reach_the_settings() -> None:
-    made = JointOptions(curve_nodes=6, curve_roughness=0.2, gain_each=0.005, scatter=False).settings(ONE)
-    assert (made.curve_nodes, made.curve_roughness, made.scatter) == (6, 0.2, False)
-    assert made.gain_each == 0.005
-    assert (made.hold, made.refined_mesh, made.replicates, made.seed) == (("damping",), (24, 32), 3, 2)
-    assert not JointOptions().is_needed
-    assert JointOptions(curve_nodes=4).is_needed
+class Reached(Exception):
+    """The settings with which the library is called."""
 
 
-def test_values_that_cannot_be_name_the_command_line() -> None:
-    with pytest.raises(InputError, match="curve_nodes must be 0 or 4 to 24, got 3"):
-        JointOptions(curve_nodes=3).settings(ONE)
+def test_the_options_reach_the_settings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def stop(shots: object, settings: JointSettings, **others: object) -> None:
+        raise Reached(settings)
+
+    monkeypatch.setattr("kolsky.joint_identification.identify_shots", stop)
+    joint = JointSettings(curve_nodes=6, curve_roughness=0.2, gain_each=0.005, scatter=False)
+    with pytest.raises(Reached) as caught:
+        identify_shots([OPEN_01], joint, ONE, slow_tests=None, relaxation=None, out=tmp_path, figures=())
+    (made,) = caught.value.args
+    shared = (("damping",), Numerics(mesh=(12, 16)), (24, 32), 3, 2)
+    assert (made.hold, made.numerics, made.refined_mesh, made.replicates, made.seed) == shared
+    assert (made.curve_nodes, made.curve_roughness, made.gain_each, made.scatter) == (6, 0.2, 0.005, False)
 
 
 @pytest.mark.parametrize(
@@ -33,6 +38,7 @@ def test_values_that_cannot_be_name_the_command_line() -> None:
     [
         (("a", "b", "--diagnose"), "--diagnose is for a single shot"),
         (("a", "b", "--gain-each", "much"), "--gain-each"),
+        (("a", "b", "--curve-nodes", "3"), "curve_nodes must be 0 or 4 to 24, got 3"),
         (("a", "b", "--each", "--no-scatter"), "--no-scatter is for several shots together"),
         (("a", "--each", "--slow-tests", "x", "--curve-nodes", "4"), "--slow-tests, --curve-nodes is for"),
         (("a", "--free", "poisson", "--hold", "poisson"), "named by both --free and --hold"),

@@ -16,7 +16,6 @@ from kolsky.inverse.joint_result import (
     RANGE,
     CurveFound,
     JointResult,
-    JointSettings,
     ModelChoice,
     as_not_seen,
     interval,
@@ -24,7 +23,7 @@ from kolsky.inverse.joint_result import (
 )
 from kolsky.inverse.parameters import with_relaxation
 from kolsky.inverse.result import Estimate, Verdict
-from kolsky.inverse.settings import Numerics
+from kolsky.inverse.settings import JointSettings, Numerics
 from kolsky.joint_identification import identify_shots
 from kolsky.report.result_folder import write_results
 from kolsky.results.joint import read_joint_hdf5, to_json, write_joint_hdf5

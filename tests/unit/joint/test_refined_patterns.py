@@ -11,7 +11,6 @@ from doe.least_squares import Whitening
 from kolsky.base.apparatus import Interface
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse import joint_search
-from kolsky.inverse.joint_result import JointSettings
 from kolsky.inverse.joint_runs import Unknowns, kind_of, node_strains, smoothness, with_factors
 from kolsky.inverse.joint_search import (
     COARSE_SLOPE_RUNS,
@@ -22,7 +21,7 @@ from kolsky.inverse.joint_search import (
     secant,
     with_refined_patterns,
 )
-from kolsky.inverse.settings import Numerics
+from kolsky.inverse.settings import JointSettings, Numerics
 from kolsky.uncertainty.mesh_error import joint_mesh_change
 
 NUMERICS = Numerics(mesh=(8, 10))

@@ -13,7 +13,6 @@ from synthetic import synthetic
 from typer.testing import CliRunner
 
 import explicit
-from dic import PointOutcome, SurfaceHistory
 from explicit.materials.laws.marlow import neo_hookean
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.cli import app
@@ -101,12 +100,7 @@ def test_measured_points_are_those_of_the_nearest_frame() -> None:
     y, Z = scene.outline_at(k)
     assert sorted(Z) == sorted(line.Z[line.time == near])
     assert np.all(np.diff(y) >= 0.0)
-    outcome = np.array([[0, 1]])
-    surface = SurfaceHistory(
-        t=np.zeros(1), X=np.eye(3)[:2], u=np.zeros((1, 2, 3)), sigma=np.ones((1, 2, 3)),
-        outcome=np.where(outcome == 0, int(PointOutcome.VALID), 1 + int(PointOutcome.VALID)),
-    )  # fmt: skip
-    np.testing.assert_array_equal(scene_of(found, surface=surface).points_at(0), [[1.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(scene.points_at(k), np.column_stack([np.zeros(y.size), y, Z]))
 
 
 @pytest.mark.parametrize(
