@@ -11,8 +11,8 @@ from speckle_pictures import render, speckle_pattern
 
 from dic.bodies.edges import _last_edge, follow_edge, rigid_limit, row_correlation
 from dic.bodies.region import _painted, find_regions, polygon_mask
-from dic.images import frame_health
 from dic.correlation.subsets import overlap_correlation, overlap_factor, overlap_matrix
+from dic.images import frame_health
 from kolsky.pictures.regions import Drawn
 from kolsky.shot.dic import regions_in_pictures
 
