@@ -312,7 +312,7 @@ class EdgeRegistration:
         end = self._masks[0] & ~self._masks[1]
         steps = []
         for pictures, move in matched_frames:
-            parts = self._visible(pictures, move, float(move[1]), end)
+            parts = self._visible(pictures, move, move[1:2], end)
             if sum(len(part.grey) for part in parts) < FEWEST:
                 continue
             grey = np.concatenate([part.grey for part in parts])
@@ -363,44 +363,36 @@ class EdgeRegistration:
     def _scores(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, tried: FloatArray, mask: BoolArray
     ) -> FloatArray:
-        """ZNCC at each of the translations `tried`, shape [n], as `_visible` and `_zncc_of` give it."""
-        n, grey, reference = len(tried), [], []
-        motion = np.tile(self._move - near, (n, 1))
-        motion[:, 1] = self._move[1] - tried
-        for view, picture, offset in zip(self._views, pictures, self._offset, strict=True):
-            # the strip once for every translation, each with rows of its own
-            row = (EDGE_ROWS * np.arange(n)[:, None] + view.row).ravel()
-            strips = replace(view, x=np.tile(view.x, (n, 1)), X=np.tile(view.X, (n, 1)), row=row)
-            visible = _visible_pixels(
-                strips,
-                picture,
-                self._first,
-                self._frame,
-                mask,
-                np.repeat(motion, len(view.X), axis=0),
-                np.tile(offset, n),
-            )
-            ends = np.searchsorted(visible.row, EDGE_ROWS * np.arange(1, n))
-            grey.append(np.split(visible.grey, ends))
-            reference.append(np.split(visible.reference, ends))
-        return np.array(list(map(_zncc_of, zip(*grey, strict=True), zip(*reference, strict=True))))
+        """ZNCC of the strip at each of the translations `tried`, shape [n]."""
+        parts, first = self._visible(pictures, near, tried, mask), EDGE_ROWS * np.arange(1, len(tried))
+        ends = [np.searchsorted(part.row, first) for part in parts]
+        grey = [np.split(part.grey, at) for part, at in zip(parts, ends, strict=True)]
+        model = [np.split(part.reference, at) for part, at in zip(parts, ends, strict=True)]
+        return np.array([_zncc_of([f[k] for f in grey], [g[k] for g in model]) for k in range(len(tried))])
 
     def _visible(
-        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: FloatArray, mask: BoolArray
     ) -> list["VisiblePixels"]:
-        """Pixels of both cameras that show the body at a translation y."""
-        motion = self._move - np.array([near[0], y, near[2]])
-        return [
-            _visible_pixels(view, picture, self._first, self._frame, mask, motion, offset)
-            for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
-        ]
+        """Pixels of both cameras that show the body at translations y, shape [n]. The rows of the k-th
+        translation are counted from k `EDGE_ROWS`."""
+        n, parts = len(y), []
+        motion = np.tile(self._move - near, (n, 1))
+        motion[:, 1] = self._move[1] - y
+        for view, picture, offset in zip(self._views, pictures, self._offset, strict=True):
+            row = (EDGE_ROWS * np.arange(n)[:, None] + view.row).ravel()
+            strips = replace(view, x=np.tile(view.x, (n, 1)), X=np.tile(view.X, (n, 1)), row=row)
+            moved = np.repeat(motion, len(view.X), axis=0)
+            parts.append(
+                _visible_pixels(strips, picture, self._first, self._frame, mask, moved, np.tile(offset, n))
+            )
+        return parts
 
     def _compare(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, float, float, float, int]:
         """Five numbers at a translation y. They are the correlation, the Gauss-Newton step of y [m], its
         variance, the part of the rows' offsets in its sigma [m], and the number of pixels."""
-        parts = self._visible(pictures, near, y, mask)
+        parts = self._visible(pictures, near, np.array([y]), mask)
         grey = np.concatenate([part.grey for part in parts])
         reference = np.concatenate([part.reference for part in parts])
         zncc, n = _zncc_of([grey], [reference]), len(grey)

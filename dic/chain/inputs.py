@@ -136,6 +136,12 @@ class Inspection:
     seconds: float
     """Wall time of the inspection [s]."""
 
+    def with_cameras(
+        self, rig: StereoRig, settings: ChainSettings, t: FloatArray, static: BoolArray
+    ) -> Inputs:
+        """Inputs of all stages."""
+        return Inputs(self.pictures, rig, settings, t, static, self.health, self.grey)
+
 
 def inspect_pictures(
     pictures: tuple[Pictures, Pictures],
@@ -152,23 +158,6 @@ def inspect_pictures(
     series = (decode_once(pictures[0]), decode_once(pictures[1]))
     (health0, grey0), (health1, grey1) = (_inspect_one(k, series[k], static, health[k]) for k in (0, 1))
     return Inspection(series, (health0, health1), (grey0, grey1), perf_counter() - started)
-
-
-def inspect_images(
-    pictures: tuple[Pictures, Pictures],
-    rig: StereoRig,
-    settings: ChainSettings,
-    *,
-    t: FloatArray,
-    static: BoolArray,
-    inspection: Inspection | None = None,
-) -> Inputs:
-    """Inputs of all stages; the pictures are inspected here unless `inspection` is given.
-
-    Raises ChainError as `inspect_pictures`.
-    """
-    inspected = inspect_pictures(pictures, static) if inspection is None else inspection
-    return Inputs(inspected.pictures, rig, settings, t, static, inspected.health, inspected.grey)
 
 
 def _inspect_one(

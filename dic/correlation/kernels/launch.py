@@ -65,11 +65,8 @@ class Lane:
     room: int = 0
     """Capacity [points]."""
     given_host: Any = None
-    given_values: Any = None
-    """The same memory as a NumPy array; so is `found_values`."""
     given: Any = None
     found_host: Any = None
-    found_values: Any = None
     found: Any = None
     scratch: Any = None
     """Scratch memory of the search on the device; allocated by the launch."""
@@ -85,13 +82,12 @@ class Lane:
             size = numbers * self.room
             host = wp.empty(size, dtype=wp.float64, device="cpu", pinned=self.device.is_cuda)
             setattr(self, f"{name}_host", host)
-            setattr(self, f"{name}_values", host.numpy())
             setattr(self, name, wp.empty(size, dtype=wp.float64, device=self.device))
 
     def begin(self, columns: Sequence[NDArray[Any]], rows: slice, launch: Launch) -> None:
         """Send these points and start their search."""
         n, self.rows = rows.stop - rows.start, rows
-        numbers = fill(self.given_values, columns, rows)
+        numbers = fill(self.given_host.numpy(), columns, rows)
         if self.stream is not None:  # pictures and masks were made on the default stream
             self.stream.wait_stream(self.device.stream)
         wp.copy(self.given, self.given_host, count=numbers, stream=self.stream)
@@ -104,7 +100,7 @@ class Lane:
             return
         if self.stream is not None:
             wp.synchronize_stream(self.stream)
-        parts = split(self.found_values, self.rows.stop - self.rows.start)
+        parts = split(self.found_host.numpy(), self.rows.stop - self.rows.start)
         names = ("warp", "covariance", "zncc", "iterations", "outcome")
         for name, part in zip(names, parts, strict=True):
             getattr(match, name)[self.rows] = part
