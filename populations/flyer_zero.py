@@ -28,7 +28,7 @@ from dic.chain.follow_bodies import (
     rim_in,
     translations_of,
 )
-from dic.chain.inputs import ChainSettings, inspect_images
+from dic.chain.inputs import ChainSettings, inspect_pictures
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
@@ -200,10 +200,12 @@ def measured(
         stereo=subset,
     )
     try:
-        inputs = inspect_images(pictures, rig, settings, t=surface.time, static=static)
+        inputs = inspect_pictures(pictures, static).with_cameras(rig, settings, surface.time, static)
         few = int(q.frames.static)
         rest = (InMemory(grey[0][:few], bits), InMemory(grey[1][:few], bits))
-        still = inspect_images(rest, rig, settings, t=surface.time[:few], static=static[:few])
+        still = inspect_pictures(rest, static[:few]).with_cameras(
+            rig, settings, surface.time[:few], static[:few]
+        )
         flyer = follow(inputs, [match_flyer(inputs, regions.flyer)])[0]
         placement = fit_test_frame(
             still, follow(still, [match_specimen(still, regions.specimen)])[0], flyer

@@ -77,13 +77,10 @@ class VisiblePixels:
         return (self.view.grey(displaced) - self.reference) / step
 
 
-def _zncc_of(parts: list[VisiblePixels]) -> float:
+def _zncc_of(grey: Sequence[FloatArray], reference: Sequence[FloatArray]) -> float:
     """ZNCC over the pixels of both cameras; -1 for too few pixels, or constant grey values."""
-    grey = np.concatenate([part.grey for part in parts])
-    reference = np.concatenate([part.reference for part in parts])
-    if len(grey) < FEWEST:
-        return -1.0
-    return zncc(grey, reference)
+    f, g = np.concatenate(grey), np.concatenate(reference)
+    return zncc(f, g) if len(f) >= FEWEST else -1.0
 
 
 def least_zncc(values: Sequence[float]) -> float:
@@ -185,6 +182,8 @@ FEWEST_FRAMES = 3
 """Smallest number of frames in which a row must show the body."""
 SEARCH_STEP = 0.18
 """Step of the translations that are tried [px]: a fraction of a speckle."""
+TOGETHER = 32
+"""Largest number of translations that are tried together: the memory grows with it."""
 MOST_STEPS, CONVERGED = 10, 2e-4
 """Largest number of Gauss-Newton steps, and the step size at which they end [px]."""
 LARGEST_CORRECTION = 0.54
@@ -279,7 +278,8 @@ class EdgeRegistration:
         value gives a sufficient correlation.
         """
         whole, clear = self._masks
-        score = np.array([_zncc_of(self._visible(pictures, near, y, whole)) for y in tried])
+        parts = np.array_split(tried, -(-len(tried) // TOGETHER))
+        score = np.concatenate([self._scores(pictures, near, part, whole) for part in parts])
         best = int(np.argmax(score))
         if score[best] < 0.0:
             return None
@@ -312,7 +312,7 @@ class EdgeRegistration:
         end = self._masks[0] & ~self._masks[1]
         steps = []
         for pictures, move in matched_frames:
-            parts = self._visible(pictures, move, float(move[1]), end)
+            parts = self._visible(pictures, move, move[1:2], end)
             if sum(len(part.grey) for part in parts) < FEWEST:
                 continue
             grey = np.concatenate([part.grey for part in parts])
@@ -358,29 +358,46 @@ class EdgeRegistration:
                 if of.sum() >= FEWEST_ROW:
                     step, variance = fitted(visible.grey[of], visible.reference[of], slope[of])
                     off[camera, k] = step if np.isfinite(variance) else np.nan
-        return off, _zncc_of(parts)
+        return off, _zncc_of([part.grey for part in parts], [part.reference for part in parts])
+
+    def _scores(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, tried: FloatArray, mask: BoolArray
+    ) -> FloatArray:
+        """ZNCC of the strip at each of the translations `tried`, shape [n]."""
+        parts, first = self._visible(pictures, near, tried, mask), EDGE_ROWS * np.arange(1, len(tried))
+        ends = [np.searchsorted(part.row, first) for part in parts]
+        grey = [np.split(part.grey, at) for part, at in zip(parts, ends, strict=True)]
+        model = [np.split(part.reference, at) for part, at in zip(parts, ends, strict=True)]
+        return np.array([_zncc_of([f[k] for f in grey], [g[k] for g in model]) for k in range(len(tried))])
 
     def _visible(
-        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: FloatArray, mask: BoolArray
     ) -> list["VisiblePixels"]:
-        """Pixels of both cameras that show the body at a translation y."""
-        motion = self._move - np.array([near[0], y, near[2]])
-        return [
-            _visible_pixels(view, picture, self._first, self._frame, mask, motion, offset)
-            for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
-        ]
+        """Pixels of both cameras that show the body at translations y, shape [n]. The rows of the k-th
+        translation are counted from k `EDGE_ROWS`."""
+        n, parts = len(y), []
+        motion = np.tile(self._move - near, (n, 1))
+        motion[:, 1] = self._move[1] - y
+        for view, picture, offset in zip(self._views, pictures, self._offset, strict=True):
+            row = (EDGE_ROWS * np.arange(n)[:, None] + view.row).ravel()
+            strips = replace(view, x=np.tile(view.x, (n, 1)), X=np.tile(view.X, (n, 1)), row=row)
+            moved = np.repeat(motion, len(view.X), axis=0)
+            parts.append(
+                _visible_pixels(strips, picture, self._first, self._frame, mask, moved, np.tile(offset, n))
+            )
+        return parts
 
     def _compare(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
     ) -> tuple[float, float, float, float, int]:
         """Five numbers at a translation y. They are the correlation, the Gauss-Newton step of y [m], its
         variance, the part of the rows' offsets in its sigma [m], and the number of pixels."""
-        parts = self._visible(pictures, near, y, mask)
-        zncc, n = _zncc_of(parts), sum(len(part.grey) for part in parts)
-        if zncc <= -1.0:
-            return -1.0, 0.0, np.inf, 0.0, n
+        parts = self._visible(pictures, near, np.array([y]), mask)
         grey = np.concatenate([part.grey for part in parts])
         reference = np.concatenate([part.reference for part in parts])
+        zncc, n = _zncc_of([grey], [reference]), len(grey)
+        if zncc <= -1.0:
+            return -1.0, 0.0, np.inf, 0.0, n
         slope = np.concatenate([part.slope(self._frame, SLOPE_STEP * self.pixel) for part in parts])
         step, variance = fitted(grey, reference, slope)
         weight = slope**2 / float(slope @ slope)

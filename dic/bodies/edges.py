@@ -132,9 +132,11 @@ def _fine_shift(picture: FloatArray, last: FloatArray, guess: float, in_view: in
     at = np.arange(in_view, dtype=np.float64)
     shift = guess
     for _ in range(FINE_STEPS):
-        g = _rows_at(last, at + shift)
-        slope = (_rows_at(last, at + shift + 0.5) - _rows_at(last, at + shift - 0.5)).ravel()
-        g = g.ravel() - g.mean()
+        displaced = at + shift
+        rows = _rows_at(last, np.concatenate([displaced, displaced + 0.5, displaced - 0.5]))
+        g, after, before = rows.reshape(3, -1)
+        slope = after - before
+        g = g - g.mean()
         gain = float(f @ g) / max(float(g @ g), 1e-12)
         slope = slope - slope.mean()
         energy = float(slope @ slope)
@@ -149,7 +151,7 @@ def _rows_at(picture: FloatArray, at: FloatArray) -> FloatArray:
     rows = len(picture)
     base = np.floor(at).astype(np.int64)
     t = (at - base)[:, None]
-    take = [picture[np.clip(base + j, 0, rows - 1)] for j in (-1, 0, 1, 2)]
+    take = picture[np.clip(base + np.arange(-1, 3)[:, None], 0, rows - 1)]
     return np.asarray(
         take[1]
         + 0.5

@@ -19,7 +19,7 @@ from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.processes import background, run_parallel
+from dic.processes import background
 from dic.stereo.match import StereoMatch, match_stereo
 from dic.stereo.reconstruction import Reconstruction, reconstruct
 from dic.tracking import Track, Tracking, track
@@ -240,17 +240,15 @@ def follow_bodies(
             for body in bodies
         ]
 
-    small = sum(body.size for body in bodies) <= MOST_SENT
-    forked = small and all(body.device == "cpu" for body in bodies)
+    forked = sum(body.size for body in bodies) <= MOST_SENT and all(body.device == "cpu" for body in bodies)
     with background(partial(seen_by, 1), fork=None if forked else False) as tracks_1:
         tracks = list(zip(seen_by(0), tracks_1(), strict=True))
     for body in bodies:
         report(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
     common = [_common_of(body, stereo, pair) for body, pair in zip(bodies, tracks, strict=True)]
-    works = [
-        partial(reconstruct, rig, *pair, common=shared) for pair, shared in zip(tracks, common, strict=True)
+    reconstructions = [
+        reconstruct(rig, *pair, common=shared) for pair, shared in zip(tracks, common, strict=True)
     ]
-    reconstructions = run_parallel(works) if small else [work() for work in works]
     return [_tracked(*of) for of in zip(bodies, tracks, reconstructions, common, strict=True)]
 
 

@@ -33,7 +33,6 @@ from dic.chain.inputs import (
     Inputs,
     Inspection,
     check_cameras,
-    inspect_images,
     inspect_pictures,
 )
 from dic.chain.outliers import gate_ends, gate_epipolar, gate_residual, gate_surface
@@ -132,7 +131,7 @@ def measure(
     clock = Clock()
     inspection = inspection or inspect_pictures(pictures, static)
     clock.seconds["inspection of the pictures"] = inspection.seconds
-    inputs = inspect_images(pictures, rig, settings, t=t, static=static, inspection=inspection)
+    inputs = inspection.with_cameras(rig, settings, t, static)
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
     try:
         matched = clock("match between the cameras", lambda: _matched(inputs, specimen, flyer))

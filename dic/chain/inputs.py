@@ -12,11 +12,10 @@ from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import Shape
 from dic.images import PictureError, Pictures
-from dic.images.health import check_series, frame_health
+from dic.images.health import FrameHealth, check_series, frame_health
 from dic.images.quality import GreyNoise, grey_noise
-from dic.images.series import Grey, decode_once
+from dic.images.series import decode_once
 from dic.outcome import FrameOutcome
-from dic.processes import background, parts
 from dic.stereo.diagnose import Finding, check_setup, free_pairs
 from dic.tracking import Tracking
 
@@ -100,11 +99,6 @@ class ChainSettings:
                 raise ValueError(f"{name} must be {allowed}, got {getattr(self, name)}")
 
 
-MOST_SENT = 2**25
-"""Largest number of pixels of a series that a forked process reads and sends back. Sending takes a tenth of
-the time of decoding. Until they are copied, the pictures are in memory twice."""
-
-
 @dataclass(frozen=True)
 class Inputs:
     """Inputs of all stages: the pictures with their health and noise, the cameras, the times."""
@@ -142,54 +136,39 @@ class Inspection:
     seconds: float
     """Wall time of the inspection [s]."""
 
+    def with_cameras(
+        self, rig: StereoRig, settings: ChainSettings, t: FloatArray, static: BoolArray
+    ) -> Inputs:
+        """Inputs of all stages."""
+        return Inputs(self.pictures, rig, settings, t, static, self.health, self.grey)
 
-def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> Inspection:
+
+def inspect_pictures(
+    pictures: tuple[Pictures, Pictures],
+    static: BoolArray,
+    health: tuple[FrameHealth | None, FrameHealth | None] = (None, None),
+) -> Inspection:
     """Inspect every picture: its outcome, and the noise of each camera's grey values.
 
     ``pictures``: the series of camera 0 and camera 1. ``static``: frames in which specimen and flyer are at
-    rest, shape [n_frames]. Raises ChainError if there are not as many pictures as frame times, or a camera
-    has fewer than two usable static pictures.
+    rest, shape [n_frames]. ``health``: `frame_health` of both series, if known. Raises ChainError if there
+    are not as many pictures as frame times, or a camera has fewer than two usable static pictures.
     """
     started = perf_counter()
     series = (decode_once(pictures[0]), decode_once(pictures[1]))
-
-    def second_camera() -> tuple[tuple[IntArray, GreyNoise], dict[int, Grey]]:
-        return _inspect_one(1, series[1], static), dict(series[1].in_memory)
-
-    if parts() > 1 and series[1].n_frames * int(np.prod(series[1].shape)) <= MOST_SENT:
-        with background(second_camera) as joined:
-            health0, grey0 = _inspect_one(0, series[0], static)
-            (health1, grey1), read = joined()
-        series[1].hold(read)
-    else:
-        (health0, grey0), (health1, grey1) = (_inspect_one(k, series[k], static) for k in (0, 1))
+    (health0, grey0), (health1, grey1) = (_inspect_one(k, series[k], static, health[k]) for k in (0, 1))
     return Inspection(series, (health0, health1), (grey0, grey1), perf_counter() - started)
 
 
-def inspect_images(
-    pictures: tuple[Pictures, Pictures],
-    rig: StereoRig,
-    settings: ChainSettings,
-    *,
-    t: FloatArray,
-    static: BoolArray,
-    inspection: Inspection | None = None,
-) -> Inputs:
-    """Inputs of all stages; the pictures are inspected here unless `inspection` is given.
-
-    Raises ChainError as `inspect_pictures`.
-    """
-    inspected = inspect_pictures(pictures, static) if inspection is None else inspection
-    return Inputs(inspected.pictures, rig, settings, t, static, inspected.health, inspected.grey)
-
-
-def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntArray, GreyNoise]:
+def _inspect_one(
+    camera: int, series: Pictures, static: BoolArray, health: FrameHealth | None
+) -> tuple[IntArray, GreyNoise]:
     """Inspect the pictures of one camera."""
     if series.n_frames != static.size:
         raise ChainError(
             f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
         )
-    health = frame_health(series)
+    health = health or frame_health(series)
     try:
         check_series(series, health)
     except PictureError as error:

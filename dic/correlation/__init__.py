@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dic.basics import FloatArray
-from dic.correlation.kernels.launch import Batch, search
+from dic.correlation.kernels.launch import Batch, load_kernels, search
 from dic.correlation.subsets import Correlation, Match, Noise, PictureStack, Shape, Templates
 from dic.processes import cores
 
@@ -108,11 +108,11 @@ def _pictures(name: str, index: ArrayLike, n: int, available: int) -> NDArray[np
     if isinstance(index, int) and 0 <= index < available:
         return np.full(n, index, dtype=np.int32)
     indices = np.asarray(index)
-    if not np.issubdtype(indices.dtype, np.integer) or indices.shape not in ((), (n,)):
+    if indices.dtype.kind not in "iu" or indices.shape not in ((), (n,)):
         raise ValueError(f"{name} must be a whole number or {n} of them, got {indices.dtype} {indices.shape}")
     if n and not (indices.min() >= 0 and indices.max() < available):
         raise ValueError(f"{name} must be from 0 to {available - 1}, got {indices.min()} to {indices.max()}")
-    return np.ascontiguousarray(np.broadcast_to(indices, n), dtype=np.int32)
+    return np.array(np.broadcast_to(indices, n), dtype=np.int32)
 
 
 def _places(
@@ -138,4 +138,4 @@ def _mask(mask: ArrayLike) -> NDArray[np.uint8]:
     return np.ascontiguousarray(values).view(np.uint8)
 
 
-__all__ = ["Correlation", "Match", "Noise", "PictureStack", "Shape", "Templates", "correlate"]
+__all__ = ["Correlation", "Match", "Noise", "PictureStack", "Shape", "Templates", "correlate", "load_kernels"]

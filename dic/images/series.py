@@ -6,7 +6,7 @@ significant bit first: four values of 10 bits in five bytes, two of 12 bits in t
 """
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -275,23 +275,6 @@ class DecodedPictures:
         self._kept: dict[int, Grey] = {}
         self._size = 0
 
-    @property
-    def in_memory(self) -> Mapping[int, Grey]:
-        """The pictures that are in memory, by frame."""
-        return self._kept
-
-    def hold(self, pictures: Mapping[int, Grey]) -> None:
-        """Store pictures, by frame, that another process has read from the same series (`in_memory`)."""
-        for index, picture in pictures.items():
-            self._keep(index, picture)
-
-    def _keep(self, index: int, picture: Grey) -> Grey:
-        if index not in self._kept and self._size + picture.nbytes <= self.most:
-            picture.flags.writeable = False
-            self._size += picture.nbytes
-            self._kept[index] = picture
-        return picture
-
     def frame(self, index: int) -> Grey:
         """Grey values of one frame, read-only, shape [rows, columns].
 
@@ -301,7 +284,9 @@ class DecodedPictures:
         if picture is None:
             picture = self.pictures.frame(index)
             if self._size + picture.nbytes <= self.most:
-                picture = self._keep(index, picture.copy())  # the data of a memory map may change
+                picture = self._kept[index] = picture.copy()  # the data of a memory map may change
+                picture.flags.writeable = False
+                self._size += picture.nbytes
         return picture
 
 

@@ -277,7 +277,7 @@ class Neighbours:
         index = self.index[rows]
         x, y = self._across[:, rows]
         # column by column: twice as fast as by rows
-        shift, near = warp[rows, :2], [column[index] for column in np.ascontiguousarray(warp[:, :6].T)]
+        shift, near = warp[rows, :2], np.take(np.ascontiguousarray(warp[:, :6].T), index, axis=1)
         u = near[0] + near[2] * x + near[3] * y - shift[:, :1]
         v = near[1] + near[4] * x + near[5] * y - shift[:, 1:]
         counted = self.exists[rows] & usable[index]
@@ -428,6 +428,8 @@ class FrameMatch:
             guess = self.neighbours.best(self.warp, self.zncc, self.valid, rows)
             new = np.any(guess != self.propagated[rows], axis=1)
             rows, guess = rows[new], guess[new]
+            if len(rows) == 0:
+                return
             self.propagated[rows] = guess
             matched = self.attempt(rows, guess)
             fresh = np.zeros_like(fresh)

@@ -117,15 +117,15 @@ class References:
 
     def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
         """A stack with the pictures of these frames, and their indices in it, shape of `frames`."""
-        frame_set = set(frames.tolist())
-        if self._joined is None or not frame_set <= set(self._joined[1].tolist()):
-            available = sorted(self._stacks)  # all frames: the stack is valid until a point takes a later one
-            self._joined = (
-                PictureStack.join([self._stacks[frame] for frame in available]),
-                np.array(available),
-            )
-        stack, kept_frames = self._joined
-        return stack, np.searchsorted(kept_frames, frames)
+        if self._joined is not None:
+            stack, kept = self._joined
+            place = np.searchsorted(kept, frames)
+            if np.array_equal(kept[np.minimum(place, kept.size - 1)], frames):
+                return stack, place
+        available = sorted(self._stacks)  # all frames: the stack is valid until a point takes a later one
+        stack = PictureStack.join([self._stacks[frame] for frame in available])
+        self._joined = stack, np.array(available)
+        return stack, np.searchsorted(self._joined[1], frames)
 
     def _forget(self, frame: int) -> None:
         """Discard the joined stack if it contains this frame."""
@@ -303,16 +303,15 @@ class Matcher:
                 template_rows=rows[part],
             )
 
-        subsets = sorted(set(template.subset.tolist()))
-        if len(subsets) == 1:
-            return of(slice(None), subsets[0])
-        m = len(rows)
+        m, subset = len(rows), template.subset
+        if m and (subset == subset[0]).all():
+            return of(slice(None), int(subset[0]))
         result = Match(
             np.array(guess), np.zeros((m, 2, 2)), np.zeros(m), np.zeros(m, np.int64), np.zeros(m, np.int64)
         )
-        for subset in subsets:
-            part = np.flatnonzero(template.subset == subset)
-            matched = of(part, subset)
+        for side in sorted(set(subset.tolist())):
+            part = np.flatnonzero(subset == side)
+            matched = of(part, side)
             for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
                 getattr(result, name)[part] = getattr(matched, name)
         return result

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dic.basics import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray, median
 from dic.correlation import Correlation, Match, Noise, PictureStack, Shape, Templates, correlate
 from dic.correlation.subsets import gradient, identity
 from dic.images import Pictures
@@ -101,7 +101,7 @@ def track_rigid(
                 if move is not None:
                     history = [*history[-1:], (frame, move)]
                     fine = result.outcome[frame] == PointOutcome.VALID
-                    unlike.append(1.0 - float(np.median(result.zncc[frame, fine])))
+                    unlike.append(1.0 - float(median(result.zncc[frame, fine])))
     finally:
         frames.close()
     return result
@@ -137,22 +137,22 @@ def _step(
 ) -> FloatArray | None:
     """Match the points in one frame. Returns the body's displacement from the reference [px], None if no
     motion is found."""
-    displaced = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
     best, matches = None, _matches(stack, current, points, root, [predicted], settings, mask, templates)
     for k in range(1 + len(SEARCHED)):
         if k == 1:  # the prediction failed: try all other steps at once
+            displaced = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
             matches = _matches(stack, current, points, root, displaced, settings, mask, templates)
         for match in matches[2 * k - 2 : 2 * k] if k else matches:
             fine = match.outcome == PointOutcome.VALID
             move = match.warp[:, :2] - root[:, :2]
             if fine.any():
-                middle = np.median(move[fine], axis=0)
+                middle = median(move[fine])
                 sigma = np.sqrt(0.5 * np.trace(match.covariance, axis1=1, axis2=2))
                 agree = fine & (np.linalg.norm(move - middle, axis=1) <= APART + SIGMAS * sigma)
-                if agree.any() and 1.0 - float(np.median(match.zncc[agree])) > most:
+                if agree.any() and 1.0 - float(median(match.zncc[agree])) > most:
                     agree[:] = False
                 if best is None or agree.sum() > best[0].sum():
-                    best = (agree, match, np.median(move[agree], axis=0) if agree.any() else middle)
+                    best = (agree, match, median(move[agree]) if agree.any() else middle)
         inside = match.outcome != PointOutcome.OUT_OF_VIEW
         if best is not None and best[0].sum() >= max(1.0, 0.5 * inside.sum()):
             break

@@ -5,6 +5,7 @@ From the pictures of a shot to surfaces, and from a target to two cameras.
 
 from contextlib import ExitStack
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -69,6 +70,7 @@ def dic(
         began = perf_counter()
         cameras = None if is_stored else stack.enter_context(calibrate_in_background(loaded.pictures))
         # imported while others look at the target
+        import_module("kolsky.report.pages.surfaces")
         from kolsky.report.result_folder import drawing_processes, write_dic_results
         from kolsky.shot.optical_data import RESULT_FILE, surfaces
 

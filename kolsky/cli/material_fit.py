@@ -487,7 +487,6 @@ def material_healing(
 
 
 def _table(result: "Healing") -> dict[str, list[Any]]:
-
     rows = result.rows.items()
     whole = {
         "property": [name for name, _ in rows],

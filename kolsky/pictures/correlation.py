@@ -9,6 +9,7 @@ pictures.
 import hashlib
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from time import perf_counter
@@ -19,8 +20,8 @@ import numpy as np
 from dic.bodies.region import FoundRegions, Region, find_regions, polygon_mask
 from dic.camera import Camera, StereoRig
 from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, measure
-from dic.correlation import Correlation, Shape
-from dic.images import frame_health, of_colours
+from dic.correlation import Correlation, Shape, load_kernels
+from dic.images import of_colours
 from dic.outcome import FrameOutcome
 from dic.result import StereoResult
 from dic.tracking import Tracking
@@ -161,9 +162,7 @@ def places_of(pictures: PictureSet) -> Places:
     found = None
     if missing:
         static = np.arange(pictures.time.size) < pictures.toml.declared.frames.static
-        usable = np.ones(pictures.time.size, dtype=bool)
-        for series in pictures.series:
-            usable &= frame_health(series).outcome == FrameOutcome.VALID
+        usable = np.logical_and(*(health.outcome == FrameOutcome.VALID for health in pictures.health))
         try:
             found = find_regions(pictures.series[0], static, usable, toward=section.flyer_side)
         except ValueError as error:
@@ -254,10 +253,12 @@ def correlate(
     section = declared.dic
     assert section is not None  # shots with pictures have it
     # other processes may detect the target meanwhile
+    with suppress(ValueError):  # the message about the device comes from its first use
+        load_kernels(device)
     places = places_of(pictures)
     static = np.arange(pictures.time.size) < declared.frames.static
     try:
-        inspection = inspect_pictures(pictures.series, static)
+        inspection = inspect_pictures(pictures.series, static, pictures.health)
     except ChainError as error:
         raise _no_surface(toml, error) from error
     started = perf_counter()

@@ -26,7 +26,7 @@ from kolsky.schema.pictures import PicturesSection, SeriesSection
 from kolsky.schema.shot_file import ShotToml
 
 if TYPE_CHECKING:
-    from dic.images import Pictures
+    from dic.images import FrameHealth, Pictures
     from dic.result import StereoResult
 
 
@@ -103,6 +103,13 @@ class PictureSet:
         return self.frames.time + self.toml.declared.frames.clock_offset
 
     @cached_property
+    def health(self) -> tuple[FrameHealth, FrameHealth]:
+        """Inspection of every frame of both cameras."""
+        from dic.images import frame_health
+
+        return frame_health(self.series[0]), frame_health(self.series[1])
+
+    @cached_property
     def changes(self) -> PictureChanges:
         """Changes of the pictures over time, with three example pictures."""
         return picture_changes(self.series, self.time, self.toml.declared.frames.static)
@@ -174,12 +181,12 @@ def check_frames(pictures: PictureSet) -> None:
 
     Raises InputError with the first frame and the cause, see `dic.images.check_series`.
     """
-    from dic.images import PictureError, check_series, frame_health
+    from dic.images import PictureError, check_series
 
     problems = []
-    for camera, series in zip(CAMERAS, pictures.series, strict=True):
+    for camera, series, health in zip(CAMERAS, pictures.series, pictures.health, strict=True):
         try:
-            check_series(series, frame_health(series))
+            check_series(series, health)
         except PictureError as error:
             problems.append(pictures.toml.error(f"pictures.{camera}", f"cannot be correlated: {error}"))
     refuse(problems)

@@ -22,15 +22,14 @@ from dic.processes import background, cores
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, write_files, write_folder, write_tables
-from kolsky.inverse.result import Identification
 from kolsky.report.figures_alone import figure_files, grouped_figures
-from kolsky.results.tables import summary_row, tables
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
     from dic.result import FullField
     from kolsky.bodies.specimen_studies import StudyRow
     from kolsky.equilibrium.solution import Solution
+    from kolsky.inverse.result import Identification
     from kolsky.pictures.measurement import Measurement
     from kolsky.prediction.design import Aim, Scan
     from kolsky.prediction.predict import Prediction
@@ -253,6 +252,8 @@ def write_identify_results(
     InputError
         If the results cannot be written.
     """
+    from kolsky.results.tables import summary_row, tables  # imports the solver
+
     recordings = shot_recordings(shot, folder)
     whole = replace(found, image_correlation=recordings.numbers)
 

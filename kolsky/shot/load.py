@@ -32,7 +32,6 @@ from kolsky.schema.shot_file import (
     parsed,
     shot_toml,
 )
-from kolsky.shot.bars import load_waves
 from kolsky.shot.curve import shot_fields
 from kolsky.shot.evidence import Evidence
 from kolsky.shot.force import check_sign, force_channel, incident_to_compare
@@ -450,6 +449,8 @@ def load_bar_driven(source: Source) -> Shot:
 
     file = parsed(source)
     declared = file.validated(BarDrivenShotFile)
+    from kolsky.shot.bars import load_waves  # for shots with bars only
+
     given = load_waves(file)
     if declared.window.start is not None:
         raise file.error(

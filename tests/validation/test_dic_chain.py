@@ -23,7 +23,7 @@ from dic.chain.follow_bodies import (
     rim_in,
     translations_of,
 )
-from dic.chain.inputs import inspect_images
+from dic.chain.inputs import inspect_pictures
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
 from dic.images import open_pictures
@@ -251,12 +251,11 @@ def test_the_travel_with_camera_1_cut_off_is_right_or_refused(shared, case):
     times = np.loadtxt(folder / "frames.csv", delimiter=",", skiprows=1)[:n, 1]
     pictures = (recorded(stacks[0]), recorded(stacks[1]))
     settings = replace(SETTINGS, length=6.5e-3, length_sigma=6.5e-6)
-    inputs = inspect_images(pictures, case.rig, settings, t=times, static=np.arange(n) < 12)
+    static = np.arange(n) < 12
+    inputs = inspect_pictures(pictures, static).with_cameras(case.rig, settings, times, static)
     flyer = Region(((0.0, 0.0), (127.0, 0.0), (127.0, 69.0), (0.0, 69.0)), n - 1)
-    still = inspect_images(
-        (recorded(stacks[0][:12]), recorded(stacks[1][:12])), case.rig, settings,
-        t=times[:12], static=np.ones(12, dtype=bool),
-    )  # fmt: skip
+    still = inspect_pictures((recorded(stacks[0][:12]), recorded(stacks[1][:12])), static[:12])
+    still = still.with_cameras(case.rig, settings, times[:12], static[:12])
     try:
         body = follow(inputs, [match_flyer(inputs, flyer)])[0]
     except ChainError:

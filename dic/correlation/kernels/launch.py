@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from dic.basics import FloatArray
 from dic.correlation.kernels.device import PAD, between_pixels, gradient_noise, select_device
 from dic.correlation.kernels.search import ARRAYS, BLOCK, INPUTS, OUTPUTS, search_source
-from dic.correlation.subsets import Correlation, Match, PictureStack, Templates
+from dic.correlation.subsets import Correlation, Match, PictureStack, Shape, Templates
 
 PART = 65_536
 """Number of points of a part: 25 MB in both directions, and about thirty rounds of a GPU's warps."""
@@ -310,7 +310,7 @@ def _job(reference: PictureStack, deformed: PictureStack, settings: Correlation)
 
 
 def prepare(
-    reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation
+    reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation, device: Any
 ) -> tuple[Any, Any]:
     """All inputs of a launch except the points, on the device of the pictures, and the mask there. The caller
     must keep a reference to the mask until the search has ended."""
@@ -321,7 +321,7 @@ def prepare(
     job.has_mask = int(batch.mask is not None)
     mask = None
     if batch.mask is not None:
-        mask = mask_on_device(batch.mask, select_device(reference.device))
+        mask = mask_on_device(batch.mask, device)
         job.mask = mask.ptr
         job.mask_rows, job.mask_cols = batch.mask.shape
     job.has_kept = 0
@@ -337,7 +337,7 @@ def search(
         columns.append(batch.reference)
     device, n = select_device(reference.device), len(batch.points)
     kernel = search_kernel(int(settings.shape))
-    job, _mask = prepare(reference, deformed, batch, settings)
+    job, _mask = prepare(reference, deformed, batch, settings, device)
     if device.is_cuda:
         load_kernel(kernel, device.alias, BLOCK)
         return in_parts(columns, n, device, partial(_launch_on_device, kernel, job))
@@ -400,6 +400,16 @@ def load_kernel(kernel: Any, device: str, block: int) -> None:
     """
     with _loading:
         kernel.module.load(wp.get_device(device), block)
+
+
+def load_kernels(device: str) -> None:
+    """Start a device and load the search of every shape function, which `search` otherwise does at first use.
+
+    Raises ValueError if the machine has no such device.
+    """
+    where = select_device(device)
+    for shape in Shape:
+        load_kernel(search_kernel(int(shape)), where.alias, BLOCK if where.is_cuda else 1)
 
 
 def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:

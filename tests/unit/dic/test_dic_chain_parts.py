@@ -24,7 +24,7 @@ from dic.calibration.targets import FiducialDots, TargetNotFound
 from dic.calibration.views import detect, detect_in_background
 from dic.camera import Camera
 from dic.chain import ChainError, ChainSettings, Clock
-from dic.chain.inputs import check_cameras, inspect_images
+from dic.chain.inputs import check_cameras, inspect_pictures
 from dic.chain.test_frame import outline_of
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
 from dic.correlation.kernels.device import PAD, on_device, on_host, response, select_device
@@ -55,8 +55,8 @@ def at_rest(*, seed: int, floor: float = FLOOR, gain: float = GAIN) -> Memory:
 
 
 def looked(first: Memory, second: Memory, *, frames: int = FRAMES):
-    times = np.arange(frames) * 1e-3
-    return inspect_images((first, second), rig(), SETTINGS, t=times, static=np.ones(frames, dtype=bool))
+    times, static = np.arange(frames) * 1e-3, np.ones(frames, dtype=bool)
+    return inspect_pictures((first, second), static).with_cameras(rig(), SETTINGS, times, static)
 
 
 def without(series: Memory, gone) -> Memory:

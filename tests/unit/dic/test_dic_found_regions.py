@@ -12,6 +12,7 @@ from speckle_pictures import render, speckle_pattern
 from dic.bodies.edges import _last_edge, follow_edge, rigid_limit, row_correlation
 from dic.bodies.region import _painted, find_regions, polygon_mask
 from dic.correlation.subsets import overlap_correlation, overlap_factor, overlap_matrix
+from dic.images import frame_health
 from kolsky.pictures.regions import Drawn
 from kolsky.shot.dic import regions_in_pictures
 
@@ -77,7 +78,10 @@ def test_what_a_shot_file_leaves_out_is_proposed_and_nothing_else(plain):
     declared = SimpleNamespace(dic=section, frames=SimpleNamespace(static=STATIC))
     whole = Memory(tuple(plain.frame(k).round().clip(0, 255).astype(np.uint8) for k in range(FRAMES)))
     pictures = SimpleNamespace(
-        toml=SimpleNamespace(declared=declared), time=np.arange(float(FRAMES)), series=(whole, whole)
+        toml=SimpleNamespace(declared=declared),
+        time=np.arange(float(FRAMES)),
+        series=(whole, whole),
+        health=(frame_health(whole), frame_health(whole)),
     )
     proposed, why = regions_in_pictures(pictures)
     found = search(whole)

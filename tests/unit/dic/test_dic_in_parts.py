@@ -1,7 +1,5 @@
-"""Work in several processes gives the result of one process: strains, the gate of the smooth surface, and the
+"""Work in several processes gives the result of one process: strains and the gate of the smooth surface. The
 inspection of two cameras."""
-
-import os
 
 import numpy as np
 import pytest
@@ -12,7 +10,8 @@ from test_dic_full_field import strains_grid as grid
 from dic import processes
 from dic.chain import inputs, outliers
 from dic.chain.inputs import ChainError, inspect_pictures
-from dic.images.series import DecodedPictures, PicturesInMemory, decode_once
+from dic.images.health import frame_health
+from dic.images.series import PicturesInMemory
 from dic.processes import allow_forks, can_fork, parts
 from dic.surfaces.strains import StrainGauge, strains
 
@@ -85,46 +84,20 @@ def series():
     return made[0], made[1]
 
 
-def test_cameras_inspected_by_two_processes_are_those_inspected_by_one(monkeypatch):
-    static = np.arange(6) < 3
-    read = []
-    frame = DecodedPictures.frame
-    monkeypatch.setattr(DecodedPictures, "frame", lambda own, k: read.append(os.getpid()) or frame(own, k))
-    alone, together = divided(monkeypatch, lambda: inspect_pictures(series(), static))
-    assert set(read) == {os.getpid()}
+def test_known_health_is_not_inspected_again(monkeypatch):
+    static, pictures = np.arange(6) < 3, series()
+    first = inspect_pictures(pictures, static)
+    known = frame_health(pictures[0]), frame_health(pictures[1])
+    monkeypatch.setattr(inputs, "frame_health", None)
+    again = inspect_pictures(pictures, static, known)
     for camera in (0, 1):
-        np.testing.assert_array_equal(together.health[camera], alone.health[camera])
-        assert together.grey[camera].sigma == alone.grey[camera].sigma
-        assert together.pictures[camera].in_memory.keys() == alone.pictures[camera].in_memory.keys()
-        for k, picture in alone.pictures[camera].in_memory.items():
-            np.testing.assert_array_equal(together.pictures[camera].in_memory[k], picture)
-            assert not together.pictures[camera].in_memory[k].flags.writeable
-    assert alone.health[0][4] != 0
-    assert alone.health[1][5] != 0
+        np.testing.assert_array_equal(again.health[camera], first.health[camera])
+        assert again.health[camera][4 + camera] != 0
+        assert again.grey[camera].sigma == first.grey[camera].sigma
 
 
-def test_what_is_wrong_with_camera_1_is_said(monkeypatch):
+def test_what_is_wrong_with_camera_1_is_said():
     first, second = series()
     short = PicturesInMemory(second.pictures[:5])
-    monkeypatch.setattr(processes, "cores", lambda: 4)
-    with allow_forks(), pytest.raises(ChainError, match="camera 1 has"):
+    with pytest.raises(ChainError, match="camera 1 has"):
         inspect_pictures((first, short), np.arange(6) < 3)
-
-
-def test_large_series_are_inspected_in_one_process(monkeypatch):
-    monkeypatch.setattr(inputs, "MOST_SENT", 6 * 64 * 64 - 1)
-    monkeypatch.setattr(inputs, "background", None)
-    monkeypatch.setattr(processes, "cores", lambda: 4)
-    with allow_forks():
-        assert inspect_pictures(series(), np.arange(6) < 3).health[0][4] != 0
-
-
-def test_pictures_of_another_process_are_held_up_to_the_limit():
-    own = DecodedPictures(series()[0], most=2 * 64 * 64 * 2)
-    own.frame(0)
-    given = np.full((64, 64), 7, dtype=np.uint16)
-    own.hold({0: given, 1: given, 2: given})
-    assert sorted(own.in_memory) == [0, 1]
-    assert own.in_memory[0][0, 0] != 7  # the one read here
-    assert decode_once(own) is own
-    assert own.frame(1) is given

@@ -200,6 +200,19 @@ def test_a_call_does_not_depend_on_the_one_before(monkeypatch):
     assert len(launch._jobs.known) == launch.MOST_JOBS
 
 
+def test_the_search_of_every_shape_is_loaded_ahead():
+    launch.load_kernel.cache_clear()
+    launch.load_kernels("cpu")
+    loaded = launch.load_kernel.cache_info().misses
+    pictures, points = frames(2)
+    stack, guess = batch(points, pictures)
+    for shape in Shape:
+        correlate(stack, stack, points, guess, Correlation(subset=15, shape=shape), deformed_picture=1)
+    assert launch.load_kernel.cache_info().misses == loaded == len(Shape)
+    with pytest.raises(ValueError, match="device must be one of"):
+        launch.load_kernels("abacus")
+
+
 def test_a_part_after_an_error_does_not_end_up_in_the_next_call():
     device = select_device("cpu")
     columns = [np.arange(6.0)]
