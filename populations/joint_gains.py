@@ -67,36 +67,17 @@ def identified(study: Study, folder: Path, number: int, case: str, error: float)
 
 
 def short(found: JointResult) -> dict[str, Any]:
-    """The verdict and what it is based on."""
+    """The verdict and the agreement of the shots."""
     return {
         "verdict": found.verdict,
-        "m": found.estimates["stiffness_factor"].value,
-        "sigma": found.estimates["stiffness_factor"].sigma,
-        "scatter": None if found.scatter is None else found.scatter.value,
         "agreement": None if found.agreement is None else asdict(found.agreement),
         "own": [None if one.own is None else asdict(one.own) for one in found.shots],
-        "fits": [{fit.channel: [fit.excess, fit.slow_excess] for fit in one.fit} for one in found.shots],
-        "unexplained": [
-            f"{one.name} {fit.channel}" for one in found.shots for fit in one.fit if not fit.explained
-        ],
-        "causes": [asdict(cause) for cause in found.causes[:4]],
-        "warnings": list(found.warnings),
     }
 
 
 def is_named(one: dict[str, Any]) -> bool:
-    """True if the shot with the wrong sensitivity is named, by the agreement or as the likeliest cause."""
-    found = one["found"]
-    if found is None or found["verdict"] == "explained":
-        return False
-    first = [cause["shot"] for cause in found["causes"][:1]]
-    return one["wrong"] in first or found["agreement"]["shots"] == [one["wrong"]]
-
-
-def is_cause(one: dict[str, Any]) -> bool:
-    """True if the likeliest cause is the wrong sensitivity."""
-    causes = [] if one["found"] is None else one["found"]["causes"]
-    return bool(causes) and (causes[0]["shot"], causes[0]["key"]) == (one["wrong"], "sensitivity")
+    """True if the agreement names the shot with the wrong sensitivity, and no other."""
+    return one["found"]["agreement"]["shots"] == [one["wrong"]]
 
 
 def counts(each: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -110,7 +91,6 @@ def counts(each: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
                 "answers": len(rows),
                 "withheld": withheld,
                 "shot named": sum(map(is_named, rows)),
-                "likeliest cause": sum(map(is_cause, rows)),
                 "error, median": float(np.median([abs(one["error"]) for one in rows])),
             }
     return cases
@@ -125,12 +105,12 @@ def line(rows: list[dict[str, Any]]) -> str:
 def table(recorded: dict[str, Any]) -> str:
     """The counts as a Markdown table with one row for each case."""
     lines = [
-        "| sensitivity of one shot | sets | error, median | withheld | its shot named | likeliest cause |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| sensitivity of one shot | sets | error, median | withheld | its shot named |",
+        "| --- | --- | --- | --- | --- |",
     ]
     lines += [
         f"| {case} | {row['answers']} | {100.0 * row['error, median']:.2g} % | {row['withheld']} | "
-        + ("| |" if case == "correct" else f"{row['shot named']} | {row['likeliest cause']} |")
+        f"{'' if case == 'correct' else row['shot named']} |"
         for case, row in recorded["counts"].items()
     ]
     return "\n".join(lines)

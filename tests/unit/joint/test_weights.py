@@ -401,6 +401,8 @@ def test_an_agreement_states_what_it_would_detect() -> None:
     found = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.03, 0.04], [0.0, 0.0]), scatter=True)
     assert found.noticeable == noticeable_scales(np.array([0.03, 0.04]))
     assert found.sentence.endswith("; an error of one shot's sensitivity above 23 % would be detected")
+    # That of the shot with the least known scale.
+    assert replace(found, noticeable=(0.06, 0.08, 0.07)).power.endswith("above 8 % would be detected")
     blind = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.3, 0.4], [0.0, 0.0]), scatter=True)
     assert blind.sentence.endswith("; an error of one shot's sensitivity would not be detected")
     force = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.3, 0.4]), scatter=True)
