@@ -25,6 +25,7 @@ import numpy as np
 from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.base.process import one_blas_thread
+from kolsky.diagnosis.fit_quality import mesh_changes
 from kolsky.diagnosis.joint_fit import (
     joint_fit_warnings,
     joint_fits,
@@ -151,7 +152,7 @@ def joint_result(
     everything = (*(fit for one in fits for fit in one), *slow_fits)
     shared = {name: joint_verdict(e, everything, agreement) for name, e in shared.items()}
     withheld = not all(fit.explained for fit in everything) or (agreement is not None and agreement.apart)
-    causes = shot_causes(problem, found) if withheld else ()
+    causes = shot_causes(problem, found, mesh_changes(mesh)) if withheld else ()
     bodies = len(stack.shots) + (0 if stack.slow_scatter is None else len(stack.slow_scatter))
     half = {
         name: expanded_scatter(e.sigma, e.noise_parts["scatter between shots"], bodies)

@@ -73,16 +73,20 @@ def described(setup: Setup, truth: Truth) -> dict[str, Any]:
 def make_truth(study: Study, folder: Path, number: int, python: str) -> None:
     """Simulate one experiment with the other program, unless its truth exists."""
     place = truth_file(study, folder, number)
-    if place.exists():
-        return
+    if not place.exists():
+        simulate_elsewhere(place, *drawn(number, study.seed), python)
+        print(f"truth {number}", flush=True)
+
+
+def simulate_elsewhere(place: Path, setup: Setup, truth: Truth, python: str) -> None:
+    """Write the file of an experiment's exact force and outline by the other program."""
     place.parent.mkdir(parents=True, exist_ok=True)
     asked, partial = place.with_suffix(".json"), place.with_suffix(".part.npz")
-    asked.write_text(json.dumps(described(*drawn(number, study.seed))) + "\n")
+    asked.write_text(json.dumps(described(setup, truth)) + "\n")
     options = ["--elements", str(ELEMENTS[0]), str(ELEMENTS[1]), "--step", str(STEP)]
     one_thread = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     subprocess.run([python, str(SCRIPT), str(asked), str(partial), *options], check=True, env=one_thread)
     partial.replace(place)
-    print(f"truth {number}", flush=True)
 
 
 def slopes(number: int, seed: int) -> tuple[FloatArray, FloatArray]:

@@ -15,6 +15,11 @@ where C contains the noise, the patterns and mesh error of the shot, and the dis
 the fit of a. If the shots agree, Q has a chi-square distribution with n - 1 degrees of freedom. The bulk
 modulus is fixed: two specimens of one material differ in stiffness, but not in compressibility.
 
+The scale of each shot's force is estimated in the same way, with the stiffness of the shot free. If one of n
+scales is in error by e, Q has a noncentral chi-square distribution with the parameter
+
+    lambda = e^2 / (v_k + 1 / sum_(j != k) 1 / v_j).
+
 The likelihood shows which input of which shot explains a misfit. One change p of one shot's data has a free
 amplitude c in addition to the shared unknowns. The model is linear, and the discrepancies are estimated
 again:
@@ -29,7 +34,7 @@ from dataclasses import replace
 from math import inf
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, chdtri, chndtrinc, ndtri
 
 from doe.least_squares import Whitening
 from kolsky.base.arrays import FloatArray
@@ -48,7 +53,7 @@ from kolsky.diagnosis.fit_quality import (
     unexplained,
 )
 from kolsky.inverse.joint_problem import SCATTER, JointProblem, ShotData, Stack, covariance
-from kolsky.inverse.joint_result import FORCE_OVER_OUTLINE, OwnStiffness, ShotAgreement, ShotCause
+from kolsky.inverse.joint_result import FORCE_SCALE, OwnStiffness, ShotAgreement, ShotCause
 from kolsky.inverse.joint_search import Optimum
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED
@@ -63,10 +68,12 @@ UNLIKELY = 2.7e-3
 """The shots disagree if the probability of their differences is below this. It is that of three standard
 deviations, divided among the `TESTS`."""
 TESTS = 4
-"""Number of agreement tests: all data, force, outline, and the ratio of force to outline."""
+"""Number of agreement tests: stiffness by all data, by the force, by the outline, and scale of the force."""
 LEAST_RATIO = 1.05
 """Without a scatter in the interval, two shots can disagree only if their stiffness ratio exceeds this [-].
-On coarse meshes, correct shots of different speeds differ by up to 3 %."""
+On coarse meshes, correct shots of different speeds differ by up to 3 %. The same limit holds for scales."""
+POWER = 0.9
+"""Probability with which a noticeable error of a sensitivity is detected."""
 LARGEST_RATIO = 1.5
 """With a larger stiffness ratio than this, two shots are not scattering specimens of one material [-]. Cast
 specimens of one batch differ by a few percent, soft biological ones by some 20 %. A wrong sensitivity, unit
@@ -228,20 +235,24 @@ def slow_fit(
 def own_stiffnesses(
     problem: JointProblem, optimum: Optimum, mesh: MeshChange, declared: Mapping[str, FloatArray]
 ) -> tuple[OwnStiffness, ...]:
-    """The stiffness estimated from each shot separately, by all its data and by each channel."""
+    """Stiffness estimated from each shot separately, by all its data and by each channel, and its force's
+    scale.
+    """
     stack = problem.stack
     change = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     own_errors = [rows for rows in declared.values() if len(rows) == len(stack.shots)]
     more = np.concatenate([mesh_changes(mesh), *own_errors])
     bare = without_scatter(stack).shots
-    parts = zip(bare, stack.parts(optimum.vector - stack.data), stack.parts(change), strict=True)
     shots = []
-    for k, (one, residual, u) in enumerate(parts):
-        rows = more[:, stack.place(k)]
-        whole, force, outline = (
-            own_stiffness(one, residual, u, rows, channel) for channel in ("joint", FORCE, OUTLINE)
-        )
-        shots.append(OwnStiffness(*whole, *force, *outline))
+    for k, (one, vector, u) in enumerate(
+        zip(bare, stack.parts(optimum.vector), stack.parts(change), strict=True)
+    ):
+        place = stack.place(k)
+        residual, rows = vector - stack.data[place], more[:, place]
+        found = [own_amount(one, residual, u[None], rows, channel) for channel in ("joint", FORCE, OUTLINE)]
+        scales = np.stack([u, np.where(one.objective.mask("force"), vector, 0.0)])
+        found.append(own_amount(one, residual, scales, rows, "joint"))
+        shots.append(OwnStiffness(*(number for pair in found for number in pair)))
     return tuple(shots)
 
 
@@ -251,65 +262,85 @@ BLANK = 1e6
 """Factor on the standard deviation of excluded data."""
 
 
-def own_stiffness(
-    one: ShotData, residual: FloatArray, change: FloatArray, patterns: FloatArray, channel: str
+def own_amount(
+    one: ShotData, residual: FloatArray, changes: FloatArray, patterns: FloatArray, channel: str
 ) -> tuple[float, float]:
-    """Relative stiffness of one shot minus the shared one, and its standard uncertainty [-].
+    """Amount of the last of some changes of a shot's data, and its standard uncertainty.
 
-    ``residual``: prediction minus data, shape [k]. ``change``: of its data by a relative change of its
-    stiffness, shape [k]. ``patterns``: further errors of the shot, one standard deviation per row, [n, k].
-    ``channel``: "joint", "force" or "outline". NaN if the channel was not measured.
+    With the change by a relative change of its stiffness, it is the relative stiffness minus the shared one.
+
+    ``residual``: prediction minus data, shape [k]. ``changes``: of its data by a unit each, shape [m, k].
+    ``patterns``: further errors of the shot, one standard deviation per row, [n, k]. ``channel``: "joint",
+    "force" or "outline". NaN if the channel was not measured.
     """
-    objective, amount, variance = one.objective, 0.0, float("nan")
+    objective, amounts, variance = one.objective, np.zeros(len(changes)), float("nan")
     use = {FORCE: objective.mask("force"), OUTLINE: objective.mask("shape")}.get(
         channel, objective.mask("joint")
     )
-    if not (change[use] != 0.0).any():
+    if not (changes[:, use] != 0.0).any(axis=1).all():
         return float("nan"), float("nan")
     alone = Stack((one,), np.zeros(0), np.zeros(0), known=0)
     for _ in range(ROUNDS):
-        weighed = objective.with_discrepancy(objective.data + residual + amount * change)
+        weighed = objective.with_discrepancy(objective.data + residual + amounts @ changes)
         sigma = np.where(use, weighed.own_sigma, BLANK * weighed.own_sigma)
         whitening = Whitening(sigma, np.concatenate([weighed.common, patterns]) * use)
-        u, r = whitening.apply(change), whitening.apply(residual)
-        amount = -float(u @ r) / float(u @ u)
-        left = residual + amount * change
-        variance = covariance(change[:, None], left * use, whitening, alone, np.array([inf]))[0, 0]
-    return amount, float(np.sqrt(variance))
+        amounts = -np.linalg.lstsq(whitening.apply(changes).T, whitening.apply(residual))[0]
+        left = residual + amounts @ changes
+        widths = np.full(len(changes), inf)
+        variance = covariance(changes.T, left * use, whitening, alone, widths)[-1, -1]
+    return float(amounts[-1]), float(np.sqrt(variance))
 
 
 def shot_agreement(
     names: Sequence[str], stiffnesses: Sequence[OwnStiffness], *, scatter: bool
 ) -> ShotAgreement | None:
-    """Test whether the shots agree in stiffness, and which shot does not; None for one shot.
+    """Test whether the shots agree in stiffness and scale, and which shot does not; None for one shot.
 
     All data, the force and the outline are tested separately. The weights of a fit reduce the influence of a
-    channel that disagrees in one shot. A stiffer specimen changes force and outline together. The ratio of
-    their stiffnesses therefore does not scatter between specimens. If a shot contradicts the others, the
-    least likely channel is given.
+    channel that disagrees in one shot. A stiffer specimen changes force and outline together, and the period
+    of the force. The scale of the force therefore does not scatter between specimens. If a shot contradicts
+    the others, the least likely channel is given.
 
     ``stiffnesses``: the stiffness from each shot. ``scatter``: True if the interval includes a scatter
     between them. Only larger differences are then a contradiction.
     """
-    force, outline = (
-        np.array([(getattr(one, channel), getattr(one, f"sigma_{channel}")) for one in stiffnesses]).T
-        for channel in (FORCE, OUTLINE)
+    force, outline, scale = (
+        np.array([(getattr(one, name), getattr(one, f"sigma_{name}")) for one in stiffnesses]).T
+        for name in (FORCE, OUTLINE, "scale")
     )
     whole = np.array([(one.value, one.sigma) for one in stiffnesses]).T
-    apart = np.array([force[0] - outline[0], np.hypot(force[1], outline[1])])
     tested = []
     for channel, (a, s), scatters in (
         ("", whole, scatter),
         (FORCE, force, scatter),
         (OUTLINE, outline, scatter),
-        (FORCE_OVER_OUTLINE, apart, False),
+        (FORCE_SCALE, scale, False),
     ):
         use = np.flatnonzero(np.isfinite(a) & np.isfinite(s) & (s > 0.0))
         if len(use) >= 2:
             used_names = [names[k] for k in use.tolist()]
             tested.append(_agreement(used_names, a[use], s[use], channel, scatter=scatters))
     contradicting = [one for one in tested if one.apart]
-    return min(contradicting or tested, key=lambda one: one.probability, default=None)
+    likeliest = min(contradicting or tested, key=lambda one: one.probability, default=None)
+    return likeliest and replace(likeliest, noticeable=noticeable_scales(scale[1]))
+
+
+def noticeable_scales(sigma: FloatArray) -> tuple[float, ...]:
+    """Smallest error of each shot's force scale that the test of the scales detects with `POWER` [-].
+
+    The chi-square must exceed its limit, and the ratio of the scales must exceed `LEAST_RATIO`.
+
+    ``sigma``: standard uncertainties of the scales, shape [n]. Infinite for a shot whose scale, or all others
+    of which, is unknown.
+    """
+    known = np.where(np.isfinite(sigma) & (sigma > 0.0), sigma, inf)
+    weight, freedom = known**-2.0, int(np.isfinite(known).sum()) - 1
+    if freedom < 1:
+        return (inf,) * len(sigma)
+    with np.errstate(divide="ignore"):
+        apart = np.sqrt(known**2 + 1.0 / (weight.sum() - weight))
+    distance = np.sqrt(chndtrinc(chdtri(freedom, UNLIKELY / TESTS), freedom, 1.0 - POWER))
+    return tuple(np.maximum(distance * apart, LEAST_RATIO - 1.0 + ndtri(POWER) * apart).tolist())
 
 
 def _agreement(
@@ -322,7 +353,7 @@ def _agreement(
     culprits: tuple[str, ...] = ()
     if probability < UNLIKELY / TESTS and ratio > least:
         culprits = tuple(names) if len(a) == 2 else (names[_farthest(a, s)],)
-    return ShotAgreement(chi2, freedom, probability, ratio, culprits, channel if culprits else "")
+    return ShotAgreement(chi2, freedom, probability, ratio, culprits, channel)
 
 
 def _chi_square(a: FloatArray, s: FloatArray) -> float:
@@ -356,15 +387,21 @@ def without_scatter(stack: Stack) -> Stack:
     return replace(stack, shots=shots, slow_scatter=None)
 
 
-def shot_causes(problem: JointProblem, optimum: Optimum) -> tuple[ShotCause, ...]:
-    """The part of the misfit that each single input of each shot explains, the likeliest first."""
+def shot_causes(problem: JointProblem, optimum: Optimum, errors: FloatArray) -> tuple[ShotCause, ...]:
+    """The part of the misfit that each single input of each shot explains, the likeliest first.
+
+    ``errors``: changes of the whole vector by the mesh error, shape [n, k]. They are separate errors of each
+    shot. Without them in the weights, an input of any shot would explain them.
+    """
     stack = problem.stack
     bare = without_scatter(stack)
+    rows = [stack.of_shot(k, row) for row in errors for k in range(len(stack.shots))]
+    meshed = np.reshape(rows, (-1, len(stack.data)))
     residual = optimum.vector - stack.data
     stiffer = None
     if MOVED in problem.unknowns.names or problem.unknowns.nodes:
         stiffer = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
-    before = explained_by(bare, residual, optimum.slopes.T)[2]
+    before = explained_by(bare, residual, optimum.slopes.T, meshed)[2]
     found = []
     for k, prepared in enumerate(problem.runs.prepared):
         lag = likely_lag(bare, k, optimum.vector)
@@ -373,7 +410,7 @@ def shot_causes(problem: JointProblem, optimum: Optimum) -> tuple[ShotCause, ...
             start = lag if key == "clock_offset" else 0.0
             first = residual + late - optimum.vector if key == "clock_offset" else residual
             amount, sigma, after, left = explained_by(
-                bare, first, np.concatenate([optimum.slopes.T, change[None]])
+                bare, first, np.concatenate([optimum.slopes.T, change[None]]), meshed
             )
             share = explained_share(stack.parts(residual)[k], stack.parts(left)[k], bare.shots[k])
             name = prepared.forward.shot.name
@@ -447,25 +484,30 @@ def input_changes(
 
 
 def explained_by(
-    stack: Stack, residual: FloatArray, patterns: FloatArray
+    stack: Stack, residual: FloatArray, patterns: FloatArray, errors: FloatArray
 ) -> tuple[float, float, float, FloatArray]:
     """Fit patterns of free amplitude to a residual.
 
-    The weights come from the remaining residual.
+    The weights come from the remaining residual. The discrepancies are what the errors do not explain of it.
 
     ``residual``: prediction minus data, shape [k]. ``patterns``: changes of the prediction, shape [n, k].
-    Returns: amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual, [k].
+    ``errors``: further errors of the prediction, one standard deviation per row, shape [e, k]. Returns:
+    amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual, [k].
     """
+
+    def weighting(left: FloatArray) -> Whitening:
+        return stack.whitening(stack.weighed_beside(left, errors), errors)
+
     left, amounts, sigma = residual, np.zeros(len(patterns)), 0.0
     for _ in range(ROUNDS):
-        whitening = stack.weighting(left)
+        whitening = weighting(left)
         rows, r = whitening.apply(patterns), whitening.apply(residual)
         size = np.maximum(np.linalg.norm(rows, axis=1), np.finfo(float).tiny)
         scaled = (rows / size[:, None]).T
         amounts = -np.linalg.lstsq(scaled, r, rcond=None)[0] / size
         sigma = float(np.sqrt(np.linalg.pinv(scaled.T @ scaled)[-1, -1]) / size[-1])
         left = residual + amounts @ patterns
-    whitening = stack.weighting(left)
+    whitening = weighting(left)
     deviance = float((whitening.apply(left) ** 2).sum()) + whitening.log_determinant
     return float(amounts[-1]), sigma, deviance, left
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf, nan
 
 from dic.views import ResultViews
 from kolsky.base.arrays import FloatArray
@@ -32,15 +33,20 @@ class OwnStiffness:
     """Value from its outline [-]; NaN if none was measured."""
     sigma_outline: float
     """Its standard uncertainty [-]."""
+    scale: float = nan
+    """Error of its force's scale, with its stiffness free [-]: measured over predicted, minus 1."""
+    sigma_scale: float = nan
+    """Its standard uncertainty, without the errors shared by the shots [-]."""
 
 
-FORCE_OVER_OUTLINE = "force over the outline"
-"""Name of the test that compares the stiffness from the force with the stiffness from the outline."""
+FORCE_SCALE = "scale of the force"
+"""Name of the test that compares the scales of the shots' forces. Each shot's stiffness is free, so the
+scales do not scatter between specimens."""
 
 
 @dataclass(frozen=True)
 class ShotAgreement:
-    """Test whether the shots agree in stiffness."""
+    """Test whether the shots agree in stiffness, and in the scale of the force."""
 
     chi2: float
     """Sum of squared distances from the weighted mean, each divided by its variance [-]."""
@@ -49,11 +55,13 @@ class ShotAgreement:
     probability: float
     """Probability of a larger chi-square if the shots agree [-]."""
     ratio: float
-    """Stiffness of the stiffest shot divided by that of the softest [-]."""
+    """Stiffness of the stiffest shot divided by that of the softest, or the same of the scales [-]."""
     shots: tuple[str, ...]
     """The shot that contradicts the others. Both shots if there are only two; empty if none does."""
     channel: str
-    """The channel that shows the contradiction. "" if all data together show it, or if there is none."""
+    """The channel of the test. "" if it uses all data together."""
+    noticeable: tuple[float, ...] = ()
+    """Smallest error of each shot's sensitivity that is detected with a probability of 0.9 [-]."""
 
     @property
     def apart(self) -> bool:
@@ -63,18 +71,25 @@ class ShotAgreement:
     @property
     def sentence(self) -> str:
         """The agreement as a sentence."""
-        numbers = f"chi2 {self.chi2:.3g} with {self.freedom} degrees of freedom"
+        scale = self.channel == FORCE_SCALE
+        size = f"the stiffest shot needs {self.ratio:.3g} times the softest's stiffness"
+        if scale:
+            size = f"the largest scale of a force is {self.ratio:.3g} times the smallest"
+        size = f"{size} (chi2 {self.chi2:.3g} with {self.freedom} degrees of freedom)"
         if not self.apart:
-            return f"the stiffest shot needs {self.ratio:.3g} times the softest's stiffness ({numbers})"
+            return f"{size}; {self.power}"
         who = " and ".join(self.shots)
         verb = "contradict each other" if len(self.shots) > 1 else "contradicts the other shots"
-        by = "all data"
-        if self.channel:
-            by = f"the {self.channel}" + ("" if self.channel == FORCE_OVER_OUTLINE else " alone")
-        return (
-            f"{who} {verb} by {by}: the stiffest shot needs {self.ratio:.3g} times the softest's "
-            f"stiffness ({numbers})"
-        )
+        by = f"the {self.channel}" + ("" if scale else " alone") if self.channel else "all data"
+        return f"{who} {verb} by {by}: {size}"
+
+    @property
+    def power(self) -> str:
+        """The error of a sensitivity that the test detects, as a clause."""
+        least = max(self.noticeable, default=inf)
+        if not least < 1.0:
+            return "an error of one shot's sensitivity would not be detected"
+        return f"an error of one shot's sensitivity above {100.0 * least:.2g} % would be detected"
 
 
 CAUSE_WORDS = {

@@ -35,7 +35,7 @@ from kolsky.inverse.joint_result import (
 from kolsky.inverse.parameters import reference_words
 from kolsky.results.hdf5 import ESTIMATE, FIT
 
-FORMAT = Format("kolsky joint identification", version=6, readable=(3, 4, 5, 6))
+FORMAT = Format("kolsky joint identification", version=7, readable=(3, 4, 5, 6, 7))
 """Its first version is 3. This is the version of the identification format with the same parameter
 records."""
 
@@ -49,6 +49,8 @@ OWN = Record(
         "sigma_force": Floats("1"),
         "outline": Floats("1"),
         "sigma_outline": Floats("1"),
+        "scale": Floats("1", since=7),
+        "sigma_scale": Floats("1", since=7),
     },
 )
 AGREEMENT = Record(
@@ -61,6 +63,7 @@ AGREEMENT = Record(
         "ratio": Floats("1"),
         "shots": Text("shots"),
         "channel": Text(),
+        "noticeable": Floats("1", "shots", as_tuple=True, since=7),
         "sentence": Text(derived=True),
     },
 )
@@ -218,6 +221,8 @@ def _own_columns(found: JointResult) -> dict[str, list[float]]:
         "sigma_force": "sigma by its force (1)",
         "outline": "by its outline (1)",
         "sigma_outline": "sigma by its outline (1)",
+        "scale": "force over the predicted, its stiffness free, less 1 (1)",
+        "sigma_scale": "sigma of this scale (1)",
     }
     nothing = float("nan")
     return {

@@ -13,6 +13,7 @@ from kolsky.base.apparatus import INCOMPRESSIBLE
 from kolsky.inverse import incompressible
 from kolsky.inverse.incompressible import LEAST_POISSON, RISE, is_at_limit, limit_of, profiled_rise
 from kolsky.shot.load import load_shot
+from populations.incompressible_shots import counts, line
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
@@ -118,6 +119,26 @@ def test_the_limit_is_taken_where_the_data_do_not_reject_it(monkeypatch: pytest.
     # Where the limit is as good it is not asked below 0.4996, nor against what the shot declares.
     assert not at_limit(monkeypatch, INCOMPRESSIBLE, [1.1, 0.4995])
     assert not at_limit(monkeypatch, INCOMPRESSIBLE, [1.1, 0.49985], poisson=1e-4)
+
+
+def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
+    def one(asked: str, value: float, poisson: float, verdict: str = "identified") -> dict[str, Any]:
+        said = {"number": 0, "asked": asked, "true": 1.0, "speed": 2.0, "verdict": verdict, "warnings": []}
+        return {**said, "value": value, "sigma": 0.01, "poisson": poisson}
+
+    rows = [
+        one("nothing", 1.0, INCOMPRESSIBLE, "identified by the outline alone"),
+        one("incompressible", 1.005, INCOMPRESSIBLE),
+        one("0.49999", 1.021, 0.49999, "not explained by the model"),
+    ]
+    assert counts(rows) == {
+        "answers": 3,
+        "inside": 2,
+        "identified": 2,
+        "held at the limit": 1,
+        "largest change over sigma": pytest.approx(2.1),
+    }
+    assert "+2.10 ± 2.00 | no |" in line(rows[2])
 
 
 def test_a_shot_file_may_ask_for_the_limit(tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from populations.branch_advice import place_of
 from populations.driver import hold
 from populations.joint_coverage import Study, relaxation_test, specified, truth
 from populations.joint_coverage_counts import NAMES, share, summary, table
+from populations.joint_gains import counts as gain_counts
+from populations.joint_gains import table as gain_table
 
 TRUE = dict(zip(NAMES, (1.2, 0.4985, 25e-6, 0.4, 4e-4), strict=True))
 
@@ -63,6 +65,26 @@ def test_counts_by_hand() -> None:
     assert rms == pytest.approx(np.sqrt((1.9**2 + 2.1**2) / 3.0))
     assert said["poisson"]["median half width over the truth"] == pytest.approx(0.02)
     assert [one["number"] for one in said["each"]] == [0, 1, 2, 3]
+
+
+def test_wrong_sensitivities_are_counted_by_case_and_by_the_named_shot() -> None:
+    def one(case: str, error: float, verdict: str, *shots: str) -> dict[str, Any]:
+        found = {"verdict": verdict, "agreement": {"shots": list(shots)}}
+        return {"case": case, "error": error, "wrong": "1", "found": found}
+
+    rows = [
+        one("correct", 0.0, "explained"),
+        one("more", 0.1, "withheld", "1"),
+        one("more", 0.1, "withheld", "0"),
+        one("more", 0.1, "withheld"),
+        one("noticeable", -0.06, "explained"),
+        {**one("noticeable", 0.3, "explained"), "found": None},
+    ]
+    found = gain_counts(rows)
+    assert list(found) == ["correct", "more", "noticeable"]
+    assert found["more"] == {"answers": 3, "withheld": 3, "shot named": 1, "error, median": 0.1}
+    assert found["noticeable"]["answers"] == 1  # the other has no answer
+    assert "| noticeable | 1 | 6 % | 0 | 0 |" in gain_table({"counts": found})
 
 
 def test_a_share_has_the_exact_interval() -> None:

@@ -18,7 +18,8 @@ from kolsky.diagnosis.joint_fit import (
     explained_by,
     explained_share,
     joint_verdict,
-    own_stiffness,
+    noticeable_scales,
+    own_amount,
     roughly_judged,
     shot_agreement,
     shot_causes,
@@ -32,7 +33,7 @@ from kolsky.diagnosis.relaxation import (
 )
 from kolsky.inverse.joint_problem import CLOCK, ShotData, Stack, bounded_step, covariance, information
 from kolsky.inverse.joint_result import (
-    FORCE_OVER_OUTLINE,
+    FORCE_SCALE,
     ModelChoice,
     OwnStiffness,
     ShotAgreement,
@@ -323,11 +324,13 @@ def test_the_choice_otherwise() -> None:
 # Fit and agreement of the shots
 
 
-def asks(values: list[float], sigma: list[float], outline: list[float] | None = None) -> list[OwnStiffness]:
-    """What shots ask for by all data and by the force; the outline sees nothing unless given."""
-    seen = outline or [float("nan")] * len(values)
-    rows = zip(values, sigma, seen, strict=True)
-    return [OwnStiffness(0.0, s, a, s, o, s) for a, s, o in rows]
+NOTHING = float("nan")
+
+
+def asks(values: list[float], sigma: list[float], scale: list[float] | None = None) -> list[OwnStiffness]:
+    """What shots ask for by all data and by the force; no scale is seen unless given."""
+    rows = zip(values, sigma, scale or [NOTHING] * len(values), strict=True)
+    return [OwnStiffness(0.0, s, a, s, NOTHING, NOTHING, g, s) for a, s, g in rows]
 
 
 def test_a_shot_of_half_the_sensitivity_is_named_with_its_channel() -> None:
@@ -357,17 +360,63 @@ def test_what_specimens_scatter_by_contradicts_only_without_a_scatter() -> None:
     assert shot_agreement(["a"], asks([0.1], [0.2]), scatter=False) is None
 
 
-def test_the_force_over_the_outline_does_not_scatter_between_specimens() -> None:
+def test_the_scale_of_the_force_does_not_scatter_between_specimens() -> None:
     names, sigma = ["a", "b", "c"], [0.01] * 3
-    # Specimens that scatter by a tenth: force and outline agree in each.
-    alike = shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.1, 0.0, -0.1]), scatter=True)
+    # Specimens that scatter by a tenth, with forces of one scale.
+    alike = shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.0, 0.0, 0.0]), scatter=True)
     assert not alike.apart
-    # A sensitivity that is a tenth off moves the force of one alone.
-    found = shot_agreement(names, asks([0.1, 0.1, -0.1], sigma, [0.1, 0.0, -0.1]), scatter=True)
-    assert (found.shots, found.channel) == (("b",), FORCE_OVER_OUTLINE)
-    # Differences 0, 0.1, 0 of the variance 2 x 0.01^2: sum of squares 2/3 of 0.01.
-    assert found.chi2 == pytest.approx(0.01 * 2.0 / 3.0 / 2e-4)
-    assert "b contradicts the other shots by the force over the outline: " in found.sentence
+    # A sensitivity that is a tenth off.
+    found = shot_agreement(names, asks([0.1, 0.0, -0.1], sigma, [0.0, 0.1, 0.0]), scatter=True)
+    assert (found.shots, found.channel) == (("b",), FORCE_SCALE)
+    # Scales 0, 0.1, 0 of the variance 0.01^2: sum of squares 2/3 of 0.01.
+    assert found.chi2 == pytest.approx(0.01 * 2.0 / 3.0 / 1e-4)
+    assert found.sentence.startswith(
+        "b contradicts the other shots by the scale of the force: the largest scale of a force is 1.1 times "
+    )
+
+
+def test_the_noticeable_error_of_a_sensitivity_in_closed_form() -> None:
+    # Two shots: the difference of their scales over its sigma is normal. Its two-sided limit z has a quarter
+    # of the probability 2.7e-3; an error is beyond it in nine of ten cases if it is 1.28 sigma larger.
+    z = norm.isf(2.7e-3 / 8.0) + norm.isf(0.1)
+    for found in noticeable_scales(np.array([0.03, 0.04])):
+        assert found == pytest.approx(0.05 * z, rel=1e-4)
+    # Five exact others: a scale of 0.02 is compared with their mean. In draws with this error, nine of ten
+    # chi-squares exceed the limit of four degrees of freedom.
+    sigma = np.array([0.02, 1e-6, 1e-6, 1e-6, 1e-6])
+    least = noticeable_scales(sigma)[0]
+    draws = (least / 0.02 + np.random.default_rng(4).standard_normal(20000)) ** 2
+    draws += chi2.rvs(3, size=20000, random_state=6)
+    share = float(np.mean(draws > chi2.isf(2.7e-3 / 4.0, 4)))
+    assert share == pytest.approx(0.9, abs=0.007)  # three standard deviations of 20000 draws
+    # Scales known well: their ratio must still exceed 1.05, with a probability of 0.9.
+    least = noticeable_scales(np.array([0.001, 0.001]))[0]
+    assert least == pytest.approx(0.05 + norm.isf(0.1) * 0.001 * np.sqrt(2.0), rel=1e-9)
+    # A shot without force has no scale, and a single scale is compared with none.
+    assert noticeable_scales(np.array([0.03, NOTHING, 0.04]))[1] == np.inf
+    assert noticeable_scales(np.array([0.03, NOTHING])) == (np.inf, np.inf)
+
+
+def test_an_agreement_states_what_it_would_detect() -> None:
+    found = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.03, 0.04], [0.0, 0.0]), scatter=True)
+    assert found.noticeable == noticeable_scales(np.array([0.03, 0.04]))
+    assert found.sentence.endswith("; an error of one shot's sensitivity above 23 % would be detected")
+    # That of the shot with the least known scale.
+    assert replace(found, noticeable=(0.06, 0.08, 0.07)).power.endswith("above 8 % would be detected")
+    blind = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.3, 0.4], [0.0, 0.0]), scatter=True)
+    assert blind.sentence.endswith("; an error of one shot's sensitivity would not be detected")
+    force = shot_agreement(["a", "b"], asks([0.0, 0.0], [0.3, 0.4]), scatter=True)
+    assert force.power == "an error of one shot's sensitivity would not be detected"
+
+
+def test_the_scale_of_a_force_with_its_stiffness_free_in_closed_form() -> None:
+    # Two changes u and p of 40 values of noise 0.5: r = -(0.1 u + 0.2 p), the variance of the second amount
+    # is that of p less what u explains of it.
+    u, p = np.linspace(1.0, 30.0, 40), 10.0 + np.cos(np.arange(40.0))
+    one = shot(0.1 * u + 0.2 * p, np.zeros(0))
+    value, sigma = own_amount(one, -0.1 * u - 0.2 * p, np.stack([u, p]), np.zeros((0, 40)), "joint")
+    assert value == pytest.approx(0.2, rel=1e-9)
+    assert sigma == pytest.approx(0.5 / np.sqrt(p @ p - (u @ p) ** 2 / (u @ u)), rel=1e-6)
 
 
 def test_agreeing_shots_seldom_contradict() -> None:
@@ -375,10 +424,10 @@ def test_agreeing_shots_seldom_contradict() -> None:
     sigma = [0.05, 0.08, 0.1, 0.06]
     draws = rng.standard_normal((2000, 2, 4)) * sigma
     found = [
-        shot_agreement(list("abcd"), asks(force.tolist(), sigma, outline.tolist()), scatter=False)
-        for force, outline in draws
+        shot_agreement(list("abcd"), asks(force.tolist(), sigma, scale.tolist()), scatter=False)
+        for force, scale in draws
     ]
-    # Three tests with a quarter of 0.27 % of 2000 each are 4; more than 10 come with a probability of 0.3 %.
+    # Two tests with a quarter of 0.27 % of 2000 each are 3; more than 10 come with a probability of 0.02 %.
     assert sum(one is not None and one.apart for one in found) <= 10
 
 
@@ -404,18 +453,38 @@ def faulty(key: str) -> tuple[Stack, np.ndarray]:
     return stack, np.tile(np.concatenate([WAVE, outline]), 3)
 
 
+def causes_of(stack: Stack, vector: np.ndarray, errors: np.ndarray) -> tuple[ShotCause, ...]:
+    stiffer = np.tile(np.concatenate([WAVE, -0.25 * np.linspace(4.0, 6.0, 40)]), 3)
+    names = [SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(name=name))) for name in "abc"]
+    unknowns = SimpleNamespace(names=("stiffness_factor",), nodes=0, relative_stiffness=lambda *_: stiffer)
+    problem: Any = SimpleNamespace(stack=stack, unknowns=unknowns, runs=SimpleNamespace(prepared=names))
+    optimum: Any = SimpleNamespace(x=np.ones(1), vector=vector, slopes=stiffer[:, None])
+    return shot_causes(problem, optimum, errors)
+
+
+def test_an_error_of_the_mesh_is_not_an_input() -> None:
+    # The mesh makes every outline a twentieth too long, which any shot's lengths explain.
+    stack, vector = faulty("sensitivity")
+    vector = vector + np.tile(np.concatenate([np.zeros(60), 0.05 * np.linspace(4.0, 6.0, 40)]), 3)
+    errors = np.tile(np.concatenate([np.zeros(60), 0.05 * np.linspace(4.0, 6.0, 40)]), 3)[None]
+    keys = ("lengths of the outline", "sensitivity")
+    without, known = (
+        {one.shot: one.gain for one in causes_of(stack, vector, rows) if one.key == keys[0]}
+        for rows in (errors[:0], errors)
+    )
+    assert min(without.values()) > 100.0
+    assert max(known.values()) < 16.0
+    first = causes_of(stack, vector, errors)[0]
+    assert (first.shot, first.key) == ("b", keys[1])
+
+
 @pytest.mark.parametrize(
     ("key", "amount"),
     [("sensitivity", 1.0), ("clock_offset", 0.05), ("lengths of the outline", 0.05), ("material", 0.2)],
 )
 def test_the_input_and_the_shot_that_are_wrong_are_named(key: str, amount: float) -> None:
     stack, vector = faulty(key)
-    stiffer = np.tile(np.concatenate([WAVE, -0.25 * np.linspace(4.0, 6.0, 40)]), 3)
-    names = [SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(name=name))) for name in "abc"]
-    unknowns = SimpleNamespace(names=("stiffness_factor",), nodes=0, relative_stiffness=lambda *_: stiffer)
-    problem: Any = SimpleNamespace(stack=stack, unknowns=unknowns, runs=SimpleNamespace(prepared=names))
-    optimum: Any = SimpleNamespace(x=np.ones(1), vector=vector, slopes=stiffer[:, None])
-    causes = shot_causes(problem, optimum)
+    causes = causes_of(stack, vector, np.zeros((0, len(vector))))
     assert (causes[0].shot, causes[0].key) == ("b", key)
     # Linear about the lag of the nearest half bin, and for 1.2^-0.25 = 0.955 instead of 0.95.
     assert causes[0].amount == pytest.approx(amount, rel=0.05)
@@ -431,7 +500,9 @@ def test_the_size_of_an_input_in_closed_form() -> None:
     small = 0.1 * np.tile([1.0, -1.0], 20)
     small -= t * (small @ t) / (t @ t)
     residual = 3.0 + 2.0 * t + small
-    amount, sigma, deviance, left = explained_by(stack, residual, np.stack([np.ones(40), t]))
+    amount, sigma, deviance, left = explained_by(
+        stack, residual, np.stack([np.ones(40), t]), np.zeros((0, 40))
+    )
     assert amount == pytest.approx(-2.0, rel=1e-9)
     assert sigma == pytest.approx(0.5 / np.sqrt(t @ t), rel=1e-9)
     np.testing.assert_allclose(left, small, atol=1e-9)
@@ -472,14 +543,14 @@ def test_the_stiffness_that_a_shot_asks_for_in_closed_form() -> None:
     # Data c (1 + a) of noise 0.5 with a = 0.1: r = -0.1 c, and the variance 0.5^2 / sum c^2.
     c = np.linspace(1.0, 30.0, 40)
     one = shot(1.1 * c, np.zeros(0))
-    value, sigma = own_stiffness(one, c - 1.1 * c, c, np.zeros((0, 40)), "joint")
+    value, sigma = own_amount(one, c - 1.1 * c, c[None], np.zeros((0, 40)), "joint")
     assert value == pytest.approx(0.1, rel=1e-9)
     assert sigma == pytest.approx(0.5 / np.sqrt(c @ c), rel=1e-6)
     # An error of the mesh that is a twentieth of c is as large in a.
-    value, sigma = own_stiffness(one, c - 1.1 * c, c, 0.05 * c[None], "force")
+    value, sigma = own_amount(one, c - 1.1 * c, c[None], 0.05 * c[None], "force")
     assert value == pytest.approx(0.1, rel=1e-9)
     assert sigma == pytest.approx(np.hypot(0.05, 0.5 / np.sqrt(c @ c)), rel=1e-6)
-    assert np.isnan(own_stiffness(one, c - 1.1 * c, c, np.zeros((0, 40)), "outline")).all()
+    assert np.isnan(own_amount(one, c - 1.1 * c, c[None], np.zeros((0, 40)), "outline")).all()
 
 
 def test_a_foreign_slow_test_is_not_explained() -> None:
