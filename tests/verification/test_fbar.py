@@ -79,6 +79,7 @@ def gradient_errors(
     *,
     strain: float = 0.4,
     volumetric: str = "quadratic",
+    bound: str = "trace",
     differences: FloatArray = DIFFERENCES,
 ) -> FloatArray:
     """Largest difference of a corner force from the energy's central difference, over the largest force.
@@ -89,7 +90,7 @@ def gradient_errors(
     mesh = distorted(cylinder(RADIUS, LENGTH, n_radial=5, n_axial=6))
     size = RADIUS / 5
     motion = states(mesh, strain, 3) + np.random.default_rng(4).normal(0.0, 0.03 * size, (30, 4, 2))
-    given: dict[str, Any] = {"poisson": 0.495, "volumetric": volumetric}
+    given: dict[str, Any] = {"poisson": 0.495, "volumetric": volumetric, "bound": bound}
     forces = evaluate(element, mesh, law, motion, **given).forces
     errors = []
     for difference in differences * size:
