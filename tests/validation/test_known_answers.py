@@ -30,8 +30,8 @@ def truth(folder: Path) -> float:
 
 
 @pytest.fixture(
-    scope="module", params=["open-01", pytest.param("open-02", marks=pytest.mark.slow)]
-)  # one of them in the quick tests, both in CI
+    scope="module", params=[pytest.param(name, marks=pytest.mark.slow) for name in ("open-01", "open-02")]
+)  # on the default meshes
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
     source = {"open-01": OPEN_01, "open-02": OPEN_02}[request.param]
     folder = tmp_path_factory.mktemp("shots") / request.param
