@@ -10,7 +10,7 @@ MOST_REFUSED = 0.01
 """Share of drawn files that may be refused: those whose remarks look like a line of samples or of names."""
 
 
-@pytest.mark.parametrize("files", [150, pytest.param(2_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("files", [150, pytest.param(1_000, marks=pytest.mark.slow)])
 def test_no_dialect_is_read_wrongly_in_silence(files: int, tmp_path: Path) -> None:
     counts, wrong, reasons = study(files, 5, tmp_path)
     assert not wrong, wrong[:5]

@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import pytest
 import warp as wp
 
 from explicit.arguments import SPARE
@@ -202,3 +203,13 @@ def _results(output: Any, u: np.ndarray) -> Results:
 
 PRECISION = list(PRECISIONS.values())
 MAPPINGS: tuple[Mapping, ...] = ("simulation", "worker")
+_PAIRS = [*((PRECISIONS["fp64"], mapping) for mapping in MAPPINGS), (PRECISIONS["fp32"], "simulation")]
+LANES = pytest.mark.parametrize(
+    ("numbers", "mapping"), [pytest.param(p, m, id=f"{p.name}-{m}") for p, m in _PAIRS]
+)
+"""Each precision and each mapping, not every pair: each is compiled."""
+EACH = pytest.mark.parametrize(
+    ("numbers", "mapping"),
+    [pytest.param(p, m, id=f"{p.name}-{m or 'warp'}") for p, m in [*_PAIRS, (PRECISIONS["fp64"], None)]],
+)
+"""The same, and by Warp."""

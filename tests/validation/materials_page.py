@@ -43,7 +43,7 @@ PAGE = """# Laws fitted to silicones and rubbers
 
 This page compares fits of `kolsky.material` ({{ref}}`theory-homogeneous`) to homogeneous tests of other
 laboratories with the published fits. `python tests/validation/materials_page.py` writes this page.
-`pytest --slow tests/validation/test_soft_laws.py` tests its numbers. The data are not part of the project.
+`pytest --long tests/validation/test_soft_laws.py` tests its numbers. The data are not part of the project.
 
 ## Four silicones in compression
 

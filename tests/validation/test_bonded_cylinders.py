@@ -62,15 +62,13 @@ def test_a_constant_counts_where_it_is_determined_and_outside():
 
 @pytest.mark.slow
 def test_constants_of_a_fresh_cylinder_are_inside_their_intervals(tmp_path):
-    """Three specimens on FElupe's meshes of 9 and 6 elements across."""
-    made = [one for one in drawn(SEED) if 0.5 < one.slenderness < 1.0 and one.strain < 0.15]
-    assert len(made) >= 2
-    for one in made[:2]:
-        strain, force, mesh = force_of(one, elements=9)
-        assert mesh < 5e-3
-        noise = np.random.default_rng([SEED, 1]).normal(0.0, NOISE, READINGS)
-        found = answer(one, strain, force * (1.0 + noise), tmp_path)
-        assert judged(one, found)["right"], found
+    """One specimen on FElupe's meshes of 9 and 6 elements across."""
+    one = next(one for one in drawn(SEED) if 0.5 < one.slenderness < 1.0 and one.strain < 0.15)
+    strain, force, mesh = force_of(one, elements=9)
+    assert mesh < 5e-3
+    noise = np.random.default_rng([SEED, 1]).normal(0.0, NOISE, READINGS)
+    found = answer(one, strain, force * (1.0 + noise), tmp_path)
+    assert judged(one, found)["right"], found
 
 
 def test_the_recorded_study_is_as_right_as_its_page_says():

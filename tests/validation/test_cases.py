@@ -217,7 +217,7 @@ def test_the_intervals_of_a_bonded_cylinder_contain_its_constants(shared, tmp_pa
     assert "the constants change with the range" in law["remark"]
 
 
-@pytest.mark.slow
+@pytest.mark.long  # every law is tried; tests/unit/material/test_baseline_friction.py has two
 def test_the_curve_behind_a_bonded_cylinder_is_that_of_its_law(shared, tmp_path):
     # Yeoh's law meets this test best, and has no equilibrium on the refined mesh: the others take its place.
     words = ["--displacement", "Travel", "--force", "Load", "--convention", "compression-positive"]

@@ -66,7 +66,7 @@ def say(found: Calibration, z: np.ndarray | None = None, total: float = float("n
     print("\n  " + ", ".join(f"{name} {value:.4g}" for name, value in facts.items()), end="")
 
 
-@pytest.fixture(scope="module", params=["open-01", "open-02"])
+@pytest.fixture(scope="module", params=["open-01", pytest.param("open-02", marks=pytest.mark.long)])
 def shot(request, shared):
     """What was detected in the calibration series of a shot with known cameras, and these cameras."""
     folder = shared / "data" / "shots" / request.param

@@ -90,7 +90,7 @@ def flight_of(folder):
     )
 
 
-@pytest.fixture(scope="module", params=["open-01", "open-02"])
+@pytest.fixture(scope="module", params=["open-01", pytest.param("open-02", marks=pytest.mark.long)])
 def shot(request, shared):
     folder = shared / "data" / "shots" / request.param
     if not folder.is_dir():

@@ -30,8 +30,8 @@ def truth(folder: Path) -> float:
 
 
 @pytest.fixture(
-    scope="module", params=["open-01", pytest.param("open-02", marks=pytest.mark.slow)]
-)  # one of them in the quick tests, both in CI
+    scope="module", params=[pytest.param(name, marks=pytest.mark.slow) for name in ("open-01", "open-02")]
+)  # on the default meshes
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
     source = {"open-01": OPEN_01, "open-02": OPEN_02}[request.param]
     folder = tmp_path_factory.mktemp("shots") / request.param
@@ -77,6 +77,15 @@ def test_force_and_shape_agree_with_the_joint_optimum(case: tuple[Shot, Identifi
         assert routes[name] == pytest.approx(m, rel=5e-3), name
     # The cost surrogate over the wide design sees the narrow force valley only coarsely.
     assert routes["paper"] == pytest.approx(m, rel=2e-2)
+
+
+def test_all_methods_agree(case: tuple[Shot, Identification, float]):
+    _, found, _ = case
+    by_method = {method.name: method.distances["stiffness_factor"] for method in found.methods}
+    assert {SIMPLEX, PROFILE} <= set(by_method)
+    assert all(abs(distance) < AGREEMENT for distance in by_method.values())
+    assert all(method.converged for method in found.methods)
+    assert not any("methods disagree" in text for text in found.warnings)
 
 
 def test_the_check_run_confirms_the_surrogate(case: tuple[Shot, Identification, float]):
@@ -174,25 +183,6 @@ def test_of_three_free_parameters_on_default_meshes_too_the_flyer_is_first() -> 
     assert abs(first.value - LATE) < 0.5e-6
     assert abs(first.parameters["stiffness_factor"] - 1.12) < 0.01
     assert abs(first.parameters["poisson"] - 0.499) < 1e-5
-
-
-TRUTH = json.loads((OPEN_01 / "truth.json").read_text())
-
-
-def distances(found: Identification, name: str) -> dict[str, float]:
-    return {method.name: method.distances[name] for method in found.methods}
-
-
-@pytest.mark.slow
-def test_stiffness_alone_by_every_method() -> None:
-    found = identify(load_shot(OPEN_01), Settings(free={"stiffness_factor": None}))
-    # To two of the 0.0017 that the mesh of the program that made it is worth (`populations.open_courses`).
-    assert found.estimates["stiffness_factor"].value == pytest.approx(TRUTH["m"], abs=2.0 * 1.7e-3)
-    by_method = distances(found, "stiffness_factor")
-    assert {SIMPLEX, PROFILE} <= set(by_method)
-    assert all(abs(distance) < AGREEMENT for distance in by_method.values())
-    assert all(method.converged for method in found.methods)
-    assert not any("methods disagree" in text for text in found.warnings)
 
 
 @pytest.mark.slow

@@ -106,12 +106,14 @@ def m(result: Identification) -> float:
     return result.estimates["stiffness_factor"].value
 
 
+@pytest.mark.slow
 def test_more_damping_lowers_the_identified_stiffness():
     change = m(held(damping=1e-4)) / m(held()) - 1.0
     # The paper's Tables 2 and 3: 1.05 -> 0.91, so -13 % for the same step of beta from 2.5e-5 to 1e-4 s.
     assert -0.20 < change < -0.06
 
 
+@pytest.mark.slow
 def test_compressibility_worsens_the_shape():
     soft, stiff = held(poisson=0.49).terms.phi_shape, held(poisson=0.499).terms.phi_shape
     # The paper's Fig. 7: Phi_S falls all the way to nu = 0.4999. The shot was made with 0.499.

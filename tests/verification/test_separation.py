@@ -245,7 +245,7 @@ def page(result: Result) -> str:
 
 **Independent source.** Both waves are computed by Fourier integrals at every gauge and at the face. For
 steel the wavenumbers are those of the printed frequency equation. For the polymer they are those of the
-package, so only the separation is tested with it. `tests/unit/bars/test_pochhammer.py` checks these
+package, so only the separation is tested with it. `tests/unit/bars/test_bar_propagation.py` checks these
 wavenumbers.
 
 **Set-up.** The bars have Ø 20 mm and 1.5 m, with gauges at {far:g} and {near:g} m from the specimen. The

@@ -391,16 +391,19 @@ def test_the_loading_part_is_the_drag_on_the_deformation() -> None:
     assert (ratio < 1.25).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mesh", FINE)
+FINE_MESHES = pytest.mark.parametrize(
+    "mesh", [pytest.param(FINE[0], marks=pytest.mark.slow), pytest.param(FINE[1], marks=pytest.mark.long)]
+)
+
+
+@FINE_MESHES
 def test_fine_static_force_against_the_reference(mesh: tuple[int, int]) -> None:
     found = compress(mesh)
     assert found.completed
     assert np.abs(force_error(found)).max() < FORCE_TOLERANCE["fine"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mesh", FINE)
+@FINE_MESHES
 def test_fine_static_outline_against_the_reference(mesh: tuple[int, int]) -> None:
     found = compress(mesh)
     assert np.abs(found.radius - reference().radius).max() < RADIUS_TOLERANCE["fine"]

@@ -470,8 +470,7 @@ def test_storage_and_loss_modulus(x: float, element: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("element", ELEMENTS)
-@pytest.mark.parametrize("name", BRANCHES)
+@pytest.mark.parametrize(("name", "element"), list(zip(BRANCHES, ELEMENTS, strict=True)))  # of four
 def test_an_impact_keeps_its_energy(name: str, element: str) -> None:
     assert impact(name, element) < ENERGY_TOLERANCE
 

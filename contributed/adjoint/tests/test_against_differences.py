@@ -211,7 +211,6 @@ def scene(
         *(
             pytest.param(*scene, marks=pytest.mark.slow)
             for scene in (
-                ("bonded", "one_point", "deviatoric", {}),
                 ("bonded", "one_point", "deviatoric", {"support": BAR}),
                 ("rough", "one_point", "deviatoric", {}),
                 ("coulomb", "fbar", "full", {"end": SHORT}),

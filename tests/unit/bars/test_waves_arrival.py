@@ -1,10 +1,29 @@
-"""Arrival of a pulse: bias and scatter over noise and counts, and records without an arrival."""
+"""Arrivals of pulses: bias and scatter, first rises, fine alignment, and the windows of the three pulses."""
+
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from barshots import STRESS, bar_shot
+from elastic_layer import ALUMINIUM, Layer
 
-from kolsky.bars.records import Signal
-from kolsky.bars.signals.arrival import find_arrival, moving_mean
+from kolsky.bars.audit import Switches
+from kolsky.bars.records import BarSignal, Signal, Windows
+from kolsky.bars.reduction.windows import (
+    Alignment,
+    alignments,
+    check_windows,
+    delays,
+    find_windows,
+    incident_arrival,
+    usable_limits,
+)
+from kolsky.bars.signals.arrival import find_arrival, first_rise, low_level, moving_mean
+from kolsky.base.apparatus import Bar
+from kolsky.shot.waves import waves
+
+# Arrival of a pulse: bias and scatter over noise and counts, and records without an arrival.
 
 STEP = 80e-9
 AVERAGE = 3.9e-6  # a bar of 20 mm
@@ -128,3 +147,284 @@ def test_moving_mean_by_hand():
     np.testing.assert_allclose(moving_mean(value, 3), [1.5, 3.0, 11 / 3, 14 / 3, 4.0])
     np.testing.assert_allclose(moving_mean(value, 2), [1.5, 4.0, 4.5, 4.0, 5.0])
     np.testing.assert_allclose(moving_mean(value, 1), value)
+
+
+# First rises of pulses: on straight flanks, on feet with two slopes, and with wrong distances.
+
+FIRST_RISE_STEP = 1e-7
+T = FIRST_RISE_STEP * np.arange(5000)
+SCENE = replace(Layer(first=ALUMINIUM, gauges=(0.7, 0.5)), modulus=0.5e9)
+
+
+def first_rise_signal(value, sigma=0.0, memory=1.0):
+    return Signal(0.0, FIRST_RISE_STEP, value, sigma, "1", "gauge", memory)
+
+
+def ramp(first, rise, last=400e-6):
+    return np.interp(T, [first, first + rise, last, last + rise], [0.0, 1.0, 1.0, 0.0])
+
+
+def test_a_straight_flank_passes_a_twentieth_of_its_level():
+    """From 100 us on over 20 us: 5 % are passed at 101 us, whatever the sign."""
+    for sign in (1, -1):
+        found = first_rise(first_rise_signal(sign * ramp(100e-6, 20e-6)), sign=sign, average=4e-7)
+        assert found.time == pytest.approx(
+            101e-6, abs=FIRST_RISE_STEP
+        )  # an average of four samples is not centred
+        assert found.level == pytest.approx(0.05)
+        assert found.sigma == pytest.approx(FIRST_RISE_STEP / np.sqrt(12.0))
+
+
+def test_noise_raises_the_level_and_is_in_the_sigma():
+    """Sigma 0.02 over averages of 4, memory 2: 0.02 sqrt(2 / 4), six of which are 0.085; slope 1 / 20 us."""
+    noisy = first_rise_signal(ramp(100e-6, 20e-6), sigma=0.02, memory=2.0)
+    noise = 0.02 * np.sqrt(0.5)
+    assert low_level(noisy, 1.0, 4e-7) == pytest.approx(6.0 * noise)
+    assert low_level(noisy, 10.0, 4e-7) == pytest.approx(0.5)
+    found = first_rise(noisy, sign=1, average=4e-7)
+    assert found.level == pytest.approx(6.0 * noise)
+    assert found.sigma == pytest.approx(np.hypot(noise * 20e-6, FIRST_RISE_STEP / np.sqrt(12.0)), rel=1e-6)
+
+
+def test_a_plastic_flank_is_not_extrapolated():
+    """A tenth of the level from 100 us on and the rest from 110 us: the tangent says 108 us, the rise 101."""
+    value = 0.1 * ramp(100e-6, 2e-6) + 0.9 * ramp(110e-6, 20e-6)
+    assert first_rise(first_rise_signal(value), sign=1, average=4e-7).time == pytest.approx(
+        101e-6, abs=2 * FIRST_RISE_STEP
+    )
+
+
+def test_what_does_not_rise_is_not_found():
+    pulse = first_rise_signal(ramp(100e-6, 20e-6), sigma=1e-3)
+    options = {"sign": 1, "average": 4e-7}
+    assert first_rise(pulse, **options, after=0.0, before=90e-6) is None
+    assert first_rise(pulse, **options, after=110e-6, before=300e-6) is None  # there from the beginning
+    assert first_rise(pulse, **options, smallest=1.1) is None
+    assert first_rise(pulse, **options, level=1.1) is None
+    assert first_rise(pulse, sign=-1, average=4e-7, before=300e-6) is None
+    assert first_rise(pulse, **options, after=0.0, before=5e-7) is None
+    found = first_rise(pulse, **options, level=0.5)
+    assert found.time == pytest.approx(110e-6, abs=FIRST_RISE_STEP)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["compression", "tension"])
+def test_pulses_that_come_when_they_must_have_small_offsets(sign):
+    scene = SCENE if sign > 0 else SCENE.pulled()
+    first, second = scene.signals(noise=1e-6)
+    for check in check_windows(first, second, tension=sign < 0):
+        assert check.offset > -check.offset_sigma
+    reflected, _ = check_windows(first, second, tension=sign < 0)
+    assert reflected.offset / reflected.offset_sigma < 1.0
+    rise = incident_arrival(first, tension=sign < 0).rise_time
+    across = ALUMINIUM.diameter / ALUMINIUM.wave_speed
+    # Noise is next to nothing.
+    assert reflected.offset_sigma == pytest.approx(np.hypot(0.4 * across, 0.05 * rise), rel=0.05)
+
+
+@pytest.mark.parametrize("by", [-0.2, -0.06, 0.06, 0.2])
+def test_a_wrong_distance_of_the_incident_gauge_is_seen_both_ways(by):
+    """2 x 0.2 m / c0 are 79 us: far outside where the pulse is due, and it is found there."""
+    first, second = SCENE.signals(noise=1e-6)
+    right = check_windows(first, second)[0]
+    wrong = check_windows(replace(first, position=first.position + by), second)[0]
+    assert wrong.offset - right.offset == pytest.approx(-2.0 * by / ALUMINIUM.wave_speed, abs=0.3e-6)
+    assert abs(wrong.offset) > 10.0 * wrong.offset_sigma
+
+
+def test_a_transmission_gauge_declared_too_far_is_seen():
+    first, second = SCENE.signals(noise=1e-6)
+    right = check_windows(first, second)[1]
+    wrong = check_windows(first, replace(second, position=second.position + 0.06))[1]
+    assert wrong.offset - right.offset == pytest.approx(-0.06 / SCENE.second.wave_speed, abs=0.3e-6)
+
+
+# Fine alignment for records whose pulses arrive later than distance and wave speed predict.
+
+BAR = Bar(diameter=0.02, length=2.0, youngs_modulus=200e9, density=8000.0)
+
+
+def station(side: str, position: float) -> BarSignal:
+    return BarSignal(Signal(0.0, 1e-7, np.zeros(4), 0.0, "1"), BAR, position, side)
+
+
+def test_an_aligned_wave_stays_where_it_was_seen():
+    """A gauge 5 mm farther than declared predicts 2 us more; the aligned wave does not follow."""
+    aligned = {
+        "reflected": Alignment("reflected", 3e-6, 400e-6, 0.2e-6),
+        "transmitted": Alignment("transmitted", -1e-6, 300e-6, 0.3e-6),
+    }
+    assert delays({}, station("incident", 1.0), station("transmission", 0.5), {}) == (0.0, 0.0)
+    as_declared = delays(aligned, station("incident", 1.0), station("transmission", 0.5), {})
+    assert as_declared == pytest.approx((3e-6, -1e-6), abs=1e-15)
+    farther = delays(aligned, station("incident", 1.005), station("transmission", 0.5), {})
+    assert farther == pytest.approx((1e-6, -2e-6), abs=1e-15)
+    moved = delays(
+        aligned,
+        station("incident", 1.0),
+        station("transmission", 0.5),
+        {"alignment, reflected wave": 0.2e-6},
+    )
+    assert moved == pytest.approx((3.2e-6, -1e-6), abs=1e-15)
+
+
+def check(delay: float | None, sigma: float = 0.4e-6):
+    seen = None if delay is None else SimpleNamespace(sigma=sigma, time=500e-6 + delay)
+    return SimpleNamespace(predicted=500e-6, observed=seen, delay=delay, reason="nothing there")
+
+
+def test_the_uncertainty_is_that_of_both_arrivals():
+    arrival = SimpleNamespace(time=100e-6, sigma=0.3e-6)
+    found, missing = alignments(arrival, (check(2e-6), check(None)), Switches())
+    assert found["reflected"].sigma == pytest.approx(0.5e-6)
+    assert (found["reflected"].late, found["reflected"].way) == (2e-6, pytest.approx(400e-6))
+    assert missing == {"transmitted": "no transmitted pulse is found: nothing there"}
+    with pytest.raises(ValueError, match="transmitted wave cannot be aligned"):
+        alignments(arrival, (check(2e-6), check(None)), Switches({"transmitted alignment": True}))
+
+
+def test_a_wrong_distance_is_aligned_away(tmp_path):
+    """The incident gauge is declared 10 mm too near: its reflection comes 4 us late."""
+
+    def run(name: str, corrections: str):
+        folder = bar_shot(tmp_path / name, corrections=f"punching = false{corrections}")
+        text = (folder / "shot.toml").read_text()
+        (folder / "shot.toml").write_text(text.replace('"1000 mm"', '"990 mm"'))
+        return waves(folder)
+
+    off = run("off", "")
+    on = run("on", ', "reflected alignment" = true, "transmitted alignment" = true')
+    log = {c.name: c for c in off.corrections}
+    entry = log["alignment, reflected wave"]
+    assert not entry.applied
+    assert "observed +4" in entry.reason
+    # 4 us of a flank of 1500 (1 - 0.208) um/m in 20 us.
+    assert entry.size == pytest.approx(4.0 / 20.0 * 1.5e-3 * (1.0 - 0.2083), rel=0.1)
+    assert {c.name: c for c in on.corrections}["alignment, reflected wave"].applied
+    first, second = ((r.front_force, r.back_force) for r in (off.reduction, on.reduction))
+    # Bars of 62.8 MN: on the flanks the forces differ by what is misaligned, and no longer.
+    apart = [np.abs(a.value - b.value)[: int(140e-6 / 1e-7)].max() for a, b in (first, second)]
+    assert apart[1] < 0.35 * apart[0]
+    assert on.budget.results["peak stress"][0] == pytest.approx(STRESS, rel=0.03)
+    names = {row.quantity.name for row in on.budget.contributions}
+    assert {"alignment, reflected wave", "alignment, transmitted wave"} < names
+
+
+# Windows of the three pulses for exact waves with known times.
+
+WINDOWS_SCENE = Layer(first=ALUMINIUM, gauges=(0.7, 0.5))
+
+
+def travel(scene):
+    return tuple(x / bar.wave_speed for bar, x in scene.stations)
+
+
+@pytest.mark.parametrize("scene", [WINDOWS_SCENE, WINDOWS_SCENE.pulled()], ids=["compression", "tension"])
+def test_windows_lie_where_the_waves_are(scene):
+    first, second = scene.signals(noise=2e-6)
+    windows = find_windows(first, second, tension=scene.sign < 0)
+    x1, x2 = travel(scene)
+    lead = 2 * ALUMINIUM.diameter / ALUMINIUM.wave_speed
+    # Time 0 is the arrival at the specimen. The onset may be earlier than the tangent by some samples.
+    for (begin, _), wave in zip(
+        (windows.incident, windows.reflected, windows.transmitted), (-x1, x1, x2), strict=True
+    ):
+        assert wave - lead - 3e-6 < begin < wave - lead + 0.5e-6
+    lengths = [b - a for a, b in (windows.incident, windows.reflected, windows.transmitted)]
+    np.testing.assert_allclose(lengths, lengths[0], rtol=1e-12)
+    pulse = 2 * scene.rise + scene.hold
+    assert lengths[0] == pytest.approx(1.25 * pulse + lead, abs=5e-6)
+    assert windows.source == "travel times"
+
+
+def test_the_next_wave_ends_the_windows():
+    """A transmission gauge near the free end: its own reflection is back after 2 (L - x) / c0."""
+    scene = replace(WINDOWS_SCENE, second=replace(WINDOWS_SCENE.second, length=0.85))
+    first, second = WINDOWS_SCENE.signals()
+    second = replace(second, bar=scene.second)
+    windows = find_windows(first, second)
+    back = 2 * (0.85 - 0.5) / scene.second.wave_speed
+    x2 = travel(scene)[1]
+    assert windows.transmitted[1] < x2 + back
+    assert windows.transmitted[1] > x2 + back - 6e-6  # one diameter's travel of the aluminium bar, 3.5 us
+    limits = usable_limits(first, second)
+    assert min(limits, key=lambda limit: limit.time).reason.endswith("far end of the transmission bar")
+
+
+def test_a_long_pulse_overlaps_with_its_reflection():
+    scene = replace(WINDOWS_SCENE, hold=300e-6)
+    first, second = scene.signals()
+    with pytest.raises(ValueError, match=r"they overlap\. It must be shorter than 2 x / c0\. Cure: a second"):
+        find_windows(first, second)
+
+
+def test_a_pulse_of_the_other_sign_is_not_taken():
+    """A compressive shot declared one of tension: its reflected pulse is not taken for the incident one."""
+    first, second = WINDOWS_SCENE.signals(noise=1e-6)
+    with pytest.raises(
+        ValueError, match=r"a pulse of compression comes first.* declared one of tension\. Cure"
+    ):
+        find_windows(first, second, tension=True)
+    first, second = WINDOWS_SCENE.pulled().signals(noise=1e-6)
+    with pytest.raises(ValueError, match=r"a pulse of tension comes first.* declared one of compression"):
+        find_windows(first, second)
+
+
+def test_distances_are_checked_against_what_is_seen():
+    """A gauge that sits 20 mm from where it is declared: the reflected pulse is seen 2 x 20 mm / c0 off."""
+    first, second = replace(WINDOWS_SCENE, modulus=0.5e9).signals(noise=1e-6)
+    right = check_windows(first, second)
+    # The specimen's own reflection begins with the incident pulse's slope; its foot is as straight.
+    assert abs(right[0].delay) < 0.3e-6
+    wrong = check_windows(replace(first, position=0.72), second)
+    expected = -2 * 0.02 / ALUMINIUM.wave_speed
+    assert wrong[0].delay - right[0].delay == pytest.approx(expected, abs=0.02e-6)  # of the noise in the tail
+    assert "earlier than predicted" in wrong[0].reason
+    # The transmitted wave comes a transit of the specimen later, 7.7 us, and rises in steps of two transits,
+    # between which its tangent may meet the baseline half a transit early.
+    transit = replace(WINDOWS_SCENE, modulus=0.5e9).transit
+    assert 0.5 * transit < right[1].delay < 2 * transit
+
+
+def test_nothing_transmitted_is_said():
+    first, second = WINDOWS_SCENE.signals()
+    silent = replace(second, strain=replace(second.strain, value=0.0 * second.strain.value, sigma=1e-6))
+    _, transmitted = check_windows(first, silent)
+    assert transmitted.observed is None
+    assert np.isnan(transmitted.delay)
+    assert "no positive pulse" in transmitted.reason
+
+
+def test_windows_by_hand_are_kept():
+    first, second = WINDOWS_SCENE.signals()
+    hand = Windows((-150e-6, 0.0), (130e-6, 280e-6), (90e-6, 240e-6), source="shot file")
+    assert find_windows(first, second, manual=hand) is hand
+
+
+@pytest.mark.parametrize(
+    ("hand", "message"),
+    [
+        (((0.0, -1e-6), (0.0, 1e-4), (0.0, 1e-4)), r"the incident window \[0\.0, -1e-06\] s must end after"),
+        (
+            ((-1e-4, 0.0), (0.0, 1.0), (0.0, 1e-4)),
+            r"the reflected window .* leaves the record of incident ga",
+        ),
+        (((-1e-4, 0.0), (0.0, 1e-4), (-1.0, 1e-4)), r"the transmitted window .* leaves the record of transm"),
+        (((0.0, 1e-4), (-1e-4, 0.0), (0.0, 1e-4)), r"begins at -0\.0001 s, before the incident one"),
+        (((float("nan"), 0.0), (0.0, 1e-4), (0.0, 1e-4)), r"the incident window .* must end after it begins"),
+    ],
+)
+def test_windows_by_hand_are_checked(hand, message):
+    first, second = WINDOWS_SCENE.signals()
+    with pytest.raises(ValueError, match=message):
+        find_windows(first, second, manual=Windows(*hand, source="shot file"))
+
+
+def test_stations_are_checked():
+    first, second = WINDOWS_SCENE.signals()
+    with pytest.raises(ValueError, match="is of the transmission bar, it must be of the incident bar"):
+        find_windows(second, first)
+    with pytest.raises(ValueError, match=r"= 1\.4 m must lie between 0 and the bar's length, 1\.4 m"):
+        find_windows(replace(first, position=1.4), second)
+    short = replace(second, strain=replace(second.strain, value=second.strain.value[:1500]))
+    with pytest.raises(ValueError, match=r"transmission gauge: the record ends .* Cure: a longer record"):
+        find_windows(first, short)

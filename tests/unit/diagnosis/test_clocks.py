@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_fit_quality import objective
+from test_fit_verdicts import objective
 
 from kolsky.diagnosis.clocks import (
     DIRECTIONS,

@@ -98,8 +98,14 @@ def test_stress_and_tangent_are_derivatives_of_the_energy(name):
     battery(SOLIDS[name])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(set(SOLIDS) - set(QUICK)))
+@pytest.mark.slow  # one of the first invariant; every law is compared with its twin in tests/unit/explicit
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.long] * (name != "arruda_boyce"))
+        for name in sorted(set(SOLIDS) - set(QUICK))
+    ],
+)
 def test_the_other_laws_too(name):
     battery(SOLIDS[name])
 

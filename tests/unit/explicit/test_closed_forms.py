@@ -354,6 +354,7 @@ def rms(values):
     return float(np.sqrt(np.mean(values**2)))
 
 
+@pytest.mark.slow
 def test_impact():
     """Mean forces of a twentieth of the test each, and radii at fourteen heights."""
     expected = np.loadtxt(FILE, delimiter=",", skiprows=1)

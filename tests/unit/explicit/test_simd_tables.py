@@ -10,7 +10,9 @@ import pytest
 import warp as wp
 from lane_kernels import (
     CONSTANTS,
+    EACH,
     ELEMENTS,
+    LANES,
     MAPPINGS,
     PRECISION,
     SLOTS,
@@ -27,10 +29,9 @@ from lane_kernels import (
 
 from explicit.layout.lanes import lane_functions
 from explicit.layout.structs import GROUP, entry_function, four_function, grouped
-from explicit.precision import Precision
+from explicit.precision import PRECISIONS, Precision
 from explicit.simd import Mapping
 
-EVERY = [pytest.param(p, m, id=f"{p.name}-{m or 'warp'}") for p in PRECISION for m in (*MAPPINGS, None)]
 FAR = 1_000_000_000
 """Where no array reaches."""
 
@@ -100,7 +101,7 @@ def entry_kernel(numbers: Precision) -> Any:
     return kernel
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), EVERY)
+@EACH
 def test_every_constant_is_found_in_its_group(numbers: Precision, mapping: Mapping | None) -> None:
     got, d = launched(entry_kernel(numbers), numbers, mapping), inputs(numbers)
     assert ELEMENTS > GROUP
@@ -187,7 +188,7 @@ def four_kernel(numbers: Precision) -> Any:
     return kernel
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), EVERY)
+@EACH
 def test_four_numbers_are_those_of_four_subscripts(numbers: Precision, mapping: Mapping | None) -> None:
     got, d = launched(four_kernel(numbers), numbers, mapping), inputs(numbers)
     assert (got.whole[:, :ELEMENTS] == 0).all()
@@ -224,9 +225,6 @@ def test_the_derivative_of_four_numbers_goes_back_to_their_places(numbers: Preci
     tape.backward(out)
     assert out.numpy()[0] == 2 + 6 + 16 + 40 + 3 + 8 + 20 + 48
     np.testing.assert_array_equal(row.grad.numpy(), [0, 0, 1, 3, 6, 12, 8, 0])
-
-
-BOTH = [pytest.param(p, m, id=f"{p.name}-{m}") for p in PRECISION for m in MAPPINGS]
 
 
 @cache
@@ -329,7 +327,7 @@ def exactly(numbers: Precision, a: Fraction) -> Any:
     return numbers.dtype(float(a))
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_a_product_that_is_added_is_rounded_once(numbers: Precision, mapping: Mapping) -> None:
     got, data = results(numbers, mapping).values, given(numbers)
     for i in range(N):
@@ -342,7 +340,7 @@ def test_a_product_that_is_added_is_rounded_once(numbers: Precision, mapping: Ma
         assert got[i, :5].tolist() == [exactly(numbers, e) for e in expected]
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_everything_else_is_rounded_as_numpy_does(numbers: Precision, mapping: Mapping) -> None:
     got, d = results(numbers, mapping).values, given(numbers)
     with np.errstate(all="ignore"):
@@ -361,7 +359,7 @@ def test_everything_else_is_rounded_as_numpy_does(numbers: Precision, mapping: M
         np.testing.assert_array_equal(got[:, slot], values.astype(numbers.dtype), err_msg=f"slot {slot}")
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_what_is_not_a_number(numbers: Precision, mapping: Mapping) -> None:
     got, d = results(numbers, mapping).values, given(numbers)
     # A number wins over NaN, as in C's fmax, Warp and CUDA.
@@ -374,7 +372,7 @@ def test_what_is_not_a_number(numbers: Precision, mapping: Mapping) -> None:
     np.testing.assert_array_equal(got[:, 18], np.isfinite(d.x))
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_integers_and_truth_values(numbers: Precision, mapping: Mapping) -> None:
     got, d = results(numbers, mapping), given(numbers)
     cut = (d.z * numbers.dtype(100.0)).astype(np.int32)  # toward zero
@@ -389,7 +387,7 @@ def test_integers_and_truth_values(numbers: Precision, mapping: Mapping) -> None
     assert not np.signbit(got.values[:, 30]).any()
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_warp_itself_agrees(numbers: Precision, mapping: Mapping) -> None:
     got, warp = results(numbers, mapping), results(numbers, None)
     np.testing.assert_array_equal(got.whole, warp.whole)
@@ -398,15 +396,14 @@ def test_warp_itself_agrees(numbers: Precision, mapping: Mapping) -> None:
     np.testing.assert_allclose(got.values[:, :31], warp.values[:, :31], rtol=tolerance, atol=tolerance)
 
 
-@pytest.mark.parametrize("numbers", PRECISION, ids=lambda p: p.name)
-def test_the_mappings_agree_bit_for_bit(numbers: Precision) -> None:
-    a, b = (results(numbers, mapping) for mapping in MAPPINGS)
+def test_the_mappings_agree_bit_for_bit() -> None:
+    a, b = (results(PRECISIONS["fp64"], mapping) for mapping in MAPPINGS)
     rest = np.arange(a.values.shape[1]) != 16  # cbrt of one number is the library's, of a pack our own
     np.testing.assert_array_equal(a.values[:, rest], b.values[:, rest])
     np.testing.assert_array_equal(a.whole, b.whole)
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_cube_roots(numbers: Precision, mapping: Mapping) -> None:
     roots = np.geomspace(1e-2, 1e2, 10 * N)
     roots[::2] *= -1.0
@@ -447,7 +444,7 @@ def evaluated(numbers: Precision, mapping: Mapping, x: np.ndarray, y: np.ndarray
     return np.concatenate(found)
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_they_are_those_of_numpy(numbers: Precision, mapping: Mapping) -> None:
     rng = np.random.default_rng(5)
     wide = 700.0 if numbers.name == "fp64" else 85.0
@@ -461,7 +458,7 @@ def test_they_are_those_of_numpy(numbers: Precision, mapping: Mapping) -> None:
     np.testing.assert_allclose(got[:, 1], np.log(y.astype(float)), rtol=last)
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_where_numbers_end(numbers: Precision, mapping: Mapping) -> None:
     infinity, tiny = np.inf, float(np.finfo(numbers.dtype).smallest_subnormal)
     x = np.array([0.0, -0.0, infinity, -infinity, np.nan, 800.0, -800.0, 1e30, -1e30, 1.0, 0.0, 0.0, 0.0])
@@ -474,7 +471,7 @@ def test_where_numbers_end(numbers: Precision, mapping: Mapping) -> None:
 
 
 def test_one_number_of_all_lanes_has_the_bits_of_a_pack() -> None:
-    (numbers,) = (p for p in PRECISION if p.name == "fp64")
+    numbers = PRECISIONS["fp64"]
     x, y = np.linspace(-3.0, 3.0, N), np.linspace(0.2, 5.0, N)
     by_lane, by_worker = (evaluated(numbers, mapping, x, y) for mapping in MAPPINGS)
     np.testing.assert_array_equal(by_lane, by_worker)
@@ -556,7 +553,7 @@ def numpy_results(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_every_function_is_that_of_numpy(numbers: Precision, mapping: Mapping) -> None:
     rng = np.random.default_rng(7)
     limits = np.finfo(numbers.dtype)
@@ -591,7 +588,7 @@ def test_every_function_is_that_of_numpy(numbers: Precision, mapping: Mapping) -
 
 
 def test_a_function_has_the_same_bits_in_both_mappings() -> None:
-    (numbers,) = (p for p in PRECISION if p.name == "fp64")
+    numbers = PRECISIONS["fp64"]
     given = replace(inputs(numbers), x=np.linspace(0.2, 5.0, N), y=np.linspace(-3.0, 3.0, N))
     a, b = (
         lane_launch(every_function(numbers), numbers, given, mapping).values[:, :31] for mapping in MAPPINGS

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from lane_kernels import ELEMENTS, MAPPINGS, PRECISION, N, inputs, lane_launch, scalar_launch, small_structs
+from lane_kernels import ELEMENTS, LANES, N, inputs, lane_launch, scalar_launch, small_structs
 
 from explicit import Model, PlatenMotion, Samples, Sampling, Stepping, cylinder, run
 from explicit.layout.lanes import lane_functions
@@ -17,8 +17,6 @@ from explicit.materials import neo_hookean
 from explicit.precision import PRECISIONS, Precision
 from explicit.simd import Mapping, kernel, lane_kernel, statements
 from explicit.simd.memory import BLOCK, Loop, divided
-
-BOTH = [pytest.param(p, m, id=f"{p.name}-{m}") for p in PRECISION for m in MAPPINGS]
 
 
 @pytest.fixture
@@ -66,7 +64,7 @@ def lookup_kernel(numbers: Precision) -> Any:
     return kernel
 
 
-@pytest.mark.parametrize(("numbers", "mapping"), BOTH)
+@LANES
 def test_two_passes_give_the_numbers_of_one(numbers: Precision, mapping: Mapping, made: list[bool]) -> None:
     given = inputs(numbers)
     got = lane_launch(lookup_kernel(numbers), numbers, given, mapping)

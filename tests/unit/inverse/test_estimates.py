@@ -1,4 +1,4 @@
-"""Estimates and their verdicts: sums of squares, the k = 2 interval, and each threshold from both sides."""
+"""Estimates and verdicts, common errors of points, and priors, in closed form."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,14 +7,28 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from test_objective import NOISE_FORCE, NOISE_SHAPE, linear, objective
 
 from doe import Box
+from doe.least_squares import Whitening
 from doe.surrogates import SurrogateError
-from kolsky.inverse.coarse_search import at_inner_face, on_edge
+from kolsky.inverse.coarse_search import CorrectedSurrogate, at_inner_face, on_edge, search
 from kolsky.inverse.estimates import estimates, held_values
+from kolsky.inverse.gauss_newton import gauss_newton_step, linear_step
+from kolsky.inverse.objective import (
+    Objective,
+    Prior,
+    correlated_in_blocks,
+    most_likely_amplitude,
+    residual_without_common,
+    slow_patterns,
+)
 from kolsky.inverse.result import Estimate, Method, Verdict, disagreements
 from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.search import Search
+from kolsky.uncertainty.profiles import full_likelihood
+
+# Estimates and their verdicts: sums of squares, the k = 2 interval, and each threshold from both sides.
 
 BOX = Box.of({"stiffness_factor": (1.0, 2.0), "friction": (0.0, 4.0)})
 
@@ -150,3 +164,206 @@ def test_a_cost_without_a_surrogate_leaves_the_papers_route_out(monkeypatch: pyt
     problem = SimpleNamespace(box=Box.of({"stiffness_factor": (0.5, 2.0)}))
     runner: Any = SimpleNamespace(problem=problem, table=RunTable(("stiffness_factor",)))
     assert Search(runner, Mock(), Mock()).paper_route() is None
+
+
+# Common errors of outline points, compared with closed forms and dense covariances.
+
+
+def seen(points_per_frame: int = 4) -> Objective:
+    """60 force bins and 240 outline points at heights of their own, without misfit."""
+    one = objective(np.zeros(60), np.zeros(240), points_per_frame)
+    line = replace(one.observations.centre_line, y=np.tile(np.linspace(1e-3, 5e-3, points_per_frame), 60))
+    return replace(one, observations=replace(one.observations, centre_line=line), slowly=True)
+
+
+def test_patterns_are_products_of_legendre_polynomials_with_a_mean_square_of_one() -> None:
+    y, t = np.meshgrid(np.linspace(2.0, 3.0, 5), np.linspace(0.0, 1e-3, 7))
+    found = slow_patterns(y.ravel(), t.ravel())
+    assert found.shape == (16, 35)
+    assert (found**2).sum(axis=0).mean() == pytest.approx(1.0)
+    u, v = 2.0 * (y.ravel() - 2.5), 2.0 * (t.ravel() - 5e-4) / 1e-3
+    np.testing.assert_allclose(found[0], found[0, 0])  # a zero that is off
+    np.testing.assert_allclose(found[4 * 1 + 2] / found[0], u * (1.5 * v**2 - 0.5), atol=1e-12)
+
+
+def test_fewer_patterns_where_points_tell_fewer_apart() -> None:
+    assert slow_patterns(np.zeros(6), np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0])).shape == (3, 6)
+    assert slow_patterns(np.empty(0), np.empty(0)).shape == (0, 0)
+
+
+def test_the_most_likely_amplitude_of_patterns_that_do_not_overlap() -> None:
+    # Each pattern is two entries of 3 at a noise of 2: h = (r1 + r2) / (2 sqrt 2) has the variance
+    # 1 + s^2 4.5, whose most likely value is the mean of h^2: here (6^2 + 2^2) / 2 = 20.
+    patterns = np.array([[3.0, 3.0, 0.0, 0.0], [0.0, 0.0, 3.0, 3.0]])
+    residual = np.sqrt(2.0) * np.array([6.0, 6.0, -2.0, -2.0])
+    other = Whitening(np.full(4, 2.0))
+    assert most_likely_amplitude(residual, patterns, other) == pytest.approx((19.0 / 4.5) ** 0.5, rel=1e-4)
+    assert most_likely_amplitude(0.2 * residual, patterns, other) == 0.0  # mean of h^2 of 0.8
+    assert most_likely_amplitude(residual, np.empty((0, 4)), other) == 0.0
+
+
+def test_an_offset_of_all_points_is_slow_and_no_scatter() -> None:
+    one, rng = seen(), np.random.default_rng(1)
+    scatter = NOISE_SHAPE * rng.standard_normal(240)
+    found = one.with_discrepancy(one.data + np.concatenate([np.zeros(60), 5e-6 + scatter]))
+    # One of sixteen coefficients has all of it, and the patterns take it whole off the residual.
+    assert found.slow_discrepancy > 1e-6
+    left = found.unexplained(np.concatenate([np.zeros(60), np.full(240, 5e-6)]))
+    assert abs(left[60:].mean()) < 0.1e-6
+    assert found.shape_discrepancy < 0.5 * NOISE_SHAPE
+    plain = replace(one, slowly=False).with_discrepancy(
+        one.data + np.concatenate([np.zeros(60), 5e-6 + scatter])
+    )
+    assert plain.shape_discrepancy == pytest.approx(5e-6, rel=0.2)
+    assert plain.slow_discrepancy == 0.0
+
+
+def test_weights_and_covariance_are_those_of_the_dense_covariance() -> None:
+    one = replace(seen(), slow_discrepancy=3e-6)
+    J, noise = linear(60, 240, np.random.default_rng(3))
+    S = 3e-6 * one.slow_patterns
+    C = np.diag(noise**2) + S.T @ S
+    r = noise * np.random.default_rng(4).standard_normal(300)
+    assert one.chi2(one.data + r) == pytest.approx(float(r @ np.linalg.solve(C, r)))
+    np.testing.assert_allclose(one.sigma, np.sqrt(np.diag(C)))
+    # An exact fit has no sandwich: the covariance is that of least squares with C.
+    expected = np.linalg.inv(J.T @ np.linalg.solve(C, J))
+    np.testing.assert_allclose(one.residual_covariance(J, one.data), expected, rtol=1e-6)
+    gain = one.gain(J)
+    np.testing.assert_allclose(one.spread(gain), gain @ C, rtol=1e-9, atol=1e-25)
+    # The force has no part in it.
+    assert not one.slow_patterns[:, :60].any()
+
+
+def test_what_common_errors_explain_is_taken_off_as_a_dense_inverse_would() -> None:
+    rng = np.random.default_rng(7)
+    common, own, r = rng.normal(size=(3, 20)), rng.uniform(0.5, 2.0, 20), rng.normal(size=20)
+    D, C = np.diag(own**2), np.diag(own**2) + common.T @ common
+    left, variance = residual_without_common(r, common, own)
+    np.testing.assert_allclose(left, D @ np.linalg.solve(C, r), rtol=1e-9)
+    np.testing.assert_allclose(variance, np.diag(D - D @ np.linalg.solve(C, D)), rtol=1e-9)
+
+
+def test_blocks_of_two_that_go_together_double_the_variance() -> None:
+    # 20 blocks of +1 +1 and -1 -1: 20 sums of 4 over 20 - 1; independent entries would give 40.
+    score = np.tile([[1.0, 1.0, -1.0, -1.0]], (1, 10))
+    found = correlated_in_blocks(score, np.arange(40), np.array([[40.0]]), np.array([[5.0]]))
+    assert found[0, 0] == pytest.approx(20 * 4.0 * 20 / 19 + 5.0)
+
+
+# Priors of the free parameters against the posterior of a linear model with Gaussian noise.
+
+MEAN, SIGMA = np.array([0.3, 5.0]), np.array([0.02, np.inf])
+TRUTH = np.array([0.32, 1.1])
+WIDE = Box.of({"a": (-10.0, 10.0), "b": (-10.0, 10.0)})
+
+
+def problem():
+    """An objective of a linear model with a prior on the first of two parameters, its Jacobian and sigma."""
+    rng = np.random.default_rng(2)
+    J, sigma = linear(120, 80, rng)
+    data = J @ TRUTH + sigma * rng.standard_normal(len(sigma))
+    one = objective(data[:120], data[120:])
+    return replace(one, prior=Prior(MEAN, SIGMA)), J, sigma
+
+
+def posterior(data, J, sigma):
+    """Mean and covariance by Bayes' rule: precisions add, and so do precision times mean."""
+    precision = np.diag([1.0 / 0.02**2, 0.0])
+    covariance = np.linalg.inv((J / sigma[:, None] ** 2).T @ J + precision)
+    return covariance @ ((J / sigma[:, None] ** 2).T @ data + precision @ [0.3, 0.0]), covariance
+
+
+def test_one_datum_and_one_prior_by_hand() -> None:
+    # A datum of 2.0 +- 0.3 and a prior of 1.0 +- 0.4: (2 / 0.09 + 1 / 0.16) / (1 / 0.09 + 1 / 0.16) = 1.64,
+    # variance 1 / (1 / 0.09 + 1 / 0.16) = 0.0576.
+    one = replace(objective(np.array([2.0]), np.empty(0)), prior=Prior(np.array([1.0]), np.array([0.4])))
+    J, x = np.ones((1, 1)), np.array([7.0])
+    assert x + linear_step(one, J, J @ x, x) == pytest.approx([1.64])
+    assert one.covariance(J, np.array([2.0]))[0, 0] == pytest.approx(0.0576)
+    assert one.prior_chi2(np.array([1.8])) == pytest.approx(4.0)
+    assert one.prior_chi2(np.array([1.8]), "force") == 0.0
+    # The force alone knows nothing of it.
+    assert one.covariance(J, np.array([2.0]), "force")[0, 0] == pytest.approx(NOISE_FORCE**2)
+
+
+def test_steps_end_at_the_posterior_of_a_linear_model() -> None:
+    one, J, sigma = problem()
+    best, covariance = posterior(one.data, J, sigma)
+    fixed = replace(one, force_discrepancy=0.0, shape_discrepancy=0.0)
+    x = np.array([-3.0, 4.0])
+    np.testing.assert_allclose(x + linear_step(fixed, J, J @ x, x), best, rtol=1e-10)
+    gain = fixed.gain(J)
+    spread = (gain * sigma**2) @ gain.T + fixed.spread_of_prior(J)
+    np.testing.assert_allclose(spread, covariance, rtol=1e-10)
+    # The datum moves the optimum less than it would without the prior.
+    assert abs(gain @ J)[0, 0] < 1.0 - 1e-3
+
+
+def test_a_bounded_step_meets_the_posterior_and_a_face() -> None:
+    one, J, _ = problem()
+    near = TRUTH + np.array([1e-3, -2e-3])
+    free = gauss_newton_step(one, J, J @ near, near, WIDE)
+    again = one.with_discrepancy(J @ near)
+    best, _ = posterior(one.data, J, again.sigma)
+    np.testing.assert_allclose(near + free.change, best, rtol=1e-9)
+    assert free.moved == pytest.approx(np.max(np.abs(free.change) / free.sigma))
+    tight = Box.of({"a": (-10.0, 10.0), "b": (-10.0, float(best[1]) - 0.1)})
+    start = np.minimum(near, [9.0, best[1] - 0.2])
+    held = gauss_newton_step(one, J, J @ start, start, tight)
+    assert start[1] + held.change[1] == pytest.approx(best[1] - 0.1)
+    # The other parameter makes up for what that one may not do: its own least squares with b at the face.
+    weights = one.with_discrepancy(J @ start).sigma ** -2.0
+    left = one.data - J[:, 1] * (best[1] - 0.1)
+    alone = (J[:, 0] @ (weights * left) + 0.3 / 0.02**2) / (J[:, 0] @ (weights * J[:, 0]) + 1.0 / 0.02**2)
+    assert start[0] + held.change[0] == pytest.approx(alone, rel=1e-8)
+
+
+class Straight:
+    """A surrogate that is linear."""
+
+    def __init__(self, J: np.ndarray) -> None:
+        self.J = J
+
+    def predict(self, points: np.ndarray, *, extrapolate: bool = False) -> np.ndarray:
+        return np.atleast_2d(points) @ self.J.T
+
+
+def test_search_and_likelihood_know_the_prior() -> None:
+    one, J, _ = problem()
+    model = CorrectedSurrogate(Straight(J))  # type: ignore[arg-type]
+    found = search(WIDE, one, model.predict)
+    best, _ = posterior(one.data, J, found.objective.sigma)
+    np.testing.assert_allclose(found.x, best, rtol=1e-6)
+    alone = search(WIDE, one, model.predict, "force")
+    weights = alone.objective.sigma[:120] ** -2.0
+    force = np.linalg.solve((J[:120].T * weights) @ J[:120], (J[:120].T * weights) @ one.data[:120])
+    np.testing.assert_allclose(alone.x, force, rtol=1e-6)
+    likelihood = full_likelihood(model, found.objective, WIDE)
+    fit = likelihood.maximise([0.5, 0.5])
+    np.testing.assert_allclose(fit.point, best, rtol=1e-6)
+    there = likelihood.residuals(WIDE.unit(best[None]))[0]
+    assert there[-1] == pytest.approx((best[0] - 0.3) / 0.02)
+
+
+def test_a_prior_says_what_it_needs() -> None:
+    assert Prior.of(("m", "nu"), {"beta": (1.0, 0.1)}) is None
+    made = Prior.of(("m", "nu"), {"nu": (0.499, 1e-4)})
+    assert made is not None
+    np.testing.assert_array_equal(made.sigma, [np.inf, 1e-4])
+    np.testing.assert_allclose(np.diag(made.precision), [0.0, 1e8])
+    np.testing.assert_allclose(made.residuals(np.array([[9.0, 0.4993]])), [[3.0]])
+    np.testing.assert_allclose(made.rows(), [[0.0, 1e4]])
+    with pytest.raises(ValueError, match="sigmas > 0"):
+        Prior(np.zeros(1), np.zeros(1))
+    with pytest.raises(ValueError, match="one shape"):
+        Prior(np.zeros(2), np.ones(1))
+
+
+def test_prior_has_no_part_in_a_clocks_lag() -> None:
+    prior: Any = SimpleNamespace(precision=np.array([[4.0, 1.0], [1.0, 2.0]]))
+    objective: Any = SimpleNamespace(prior=prior)
+    wide = Objective.prior_precision(objective, 3)
+    assert wide.tolist() == [[4.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 0.0]]
+    assert Objective.prior_precision(objective, 2).tolist() == prior.precision.tolist()
+    assert not Objective.prior_precision(objective, 2, "force").any()

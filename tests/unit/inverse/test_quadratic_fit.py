@@ -1,6 +1,7 @@
-"""The quadratic on the refined mesh, for a synthetic model with known optimum, mesh error and jumps."""
+"""The quadratic on the refined mesh, runs of the noise stage, and the table of runs."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,14 +9,22 @@ import numpy as np
 import pytest
 
 from doe import Box
+from explicit import Ending, Outcome
 from kolsky.base.records import ForceHistory
+from kolsky.inverse import run_table
+from kolsky.inverse import runner as runner_module
 from kolsky.inverse.observations import Prediction, observe
 from kolsky.inverse.path_noise import FrontPath
+from kolsky.inverse.problem import Freed, InverseProblem, prepare_shot
 from kolsky.inverse.refined_search import EDGE, confirms, search_by_quadratic
-from kolsky.inverse.run_table import Runs
+from kolsky.inverse.run_table import Replicates, Runs, RunTable, Terms
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics, Settings
+from kolsky.inverse.work import Work
+from kolsky.shot.load import load_shot
 from tests.unit.inverse.test_several_parameters import problem_of
+
+# The quadratic on the refined mesh, for a synthetic model with known optimum, mesh error and jumps.
 
 BOX = Box(("stiffness_factor", "friction"), (0.8, 0.0), (1.6, 1.0), (False, False))
 TRUTH = np.array([1.17, 0.42])
@@ -192,3 +201,155 @@ def test_a_run_confirms_within_a_fifth_of_sigma_or_three_times_the_roughness() -
     assert confirms(np.array([0.299, 0.399]), sigma, rough)
     assert not confirms(np.array([0.301, 0.0]), sigma, rough)
     assert not confirms(np.array([0.0, 0.401]), sigma, rough)
+
+
+# Runs of the noise stage with another motion, another curve, or another scale.
+
+PATH: Any = "a path"
+
+
+class Shot:
+    """A prepared shot whose motion has a scale of its own; its runs only say what they were asked for."""
+
+    observations = None
+
+    def __init__(self, lost: tuple[int, ...] = ()) -> None:
+        self.lost, self.motion, self.material = lost, np.empty(0), np.empty(0)
+
+    def with_replicates(self, n: int, rng: Any, *, curves: int, path: Any) -> Any:
+        assert (curves, path) == (3, PATH)
+        return SimpleNamespace(paths=list(range(n + 2)), run=self.run)
+
+    def run(
+        self, values: Any, numerics: Any, *, motion: Any, material: Any, progress: Any, all_nodes: bool
+    ) -> Any:
+        self.motion, self.material = motion, material
+        completed = ~np.isin(np.arange(len(motion)), self.lost)
+        return SimpleNamespace(completed=completed, n_samples=len(motion), select=lambda rows: rows)
+
+
+def runner(shot: Any, monkeypatch: pytest.MonkeyPatch) -> Runner:
+    for module in (run_table, runner_module):
+        monkeypatch.setattr(module, "predict", lambda rows, observations: rows)
+    settings, box = Settings(replicates=3), Box.of({"stiffness_factor": (0.5, 2.0)})
+    problem = InverseProblem(shot, Freed(settings, by_default=False, reasons={}), box, None)
+    return Runner(problem, FrontPath(PATH), RunTable(box.names), Work(), np.random.default_rng(1))
+
+
+def replicated(shot: Any, monkeypatch: pytest.MonkeyPatch, *, lesson: bool) -> Replicates:
+    return runner(shot, monkeypatch).replicate(np.array([1.1]), lesson=lesson)()
+
+
+def test_motions_then_curves_then_the_scale(monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = Shot()
+    found = replicated(shot, monkeypatch, lesson=False)
+    assert shot.motion.tolist() == [0, 1, 2, 3, 0, 0, 0, 4]
+    assert shot.material.tolist() == [0, 0, 0, 0, 1, 2, 3, 0]
+    assert np.flatnonzero(found.flyer).tolist() == [1, 2, 3]
+    assert np.flatnonzero(found.curve).tolist() == [4, 5, 6]
+    assert np.flatnonzero(found.scale).tolist() == [7]
+    assert not found.lesson.any()
+
+
+def test_where_the_patterns_are_known_no_motion_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = Shot()
+    one = runner(shot, monkeypatch)
+    found = one.under(one.front.with_noise(np.ones((1, 4)))).replicate(np.array([1.1]), lesson=False)()
+    assert shot.motion.tolist() == [0, 0, 0, 0, 1]
+    assert not found.flyer.any()
+    assert np.flatnonzero(found.curve).tolist() == [1, 2, 3]
+
+
+def test_what_teaches_the_weights_does_not_judge_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = Shot()
+    found = replicated(shot, monkeypatch, lesson=True)
+    assert shot.motion.tolist() == [0, 1, 2, 3, 4, 5, 6, 0, 0, 0, 7]
+    assert shot.material.tolist() == [0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0]
+    assert np.flatnonzero(found.flyer).tolist() == [1, 2, 3]
+    assert np.flatnonzero(found.lesson).tolist() == [4, 5, 6]
+    assert np.flatnonzero(found.curve).tolist() == [7, 8, 9]
+    assert np.flatnonzero(found.scale).tolist() == [10]
+
+
+def test_a_lost_run_keeps_the_others_in_their_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = replicated(Shot(lost=(2, 5)), monkeypatch, lesson=False)
+    assert found.lost == 2
+    assert np.flatnonzero(found.flyer).tolist() == [1, 2]
+    assert np.flatnonzero(found.curve).tolist() == [3, 4]
+    assert np.flatnonzero(found.scale).tolist() == [5]
+
+
+def test_they_are_run_when_they_are_asked_for_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = Shot()
+    asked = runner(shot, monkeypatch).replicate(np.array([1.1]))
+    assert shot.motion.size == 0
+    assert asked() is asked()
+    assert shot.motion.size == 11
+
+
+# The table of runs: each point once for the paper's cost, and NaN where a run did not complete.
+
+
+def terms(phi: float) -> Terms:
+    return Terms(1e-3 * phi, 10.0 * phi, phi, 0.0, 0.0, 0.0, 1.0, 2.0, 3, 4, 0)
+
+
+def table() -> RunTable:
+    made = RunTable(("stiffness_factor",))
+    rows = (
+        ("design", 0.75, "COMPLETED", 5.0),
+        ("design", 1.0, "INVERTED", None),
+        ("design", 1.25, "COMPLETED", 3.0),
+        ("refinement", 1.25, "COMPLETED", 3.0),  # the same point again, the same run
+        ("refinement", 1.25 + 1e-14, "COMPLETED", 3.0),  # and but for round-off
+        ("refinement", 1.1, "COMPLETED", 1.0),
+        ("check", 1.12, "COMPLETED", 0.5),  # another mesh
+    )
+    for stage, point, outcome, phi in rows:
+        made.points.append(np.array([point]))
+        made.stages.append(stage)
+        made.endings.append(
+            Ending(Outcome.COMPLETED, 1e-3)
+            if outcome == "COMPLETED"
+            else Ending(Outcome[outcome], 4e-4, 17, (4.6e-3, 0.2e-3))
+        )
+        made.terms.append(None if phi is None else terms(phi))
+    return made
+
+
+def test_paper_cost_has_each_completed_point_of_the_surrogates_mesh_once() -> None:
+    points, cost = table().paper_cost()
+    np.testing.assert_allclose(points[:, 0], [0.75, 1.1, 1.25], rtol=1e-12)
+    np.testing.assert_array_equal(cost, [5.0, 1.0, 3.0])
+
+
+def test_a_lost_run_keeps_its_place_with_nan_misfits() -> None:
+    built = table().build(Box.of({"stiffness_factor": (0.5, 1.5)}))
+    assert len(built.outcomes) == len(built.points) == 7
+    assert np.isnan(built.phi_force[1])
+    assert np.isnan(built.chi2_shape[1])
+    assert built.outcomes[1] == "INVERTED"
+    assert built.lost == (1,)
+    assert built.ending(1).where == "at 400.0 us in element 17 (R = 4.60 mm, Y = 0.20 mm)"
+    assert built.ending(0).outcome.ok
+    np.testing.assert_array_equal(built.phi_force[[0, 2, 6]], [50.0, 30.0, 5.0])
+    assert (built.lower[0], built.upper[0]) == (0.5, 1.5)
+
+
+OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
+
+
+def test_a_mesh_is_kept_for_its_specimen_and_its_numerics() -> None:
+    forward = prepare_shot(load_shot(OPEN_01)).forward
+    numerics = Numerics(mesh=(6, 8))
+    mesh = forward.mesh(numerics)
+    specimen = forward.shot.specimen
+    assert replace(forward, paths=forward.paths[:1]).mesh(replace(numerics, safety=0.5)) is mesh
+    assert (mesh.nodes[:, 0].max(), mesh.length) == (specimen.radius, specimen.length)
+    assert forward.mesh(replace(numerics, mesh=(8, 6))).n_elements == 48
+    graded = forward.mesh(replace(numerics, grading=1.0 + numerics.grading))
+    assert not np.array_equal(graded.nodes, mesh.nodes)
+    longer = replace(forward.shot, specimen=replace(specimen, length=1.01 * specimen.length))
+    assert replace(forward, shot=longer).mesh(numerics).length == 1.01 * specimen.length
+    wider = replace(forward.shot, specimen=replace(specimen, diameter=1.01 * specimen.diameter))
+    assert replace(forward, shot=wider).mesh(numerics).nodes[:, 0].max() == 0.5 * 1.01 * specimen.diameter

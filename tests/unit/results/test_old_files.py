@@ -1,19 +1,22 @@
-"""Files of earlier releases are read, and written with the same contents.
+"""Files of earlier releases, and one description of every field."""
 
-The files of tests/data/results contain synthetic results of few samples. identification-1.h5 has version 1 of
-the format. identification-2.h5 and dic-2.h5 have the version before the codec of `kolsky.base.hdf5_records`.
-"""
-
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hdf5_contents import contents
+from synthetic import synthetic
 
 from dic.outcome import FrameOutcome, PointOutcome
-from kolsky.inverse.result import Verdict
+from kolsky.base.hdf5 import Format, reading, writing
+from kolsky.base.hdf5_records import RECORD_UNIT, Floats, Record
+from kolsky.inverse.result import Estimate, Verdict
 from kolsky.pictures.dic_file import read_stereo_result, stored_key, write_stereo_result
-from kolsky.results.hdf5 import read_identification, write_identification
+from kolsky.results.hdf5 import COMPARISON, ESTIMATE, read_identification, write_identification
+from kolsky.results.nomenclature import factor_of
+
+# Files of earlier releases are read, and written with the same contents.
 
 DATA = Path(__file__).parents[2] / "data" / "results"
 SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")
@@ -90,3 +93,60 @@ def test_a_verdict_of_earlier_words_is_read() -> None:
     assert Verdict("not told from another valley of the misfit") is Verdict.OTHER_VALLEY
     with pytest.raises(ValueError, match="not a valid Verdict"):
         Verdict("not told from anything")
+
+
+# A field of a result has one description: HDF5, JSON, tables and display units use it.
+
+FORMAT = Format("a test", version=4, readable=(4,))
+
+
+@dataclass(frozen=True)
+class Widened(Estimate):
+    """An estimate with a field more."""
+
+    bias: float = 0.25
+    """In the unit of the estimate."""
+
+
+WIDENED = Record(
+    Widened,
+    ESTIMATE.group,
+    {**ESTIMATE.fields, "bias": Floats(RECORD_UNIT, heading="bias", parameter="name")},
+)
+
+
+def widened() -> Widened:
+    """An estimate of the damping, in SI."""
+    return Widened(**vars(synthetic(("damping",)).estimates["damping"]))
+
+
+def test_a_new_field_takes_one_entry(tmp_path: Path) -> None:
+    made = widened()
+    with writing(tmp_path / "made.h5", FORMAT) as place:
+        WIDENED.write(replace(place, path="damping"), made)
+    with reading(tmp_path / "made.h5", FORMAT, cure="none") as place:
+        back = WIDENED.read(replace(place, path="damping"))
+    assert back == made
+    assert WIDENED.json(made)["bias"] == 0.25
+    assert WIDENED.columns([made, made])["bias"] == [0.25, 0.25]
+    assert WIDENED.scaled(made, factor_of).bias == 0.25 * factor_of("damping") != 0.25
+
+
+def test_a_field_without_an_entry_is_refused() -> None:
+    with pytest.raises(TypeError, match="fields of Widened and of its table differ: bias"):
+        Record(Widened, ESTIMATE.group, ESTIMATE.fields)
+
+
+def test_keys_and_headings_leave_out_what_they_are_told_to() -> None:
+    said, columns = ESTIMATE.json(widened()), ESTIMATE.columns([widened()])
+    assert "name" not in said
+    assert list(columns)[:4] == ["parameter", "unit", "value", "sigma"]
+    assert columns["lower (k = 2)"] == [said["interval"][0]]
+
+
+def test_a_table_has_the_fields_along_one_dimension() -> None:
+    made = synthetic().comparison
+    force, profile = COMPARISON.table(made, "bins"), COMPARISON.table(made, "points")
+    assert list(force) == ["time (s)", "measured force (N)", "sigma (N)", "simulated force (N)"]
+    assert set(profile["inside (0/1)"]) <= {0, 1}
+    assert len(profile["Z measured (m)"]) == len(profile["time (s)"]) == len(made.Z_model)

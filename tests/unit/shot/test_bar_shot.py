@@ -42,7 +42,7 @@ def test_the_factor_comes_back_within_its_interval(found):
     assert {"force scale", "motion scale", "flyer motion", "material curve"} < set(e.noise_parts)
 
 
-@pytest.mark.slow
+@pytest.mark.long  # the first test compares its sigma with the scatter of 24 records
 def test_the_interval_covers():
     """Over 12 records; by the binomial law of 95 %, 9 or fewer would be seen once in 50."""
     inside = 0

@@ -1,5 +1,7 @@
-"""The effect of a mean on a shared error in closed form, in the outline and the flyer."""
+"""[uncertainty] of shot.toml, and errors that means share."""
 
+import shutil
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 from dic.stereo.reconstruction import SharedError
+from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.pictures import shared_errors
 from kolsky.pictures.shared_errors import (
@@ -18,6 +21,10 @@ from kolsky.pictures.shared_errors import (
     with_flyer_errors,
     with_outline_errors,
 )
+from kolsky.schema.apparatus import IDENTIFY_KEYS, UncertaintySection
+from kolsky.shot.load import load_shot
+
+# The effect of a mean on a shared error in closed form, in the outline and the flyer.
 
 ERRORS = PictureErrors(SharedError(0.02, 50.0, 8.0), 0.015, 3e-6, 5e-5, 1e-5)
 T = 1e-5 * np.arange(4)
@@ -88,3 +95,71 @@ def test_the_outline_has_what_departs_from_the_surface_beside_it(monkeypatch: py
     np.testing.assert_allclose(both.modes, np.repeat(found.modes, 2, axis=0))
     gave[0] = np.full(2, 1e-6), np.full(2, 2e-6)
     assert with_departures(line, shot, 6e-4) is line  # type: ignore[arg-type]
+
+
+# [uncertainty] of shot.toml: entries that `kolsky identify` uses, and entries for `kolsky waves` only.
+
+OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
+
+
+def shot_with(tmp_path: Path, table: str) -> Path:
+    """A copy of open-01 with another table at its end."""
+    folder = tmp_path / "shot"
+    shutil.copytree(OPEN_01, folder, ignore=shutil.ignore_patterns("results"))
+    with (folder / "shot.toml").open("a") as file:
+        file.write(table)
+    return folder
+
+
+def test_declared_uncertainties_reach_the_shot_in_si(tmp_path: Path) -> None:
+    table = """
+[uncertainty]
+poisson = 0.0005
+damping = "2 us"
+curve_scale = "1 %"
+specimen_diameter = "0.2 %"
+clock_offset = "0.5 us"
+Z_offset = "5 um"
+mass = "0.5 %"
+friction = 0.0
+"""
+    assert load_shot(shot_with(tmp_path, table)).uncertainty == {
+        "poisson": 5e-4,
+        "damping": pytest.approx(2e-6, rel=1e-12),
+        "friction": 0.0,
+        "curve_scale": pytest.approx(0.01, rel=1e-12),
+        "specimen_diameter": pytest.approx(0.002, rel=1e-12),
+        "clock_offset": pytest.approx(5e-7, rel=1e-12),
+        "Z_offset": pytest.approx(5e-6, rel=1e-12),
+    }
+
+
+def test_what_is_absent_was_not_declared(tmp_path: Path) -> None:
+    assert load_shot(shot_with(tmp_path, "")).uncertainty == {}
+
+
+def test_waves_do_not_see_what_only_the_model_has() -> None:
+    section = UncertaintySection(poisson=0.01, sensitivity="1 %", curve_scale="1 %")
+    said = section.for_waves()
+    assert said["sensitivity"] == pytest.approx(0.01)
+    assert not {"poisson", "curve_scale", "damping", "friction", "Z_offset"} & set(said)
+    assert set(section.for_identify()) <= set(IDENTIFY_KEYS)
+
+
+@pytest.mark.parametrize(
+    ("line", "key", "words"),
+    [
+        ('poisson = "0.01"', "uncertainty.poisson", "number"),
+        ('damping = "-1 us"', "uncertainty.damping", ">= 0"),
+        ('clock_offset = "1 mm"', "uncertainty.clock_offset", "time"),
+        ("friction = -0.1", "uncertainty.friction", ">= 0"),
+        ('specimen_densty = "1 %"', "uncertainty.specimen_densty", "specimen_density"),
+    ],
+)
+def test_nonsense_is_refused_with_its_line(tmp_path: Path, line: str, key: str, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_shot(shot_with(tmp_path, f"\n[uncertainty]\n{line}\n"))
+    message = str(caught.value)
+    assert key in message
+    assert words in message
+    assert "shot.toml" in message

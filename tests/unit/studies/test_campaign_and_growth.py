@@ -1,4 +1,4 @@
-"""The table of the campaign and the sizes of the growth: counts, stored values, comparisons; no speeds."""
+"""Tables of studies: the campaign, the growth, converged shots, plans and rate reports."""
 
 import json
 from collections.abc import Iterator
@@ -7,10 +7,21 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+from ratedshots import rated
 
 from benchmarks import campaign, growth
 from benchmarks.campaign import Answer, Question
+from kolsky.studies.local_sensitivity import LocalSensitivity, ObservationGrid
+from kolsky.studies.planning.information import Expected, Instruments
+from kolsky.studies.planning.plan import Choice, Plan, Rate, rows, to_json
+from kolsky.studies.rates.comparison import compare
+from kolsky.studies.rates.output import summary, tables
+from populations import converged_shots
+from populations.converged_shots import FLAT, converged, radius_at
+
+# The table of the campaign and the sizes of the growth: counts, stored values, comparisons; no speeds.
 
 
 def entry(**changed: Any) -> dict[str, Any]:
@@ -162,3 +173,166 @@ def test_other_meshes_are_another_measurement() -> None:
     assert campaign.merged([entry(workers=1)], fine) == [entry(workers=1), fine]
     assert campaign.same_bits([entry(workers=1), fine], fine)
     assert all(" 1.00 " in row for row in campaign.table([entry(), fine]).splitlines()[2:])
+
+
+# Shots with converged histories: changes of their exports, in closed form.
+
+
+def test_the_radius_of_a_side_that_has_folded_at_both_ends():
+    """r = 5 mm + y^2 / 1 mm between two ends that lie on platens; beyond the free part there is none."""
+    y = np.linspace(1e-3, 5e-3, 41)
+    r = 5e-3 + y**2 / 1e-3
+    folded_y = np.concatenate([[y[0] + FLAT / 2, y[0] + FLAT / 2], y, [y[-1], y[-1] + FLAT / 2]])
+    folded_r = np.concatenate([[4e-3, 4.1e-3], r, [31e-3, 32e-3]])
+    assert radius_at(folded_y, folded_r, 2.03e-3) == pytest.approx(5e-3 + 2.03e-3**2 / 1e-3, rel=1e-12)
+    assert np.isnan(radius_at(folded_y, folded_r, 0.9e-3))
+    assert np.isnan(radius_at(folded_y, folded_r, 5.1e-3))
+
+
+class Run:
+    """A course whose force is 3 N and whose radius is 6 mm."""
+
+    def __init__(self, times, heights):
+        self.force_transmission = np.full((1, times.size), 3.0)
+        self.surface_y = np.broadcast_to(heights, (1, 3, heights.size))
+        self.surface_r = np.full((1, 3, heights.size), 6e-3)
+
+
+class Course:
+    """The other program's: 2 N and 5 mm, in three frames from 10 us on."""
+
+    true = np.array([1.0, 0.499, 25e-6])
+
+    def __init__(self, name):
+        self.heights = np.linspace(0.0, 4e-3, 9)
+        frames = 1e-5 * np.arange(1.0, 4.0)
+        self.seen = {
+            "t": frames,
+            "y": np.broadcast_to(self.heights, (3, 9)),
+            "r": np.full((3, 9), 5e-3),
+            "transmitted": np.full(40, 2.0),
+        }
+        self.times = 1e-6 * np.arange(40.0) - 1e-5
+        self.within = (self.times > -1e-9) & (self.times < 2e-5 + 1e-9)
+
+    def runs(self, points, mesh, *, element, grading):
+        return Run(self.times[self.within], self.heights)
+
+
+def test_the_difference_of_the_courses_is_added_and_the_noise_stays(tmp_path, monkeypatch):
+    """1 N times 0.0112 V/N and 1 mm, from the beginning of the motion to its last frame; nothing at rest."""
+    source = tmp_path / "runs" / "shot"
+    source.mkdir(parents=True)
+    (source / "shot.toml").write_text("")
+    rows = [[0, 0.0, 1.0, 4.9, 0.004], [1, 1e-5, 1.0, 5.013, 0.004], [3, 3e-5, 9.0, 4.7, 0.004]]
+    table = "\n".join(",".join(map(str, row)) for row in rows)
+    (source / "centreline.csv").write_text(f"frame,time (s),y (mm),Z (mm),sigma_Z (mm)\n{table}\n")
+    scope = np.stack([1e-6 * (np.arange(45.0) + 0.5), np.full(45, 7.0), 0.01 * np.arange(45.0)], axis=1)
+    header = "Time (s),CH1 incident (V),CH2 transmitted (V)"
+    np.savetxt(source / "scope.csv", scope, delimiter=",", header=header, comments="")
+    facts = tmp_path / "shots" / "shot"
+    facts.mkdir(parents=True)
+    (facts / "facts.json").write_text(
+        json.dumps({"scope": {"sensitivity_V_per_N": {"transmitted": 0.0112, "incident": 1.0}}})
+    )
+    monkeypatch.setattr(converged_shots, "RUNS", tmp_path / "runs")
+    monkeypatch.setattr(converged_shots, "SHOTS", tmp_path / "shots")
+    monkeypatch.setattr(converged_shots, "Course", Course)
+    folder = converged("shot", tmp_path / "out")
+    outline = np.loadtxt(folder / "centreline.csv", delimiter=",", skiprows=1)
+    # At rest nothing differs; where the side has folded away there is nothing to compare.
+    np.testing.assert_allclose(outline[:, 3], [4.9, 6.013, 4.7], rtol=1e-9)
+    found = np.loadtxt(folder / "scope.csv", delimiter=",", skiprows=1)
+    moves = (scope[:, 0] > 1e-5) & (scope[:, 0] < 3e-5)
+    np.testing.assert_allclose(found[:, 2] - scope[:, 2], np.where(moves, 0.0112, 0.0), atol=1e-9)
+    np.testing.assert_array_equal(found[:, 1], scope[:, 1])
+    told = json.loads((folder / "converged.json").read_text())
+    assert told == {"force, N rms": pytest.approx(1.0), "outline, um rms": pytest.approx(1e3)}
+
+
+# A plan and a rate report as tables, JSON and lines: they quote twice the standard uncertainty.
+
+
+def expected(m: float, damping: float) -> Expected:
+    sigma = np.array([m, damping])
+    return Expected(deviations=sigma, alone=0.5 * sigma, correlation=np.array([[1.0, -0.4], [-0.4, 1.0]]))
+
+
+def rate(factor: float, m: float, damping: float, cost: float) -> Rate:
+    return Rate(factor, 70.0, 400.0, (0.1, 1e-6), expected(m, damping), {"D": cost, "A": -cost})
+
+
+def plan() -> Plan:
+    grid = ObservationGrid(np.array([0.0, 1e-3]), np.array([5e-4]), np.array([3e-3]))
+    slopes = LocalSensitivity(
+        names=("stiffness_factor", "damping"),
+        point=np.array([1.2, 2e-5]),
+        scale=np.array([0.1, 1e-5]),
+        reach=0.1,
+        grid=grid,
+        force=np.array([50.0]),
+        radius=np.array([[5e-3]]),
+        force_slope=np.zeros((2, 1)),
+        radius_slope=np.zeros((2, 1, 1)),
+        force_left=np.zeros((2, 1)),
+        radius_left=np.zeros((2, 1, 1)),
+    )
+    information: Any = SimpleNamespace(sensitivity=slopes)
+    return Plan(
+        shot="made-up",
+        instruments=Instruments((0.0, 1e-3), 1e-5, 0.5, 8e-6, 1e4, 4e-6),
+        discrepancy=(0.1, 1e-6),
+        information=information,
+        expected={"all": expected(0.02, 1e-6), "force": expected(0.03, 2e-6)},
+        force_scale=np.array([0.005, 0.0]),
+        end_times=np.array([1e-3]),
+        by_end=(expected(0.02, 1e-6),),
+        windows={0.5: (Choice("D", np.array([2e-4, 7e-4]), np.array([0.04, 3e-6])),)},
+        heights={},
+        rates=(rate(1.0, 0.02, 1e-6, 3.0), rate(2.0, 0.01, 4e-6, 2.0)),
+        provenance={},
+    )
+
+
+def test_a_plan_in_json() -> None:
+    said = to_json(plan())
+    stiffness = said["parameters"]["stiffness_factor"]
+    assert stiffness["interval"] == pytest.approx([1.2 - 0.04, 1.2 + 0.04], rel=1e-14)
+    assert (stiffness["sigma"], stiffness["sigma_others_known"]) == (0.02, 0.01)
+    assert stiffness["sigma_force"] == 0.03
+    assert stiffness["shift_by_force_scale"] == 0.005
+    assert said["correlations"] == {"stiffness_factor, damping": -0.4}
+    assert said["best_rate"] == {"D": 2.0, "A": 1.0}
+    assert said["camera_windows"][0]["places"] == [2e-4, 7e-4]
+
+
+def test_a_plan_in_lines() -> None:
+    said = rows(plan())
+    text = " | ".join(f"{name}: {value}" for name, value in said.items())
+    assert "m: 1.200 ± 0.040 (k = 2, expected); 0.02 if the others were known" in text
+    assert "beta: 20.0 ± 2.0 us (k = 2, expected); 1 if the others were known" in text
+    assert "m, from one kind of data: force 0.06" in text
+    assert "m, apart: ± 0.01 by the force's scale" in text
+    assert "50 % of frames, D-optimal: 0.20 to 0.70 ms: m ± 0.08" in text
+    assert "speed x 2: 400/s: m ± 0.02" in text
+    assert said["best speed"].startswith("D-optimal x 2, A-optimal x 1, for m x 2, for ")
+    assert said["best speed"].endswith(" x 1")  # damping is known best at the shot's own speed
+
+
+def test_a_rate_report_in_tables() -> None:
+    m = (1.0, 1.1, 1.3)
+    report = compare([rated(f"shot {i}", value, 300.0, own=0.01) for i, value in enumerate(m)])
+    made = tables(report)
+    assert made["rate_shots"]["u(m) (1)"] == pytest.approx([0.01] * 3, rel=1e-12)
+    assert made["rate_shots"]["U(m) k=2 (1)"] == pytest.approx([0.02] * 3, rel=1e-12)
+    deviation = np.std(m, ddof=1)
+    groups = made["rate_groups"]
+    assert groups["standard deviation s (1)"] == pytest.approx([deviation])
+    assert groups["U = 2s (1)"] == pytest.approx([2.0 * deviation])
+    assert groups["mean m (1)"] == pytest.approx([np.mean(m)])  # equal weights
+    assert groups["degrees of freedom"] == [2.0]
+    mean = summary(report)["groups"][0]["mean"]
+    assert mean["two_standard_deviations"] == pytest.approx(2.0 * deviation)
+    assert mean["interval_95"] == pytest.approx(
+        [groups["95 % low (1)"][0], groups["95 % high (1)"][0]], rel=1e-14
+    )
