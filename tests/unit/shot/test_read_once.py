@@ -40,7 +40,11 @@ def shot(tmp_path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("command", [("identify", *COARSE), ("waves",)], ids=lambda words: words[0])
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(("identify", *COARSE), marks=pytest.mark.slow), ("waves",)],
+    ids=lambda words: words[0],
+)
 def test_parsed_once_and_fitted_once(command, counts, shot):
     name, *options = command
     run_kolsky(name, shot, *options)
