@@ -199,6 +199,7 @@ def reference_curve(
         raise texts.refusal("is not a table", key="--out", value=str(out), allowed="FILE.csv")
     from kolsky.material import reference_curve as curves
     from kolsky.material.end_friction.problem import CorrectionNumerics
+    from kolsky.material.fits.homogeneous_test import CONVENTIONS
     from kolsky.material.uniaxial import Toe
     from kolsky.readers.contents import Layout
 
@@ -224,7 +225,7 @@ def reference_curve(
             last=last,
             numerics=CorrectionNumerics(poisson=poisson),
         )
-    texts.one_of("--convention", convention, curves.CONVENTIONS)
+    texts.one_of("--convention", convention, CONVENTIONS)
     texts.one_of("--branch", branch, curves.BRANCHES)
     given = columns.given(size)
     units = _units_of(unit, given)

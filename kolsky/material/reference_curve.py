@@ -263,8 +263,6 @@ def _mean_time_and_bulge(
     return complete[0], complete[1]
 
 
-CONVENTIONS = ("tension-positive", "compression-positive")
-"""Signs that the columns of a file may have."""
 BRANCHES = ("compression", "tension")
 """Halves of the curve."""
 COLUMNS = {"strain": "1", "stress": "Pa", "displacement": "m", "force": "N", "time": "s", "bulge": "m"}
@@ -295,7 +293,7 @@ def read_uniaxial_test(
     columns
         Kind of `COLUMNS` -> column, by name or number: strain and stress, or displacement and force.
     convention
-        Sign of the columns, one of `CONVENTIONS`.
+        Sign of the columns, one of `kolsky.material.fits.homogeneous_test.CONVENTIONS`.
     branch
         One of `BRANCHES`.
     units

@@ -32,8 +32,6 @@ MOST_FORCES = 64
 second."""
 SAMPLE = 1024
 """Points of each sample of the indices."""
-SEED = 1
-"""Seed of the samples."""
 
 
 @dataclass(frozen=True)
@@ -145,15 +143,24 @@ class SweepAnalysis(ResultViews):
         return points[0, :, i], points[:, 0, j], values.reshape(LEVELS, LEVELS)
 
 
-def analyse_sweep(shot: str, box: Box, table: DesignTable) -> SweepAnalysis:
+def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> SweepAnalysis:
     """Interpolate the misfits of a sweep's runs and analyse the complete sweep.
 
-    ``shot``: name of the shot. ``box``: the design's box. ``table``: every run.
+    Parameters
+    ----------
+    shot
+        Name of the shot.
+    box
+        The design's box.
+    table
+        Every run.
+    rng
+        Seed of the samples.
     """
     phi = misfit_sum(table)
     columns = {"Phi_F": table.phi_force, "Phi_S": table.phi_shape, "Phi": phi}
     outputs = {
-        name: _output(name, box, table.points, values)
+        name: _output(name, box, table.points, values, rng)
         for name, values in columns.items()
         if np.isfinite(values).any()
     }
@@ -165,7 +172,7 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable) -> SweepAnalysis:
         box=box,
         table=table,
         outputs=outputs,
-        indices=_indices(box, outputs),
+        indices=_indices(box, outputs, rng),
         best=best,
         optimum=None if judged is None or best is None else _optimum(judged, box, table.points[best]),
     )
@@ -179,7 +186,7 @@ def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | No
     surrogate = output.surrogate
     if surrogate is None:
         return None
-    scan = box.scale(np.random.default_rng(SEED).random((SAMPLE, box.dimension)))
+    scan = box.scale(np.random.default_rng(1).random((SAMPLE, box.dimension)))
     starts = (start, scan[int(np.argmin(surrogate.predict(scan)[:, 0]))])
     found = min((nelder_mead(surrogate.cost, box, start=x) for x in starts), key=lambda end: end.value)
     return SurfaceOptimum(
@@ -208,10 +215,10 @@ def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
     return {"surface_optimum": found.at, f"surface_phi{force_alone}": found.value, **at_bound}
 
 
-def _output(name: str, box: Box, points: FloatArray, values: FloatArray) -> Output:
+def _output(name: str, box: Box, points: FloatArray, values: FloatArray, rng: int) -> Output:
     done = np.flatnonzero(np.isfinite(values))
     _, single = np.unique(points[done], axis=0, return_index=True)
-    rows = np.random.default_rng(SEED).permutation(done[single])
+    rows = np.random.default_rng(rng).permutation(done[single])
     fitted, rest = rows[:MOST_FITTED], rows[MOST_FITTED:]
     spread = float(values[rows].std())
     if len(rows) < 4 or spread == 0.0:
@@ -226,7 +233,7 @@ def _output(name: str, box: Box, points: FloatArray, values: FloatArray) -> Outp
         error = surrogate.loo_rms / spread
     if not error <= LARGEST_ERROR:
         return _without(name, values, _too_large(error, len(fitted), box.dimension), error)
-    return Output(name, values, error, "", surrogate, _effects(box, surrogate))
+    return Output(name, values, error, "", surrogate, _effects(box, surrogate, rng))
 
 
 def _too_large(error: float, runs: int, dimension: int) -> str:
@@ -247,8 +254,8 @@ def _without(name: str, values: FloatArray, why: str, error: float = float("nan"
     return Output(name, values, error, why, None, {})
 
 
-def _effects(box: Box, surrogate: CostSurrogate) -> dict[str, Effect]:
-    others = np.random.default_rng(SEED).random((256, box.dimension))
+def _effects(box: Box, surrogate: CostSurrogate, rng: int) -> dict[str, Effect]:
+    others = np.random.default_rng(rng).random((256, box.dimension))
     effects = {}
     for i, name in enumerate(box.names):
         u = np.repeat(others[None], LEVELS, axis=0)
@@ -260,7 +267,7 @@ def _effects(box: Box, surrogate: CostSurrogate) -> dict[str, Effect]:
     return effects
 
 
-def _indices(box: Box, outputs: dict[str, Output]) -> SobolIndices | None:
+def _indices(box: Box, outputs: dict[str, Output], rng: int) -> SobolIndices | None:
     able = {name: output.surrogate for name, output in outputs.items() if output.surrogate is not None}
     if not able or box.dimension < 2:
         return None
@@ -269,7 +276,7 @@ def _indices(box: Box, outputs: dict[str, Output]) -> SobolIndices | None:
         lambda points: np.column_stack([surrogate.predict(points)[:, 0] for surrogate in able.values()]),
         outputs=tuple(able),
         n=SAMPLE,
-        rng=SEED,
+        rng=rng,
     )
 
 
