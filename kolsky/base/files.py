@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.files import HIDDEN, alone_in, replacing, scratch, text_cell
+from dic.files import regular as regular  # for the readers, which import no other package
 from kolsky.base.errors import InputError
 
 CURE = "give another place with --out FOLDER"

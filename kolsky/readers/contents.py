@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from dic.files import regular
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import check_size, read_errors
+from kolsky.base.files import check_size, read_errors, regular
 from kolsky.base.process import run_program
 from kolsky.base.units import LARGEST
 

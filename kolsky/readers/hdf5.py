@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from dic.files import regular
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import regular
 from kolsky.readers.contents import (
     SAMPLES_LIMIT,
     Channel,
