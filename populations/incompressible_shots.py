@@ -65,6 +65,11 @@ def answer(study: Study, truth_file: Path, number: int, asked: str) -> dict[str,
         "value": found.estimates[M].value,
         "sigma": found.estimates[M].sigma,
         "verdict": found.estimates[M].outcome.value,
+        "of poisson": [
+            f"{e.outcome.value}, ± {2.0 * e.sigma:.2g}"
+            for e in found.estimates.values()
+            if e.name == "poisson"
+        ],
         "excess": {fit.channel: fit.excess for fit in found.fit},
         "warnings": list(found.warnings),
     }
@@ -73,7 +78,7 @@ def answer(study: Study, truth_file: Path, number: int, asked: str) -> dict[str,
 def line(one: dict[str, Any]) -> str:
     """One row of the table for an answer."""
     error, U = 100.0 * (one["value"] / one["true"] - 1.0), 200.0 * one["sigma"] / one["true"]
-    limit = [words for words in one["warnings"] if words.startswith("nu is held at")]
+    limit = [*one["of poisson"], *(words for words in one["warnings"] if words.startswith("nu is held at"))]
     return (
         f"| {one['number']} | {one['speed']:.1f} | {one['asked']} | {one['poisson']:.6g} | "
         f"{error:+.2f} ± {U:.2f} | {'yes' if abs(error) <= U else 'no'} | {one['verdict']} | "

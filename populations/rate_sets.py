@@ -162,7 +162,8 @@ def main() -> None:
     rows = {}
     for path in given.files:
         said = json.loads(path.read_text("utf-8"))
-        rows[f"{path.parent.name}/{path.stem}"] = counts(read_answers(said), sets=given.sets, seed=given.seed)
+        name = path.parent.name if path.stem == "summary" else path.stem
+        rows[name] = counts(read_answers(said), sets=given.sets, seed=given.seed)
     print(table(rows))
     if given.out is not None:
         write(given.out, rows, indent=1)

@@ -11,13 +11,13 @@ that of an error budget, ``<!-- drawn NAME -->`` that of a population of drawn s
 study of coverage, ``<!-- meshed NAME -->`` the mesh errors of answers, ``<!-- ablated NAME -->`` and ``<!--
 undiagnosed NAME -->`` answers without one mechanism, ``<!-- planted NAME -->`` and ``<!-- advised NAME -->``
 synthetic shots with relaxation, ``<!-- rated NAME -->`` false alarms of a slope, ``<!-- gained NAME -->``
-joint shots with one wrong sensitivity, ``<!-- limited NAME -->`` incompressible shots, ``<!-- equilibria NAME
--->`` times of equilibria, ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->``
-results of the tests with kills, long runs and damaged files, ``<!-- solved NAME -->`` the solver's speed,
-``<!-- priced NAME -->`` the cost of an answer, ``<!-- grown NAME -->`` the growth of the time with the size
-and ``<!-- campaigns NAME -->`` the time on several workers. NAME is a file NAME.json of benchmarks/results or
-populations/results. ``<!-- named inputs -->`` are inputs with separate tests (tests/fuzz/named.py). At any
-place of a line, ``<!-- names laws -->`` becomes the names of the registry.
+joint shots with one wrong sensitivity, ``<!-- equilibria NAME -->`` times of equilibria, ``<!-- killed NAME
+-->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` results of the tests with kills, long runs and
+damaged files, ``<!-- solved NAME -->`` the solver's speed, ``<!-- priced NAME -->`` the cost of an answer,
+``<!-- grown NAME -->`` the growth of the time with the size and ``<!-- campaigns NAME -->`` the time on
+several workers. NAME is a file NAME.json of benchmarks/results or populations/results. ``<!-- named inputs
+-->`` are inputs with separate tests (tests/fuzz/named.py). At any place of a line, ``<!-- names laws -->``
+becomes the names of the registry.
 """
 
 import importlib
@@ -315,14 +315,6 @@ def gained(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
-def limited(name: str) -> str:
-    """Incompressible shots of another program, as `populations.incompressible_shots` prints them."""
-    from populations.incompressible_shots import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made["each"])
-
-
 def advised(name: str) -> str:
     """Single shots with relaxation and elastic ones, as `populations.branch_advice_counts` prints them."""
     from populations.branch_advice_counts import table
@@ -427,7 +419,6 @@ TABLES = {
     "planted": planted,
     "rated": rated,
     "gained": gained,
-    "limited": limited,
     "advised": advised,
     "equilibria": equilibria,
     "budget": budget,

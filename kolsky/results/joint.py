@@ -63,7 +63,7 @@ AGREEMENT = Record(
         "ratio": Floats("1"),
         "shots": Text("shots"),
         "channel": Text(),
-        "noticeable": Floats("1", "shots", as_tuple=True, since=7),
+        "noticeable": Floats("1", "compared", as_tuple=True, since=7),
         "sentence": Text(derived=True),
     },
 )

@@ -327,7 +327,7 @@ def test_the_limit_is_taken_where_the_data_do_not_reject_it(monkeypatch: pytest.
 def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
     def one(asked: str, value: float, poisson: float, verdict: str = "identified") -> dict[str, Any]:
         said = {"number": 0, "asked": asked, "true": 1.0, "speed": 2.0, "verdict": verdict, "warnings": []}
-        return {**said, "value": value, "sigma": 0.01, "poisson": poisson}
+        return {**said, "value": value, "sigma": 0.01, "poisson": poisson, "of poisson": []}
 
     rows = [
         one("nothing", 1.0, INCOMPRESSIBLE, "identified by the outline alone"),
