@@ -273,7 +273,8 @@ def own_amount(
     ``patterns``: further errors of the shot, one standard deviation per row, [n, k]. ``channel``: "joint",
     "force" or "outline". NaN if the channel was not measured.
     """
-    objective, amounts, variance = one.objective, np.zeros(len(changes)), float("nan")
+    objective, variance = one.objective, float("nan")
+    amounts: FloatArray = np.zeros(len(changes))
     use = {FORCE: objective.mask("force"), OUTLINE: objective.mask("shape")}.get(
         channel, objective.mask("joint")
     )
