@@ -273,7 +273,8 @@ def own_amount(
     ``patterns``: further errors of the shot, one standard deviation per row, [n, k]. ``channel``: "joint",
     "force" or "outline". NaN if the channel was not measured.
     """
-    objective, amounts, variance = one.objective, np.zeros(len(changes)), float("nan")
+    objective, variance = one.objective, float("nan")
+    amounts: FloatArray = np.zeros(len(changes))
     use = {FORCE: objective.mask("force"), OUTLINE: objective.mask("shape")}.get(
         channel, objective.mask("joint")
     )
@@ -284,7 +285,8 @@ def own_amount(
         weighed = objective.with_discrepancy(objective.data + residual + amounts @ changes)
         sigma = np.where(use, weighed.own_sigma, BLANK * weighed.own_sigma)
         whitening = Whitening(sigma, np.concatenate([weighed.common, patterns]) * use)
-        amounts = -np.linalg.lstsq(whitening.apply(changes).T, whitening.apply(residual))[0]
+        found = -np.linalg.lstsq(whitening.apply(changes).T, whitening.apply(residual))[0]
+        amounts = np.asarray(found, dtype=np.float64)
         left = residual + amounts @ changes
         widths = np.full(len(changes), inf)
         variance = covariance(changes.T, left * use, whitening, alone, widths)[-1, -1]
