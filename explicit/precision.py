@@ -30,10 +30,7 @@ PRECISIONS = {
 
 
 def precision(name: str) -> Precision:
-    """Find a precision by its name.
-
-    Raises ValueError if the name is not "fp32" or "fp64".
-    """
+    """Find a precision by its name. Raises ValueError if the name is not "fp32" or "fp64"."""
     if name not in PRECISIONS:
         raise ValueError(f"precision must be one of {sorted(PRECISIONS)}, got {name!r}")
     return PRECISIONS[name]

@@ -111,10 +111,7 @@ def checked_shape(path: Path, rows: object, columns: object) -> tuple[int, int]:
 
 
 def checked_count(path: Path, frames: int) -> int:
-    """The number of frames, if it is from 1 to `MOST_FRAMES`.
-
-    Raises PictureError if it is not.
-    """
+    """The number of frames, if it is from 1 to `MOST_FRAMES`. Raises PictureError if it is not."""
     if not 1 <= frames <= MOST_FRAMES:
         raise PictureError(
             path,
@@ -139,10 +136,7 @@ def checked_bits(path: Path, bits: int, container: int) -> int:
 
 
 def checked_index(n_frames: int, index: int) -> int:
-    """A frame number from 0 to `n_frames` - 1.
-
-    Raises IndexError if it is outside.
-    """
+    """A frame number from 0 to `n_frames` - 1. Raises IndexError if it is outside."""
     index = operator.index(index)
     if not 0 <= index < n_frames:
         raise IndexError(f"frame {index} of {n_frames}: must be from 0 to {n_frames - 1}")

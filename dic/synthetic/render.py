@@ -114,10 +114,7 @@ def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A camera's sensor.
-
-    Raises ValueError if a value is outside its range.
-    """
+    """A camera's sensor. Raises ValueError if a value is outside its range."""
 
     bits: int = 12
     """Bits of a grey value."""

@@ -53,10 +53,7 @@ class Design:
 
 
 def count_of(n: int) -> int:
-    """A number of points.
-
-    Raises ValueError if it is below 2.
-    """
+    """A number of points. Raises ValueError if it is below 2."""
     count = index(n)
     if count < 2:
         raise ValueError(f"a design needs n >= 2 points, got {count}")

@@ -290,10 +290,7 @@ def prony_stress(law: Any, series: PronySeries, time: ArrayLike, stretch: ArrayL
 
 
 def checked_history(time: ArrayLike, stretch: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """A history as two float64 arrays.
-
-    Raises ValueError as `prony_stress`.
-    """
+    """A history as two float64 arrays. Raises ValueError as `prony_stress`."""
     t, lam = np.asarray(time, dtype=float), np.asarray(stretch, dtype=float)
     if t.ndim != 1 or t.shape != lam.shape or t.size == 0:
         raise ValueError(f"a history needs as many stretches as times, got shapes {lam.shape} and {t.shape}")

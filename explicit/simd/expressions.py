@@ -110,10 +110,7 @@ Emit: TypeAlias = Callable[[str], None]
 
 
 def kind_of(dtype: Any) -> str:
-    """Kind of a Warp scalar type.
-
-    Raises TypeError if it has none.
-    """
+    """Kind of a Warp scalar type. Raises TypeError if it has none."""
     if dtype not in KINDS:
         raise TypeError(f"no SIMD kind for {dtype}; known: {sorted(set(KINDS.values()))}")
     return KINDS[dtype]

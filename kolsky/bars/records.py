@@ -55,10 +55,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class BarSignal:
-    """Strain at a gauge station, compression positive.
-
-    It is the mean of its gauges, without bending.
-    """
+    """Strain at a gauge station, compression positive. It is the mean of its gauges, without bending."""
 
     strain: Signal
     """Axial strain at the station, compression positive [-]."""

@@ -75,10 +75,7 @@ def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
 
 
 def _line_rows(one: Direction) -> Iterator[dict[str, Any]]:
-    """One row per node of the middle line and declared pressure.
-
-    Empty if the mesh has no such line.
-    """
+    """One row per node of the middle line and declared pressure. Empty if the mesh has no such line."""
     run, mesh = one.pristine, one.pristine.solution.model.mesh
     if "line" not in mesh.sets:
         return

@@ -469,10 +469,7 @@ def volume_reading(d1: Any) -> float:
 def _solid(
     toml: TomlFile, where: str, law: str, section: ConstantsSection, *, key: str | None = None
 ) -> Solid:
-    """The material of a table.
-
-    `key`: the key of its constants, if it is not `constants`.
-    """
+    """The material of a table. `key`: the key of its constants, if it is not `constants`."""
     key = f"{where}.constants" if key is None else key
     values = read_constants(toml, key, law, section.constants)
     try:

@@ -563,10 +563,7 @@ def _search(
     remainder: FloatArray | None = None,
     progress: Progress,
 ) -> _Search:
-    """Minimise the cost.
-
-    `remainder`: of `_Search`, divided by the first Gauss-Newton second derivative.
-    """
+    """Minimise the cost. `remainder`: of `_Search`, divided by the first Gauss-Newton second derivative."""
     low, high = problem.constants.bounds
     begun = problem.cost(start)
     if isinstance(begun, str):
@@ -618,10 +615,7 @@ def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: Fl
 
 
 def bounded_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Newton's step within bounds, shape [p].
-
-    Components stop at their bounds; the others are adjusted.
-    """
+    """Newton's step within bounds, shape [p]. Components stop at their bounds; the others are adjusted."""
     step = np.zeros_like(gradient)
     free = ~(((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0)))
     while free.any():
@@ -745,10 +739,7 @@ def _apart(constants: Constants, one: FloatArray, other: FloatArray) -> bool:
 
 
 def fit_steps(problem: FieldProblem) -> list[FieldFit | str]:
-    """Fit every step separately.
-
-    If the constants drift with the load, the law is inadequate.
-    """
+    """Fit every step separately. If the constants drift with the load, the law is inadequate."""
     fits: list[FieldFit | str] = []
     for step in range(len(problem.data.pad)):
         try:

@@ -194,10 +194,7 @@ def _sheet(
 
 
 def counterclockwise(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
-    """Cells with counter-clockwise node order, and the number of reversed cells.
-
-    The shapes do not change.
-    """
+    """Cells with counter-clockwise node order, and the number of reversed cells. The shapes do not change."""
     kind = KINDS[cells.shape[1]]
     corners = points[cells[:, : 3 if kind.startswith("tri") else 4]]
     later = np.roll(corners, -1, axis=1)

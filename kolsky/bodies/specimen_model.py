@@ -177,10 +177,7 @@ def shape_of(
     density: float | None,
     body: Mesh | None = None,
 ) -> Shape:
-    """The shape in the table of a test.
-
-    `body`: its mesh with its two sets, if the table names a file.
-    """
+    """The shape in the table of a test. `body`: its mesh with its two sets, if the table names a file."""
     gravity = (
         None if section.gravity is None else (section.gravity[0], section.gravity[1], section.gravity[2])
     )

@@ -113,10 +113,7 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
 
 
 def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]) -> Mesh:
-    """The mesh of a test with its two ends as sets.
-
-    A side's name means that side of the bounding box.
-    """
+    """The mesh of a test with its two ends as sets. A side's name means that side of the bounding box."""
     assert section.mesh is not None  # checked by the schema
     assert section.mesh_unit is not None
     raw = read_body(toml.path.parent / section.mesh)

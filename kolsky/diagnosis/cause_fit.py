@@ -194,10 +194,7 @@ def solve_linear(
 
 @dataclass(frozen=True)
 class _System:
-    """The columns with an effect, scaled by their size.
-
-    Those of the allowances come first.
-    """
+    """The columns with an effect, scaled by their size. Those of the allowances come first."""
 
     A: FloatArray
     """The columns [k, n]."""

@@ -124,10 +124,7 @@ def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
 
 
 def can_be_tried(c: Cause, problem: InverseProblem) -> bool:
-    """True if a cause can be tried on this shot.
-
-    It must be measured, held, and have an effect.
-    """
+    """True if a cause can be tried on this shot. It must be measured, held, and have an effect."""
     shot, settings = problem.shot, problem.settings
     if c.parameter in problem.box.names:
         return False

@@ -335,10 +335,7 @@ def _within_bounds(tried: Sequence[Value]) -> list[Value]:
 
 
 def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
-    """Each value with the free parameters by a linear step.
-
-    Values with failed runs are left out.
-    """
+    """Each value with the free parameters by a linear step. Values with failed runs are left out."""
     found, points = [], [Point(search.x, c.changed(u)) for c, u in tried]
     for (c, u), vector in zip(tried, search.model.screen.vectors(points), strict=True):
         if not np.isfinite(vector[: search.n_force]).all():

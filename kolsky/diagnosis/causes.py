@@ -127,10 +127,7 @@ def _within(search: CauseSearch, t: Trial) -> bool:
 
 
 def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
-    """Keys by increasing loss.
-
-    Among indistinguishable keys, the most usual error comes first.
-    """
+    """Keys by increasing loss. Among indistinguishable keys, the most usual error comes first."""
     left, order = sorted(trials, key=lambda t: search.loss(t.misfits)), []
     while left:
         first = search.loss(left[0].misfits)
@@ -393,10 +390,7 @@ def _search_from(
 
 
 def best_of_each(trials: Sequence[Best], judge: CauseSearch) -> list[Best]:
-    """The trial of each input with the least loss.
-
-    Successful trials come before failed ones.
-    """
+    """The trial of each input with the least loss. Successful trials come before failed ones."""
     best: dict[str, Best] = {}
     for one in trials:
         key = one.seen.candidate.key

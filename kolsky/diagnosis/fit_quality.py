@@ -431,10 +431,7 @@ def _uninformative_channels(result: Identification) -> Iterator[str]:
 
 
 def unexplained(channel: FitQuality) -> str:
-    """The reason for rejecting a fit, in numbers.
-
-    For a slow test they are in units of its sigma.
-    """
+    """The reason for rejecting a fit, in numbers. For a slow test they are in units of its sigma."""
     factor, unit = UNITS[channel.unit]
     reasons = []
     if not channel.excess <= channel.limit:

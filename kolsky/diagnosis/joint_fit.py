@@ -372,10 +372,7 @@ def _ratio(amounts: FloatArray) -> float:
 
 
 def _farthest(a: FloatArray, s: FloatArray) -> int:
-    """The shot without which the others agree best.
-
-    Its removal gives the largest decrease of chi-square.
-    """
+    """The shot without which the others agree best. Its removal gives the largest decrease of chi-square."""
     others = [np.arange(len(a)) != i for i in range(len(a))]
     return int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
 

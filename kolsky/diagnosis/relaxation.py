@@ -351,10 +351,7 @@ def rate_advice(
 
 
 def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
-    """The numbers on which the advice is based.
-
-    ``test``, ``fit``: as for `rate_advice`.
-    """
+    """The numbers on which the advice is based. ``test``, ``fit``: as for `rate_advice`."""
     found = {} if test is None else {"branch_probability": test.probability}
     if fit is not None:
         found |= {
@@ -489,10 +486,7 @@ def _inside_range(e: Estimate | None) -> bool:
 
 
 def points_in_step(names: Sequence[str], points: FloatArray, strength: float) -> FloatArray:
-    """Points with a branch of given strength, shape [n, d].
-
-    The bulk modulus is kept if possible.
-    """
+    """Points with a branch of given strength, shape [n, d]. The bulk modulus is kept if possible."""
     found = points.copy()
     if VALLEY in names:
         i = names.index(VALLEY)
@@ -535,10 +529,7 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
 
 
 def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
-    """-2 ln L of a vector up to a constant.
-
-    A point that a run does not reach has zero residual.
-    """
+    """-2 ln L of a vector up to a constant. A point that a run does not reach has zero residual."""
     residual = np.where(np.isnan(vector), 0.0, vector - stack.data)
     weights = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
     return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant

@@ -264,10 +264,7 @@ ELEMENTS: dict[str, Element] = {
 
 
 def element(name: str) -> Element:
-    """Return an element by name.
-
-    Raises ValueError for an unknown name. The message lists the elements.
-    """
+    """Return an element by name. Raises ValueError for an unknown name. The message lists the elements."""
     if name not in ELEMENTS:
         raise ValueError(f"kind must be one of {sorted(ELEMENTS)}, got {name!r}")
     return ELEMENTS[name]

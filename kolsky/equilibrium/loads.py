@@ -202,10 +202,7 @@ def rim(mesh: Mesh, where: str) -> IntArray:
 
 
 def weight(model: Model, geometry: Geometry, at: Mapping[str, float]) -> FloatArray:
-    """Weight of the points [N], shape [n d].
-
-    `at` has the value of each history.
-    """
+    """Weight of the points [N], shape [n d]. `at` has the value of each history."""
     total = np.zeros(model.mesh.points.shape)
     for condition in model.conditions:
         if isinstance(condition, Gravity):

@@ -69,10 +69,7 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class Solution:
-    """A history of equilibria.
-
-    Steps that were not reached are NaN, and the outcome gives the reason.
-    """
+    """A history of equilibria. Steps that were not reached are NaN, and the outcome gives the reason."""
 
     model: Model
     """The model."""

@@ -229,10 +229,7 @@ def _least_squares_on(
     points: FloatArray,
     steps: int,
 ) -> list[MeshOptimum]:
-    """Least squares on a mesh from several starts, the most likely result first.
-
-    The prior counts as data.
-    """
+    """Least squares on a mesh from several starts, the most likely result first. The prior counts as data."""
     box, prior = runner.problem.box, objective.prior
     inner, k = search_box(box), len(objective.data)
     known = np.zeros(0) if prior is None else np.zeros(len(prior.rows()))

@@ -234,10 +234,7 @@ def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence
 
 
 def calibration_pictures(toml: TomlFile, section: CalibrationSection) -> list[Pictures]:
-    """The pictures of the target by camera.
-
-    Raises InputError if a series cannot be opened.
-    """
+    """The pictures of the target by camera. Raises InputError if a series cannot be opened."""
     return [_series(toml, name, getattr(section, name)) for name in CAMERAS]
 
 

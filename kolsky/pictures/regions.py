@@ -71,10 +71,7 @@ class Drawn:
 
 
 def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Drawn]]:
-    """Regions from the data of a page.
-
-    A key without regions is left out.
-    """
+    """Regions from the data of a page. A key without regions is left out."""
     if not isinstance(content, Mapping):
         raise ValueError("the regions are not a mapping of names to lists")
     known = {one.key: one for one in wanted}

@@ -153,10 +153,7 @@ def _share_left_in_mean(body: Body, frame: int, length: float) -> float:
 
 
 def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureErrors) -> CentreLine:
-    """The outline with the shared error of its Z as modes.
-
-    The remaining variance is added to its sigma.
-    """
+    """The outline with the shared error of its Z as modes. The remaining variance is added to its sigma."""
     modes, left = error_patterns(
         line.time, line.y, sigma=errors.outline_sigma, memory=errors.memory, length=errors.length
     )

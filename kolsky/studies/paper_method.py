@@ -94,10 +94,7 @@ def surface_of(runs: sweeping.Sweep) -> Surface:
 
 
 def box_around(whole: Box, x: FloatArray, shares: list[float]) -> Box:
-    """A box about a point with these shares of the edges.
-
-    It is moved to lie inside the whole box.
-    """
+    """A box about a point with these shares of the edges. It is moved to lie inside the whole box."""
     bounds = {}
     for i, (name, share) in enumerate(zip(whole.names, shares, strict=True)):
         edge = share * (whole.upper[i] - whole.lower[i])

@@ -206,10 +206,7 @@ def _ends(names: Sequence[str]) -> str:
 
 
 def fit_curve(slow: Slow) -> Candidate:
-    """Fit histories by a cubic spline of the stretch.
-
-    Its number of pieces has the least BIC.
-    """
+    """Fit histories by a cubic spline of the stretch. Its number of pieces has the least BIC."""
     values, sigma = slow_measured(slow)
     histories = [one for one in slow if isinstance(one, HistoryTest)]
     stretch = np.concatenate([one.stretch[np.isfinite(one.sigma)] for one in histories])
@@ -227,19 +224,13 @@ def fit_curve(slow: Slow) -> Candidate:
 
 
 def _least_squares(rows: FloatArray, values: FloatArray) -> Candidate:
-    """Fit a curve that is linear in its constants.
-
-    Unconstrained constants do not count.
-    """
+    """Fit a curve that is linear in its constants. Unconstrained constants do not count."""
     solved, _, rank, _ = np.linalg.lstsq(rows, values)
     return Candidate(CURVE, int(rank), float(np.square(rows @ solved - values).sum()), {})
 
 
 def fit_network(law: MaterialLaw, slow: Slow) -> Candidate:
-    """Fit factor, ratio and resistance of the network.
-
-    Its exponents are the defaults of a shot file.
-    """
+    """Fit factor, ratio and resistance of the network. Its exponents are the defaults of a shot file."""
     values, sigma = slow_measured(slow)
     stress = float(np.abs(values).max())
     names = ("factor", "creep_ratio", "creep_resistance")

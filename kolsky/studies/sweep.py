@@ -181,10 +181,7 @@ def sweep(
 
 @contextmanager
 def _merged(path: Path, model: bytes, others: tuple[Path, ...]) -> Iterator[Ledger]:
-    """A ledger with others merged into it.
-
-    If one is rejected, a newly created ledger is removed.
-    """
+    """A ledger with others merged into it. If one is rejected, a newly created ledger is removed."""
     fresh, made = not path.exists(), missing(path.parent)
     path.parent.mkdir(parents=True, exist_ok=True)
     try:

@@ -120,10 +120,7 @@ def relative_moves(part: Declaration, answer: Mapping[str, float]) -> dict[str, 
 
 
 def elasticity(part: Declaration, answer: Mapping[str, float]) -> dict[str, float]:
-    """The logarithmic derivative of each free parameter by an input.
-
-    Empty if the input is no scale.
-    """
+    """The logarithmic derivative of each free parameter by an input. Empty if the input is no scale."""
     if not INPUTS[part.key].relative:
         return {}
     return {name: share / part.amount for name, share in relative_moves(part, answer).items()}

@@ -119,10 +119,7 @@ def plain_amount(key: str, value: float) -> float:
 
 
 def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, seen: Observations) -> str:
-    """The reason why an input has no separate effect on this shot's answer.
-
-    Empty if it has one.
-    """
+    """The reason why an input has no separate effect on this shot's answer. Empty if it has one."""
     if key in free:
         return "free, found from the data"
     laws = {shot.interface.faces, shot.interface.side}
@@ -552,8 +549,5 @@ def declared_changes(directions: InputDirections, uncertainty: Mapping[str, floa
 
 
 def in_quadrature(rows: list[FloatArray]) -> FloatArray:
-    """Changes scaled by root n, shape [n, k].
-
-    Their mean square is then the sum of the squares.
-    """
+    """Changes scaled by root n, shape [n, k]. Their mean square is then the sum of the squares."""
     return np.asarray(np.sqrt(len(rows)) * np.array(rows))

@@ -212,10 +212,7 @@ def mesh_error_numerics(runner: Runner, fine: RefinedOptimum) -> list[Numerics]:
 
 
 def mesh_error_runs(runner: Runner, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
-    """Runs at a point.
-
-    On the surrogate's mesh, the point is shifted to resemble the refined mesh.
-    """
+    """Runs at a point. On the surrogate's mesh, the point is shifted to resemble the refined mesh."""
     launches = []
     for k, one in enumerate(numerics):
         values = runner.at(point, one.mesh) if k < BOTH_ELEMENTS else runner.problem.point(point)
@@ -326,10 +323,7 @@ def _joint_lost(problem: JointProblem, numerics: Numerics, vector: FloatArray, *
 
 
 def _joint_windows(stack: Stack) -> IntArray:
-    """Windows of every shot, [k].
-
-    Slow tests and priors do not depend on the mesh; their window is 0.
-    """
+    """Windows of every shot, [k]. Slow tests and priors do not depend on the mesh; their window is 0."""
     each = [WINDOWS * i + windows_of(shot.objective.times) for i, shot in enumerate(stack.shots)]
     found = np.zeros(len(stack.data), int)
     found[: stack.ends[-1]] = np.concatenate(each)

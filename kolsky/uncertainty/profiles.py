@@ -304,10 +304,7 @@ def _test_along(
 
 
 def _along(profile: Profile) -> NDArray[np.intp]:
-    """Rows of a profile to run.
-
-    They are evenly spread over the range of small rise, both ends included.
-    """
+    """Rows of a profile to run. They are evenly spread over the range of small rise, both ends included."""
     low = np.flatnonzero(profile.rise <= REACH * profile.level)
     return np.unique(low[np.linspace(0, len(low) - 1, ALONG).round().astype(int)])
 

@@ -74,10 +74,7 @@ def code_step(full_scale: float, bits: int) -> float:
 
 
 def quantised(volts: FloatArray, full_scale: float, bits: int) -> FloatArray:
-    """Voltage rounded to the recorder's nearest code, Eq. (E.7).
-
-    It is clipped to the first and last code.
-    """
+    """Voltage rounded to the recorder's nearest code, Eq. (E.7). It is clipped to the first and last code."""
     step = code_step(full_scale, bits)
     codes = np.clip(np.rint(volts / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
     return np.asarray(codes * step)

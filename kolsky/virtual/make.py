@@ -118,10 +118,7 @@ def _hash(shot: ShotSpecification) -> str:
 
 
 def _holds_shot(shot: ShotSpecification, folder: Path) -> bool:
-    """True if the folder contains this shot.
-
-    Raises InputError if it contains something else.
-    """
+    """True if the folder contains this shot. Raises InputError if it contains something else."""
     if not folder.exists() or not any(folder.iterdir()):
         return False
     answer = folder / TRUTH
@@ -166,10 +163,7 @@ Place = tuple[ShotSpecification, Path]
 
 
 def place_of(series: Series, shot: ShotSpecification, out: Path) -> Path:
-    """Folder of a shot.
-
-    It is `out` without a population, otherwise a folder in it with the shot's name.
-    """
+    """Folder of a shot. It is `out` without a population, otherwise a folder in it with the shot's name."""
     return out if series.declared.population is None else out / shot.name
 
 
@@ -287,10 +281,7 @@ def gpu_batches(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[
 def _over_gpus(
     pool: Executor, batches: Sequence[Sequence[Place]], shared: Sequence[str], device: str, threads: int
 ) -> Iterator[Made | NotMade]:
-    """Simulate one batch per GPU at a time.
-
-    The folders of a batch are written as soon as it is finished.
-    """
+    """Simulate one batch per GPU at a time. The folders of a batch are written as soon as it is finished."""
     waiting, idle = list(batches), list(shared)
     running: dict[Future[Any], tuple[str, Sequence[Place]]] = {}
     writing: set[Future[Any]] = set()

@@ -106,10 +106,7 @@ LONGEST = 0.1
 
 
 class Path1D(Protocol):
-    """A displacement toward the specimen and its velocity.
-
-    Both begin at a start time.
-    """
+    """A displacement toward the specimen and its velocity. Both begin at a start time."""
 
     @property
     def start(self) -> float:

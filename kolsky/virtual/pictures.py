@@ -405,10 +405,7 @@ def _covered(
 
 
 def _paint(q: Specification, area: Area, rng: np.random.Generator) -> Texture:
-    """Speckles of the specification.
-
-    The texel pitch equals the distance of the rays.
-    """
+    """Speckles of the specification. The texel pitch equals the distance of the rays."""
     s, pixel = q.speckle, q.cameras.pixel
     size = s.size * pixel
     if s.kind == "sprayed":

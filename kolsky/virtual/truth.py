@@ -246,19 +246,13 @@ def _failure(job: Job, response: explicit.Response, row: int) -> TruthError | No
 def _run(
     batches: Sequence[tuple[Sequence[Job], Sequence[FloatArray]]], device: str, threads: int | None
 ) -> list[explicit.Response]:
-    """Simulate batches of jobs, one model per batch.
-
-    Each job has an added flyer displacement [m].
-    """
+    """Simulate batches of jobs, one model per batch. Each job has an added flyer displacement [m]."""
     problems = [_problem(jobs, shift) for jobs, shift in batches]
     return explicit.run_side_by_side(problems, device=device, threads=threads)
 
 
 def _problem(jobs: Sequence[Job], shift: Sequence[FloatArray]) -> explicit.Problem:
-    """The batch of jobs of one model.
-
-    `shift` is added at the times of the force [m].
-    """
+    """The batch of jobs of one model. `shift` is added at the times of the force [m]."""
     first = jobs[0].quantities
     last = max(job.last for job in jobs)
     times = KNOT * np.arange(int(np.ceil(last / KNOT)) + 1, dtype=np.float64)

@@ -70,10 +70,7 @@ class Target(Protocol):
 
 
 def positive(**lengths: float) -> None:
-    """Reject lengths that are not positive and finite.
-
-    Raises ValueError; its message names the length.
-    """
+    """Reject lengths that are not positive and finite. Raises ValueError; its message names the length."""
     for name, value in lengths.items():
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} must be a positive length in metres, got {value}")

@@ -282,10 +282,7 @@ def frames_in(span: float, time: FloatArray) -> int:
 
 
 def columns(found: FlightOfSpecimen) -> dict[str, FloatArray]:
-    """The flight as columns with units, one row per frame from rest on.
-
-    NaN if unknown.
-    """
+    """The flight as columns with units, one row per frame from rest on. NaN if unknown."""
     t = found.time
     table = {"time (s)": t}
 

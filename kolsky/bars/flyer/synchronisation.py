@@ -41,10 +41,7 @@ class Agreement(StrEnum):
 
 @dataclass(frozen=True)
 class Synchronisation:
-    """The lag of the cameras' clock.
-
-    Both instruments have measured one motion.
-    """
+    """The lag of the cameras' clock. Both instruments have measured one motion."""
 
     lag: float
     """Time to be added to the cameras' times, in addition to the declared offset [s]."""

@@ -67,10 +67,7 @@ def _slownesses(poisson: float) -> tuple[float, float]:
 
 
 def onoe(s: Array) -> Array:
-    """z J0(z) / J1(z) with z^2 = s (Onoe, McNiven and Mindlin 1962).
-
-    For s < 0, scaled functions are used.
-    """
+    """z J0(z) / J1(z) with z^2 = s (Onoe, McNiven and Mindlin 1962). For s < 0, scaled functions are used."""
     s = np.asarray(s)
     small = np.abs(s) < _SERIES
     if np.iscomplexobj(s):

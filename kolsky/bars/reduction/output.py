@@ -161,10 +161,7 @@ def _histories(r: Reduction) -> Iterator[tuple[str, str, History]]:
 
 
 def _tables(entry: OpenGroup, result: ReducedTest) -> None:
-    """Corrections, budget, facts, inputs, settings, remarks.
-
-    The unit of each row is in a separate column.
-    """
+    """Corrections, budget, facts, inputs, settings, remarks. The unit of each row is in a separate column."""
     log, rows = group(entry, "corrections"), result.corrections
     for name in ("name", "key", "unit", "reason"):
         _text(log, name, [getattr(c, name) for c in rows])

@@ -55,10 +55,7 @@ class EnergyBalance:
 
 @dataclass(frozen=True)
 class Summary:
-    """Results of one test by one analysis.
-
-    Compression is positive; sigmas contain only the gauges' noise.
-    """
+    """Results of one test by one analysis. Compression is positive; sigmas contain only the gauges' noise."""
 
     analysis: str
     """The analysis: "one wave", "two waves" or "three waves"."""
@@ -375,10 +372,7 @@ def with_both_sides(budget: Budget) -> Budget:
 
 
 def table(budget: Budget, sign: float) -> BudgetTable:
-    """Reported results with the share of every input, largest first.
-
-    `sign` -1 makes tension positive.
-    """
+    """Reported results with the share of every input, largest first. `sign` -1 makes tension positive."""
     found = budget_table(
         budget, {name: (name, None, unit) for name, unit in UNITS.items() if name in budget.value}
     )

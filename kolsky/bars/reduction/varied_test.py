@@ -152,10 +152,7 @@ def bar_correlations(given: WavesInput, quantities: Sequence[Quantity]) -> dict[
 
 @dataclass(frozen=True)
 class VariedTest:
-    """One test with fixed windows.
-
-    Every result is a function of the `values` of its quantities, by name.
-    """
+    """One test with fixed windows. Every result is a function of the `values` of its quantities, by name."""
 
     given: WavesInput
     """The test as declared."""

@@ -332,10 +332,7 @@ def with_shunt(bridge: Bridge, shunt: Shunt, *, allowance: float = 0.02) -> tupl
 
 
 def _output(R: float, lead: float, shunt: Shunt) -> float:
-    """Output over excitation with the shunt.
-
-    Other arms are at rest, with leads as long as the gauge's.
-    """
+    """Output over excitation with the shunt. Other arms are at rest, with leads as long as the gauge's."""
     if shunt.at_gauge:
         x = -R / (R + shunt.resistance) * R / (R + lead)
     else:

@@ -119,10 +119,7 @@ def dissect(centres: FloatArray, components: IntArray, count: int) -> list[Front
 def _bisect(
     centres: FloatArray, leaf_cells: int
 ) -> tuple[IntArray, list[tuple[int, int]], list[tuple[int, ...]]]:
-    """Order of the cells, range of each part in it, and the parts of each part.
-
-    Children come first.
-    """
+    """Order of the cells, range of each part in it, and the parts of each part. Children come first."""
     order = np.arange(len(centres))
     ranges: list[tuple[int, int]] = []
     children: list[tuple[int, ...]] = []
@@ -145,10 +142,7 @@ def _bisect(
 
 
 def _cut(along: FloatArray) -> int:
-    """Number of cells in the first half.
-
-    In a structured mesh, the cut is between layers near the middle.
-    """
+    """Number of cells in the first half. In a structured mesh, the cut is between layers near the middle."""
     half = len(along) // 2
     span = along[-1] - along[0]
     jumps = np.flatnonzero(np.diff(along) > 1e-6 * span) + 1

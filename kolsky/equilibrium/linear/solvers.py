@@ -212,10 +212,7 @@ class _SuperLU:
 
 
 def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> LinearSolver:
-    """Return a solver by name. "auto" selects one.
-
-    Raises ValueError if there is no such solver.
-    """
+    """Return a solver by name. "auto" selects one. Raises ValueError if there is no such solver."""
     if name in ("auto", "multifrontal"):
         direct = MultifrontalSolver(pattern, points[cells].mean(axis=1))
         if name == "multifrontal" or pattern.count <= MANY or direct.bytes <= LARGEST:

@@ -161,10 +161,7 @@ def fit_nodes(
 
 
 def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptimum) -> ModelOptimum:
-    """Fit of a law of the library.
-
-    It starts from the law's fit to the curve of another law.
-    """
+    """Fit of a law of the library. It starts from the law's fit to the curve of another law."""
     stress = near.model.stress(test.own(near.theta), test.strain)
     homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)
     residuals = residuals_of(candidate.law, [homogeneous], held=candidate.held)
@@ -304,10 +301,7 @@ def local_rms(changes: Sequence[FloatArray]) -> FloatArray:
 def _refined_fit(
     one: ModelOptimum, test: MeasuredSpecimen, finer: MeasuredSpecimen, error: MeshError
 ) -> ModelOptimum:
-    """One fit moved to the refined mesh.
-
-    Its simulated test changes by `error`.
-    """
+    """One fit moved to the refined mesh. Its simulated test changes by `error`."""
     n = test.strain.size
     rows = [(one.off + error.stress) / finer.noise]
     if test.bulge is not None:

@@ -129,10 +129,7 @@ def compressible_stress(
 
 
 def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:
-    """Stretch of the free faces of a compressible solid [-], shape [...].
-
-    It is the root of tau_3 = 0.
-    """
+    """Stretch of the free faces of a compressible solid [-], shape [...]. It is the root of tau_3 = 0."""
     if mode is Mode.SIMPLE_SHEAR:
         raise ValueError("simple shear prescribes the whole deformation: no face is free")
     d = np.asarray(deformation, dtype=float)
@@ -165,10 +162,7 @@ def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation:
 def free_stretches(
     law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Principal stretches of a compressible solid with free faces without stress [-].
-
-    See `free_stretch`.
-    """
+    """Principal stretches of a compressible solid with free faces without stress [-]. See `free_stretch`."""
     d = np.asarray(deformation, dtype=float)
     return _stretches(mode, d, free_stretch(law, volume, mode, d))
 

@@ -273,10 +273,7 @@ def with_recognised_columns(path: Path, columns: Columns) -> tuple[Columns, str]
 
 
 def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:
-    """The tests with unique names.
-
-    Files with equal names are distinguished by mode and number.
-    """
+    """The tests with unique names. Files with equal names are distinguished by mode and number."""
     made: list[HomogeneousTest] = []
     for test in tests:
         name = test.name

@@ -367,10 +367,7 @@ def _drawn(spec: ParameterSpec, u: FloatArray) -> FloatArray:
 def _with_best_moduli(
     residuals: Residuals, x: FloatArray, linear: NDArray[np.bool_], lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
-    """The same pure numbers with the moduli of least squares.
-
-    The stress is taken as linear in them.
-    """
+    """The same pure numbers with the moduli of least squares. The stress is taken as linear in them."""
     if not linear.any():
         return x
     columns = []

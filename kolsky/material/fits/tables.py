@@ -23,10 +23,7 @@ CORRELATED = 1.0
 
 
 def tables(comparison: Comparison) -> dict[str, Columns]:
-    """Columns by heading, of every table by name.
-
-    Missing numbers are empty text.
-    """
+    """Columns by heading, of every table by name. Missing numbers are empty text."""
     return {
         "material_laws": _laws(comparison),
         "material_constants": _constants(comparison),

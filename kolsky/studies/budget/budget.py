@@ -97,10 +97,7 @@ def budget(
 
 
 def _start(quantities: Specification, settings: Settings, first: Run) -> dict[str, float] | None:
-    """Start of the re-fits.
-
-    None if the response is too rough because a surface slides or lets go.
-    """
+    """Start of the re-fits. None if the response is too rough because a surface slides or lets go."""
     interface = quantities.interface
     laws = {contact_law(interface.faces), contact_law(interface.side)}
     named = [*(settings.free or ()), *settings.held]

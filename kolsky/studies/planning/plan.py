@@ -296,10 +296,7 @@ def plan(
 
 
 def _scale_shift(found: Information, sigma_gain: float) -> FloatArray:
-    """Shift of the estimates by a wrong force scale.
-
-    No number of samples averages it out.
-    """
+    """Shift of the estimates by a wrong force scale. No number of samples averages it out."""
     if sigma_gain == 0.0:
         return np.zeros(len(found.data.names))
     try:
@@ -441,10 +438,7 @@ def write_hdf5(path: Path, plan: Plan) -> Path:
 
 
 def rows(plan: Plan) -> Mapping[str, Any]:
-    """Lines for a terminal with a name and a value each.
-
-    Parameters are in the units of the reports.
-    """
+    """Lines for a terminal with a name and a value each. Parameters are in the units of the reports."""
     names, slopes, whole = plan.names, plan.information.sensitivity, plan.expected["all"]
     shown: dict[str, Any] = {"shot": plan.shot}
     for j, name in enumerate(names):

@@ -79,10 +79,7 @@ class Baselines:
 def _stiffness_at(
     shots: Sequence[RatedShot], strain: float, baselines: Baselines
 ) -> StiffnessAtStrain | None:
-    """Stress and moduli of the shots that reached a strain.
-
-    None if no shot or no curve reaches it.
-    """
+    """Stress and moduli of the shots that reached a strain. None if no shot or no curve reaches it."""
     if not 0.0 <= strain < 1.0:
         raise ValueError(f"a nominal compressive strain must be in [0, 1), got {strain:g}")
     reached = [s for s in shots if s.history.largest >= strain and baselines.reaches(s.quasi_static, strain)]
@@ -171,10 +168,7 @@ def equal_strain(
 
 
 def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
-    """The outline in the frame nearest to a strain.
-
-    None if none was measured or if it has too few points.
-    """
+    """The outline in the frame nearest to a strain. None if none was measured or if it has too few points."""
     c, history = shot.found.comparison, shot.history
     line = c.centre_line
     times = np.unique(line.time[line.time <= history.time[-1]])
@@ -313,10 +307,7 @@ def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, s
 
 
 def slope_parts(common: Mapping[tuple[str, str], FloatArray], rates: FloatArray) -> FloatArray:
-    """Effect of shared parts on a slope, [n_shared, n].
-
-    Mesh errors are half common, half a trend.
-    """
+    """Effect of shared parts on a slope, [n_shared, n]. Mesh errors are half common, half a trend."""
     rows = []
     for (part, _), row in common.items():
         if part != MESH_PART:

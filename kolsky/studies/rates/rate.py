@@ -70,10 +70,7 @@ def declarations(shot: Source) -> tuple[TomlFile, RateShotFile]:
 
 
 def group_key(files: list[TomlFile], wanted: str | None) -> str:
-    """The key for grouping.
-
-    "" if none is given and no default key is present.
-    """
+    """The key for grouping. "" if none is given and no default key is present."""
     if wanted:
         return wanted
     return next((key for key in GROUP_KEYS if any(key in file.content for file in files)), "")

@@ -143,10 +143,7 @@ MESH_PART = "mesh and step"
 
 
 def _shared(key: str) -> str:
-    """Common source of an input's error in several shots.
-
-    Empty for a key that is not an input.
-    """
+    """Common source of an input's error in several shots. Empty for a key that is not an input."""
     return INPUTS[key].shared if key in INPUTS else ""
 
 

@@ -119,7 +119,8 @@ def test_the_readme_and_ci_run_the_same_tests() -> None:
     readme = (ROOT / "README.md").read_text("utf-8")
     ci = (ROOT / ".ci" / "run").read_text("utf-8")
     assert "\n.venv/bin/pip install -q '.[test]' && .venv/bin/pytest -n auto\n" in readme
-    assert ci.rstrip().endswith('"$bin/pytest" --slow -n auto')  # the slow ones, too
+    assert '"$bin/pytest" --slow -n auto >"$scratch/tests.log"' in ci  # the slow ones, too
+    assert ci.rstrip().endswith('wait "$tests"')  # its result is that of CI
     assert '"$bin/kolsky" identify runs/open-05\n' in ci
     assert ".venv/bin/kolsky identify runs/open-05\n" in readme
 
