@@ -554,6 +554,7 @@ def cause_sentence(causes: Sequence[ShotCause]) -> str:
     Causes are those of `shot_causes`.
     """
     named = [one for one in causes if one.gain >= LEAST_GAIN]
+    named.sort(key=lambda one: one.share < LEAST_SHARE)  # those that explain a channel come first
     if not named:
         return "no single input of one shot explains the misfit: identify the shots one by one"
     first, rest = named[0], named[1:]

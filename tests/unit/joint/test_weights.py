@@ -524,6 +524,8 @@ def test_no_cause_is_named_that_explains_little() -> None:
     assert cause_sentence([partial, weak]).endswith(
         "by 300); most of the misfit remains: expect a second cause"
     )
+    # What explains most of a channel comes before a larger gain that explains little of any.
+    assert cause_sentence([partial, strong]).startswith(f"the likeliest cause is {strong.words} ")
     assert cause_sentence([strong, replace(weak, gain=16.0)]) == (
         "the likeliest cause is the force record of a, 20 ± 2 us late: check its clock (explains 80 % of a "
         "squared residual; -2 ln L falls by 200); next: the force of a, 1.1 ± 0.06 times what all data "
