@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.inverse.joint_result import JointResult, JointSettings
-from kolsky.inverse.settings import Numerics
+from kolsky.inverse.joint_result import JointResult
+from kolsky.inverse.settings import JointSettings, Numerics
 from kolsky.joint_identification import identify_shots
 from kolsky.shot.load import load_shot
 from populations.driver import add_meshes, answers, command, hold, numbers, write
