@@ -191,7 +191,7 @@ class JointSettings:
     """Number of random draws of each flyer motion and each curve. With 0, their noise is left out of weights
     and intervals."""
     curve_nodes: Annotated[
-        int, Option("Estimate the curve too, at this number of strains: 4 to 24.", min=0, panel=TOGETHER)
+        int, Option("Estimate the curve too, at this number of strains (4 to 24).", min=0, panel=TOGETHER)
     ] = 0
     """Number of free nodes of the curve: 0 or 4 to `MOST_NODES`. They replace the stiffness factor."""
     curve_roughness: Annotated[

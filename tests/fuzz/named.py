@@ -55,7 +55,7 @@ SILENT = (
           (f"{_INPUTS}::test_a_name_of_control_characters_does_not_reach_the_terminal",
            f"{_UNIT}/cli/test_text_arithmetic.py::test_a_name_cannot_steer_the_terminal")),
     Named("one frame of the flyer 5.9 mm off", "named, without weight; the answer stays",
-          (f"{_UNIT}/shot/test_stray_frames.py::test_a_stray_frame_of_a_shot_is_named_and_has_no_weight",
+          (f"{_UNIT}/shot/test_second_impact.py::test_a_stray_frame_of_a_shot_is_named_and_has_no_weight",
            f"{_INPUTS}::test_one_stray_frame_does_not_move_the_answer")),
     Named("one outline row 500 times", "named, counted once",
           (f"{_UNIT}/shot/test_shots.py"
