@@ -71,7 +71,8 @@ def search(
     part
         The joint objective, or its part for the force or for the outline.
     start
-        Start, shape [d]; default: the middle of the box.
+        Start, shape [d]; default: the middle of the box, or the best of `STARTS`^d points for several
+        parameters.
     tolerance
         Tolerance of the simplex, in the unit box.
     """
@@ -94,6 +95,10 @@ def _by_simplex(
     return minimise(cost, box, start=start, tolerance=tolerance).x
 
 
+STARTS = 3
+"""Number of values along each edge of the box from which the best one is the start."""
+
+
 def _by_least_squares(
     box: Box, objective: Objective, model: Model, part: Part, start: FloatArray | None
 ) -> FloatArray:
@@ -103,11 +108,15 @@ def _by_least_squares(
         weighted = objective.whitened(model(points) - objective.data, part)
         return weighted if prior is None else np.hstack([weighted, prior.residuals(points)])
 
-    middle = 0.5 * (np.array(box.lower) + np.array(box.upper))
-    first = middle if start is None else np.clip(start, box.lower, box.upper)
-    k = residuals(first[None]).shape[1]
+    if start is None:  # the model may have several minima
+        levels = np.meshgrid(*[(np.arange(STARTS) + 0.5) / STARTS] * box.dimension)
+        points = np.stack([axis.ravel() for axis in levels], axis=1)
+    else:
+        points = box.unit(np.clip(start, box.lower, box.upper)[None])
+    left = residuals(box.scale(points))
+    k = left.shape[1]
     likelihood = Likelihood(box, residuals, np.zeros(k), [Channel("data and prior", np.ones(k))])
-    return likelihood.maximise(box.unit(first)).point
+    return likelihood.maximise(points[np.argmin((left**2).sum(axis=1))]).point
 
 
 @dataclass(frozen=True)

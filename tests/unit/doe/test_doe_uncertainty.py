@@ -19,6 +19,7 @@ from doe.uncertainty import (
     sample_posterior,
     verdicts,
 )
+from doe.uncertainty.likelihood import bounded_step
 
 LEVEL = 3.841458820694124  # 95 % point of chi-square with one degree of freedom, tables
 BOX = Box(("x", "y"), (-2.0, -2.0), (3.0, 4.0))
@@ -376,3 +377,14 @@ def test_what_is_refused() -> None:
     cut = refined(max_rounds=1)
     assert not cut.converged
     assert "rounds were used up" in cut.ended
+
+
+def test_a_bounded_step_by_hand() -> None:
+    # |(2 + s + t, 1 + t)|^2 is least at s = t = -1. At s = -1/2 it is |(1.5 + t, 1 + t)|^2, least at t = -1.25.
+    residual, slope = np.array([2.0, 1.0]), np.array([[1.0, 1.0], [0.0, 1.0]])
+    wide = np.full(2, 2.0)
+    np.testing.assert_allclose(bounded_step(residual, slope, -wide, wide, 0.0), [-1.0, -1.0])
+    bounded = bounded_step(residual, slope, np.array([-0.5, -2.0]), wide, 0.0)
+    np.testing.assert_allclose(bounded, [-0.5, -1.25])
+    # Damping of 1 doubles the diagonal (1, 2) of the normal equations: (2, 1; 1, 4) (s, t) = -(2, 3).
+    np.testing.assert_allclose(bounded_step(residual, slope, -wide, wide, 1.0), [-5.0 / 7.0, -4.0 / 7.0])

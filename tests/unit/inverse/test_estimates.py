@@ -367,3 +367,17 @@ def test_prior_has_no_part_in_a_clocks_lag() -> None:
     assert wide.tolist() == [[4.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 0.0]]
     assert Objective.prior_precision(objective, 2).tolist() == prior.precision.tolist()
     assert not Objective.prior_precision(objective, 2, "force").any()
+
+
+def test_the_search_of_a_surrogate_begins_at_the_best_of_several_points() -> None:
+    """p^2 = 1 at two points, of which a second datum prefers 1; from the middle, -0.4, a search finds -1."""
+    box = Box(("p", "q"), (-2.0, -1.0), (1.2, 1.0))
+
+    def model(points: np.ndarray) -> np.ndarray:
+        p, q = np.atleast_2d(points).T
+        return 50.0 * NOISE_FORCE * np.stack([p**2 - 1.0, 0.1 * (p - 1.0), q], axis=1)
+
+    one = objective(np.zeros(3), np.empty(0))
+    np.testing.assert_allclose(search(box, one, model).x, [1.0, 0.0], atol=1e-6)
+    from_the_middle = search(box, one, model, start=np.array([-0.4, 0.0]))
+    assert from_the_middle.x[0] == pytest.approx(-1.0, abs=0.1)
