@@ -380,7 +380,8 @@ def test_what_is_refused() -> None:
 
 
 def test_a_bounded_step_by_hand() -> None:
-    # |(2 + s + t, 1 + t)|^2 is least at s = t = -1. At s = -1/2 it is |(1.5 + t, 1 + t)|^2, least at t = -1.25.
+    # |(2 + s + t, 1 + t)|^2 is least at s = t = -1.
+    # At s = -1/2 it is |(1.5 + t, 1 + t)|^2, least at t = -1.25.
     residual, slope = np.array([2.0, 1.0]), np.array([[1.0, 1.0], [0.0, 1.0]])
     wide = np.full(2, 2.0)
     np.testing.assert_allclose(bounded_step(residual, slope, -wide, wide, 0.0), [-1.0, -1.0])
