@@ -216,7 +216,7 @@ TABLES = {
 }
 """Given in place of a table of numbers."""
 DESIGNS = {
-    "points.csv": "points.csv line 3: column 'stiffness_factor \\(1\\)' is not a number: 'banana' .*Cure: ",
+    "points.csv": "points.csv line 3: column 'stiffness_factor \\(1\\)' is not a number: 'banana'.*Cure: ",
     "noise.csv": "noise.csv line 1: is not UTF-8 text: byte 0x80.*Cure: ",
     "absent.csv": "absent.csv: there is no such file. Cure: ",
 }
