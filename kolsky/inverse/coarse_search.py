@@ -71,8 +71,8 @@ def search(
     part
         The joint objective, or its part for the force or for the outline.
     start
-        Start, shape [d]; default: the middle of the box, or the best of `STARTS`^d points for several
-        parameters.
+        Start, shape [d]; default: the middle of the box. For several parameters it is the best point of a
+        grid with `STARTS` values of each.
     tolerance
         Tolerance of the simplex, in the unit box.
     """
