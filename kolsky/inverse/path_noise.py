@@ -149,10 +149,6 @@ def rms_amplitude(amplitudes: FloatArray) -> float:
     return float(np.sqrt((amplitudes**2).mean())) if len(amplitudes) else 0.0
 
 
-FOLLOWED = 2.0
-"""Root mean square of the amplitudes up to which the path is not corrected [-]; their prior is standard
-normal. Up to this value the linear patterns are accurate enough. If Poisson's ratio is free, every path is
-corrected: patterns that ring at one frequency would fix the ratio at that frequency."""
 CREDIBLE = 4.0
 """Root mean square of the amplitudes beyond which the path is not corrected [-]. Such a record is wrong, not
 noisy, and a correction would hide the error."""

@@ -24,7 +24,6 @@ from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jaco
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.path_noise import (
-    FOLLOWED,
     FrontPath,
     MovedFront,
     PathModes,
@@ -32,7 +31,6 @@ from kolsky.inverse.path_noise import (
     data_change,
     likely_amplitudes,
     noise_of,
-    rms_amplitude,
 )
 from kolsky.inverse.run_table import Replicates
 from kolsky.inverse.runner import Mesh, Runner
@@ -60,10 +58,6 @@ MOST_MOVES = 4
 STILL = 1.0
 """The patterns are not recomputed if the optimum shifts by less than this, in standard deviations. Their
 phase error is then within that of the answer's uncertainty."""
-STILL_HELD = 8.0
-"""The same limit if Poisson's ratio is held and the path is not corrected. The frequency is proportional to
-the square root of m. Eight standard deviations of half a per mille shift thirty oscillations by 0.06 of
-one."""
 STEP = 1e-3
 """Half step of the central differences, in the unit box of the search."""
 
@@ -158,14 +152,12 @@ def follow_front(
     """The optimum on a mesh with the corrected path of the front face, and its patterns.
 
     The patterns ring at the frequency of the point at which they are computed. They are recomputed until the
-    optimum converges. If they explain only a small residual, the path is not corrected.
+    optimum converges. If noise of the record cannot explain the residual, the path is not corrected.
     """
     front, noise = runner.front, noise_of(runner.problem.observations)
     fitted, first = front.path, best
     jerks = runner.front_jerks
     shares = np.zeros(len(jerks))
-    # Patterns that ring at another frequency than the model would bias Poisson's ratio toward their point.
-    followed = 0.0 if VALLEY in runner.problem.box.names else FOLLOWED
     for _ in range(MOST_MOVES):
         runs = runner.under(front).under_other_motions(best.x[None], jerks, numerics)[0]
         if runs is None or len(runs.force_bins) <= len(jerks):  # it is not known which motion failed
@@ -180,13 +172,11 @@ def follow_front(
         if not credible(amplitudes):
             # A new path object: no surrogate with it can use earlier runs.
             return first, FrontPath(replace(fitted), FrontNoise(modes.patterns))
-        if shares.any() or rms_amplitude(amplitudes) > followed:
-            shares = amplitudes @ modes.shares
-            front = FrontPath.following(MovedFront(fitted, modes, amplitudes))
+        shares = amplitudes @ modes.shares
+        front = FrontPath.following(MovedFront(fitted, modes, amplitudes))
         before, weighed = best, replace(objective, front=front.noise)
         (best,) = _least_squares_on(runner.under(front), weighed, numerics, best.x[None], MOST_STEPS)
-        still = STILL_HELD if followed and not shares.any() else STILL
-        if (np.abs(best.x - before.x) <= still * best.sigma).all():
+        if (np.abs(best.x - before.x) <= STILL * best.sigma).all():
             break
         jerks, shares = modes.own_jerks, modes.amplitudes(shares)
     return best, front
