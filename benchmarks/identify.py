@@ -2,7 +2,7 @@
 problem.
 
     python -m benchmarks.identify [--shot runs/open-05] [--parts free held wrong] [--threads N] [--json FILE]
-        [--pictures FOLDER] [--specimen SPEC.toml]
+        [--pictures FOLDER] [--specimen SPEC.toml] [--device cuda]
 
 The part "free" identifies all parameters that the data constrain (the default of `kolsky identify`). The part
 "held" identifies the stiffness factor only. The part "wrong" is "free" with the force's sensitivity halved.
@@ -11,7 +11,8 @@ the time over that of `benchmarks.problem` on 16 x 22 bonded elements, 100 runs 
 "host" is the time outside the solver. `--pictures` adds `kolsky dic` and `kolsky identify` of a shot with
 pictures, `--specimen` adds `kolsky specimen fit`. These are whole commands, start and imports included. The
 second of two runs counts, because the first one may compile. The ratios are comparable between machines; run
-nothing else at the same time.
+nothing else at the same time. On a GPU (`--device cuda`) the figures are wall times, of the second run of
+each part.
 """
 
 import argparse
@@ -121,17 +122,21 @@ def wrong(shot: Shot) -> Shot:
     return replace(shot, force=replace(shot.force, transducer=changed))
 
 
-def measure(shot: Shot, part: str, threads: int | None) -> dict[str, Any]:
-    """Processor time of one identification by stage and mesh [s]."""
+def measure(shot: Shot, part: str, numerics: Numerics) -> dict[str, Any]:
+    """Processor time of one identification by stage and mesh [s], and its wall time [s]."""
     free = {"stiffness_factor": None} if part == "held" else None
-    settings = Settings(free=free, numerics=Numerics(threads=threads))
-    ledger, started = Ledger(), time.process_time()
+    settings = Settings(free=free, numerics=numerics)
+    asked = wrong(shot) if part == "wrong" else shot
+    if numerics.device != "cpu":
+        identify(asked, settings)  # the first run compiles
+    ledger, started, begun = Ledger(), time.process_time(), time.perf_counter()
     with ledger.watching():
-        found = identify(wrong(shot) if part == "wrong" else shot, settings, progress=ledger.told)
-    taken = time.process_time() - started
+        found = identify(asked, settings, progress=ledger.told)
+    wall, taken = time.perf_counter() - begun, time.process_time() - started
     m = found.estimates["stiffness_factor"]
     return {
         "seconds": taken,
+        "wall": wall,
         "m": m.value,
         "sigma": m.sigma,
         "stages": [
@@ -140,28 +145,30 @@ def measure(shot: Shot, part: str, threads: int | None) -> dict[str, Any]:
     }
 
 
-def commands(pictures: Path | None, specimen: Path | None) -> dict[str, list[str]]:
+def commands(pictures: Path | None, specimen: Path | None, device: str) -> dict[str, list[str]]:
     """Arguments of the commands that are measured as a whole."""
-    found = {}
+    found: dict[str, list[str]] = {}
     if pictures is not None:
-        found |= {"dic": ["dic", str(pictures)], "pictures": ["identify", str(pictures)]}
+        on = ["--device", device]
+        found |= {"dic": ["dic", str(pictures), *on], "pictures": ["identify", str(pictures), *on]}
     if specimen is not None:
         found["specimen"] = ["specimen", "fit", str(specimen)]
     return found
 
 
-def whole(arguments: list[str]) -> float:
-    """Processor time of a command and its processes [s], of the second of two runs into an empty folder."""
-    taken = 0.0
+def whole(arguments: list[str]) -> dict[str, float]:
+    """Processor time of a command and its processes and its wall time [s], of the second of two runs into an
+    empty folder."""
+    taken = wall = 0.0
     for _ in range(2):
         out = tempfile.mkdtemp()
-        before = os.times()
+        before, begun = os.times(), time.perf_counter()
         line = [sys.executable, "-c", "from kolsky.cli import main; main()", *arguments, "--out", out]
         subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
-        after = os.times()
+        after, wall = os.times(), time.perf_counter() - begun
         shutil.rmtree(out)
         taken = sum(after[2:4]) - sum(before[2:4])
-    return taken
+    return {"seconds": taken, "wall": wall}
 
 
 def table(part: str, measured: dict[str, Any], one: float) -> str:
@@ -181,18 +188,28 @@ def table(part: str, measured: dict[str, Any], one: float) -> str:
     return "\n".join(lines)
 
 
+WORDS = {
+    "free": "m, ν, β",
+    "held": "m",
+    "wrong": "m, ν, β, a wrong input",
+    "dic": "`kolsky dic`",
+    "pictures": "from pictures, m, ν, β",
+    "specimen": "`kolsky specimen fit`",
+}
+"""What a part is called in a table."""
 UPDATES = 7.04e7
 """Element updates of 100 runs of the solver's problem: 352 elements, 2000 steps."""
 
 
 def summary(measured: dict[str, Any]) -> str:
     """Markdown table with one line for each part: runs, then updates and processor time over the solver's
-    problem."""
+    problem, or the wall time on a GPU."""
+    if "unit" not in measured:
+        return _wall_times(measured)
     lines = [
         "| free | runs | element updates | processor time | of it outside the solver |",
         "| --- " * 5 + "|",
     ]
-    words = {"free": "m, ν, β", "held": "m", "wrong": "m, ν, β, a wrong input"}
     for part in (part for part in PARTS if part in measured):
         one, unit = measured[part], measured["unit"]
         runs, updates, solver = (
@@ -200,12 +217,20 @@ def summary(measured: dict[str, Any]) -> str:
         )
         host = one["seconds"] - solver
         lines.append(
-            f"| {words[part]} | {runs} | {updates / UPDATES:.1f} | {one['seconds'] / unit:.1f} "
+            f"| {WORDS[part]} | {runs} | {updates / UPDATES:.1f} | {one['seconds'] / unit:.1f} "
             f"| {host / unit:.1f} |"
         )
-    words = {"dic": "`kolsky dic`", "pictures": "from pictures, m, ν, β", "specimen": "`kolsky specimen fit`"}
-    for part in (part for part in words if part in measured):
-        lines.append(f"| {words[part]} | | | {measured[part]['seconds'] / measured['unit']:.1f} | |")
+    for part in (part for part in WORDS if part in measured and part not in PARTS):
+        lines.append(f"| {WORDS[part]} | | | {measured[part]['seconds'] / measured['unit']:.1f} | |")
+    return "\n".join(lines)
+
+
+def _wall_times(measured: dict[str, Any]) -> str:
+    """Markdown table of wall times."""
+    lines = ["| free | wall time (s) |", "| --- | --- |"]
+    lines += [
+        f"| {words} | {measured[part]['wall']:.1f} |" for part, words in WORDS.items() if part in measured
+    ]
     return "\n".join(lines)
 
 
@@ -221,17 +246,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--threads", type=int, help="of the solver; all cores where it is left out")
     parser.add_argument("--pictures", type=Path, help="folder of a shot with pictures and without exports")
     parser.add_argument("--specimen", type=Path, help="file of a test of a whole specimen")
+    parser.add_argument("--device", default="cpu", help="of the solver")
     parser.add_argument("--json", type=Path, help="write the figures here")
     given = parser.parse_args(arguments)
-    shot, one = load_shot(given.shot), unit(given.threads)
-    print(f"100 runs of 16 x 22 elements: {one:.2f} s of processor time")
-    said: dict[str, Any] = {"unit": one}
+    shot, said = load_shot(given.shot), {}  # type: tuple[Shot, dict[str, Any]]
+    if given.device == "cpu":
+        said["unit"] = unit(given.threads)
+        print(f"100 runs of 16 x 22 elements: {said['unit']:.2f} s of processor time")
     for part in given.parts:
-        said[part] = measure(shot, part, given.threads)
-        print(table(part, said[part], one), flush=True)
-    for part, line in commands(given.pictures, given.specimen).items():
-        said[part] = {"seconds": whole(line)}
-        print(f"{part}: {said[part]['seconds'] / one:.2f}", flush=True)
+        said[part] = measure(shot, part, Numerics(threads=given.threads, device=given.device))
+        if "unit" in said:
+            print(table(part, said[part], said["unit"]), flush=True)
+    for part, line in commands(given.pictures, given.specimen, given.device).items():
+        said[part] = whole(line)
+    print(summary(said))
     if given.json:
         given.json.write_text(json.dumps(said, indent=1) + "\n", "utf-8")
 
