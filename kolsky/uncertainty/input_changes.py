@@ -13,9 +13,9 @@ optimum. The rest remains in the residual:
 with the direction c, the Jacobian J and the least-squares map G (`Objective.gain`). If the share is near
 zero, the data cannot reveal an error of the input.
 
-An error that the residual shows also changes the weights: the discrepancies grow, and a channel that disagrees
-counts less. The shift by a declared uncertainty is therefore that of a repeated identification of the linear
-model, with the discrepancies estimated again (`InputDirections.repeated_shift`).
+An error that the residual shows also changes the weights: the discrepancies grow, and a channel that
+disagrees counts less. The shift by a declared uncertainty is therefore that of a repeated identification of
+the linear model, with the discrepancies estimated again (`InputDirections.repeated_shift`).
 """
 
 from __future__ import annotations

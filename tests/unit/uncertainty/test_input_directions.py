@@ -219,7 +219,7 @@ def test_the_optimum_follows_what_it_can_and_leaves_the_rest() -> None:
 
 
 def test_the_weights_of_a_repeated_identification_follow_the_error() -> None:
-    """One parameter moves ten bins and ten points alike. Their residuals alternate between 3 and -3, 5 and -5.
+    """One parameter moves ten bins and ten points alike. Their residuals are 3 and -3, 5 and -5 in turn.
 
     The input changes the points by 6. If the parameter follows by -1, the mean squares are 3^2 + 1 = 10 and
     5^2 + 5^2 = 50, and the points have a sixth of the weight: -6 / 6 = -1. With the weights of the residuals
