@@ -122,7 +122,7 @@ def joint_result(
         "force and shape": np.sqrt(np.maximum(within - curves, 0.0)),
         "scatter between shots": np.sqrt(between),
         "material curve": np.sqrt(curves),
-        **declared_parts(problem, found, gain, declared),
+        **declared_parts(problem, found, declared),
     }
     mesh = joint_mesh_change(problem, found)
     numerical = numerical_parts(mesh, gain)

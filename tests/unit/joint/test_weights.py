@@ -60,6 +60,7 @@ from kolsky.inverse.objective import PATTERN_ERROR
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.result import Estimate, Verdict
 from kolsky.joint_identification import _shot_unknown, shot_variances
+from kolsky.uncertainty.budgets import declared_parts
 from kolsky.uncertainty.mesh_error import MeshChange, mesh_patterns
 
 WIDE = np.array([1e3])
@@ -658,3 +659,24 @@ def test_the_interval_of_equal_shots_in_closed_form(n: int) -> None:
     for size in (1e-3 * s, 0.1 * s, s):
         assert sum(variances(size)[1:]) >= whole * (1.0 - 1e-9)
     assert sum(variances(1e-3 * s)[1:]) == pytest.approx(whole, rel=1e-9)
+
+
+def test_the_weights_follow_a_declared_error() -> None:
+    """Residuals of 3 in the force and 5 in the outline, in turn up and down; an error of 6 in the outline.
+
+    If the unknown follows by -1, the mean squares are 10 and 50 and the outline has a sixth of the weight
+    (`test_input_directions`). The weights before give -6 * 9 / 34.
+    """
+    left, change = np.repeat([3.0, 5.0], 10) * np.tile([1.0, -1.0], 10), np.repeat([0.0, 6.0], 10)
+    stack = Stack((shot(np.zeros(10), np.zeros(10)),), np.zeros(0), np.zeros(0), known=0)
+    of_shot = SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(uncertainty={"Z_offset": 1e-5})))
+    problem: Any = SimpleNamespace(
+        stack=stack,
+        runs=SimpleNamespace(prepared=[of_shot]),
+        unknowns=SimpleNamespace(names=("poisson",), widths=WIDE),
+    )
+    found: Any = SimpleNamespace(vector=left, slopes=np.ones((20, 1)), x=np.ones(1))
+    (part,) = declared_parts(problem, found, {"Z_offset": np.stack([change, change])}).values()
+    assert part[0] == pytest.approx(
+        np.sqrt(2.0), rel=0.04
+    )  # two independent errors; an iteration leaves a third
