@@ -78,6 +78,24 @@ FEW_SHOTS = 5
 """Fewer shots give a poor estimate of the scatter between them."""
 
 
+def shot_variances(problem: JointProblem, found: Optimum) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Covariance of the unknowns, shape [d, d]; variances without and by the scatter between shots, [d] each.
+
+    Their sum is not smaller than with weights without scatter.
+    """
+    stack, residual, widths = problem.stack, found.vector - problem.stack.data, problem.unknowns.widths
+    cov = covariance(found.slopes, residual, stack.weighting(residual), stack, widths)
+    whole = np.diag(cov)
+    if not any(SCATTER in one.own for one in stack.shots):
+        return cov, whole, np.zeros(len(whole))
+    plain = _without(stack, problem, found, "")
+    without = _without(replace(stack, slow_scatter=None), problem, found, SCATTER)
+    bare = without_scatter(stack)
+    alone = covariance(found.slopes, residual, bare.weighting(residual), bare, widths)
+    within = whole - np.maximum(plain - without, 0.0)
+    return cov, within, between_variance(whole, plain, without, np.diag(alone))
+
+
 def joint_result(
     problem: JointProblem, found: Optimum, choice: ModelChoice | None, said: tuple[str, ...]
 ) -> JointResult:
@@ -93,16 +111,8 @@ def joint_result(
     gain: FloatArray = np.asarray(
         np.linalg.solve(known, whitening.precision(found.slopes.T)), dtype=np.float64
     )
-    cov = covariance(found.slopes, residual, whitening, stack, unknowns.widths)
+    cov, within, between = shot_variances(problem, found)
     plain = np.diag(np.linalg.inv(known))
-    between = np.zeros(len(found.x))
-    within = np.diag(cov)
-    if any(SCATTER in one.own for one in stack.shots):
-        without = _without(replace(stack, slow_scatter=None), problem, found, SCATTER)
-        bare = without_scatter(stack)
-        alone = covariance(found.slopes, residual, bare.weighting(residual), bare, unknowns.widths)
-        within = within - np.maximum(plain - without, 0.0)
-        between = between_variance(np.diag(cov), plain, without, np.diag(alone))
     curves = np.zeros(len(found.x))
     if stack.curve is not None:
         bare = replace(stack, curve=None)
@@ -112,7 +122,7 @@ def joint_result(
         "force and shape": np.sqrt(np.maximum(within - curves, 0.0)),
         "scatter between shots": np.sqrt(between),
         "material curve": np.sqrt(curves),
-        **declared_parts(problem, found, gain, declared),
+        **declared_parts(problem, found, declared),
     }
     mesh = joint_mesh_change(problem, found)
     numerical = numerical_parts(mesh, gain)

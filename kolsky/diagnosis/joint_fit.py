@@ -38,6 +38,7 @@ from scipy.special import chdtrc, chdtri, chndtrinc, ndtri
 
 from doe.least_squares import Whitening
 from kolsky.base.arrays import FloatArray
+from kolsky.diagnosis.causes import ALIKE
 from kolsky.diagnosis.fit_quality import (
     BLOCKS,
     DECLARED,
@@ -549,16 +550,22 @@ def joint_fit_warnings(
 
 
 def cause_sentence(causes: Sequence[ShotCause]) -> str:
-    """The input and shot that explain the misfit best, and the next one.
+    """The input and shot that explain the misfit best, those that the data cannot distinguish from it, and
+    the next one.
 
-    Causes are those of `shot_causes`.
+    Causes are those of `shot_causes`. Of two shots, a stiffer one is the same as the other one softer.
     """
     named = [one for one in causes if one.gain >= LEAST_GAIN]
     named.sort(key=lambda one: one.share < LEAST_SHARE)  # those that explain a channel come first
     if not named:
         return "no single input of one shot explains the misfit: identify the shots one by one"
-    first, rest = named[0], named[1:]
+    first = named[0]
+    alike = [one for one in named if abs(one.gain - first.gain) <= ALIKE]
+    rest = [one for one in named if one not in alike]
     numbers = f"explains {100.0 * first.share:.0f} % of a squared residual; -2 ln L falls by {first.gain:.3g}"
     following = f"; next: {rest[0].words} ({rest[0].gain:.3g})" if rest else ""
-    partly = "" if first.share >= LEAST_SHARE else "; most of the misfit remains: expect a second cause"
-    return f"the likeliest cause is {first.words} ({numbers}){following}{partly}"
+    partly = ""
+    if first.share < LEAST_SHARE:
+        partly = f"; most of the misfit remains: identify {first.shot} alone, which tries every input"
+    words = " or ".join(one.words for one in alike)
+    return f"the likeliest cause is {words} ({numbers}){following}{partly}"

@@ -312,7 +312,7 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
         If the posterior is requested and emcee is not installed.
     """
     with runner.work.stage("inputs"):
-        directions = input_directions(runner, answer.x, answer.objective)
+        directions = input_directions(runner, answer.x, answer.objective, answer.vector)
         systematic = declarations(runner, directions)
     found: ParameterProfiles | None = None
     said = []

@@ -16,7 +16,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.estimates import RouteOptimum
-from kolsky.inverse.joint_problem import JointProblem, ShotData
+from kolsky.inverse.joint_problem import JointProblem, ShotData, information
 from kolsky.inverse.joint_runs import JointRuns
 from kolsky.inverse.joint_search import Optimum
 from kolsky.inverse.objective import Objective
@@ -29,7 +29,7 @@ from kolsky.inverse.result import Contribution, Route, RouteDifference
 from kolsky.inverse.run_table import Replicates
 from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import Shot
-from kolsky.uncertainty.input_changes import height_follows, outline_follows, parameter_step
+from kolsky.uncertainty.input_changes import WEIGHINGS, height_follows, outline_follows, parameter_step
 from kolsky.uncertainty.mesh_error import MeshChange, numerical_parts
 
 OUTLINE = "common errors of the outline"
@@ -225,12 +225,11 @@ def _declared_keys(problem: JointProblem) -> list[str]:
 
 
 def declared_parts(
-    problem: JointProblem, found: Optimum, gain: FloatArray, changes: Mapping[str, FloatArray]
+    problem: JointProblem, found: Optimum, changes: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
     """Standard uncertainties of the unknowns by declared source, shape [d] each.
 
-    ``problem``, ``found``: the problem and its optimum. ``gain``: linear map from a change of the data to the
-    shift of the optimum, shape [d, k]. ``changes``: those of `declared_changes`.
+    ``problem``, ``found``: the problem and its optimum. ``changes``: those of `declared_changes`.
     """
     parts: dict[str, FloatArray] = {}
     for key in _declared_keys(problem):
@@ -241,8 +240,24 @@ def declared_parts(
             parts[key] = np.zeros(len(found.x))
             parts[key][i] = float(max(sigmas)) * float(found.x[i])
         elif key in changes:
-            parts[key] = np.sqrt(((changes[key] @ gain.T) ** 2).sum(axis=0))
+            shifts = [_repeated_shift(problem, found, change) for change in changes[key]]
+            parts[key] = np.sqrt(np.square(shifts).sum(axis=0))
     return parts
+
+
+def _repeated_shift(problem: JointProblem, found: Optimum, change: FloatArray) -> FloatArray:
+    """Shift of the optimum by a change of all data, as in `InputDirections.repeated_shift`, shape [d]."""
+    stack, ends = problem.stack, []
+    for sign in (1.0, -1.0):
+        left = found.vector - stack.data
+        residual = left + sign * change
+        for _ in range(1 + WEIGHINGS):
+            whitening = stack.weighting(left)
+            rows = whitening.apply(found.slopes.T)
+            known = information(rows, problem.unknowns.widths)
+            ends.append(-np.linalg.solve(known, rows @ whitening.apply(residual)))
+            left = residual + found.slopes @ ends[-1]
+    return np.asarray(0.5 * (ends[WEIGHINGS] - ends[-1]))
 
 
 def _of_each(problem: JointProblem, change: FloatArray) -> FloatArray:

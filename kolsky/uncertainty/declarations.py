@@ -49,13 +49,14 @@ def declarations(runner: Runner, directions: InputDirections) -> tuple[Declarati
     declared = {key: sigma for key, sigma in shot.uncertainty.items() if sigma > 0.0 and not told.get(key)}
     shifts: dict[str, Mapping[str, float]] = {}
     if declared:
-        moved = input_directions(
-            runner, directions.x, directions.objective, steps=declared, only=tuple(declared)
-        )
+        x, objective, vector = directions.x, directions.objective, directions.vector
+        moved = input_directions(runner, x, objective, vector, steps=declared, only=tuple(declared))
         lost = [why for key, why in moved.absent.items() if key in declared]
         if lost:
             raise ValueError(f"{lost[0]}; a declared uncertainty cannot be left out: declare a smaller one")
-        shifts = {key: _by_name(moved.names, moved.shift(key)) for key in declared}
+        shifts = {
+            key: _by_name(moved.names, moved.repeated_shift(key, sigma)) for key, sigma in declared.items()
+        }
     return tuple(
         Declaration(
             key=key,
@@ -80,7 +81,7 @@ def _sensitivity(directions: InputDirections, key: str) -> dict[str, Any]:
     others = [other for other in IDENTIFY_KEYS if other != key and other in directions.keys]
     return {
         "amount": amount,
-        "moves": _by_name(directions.names, amount / one.step * directions.shift(key)),
+        "moves": _by_name(directions.names, directions.repeated_shift(key, amount)),
         "visible": directions.visible(key),
         "alike": tuple(other for other in others if abs(directions.likeness(key, other)) > ALIKE),
     }

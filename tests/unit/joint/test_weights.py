@@ -31,7 +31,15 @@ from kolsky.diagnosis.relaxation import (
     deviance_with_mesh_patterns,
     points_in_step,
 )
-from kolsky.inverse.joint_problem import CLOCK, ShotData, Stack, bounded_step, covariance, information
+from kolsky.inverse.joint_problem import (
+    CLOCK,
+    SCATTER,
+    ShotData,
+    Stack,
+    bounded_step,
+    covariance,
+    information,
+)
 from kolsky.inverse.joint_result import (
     FORCE_SCALE,
     ModelChoice,
@@ -48,9 +56,11 @@ from kolsky.inverse.joint_search import (
     restricted_scatter,
     slow_stiffness,
 )
+from kolsky.inverse.objective import PATTERN_ERROR
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.result import Estimate, Verdict
-from kolsky.joint_identification import _shot_unknown
+from kolsky.joint_identification import _shot_unknown, shot_variances
+from kolsky.uncertainty.budgets import declared_parts
 from kolsky.uncertainty.mesh_error import MeshChange, mesh_patterns
 
 WIDE = np.array([1e3])
@@ -522,10 +532,15 @@ def test_no_cause_is_named_that_explains_little() -> None:
     strong = replace(weak, key="clock_offset", amount=2e-5, sigma=1e-6, gain=200.0, share=0.8)
     assert cause_sentence([weak]).startswith("no single input of one shot explains the misfit")
     assert cause_sentence([partial, weak]).endswith(
-        "by 300); most of the misfit remains: expect a second cause"
+        "by 300); most of the misfit remains: identify a alone, which tries every input"
     )
     # What explains most of a channel comes before a larger gain that explains little of any.
     assert cause_sentence([partial, strong]).startswith(f"the likeliest cause is {strong.words} ")
+    # Of two shots, one may be the stiffer or the other the softer: likelihoods within exp(5) are equal.
+    pair = [replace(strong, key="material"), replace(strong, shot="b", key="material", gain=190.0)]
+    assert f"is {pair[0].words} or {pair[1].words} (explains 80 %" in cause_sentence(pair)
+    other = replace(pair[1], gain=189.9)
+    assert f"; next: {other.words} (190)" in cause_sentence([pair[0], other])
     assert cause_sentence([strong, replace(weak, gain=16.0)]) == (
         "the likeliest cause is the force record of a, 20 ± 2 us late: check its clock (explains 80 % of a "
         "squared residual; -2 ln L falls by 200); next: the force of a, 1.1 ± 0.06 times what all data "
@@ -617,3 +632,51 @@ def test_equal_shots_and_slow_tests_with_a_scatter(scatter: float) -> None:
         information(sharp.whitening(objectives, scatter * patterns).apply(np.ones((1, 9))), WIDE)
     )[0, 0]
     assert pinned >= 0.999 * scatter**2 / 3.0
+
+
+@pytest.mark.parametrize("n", [2, 5])
+def test_the_interval_of_equal_shots_in_closed_form(n: int) -> None:
+    """Shots that see m with the variance v and scatter by s: u^2 = (v + s^2) / n, scatter s^2 / n."""
+    s, change = 0.03, np.full(40, 20.0)
+    v = 0.5**2 / (40.0 * 20.0**2)
+    # Every other shot is softer by the scatter. The rest is less than the noise and not correlated in time.
+    left = [0.1 * np.tile([1.0, -1.0], 20) + s * change * (-1.0) ** k for k in range(n)]
+
+    def variances(size: float) -> tuple[float, ...]:
+        own = {SCATTER: size * change} if size else {}
+        shots = tuple(shot(np.zeros(40), np.zeros(0), own=own) for _ in range(n))
+        stack = Stack(shots, np.zeros(0), np.zeros(0), known=0)
+        problem: Any = SimpleNamespace(stack=stack, unknowns=SimpleNamespace(widths=WIDE))
+        found: Any = SimpleNamespace(vector=np.concatenate(left), slopes=np.tile(change, n)[:, None])
+        return tuple(float(one.item()) for one in shot_variances(problem, found))
+
+    # A fifth of a pattern is independent from entry to entry.
+    between = s**2 * (1.0 + PATTERN_ERROR**2 / 40.0) / n
+    assert variances(s) == pytest.approx((v / n + between, v / n, between), rel=1e-6)
+    # Without a scatter in the weights, the residuals are a discrepancy. No interval with it is shorter.
+    whole, same, none = variances(0.0)
+    assert (same, none) == (whole, 0.0)
+    for size in (1e-3 * s, 0.1 * s, s):
+        assert sum(variances(size)[1:]) >= whole * (1.0 - 1e-9)
+    assert sum(variances(1e-3 * s)[1:]) == pytest.approx(whole, rel=1e-9)
+
+
+def test_the_weights_follow_a_declared_error() -> None:
+    """Residuals of 3 in the force and 5 in the outline, in turn up and down; an error of 6 in the outline.
+
+    If the unknown follows by -1, the mean squares are 10 and 50 and the outline has a sixth of the weight
+    (`test_input_directions`). The weights before give -6 * 9 / 34.
+    """
+    left, change = np.repeat([3.0, 5.0], 10) * np.tile([1.0, -1.0], 10), np.repeat([0.0, 6.0], 10)
+    stack = Stack((shot(np.zeros(10), np.zeros(10)),), np.zeros(0), np.zeros(0), known=0)
+    of_shot = SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(uncertainty={"Z_offset": 1e-5})))
+    problem: Any = SimpleNamespace(
+        stack=stack,
+        runs=SimpleNamespace(prepared=[of_shot]),
+        unknowns=SimpleNamespace(names=("poisson",), widths=WIDE),
+    )
+    found: Any = SimpleNamespace(vector=left, slopes=np.ones((20, 1)), x=np.ones(1))
+    (part,) = declared_parts(problem, found, {"Z_offset": np.stack([change, change])}).values()
+    assert part[0] == pytest.approx(
+        np.sqrt(2.0), rel=0.04
+    )  # two independent errors; an iteration leaves a third

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from doe import Box
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import Objective, Prior
 from kolsky.inverse.observations import observe
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.shot.input_records import CLOCK
@@ -216,6 +216,34 @@ def test_the_optimum_follows_what_it_can_and_leaves_the_rest() -> None:
     assert found.likeness("a", "c") == pytest.approx(1.0, rel=1e-12)
     assert found.likeness("a", "d") == pytest.approx(0.0, abs=1e-12)
     assert found.visible("d") == 1.0
+
+
+def test_the_weights_of_a_repeated_identification_follow_the_error() -> None:
+    """One parameter moves ten bins and ten points alike. Their residuals are 3 and -3, 5 and -5 in turn.
+
+    The input changes the points by 6. If the parameter follows by -1, the mean squares are 3^2 + 1 = 10 and
+    5^2 + 5^2 = 50, and the points have a sixth of the weight: -6 / 6 = -1. With the weights of the residuals
+    before, 1/9 and 1/25, it would be -6 * 9 / 34.
+    """
+    line = CentreLine(1e-4 * np.arange(10), np.arange(10), np.zeros(10), np.ones(10), np.full(10, 1e-3))
+    history = ForceHistory(TIME, 0.0 * TIME, np.full(TIME.size, 1e-3))
+    plain = Objective(observe(history, line, window=(0.0, 1e-3), bin_width=1e-4), np.ones(10, dtype=bool))
+    vector = plain.data + np.repeat([3.0, 5.0], 10) * np.tile([1.0, -1.0], 10)
+    change = np.repeat([0.0, 6.0], 10)
+    found = InputDirections(
+        ("stiffness_factor",),
+        np.ones(1),
+        plain.with_discrepancy(vector),
+        vector,
+        np.ones((20, 1)),
+        (InputDirection("a", 0.5, change / 4.0, float("nan")),),
+    )
+    assert 4.0 * found.shift("a")[0] == pytest.approx(-6.0 * 9.0 / 34.0, rel=1e-6)
+    assert found.repeated_shift("a", 2.0)[0] == pytest.approx(-1.0, rel=0.04)  # each iteration leaves a third
+    # A prior as strong as the data halves a step that is too small to change the weights.
+    prior = Prior(np.ones(1), np.array([9.0 * 25.0 / 340.0]) ** 0.5)
+    held = replace(found, objective=replace(found.objective, prior=prior))
+    assert held.repeated_shift("a", 1e-4)[0] == pytest.approx(1e-4 * found.shift("a")[0], rel=1e-6)
 
 
 def test_an_input_without_a_direction_says_why() -> None:

@@ -53,7 +53,7 @@ def test_an_input_that_is_added_to_the_list_is_seen_by_all(monkeypatch: pytest.M
     one = objective()
     runs = SimpleNamespace(reference_and_jacobian=lambda: (response(), np.ones((12, 1))))
     monkeypatch.setattr(input_changes, "MovedRuns", lambda *_: runs)
-    found = input_directions(runner(), np.ones(1), one, only=("made_up",))
+    found = input_directions(runner(), np.ones(1), one, one.data, only=("made_up",))
     # Half of the largest force, which is 95 N.
     np.testing.assert_allclose(found["made_up"].change, [47.5] * 10 + [0.0] * 2, rtol=1e-12)
     tried = next(c for c in causes() if c.key == "force.made_up")
