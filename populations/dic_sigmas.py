@@ -26,7 +26,7 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.surfaces.outline import outline
 from dic.surfaces.surface_history import to_surface
 from dic.tracking import Tracking
-from populations.driver import answers, command
+from populations.driver import markdown, picture_study
 from populations.sigma_scenes import KINDS, LEVELS, POPULATIONS, RADIUS, STATIC, SigmaScene, drawn
 from tests.helpers.speckle_pictures import RenderedCylinder
 
@@ -141,10 +141,7 @@ def table(found: Iterable[Scatter]) -> str:
     """Root mean squares by kind and noise as Markdown; values outside `LEAST` to `MOST` in bold."""
     rows = list(found)
     columns = [(q, s) for s in STATES for q in QUANTITIES]
-    lines = [
-        "| scenes | noise, grey | " + " | ".join(f"{q}, {s}" for q, s in columns) + " |",
-        "| --- | --- |" + " --- |" * len(columns),
-    ]
+    lines = []
     for kind in KINDS:
         for level in LEVELS:
             cells = []
@@ -154,8 +151,8 @@ def table(found: Iterable[Scatter]) -> str:
                     if (s.kind, s.noise, s.quantity, s.state) == (kind, level, quantity, state)
                 ]  # fmt: skip
                 cells.append(_cell(some))
-            lines.append(f"| {kind} | {level:g} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+            lines.append((kind, f"{level:g}", *cells))
+    return markdown(("scenes", "noise, grey", *(f"{q}, {s}" for q, s in columns)), lines)
 
 
 def _cell(some: list[Scatter]) -> str:
@@ -170,21 +167,11 @@ def measured(population: str, number: int, device: str) -> list[dict[str, Any]]:
     return [asdict(s) for s in scattered(population, number, device)]
 
 
-def main() -> None:
-    """Run the study, print its table and store it in the folder."""
-    parser = command(__doc__)
-    parser.add_argument("--population", choices=tuple(POPULATIONS), default="judged")
-    parser.add_argument("--n", type=int, default=48, help="scenes")
-    given = parser.parse_args()
-    jobs = {
-        given.out / f"{given.population}-{number:04d}.json": (given.population, number, given.device)
-        for number in range(given.n)
-    }
-    found = answers(measured, jobs, workers=given.workers)
-    words = table(Scatter(**s) for scene in found for s in scene)
-    (given.out / f"{given.population}.md").write_text(words + "\n", "utf-8")
-    print(words)
-
-
 if __name__ == "__main__":
-    main()
+    picture_study(
+        __doc__,
+        POPULATIONS,
+        48,
+        measured,
+        lambda found: table(Scatter(**s) for scene in found for s in scene),
+    )

@@ -32,6 +32,7 @@ from dic.chain.inputs import ChainSettings, inspect_pictures
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
+from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome
 from dic.result import Placement
 from dic.tracking import Tracking
@@ -87,31 +88,6 @@ class Experiment:
     length_used: tuple[float, float] | None = None
     """The same two numbers for the used length."""
     seconds: float = 0.0
-
-
-@dataclass(frozen=True)
-class InMemory:
-    """A series of pictures in memory."""
-
-    pictures: NDArray[np.uint16]
-    bits: int
-    path: Path = Path("in memory")
-    crop_offset: tuple[float, float] = (0.0, 0.0)
-    times: None = None
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-        return len(self.pictures)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.pictures.shape[1], self.pictures.shape[2]
-
-    def frame(self, index: int) -> NDArray[np.uint16]:
-        """One picture."""
-        return self.pictures[index]
 
 
 def series_of(study: Study) -> Series:
@@ -175,7 +151,7 @@ def measured(
     length_error = q.specimen.length * q.imperfections.length
     result = Experiment(number, q.cameras.flyer_share, q.cameras.pixel, length_error=length_error)
     bits = 8 if q.cameras.format == "png" else q.optics.bits
-    pictures = (InMemory(grey[0], bits), InMemory(grey[1], bits))
+    pictures = (PicturesInMemory(grey[0], bits), PicturesInMemory(grey[1], bits))
     n, static = len(surface.time), np.arange(len(surface.time)) < q.frames.static
     usable = np.ones(n, dtype=bool)
     for series in pictures:
@@ -202,7 +178,7 @@ def measured(
     try:
         inputs = inspect_pictures(pictures, static).with_cameras(rig, settings, surface.time, static)
         few = int(q.frames.static)
-        rest = (InMemory(grey[0][:few], bits), InMemory(grey[1][:few], bits))
+        rest = (PicturesInMemory(grey[0][:few], bits), PicturesInMemory(grey[1][:few], bits))
         still = inspect_pictures(rest, static[:few]).with_cameras(
             rig, settings, surface.time[:few], static[:few]
         )

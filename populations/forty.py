@@ -203,18 +203,10 @@ def main() -> None:
     if given.of:
         print(json.dumps(spread(kept_answers(Path(given.of)))))
         return
-    study = Study(
-        spec=given.spec,
-        out=given.out,
-        seed=given.seed,
-        exports=given.exports,
-        mesh=given.mesh,
-        refined_mesh=given.refined_mesh,
-        truth_mesh=given.truth_mesh,
-        device=given.device,
+    study = Study.of(
+        given,
         threads=given.threads or (1 if given.workers > 1 else None),
         cures=not given.no_cures and not given.true_inputs,
-        true_inputs=given.true_inputs,
         cores=shares(available(), given.workers) if given.workers > 1 else (),
     )
     Path(given.out).mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dic.basics import FloatArray
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Shape
-from populations.outlier_scenes import DISTANCE, PIXEL, RADIUS, SHAPE, rig
+from populations.outlier_scenes import PIXEL, RADIUS, SHAPE, rig
 from tests.helpers.speckle_pictures import RenderedCylinder, Speckles, render, speckle_pattern
 
 WHITE = 255.0
@@ -134,6 +134,3 @@ def drawn(population: str, number: int) -> SigmaScene:
         match=Correlation(subset=subset, shape=shape),
         stereo=Correlation(subset=subset, shape=Shape.QUADRATIC),
     )
-
-
-__all__ = ["DISTANCE", "KINDS", "LEVELS", "PIXEL", "POPULATIONS", "RADIUS", "SHAPE", "SigmaScene", "drawn"]

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from scipy.stats import binomtest
-
 from kolsky.diagnosis.causes import EVIDENCE
 from kolsky.diagnosis.fit_quality import LIMITS, SLOW_LIMITS
 from kolsky.inverse.result import Identification
+from populations.driver import counted, markdown, share
 
 ASTRAY = 6.0
 """A search result is wrong if its distance from the truth exceeds this number of standard uncertainties."""
@@ -101,45 +100,38 @@ def chosen(
             "largest of one": max(first),
             "shots of two": len(second),
             "largest of two": max(second, default=None),
-            "of two above chosen": alarms(sum(value > new for value in second), len(second)),
-            "of two above in use": alarms(sum(value > used for value in second), len(second)),
+            "of two above chosen": share(sum(value > new for value in second), len(second)),
+            "of two above in use": share(sum(value > used for value in second), len(second)),
         }
     return {
         "limits": rows,
-        "population one": counted(one),
-        "population two": counted(two),
+        "population one": outcomes(one),
+        "population two": outcomes(two),
     }
 
 
-def alarms(count: int, of: int) -> dict[str, float | int]:
-    """A count with the 95 % interval of its proportion (Clopper and Pearson 1934)."""
-    if not of:
-        return {"count": 0, "of": 0, "low": 0.0, "high": 1.0}
-    band = binomtest(count, of).proportion_ci(0.95, method="exact")
-    return {"count": count, "of": of, "low": float(band.low), "high": float(band.high)}
-
-
-def counted(shots: list[RightShot]) -> dict[str, Any]:
+def outcomes(shots: list[RightShot]) -> dict[str, Any]:
     """Counts of the outcomes of a population, with the limits in use at the time of identification."""
     right = [s for s in shots if not s.astray]
     return {
         "shots": len(shots),
         "search ended elsewhere": sorted(s.name for s in shots if s.astray),
-        "not identified": alarms(sum(not s.answered for s in right), len(right)),
+        "not identified": share(sum(not s.answered for s in right), len(right)),
         "causes named": {s.name: list(s.named) for s in right if s.named},
     }
 
 
 def table(said: dict[str, Any]) -> str:
     """The limits as a Markdown table, and the counts in two sentences."""
-    heads = ("figure", "in use", "chosen on one", "largest of one", "largest of two")
-    heads = (*heads, "of two above in use", "of two above chosen")
-    lines = [f"| {' | '.join(heads)} |", "| --- |" * 1 + " --- |" * (len(heads) - 1)]
+    heads = ["figure", "in use", "chosen on one", "largest of one", "largest of two"]
+    heads += ["of two above in use", "of two above chosen"]
+    rows = []
     for name, row in said["limits"].items():
         cells = [f"{row['in use']:.3g}", f"{row['chosen']:.3g}", f"{row['largest of one']:.3g}"]
         cells.append("–" if row["largest of two"] is None else f"{row['largest of two']:.3g}")
-        cells += [_share(row[key]) for key in ("of two above in use", "of two above chosen")]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
+        cells += [counted(row[key], 1) for key in ("of two above in use", "of two above chosen")]
+        rows.append((name, *cells))
+    lines = [markdown(heads, rows)]
     for which in ("population one", "population two"):
         one = said[which]
         if one["shots"]:
@@ -147,12 +139,6 @@ def table(said: dict[str, Any]) -> str:
             lines.append(
                 f"\n{which}: {one['shots']} shots; the search of {len(elsewhere)} ended elsewhere"
                 f"{' (' + ', '.join(elsewhere) + ')' if elsewhere else ''}; of the others not identified "
-                f"{_share(one['not identified'])}, a cause named on {len(one['causes named'])}"
+                f"{counted(one['not identified'], 1)}, a cause named on {len(one['causes named'])}"
             )
     return "\n".join(lines)
-
-
-def _share(one: dict[str, float]) -> str:
-    if not one["of"]:
-        return "–"
-    return f"{one['count']} of {one['of']} ({100.0 * one['low']:.1f} to {100.0 * one['high']:.1f} %)"

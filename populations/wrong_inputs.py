@@ -27,6 +27,8 @@ from populations.driver import answers, command, mesh, results, write
 from populations.wrong_input_rows import CURVE, MODEL, RIGHT, ROWS, Row
 
 POPULATION = Path(__file__).with_suffix(".toml")
+CAUSE = ("key", "value", "sigma", "explained", "evidence", "probability", "named", "within", "alike")
+"""Stored fields of a cause."""
 
 
 @dataclass(frozen=True)
@@ -77,18 +79,7 @@ def run(job: Job) -> dict[str, Any]:
         "outcome": m.outcome.value,
         "identified": m.outcome.identified,
         "causes": [
-            {
-                "key": c.key,
-                "value": c.value,
-                "sigma": c.sigma,
-                "explained": c.explained,
-                "evidence": c.evidence,
-                "probability": c.probability,
-                "named": c.named,
-                "within": c.within,
-                "alike": list(c.alike),
-                "m": c.parameters.get("stiffness_factor"),
-            }
+            {key: getattr(c, key) for key in CAUSE} | {"m": c.parameters.get("stiffness_factor")}
             for c in found.causes
         ],
         "curve_visible": next((p.visible for p in found.systematic if p.key == "curve_scale"), None),

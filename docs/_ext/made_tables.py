@@ -260,8 +260,8 @@ def pooled(name: str) -> str:
 
 
 def coverage(name: str) -> str:
-    """A study of coverage, as `populations.coverage_counts` prints it."""
-    from populations.coverage_counts import table
+    """A study of coverage, as `populations.coverage` prints it."""
+    from populations.coverage import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made)
@@ -292,8 +292,8 @@ def undiagnosed(name: str) -> str:
 
 
 def planted(name: str) -> str:
-    """Synthetic shots with and without relaxation, as `populations.joint_coverage_counts` prints them."""
-    from populations.joint_coverage_counts import table
+    """Synthetic shots with and without relaxation, as `populations.joint_coverage` prints them."""
+    from populations.joint_coverage import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made)
@@ -316,8 +316,8 @@ def gained(name: str) -> str:
 
 
 def advised(name: str) -> str:
-    """Single shots with relaxation and elastic ones, as `populations.branch_advice_counts` prints them."""
-    from populations.branch_advice_counts import table
+    """Single shots with relaxation and elastic ones, as `populations.branch_advice` prints them."""
+    from populations.branch_advice import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made)

@@ -268,7 +268,7 @@ def test_limits_are_chosen_on_one_population_and_judged_on_the_other() -> None:
     assert evidence["of two above in use"]["count"] == 0
     # Clopper and Pearson of 1 in 20: 0.13 to 24.9 %.
     band = force["of two above chosen"]
-    assert (band["low"], band["high"]) == pytest.approx((0.00127, 0.2487), abs=1e-4)
+    assert tuple(band["interval"]) == pytest.approx((0.00127, 0.2487), abs=1e-4)
     assert said["population one"]["search ended elsewhere"] == ["shot-12"]
     text = table(said)
     assert (
