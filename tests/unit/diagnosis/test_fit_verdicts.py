@@ -35,8 +35,18 @@ from kolsky.inverse.result import CauseFinding, ClockLag, FitQuality, Identifica
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, GradedChange, MeshChange
 from kolsky.uncertainty.warnings import bound_warnings
 from populations import fit_thresholds
-from populations.fit_thresholds import MARGIN, figures, limit, threshold, tolerance_factor
-from populations.threshold_choice import STRONGEST, RightShot, chosen, strongest, table
+from populations.fit_thresholds import (
+    MARGIN,
+    STRONGEST,
+    RightShot,
+    chosen,
+    figures,
+    limit,
+    strongest,
+    table,
+    threshold,
+    tolerance_factor,
+)
 
 # Goodness of fit in closed form: residual, information, whiteness, blocks, the verdict.
 
