@@ -10,7 +10,7 @@ import os
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -19,6 +19,7 @@ from scipy.stats import binomtest
 
 from kolsky.base.process import process_pool
 from kolsky.inverse.settings import Numerics, Settings
+from kolsky.virtual.specification import Series, SpecificationFile, read_specification
 
 RESULTS = Path(__file__).parent / "results"
 """Folder of the published results."""
@@ -140,6 +141,16 @@ def settings(study: Study, kind: Any = Settings, **more: Any) -> Any:
     """Settings of an identification on a study's meshes and device, `Settings` or `JointSettings`."""
     numerics = Numerics(mesh=study.mesh, device=study.device, threads=study.threads)
     return kind(numerics=numerics, refined_mesh=study.refined_mesh, **more)
+
+
+def population(spec: Path | str, *, seed: int | None = None, **tables: Mapping[str, Any]) -> Series:
+    """A population of the virtual laboratory with another seed and other values in tables of its file."""
+    file = read_specification(spec).file
+    content = dict(file.content) | ({} if seed is None else {"seed": seed})
+    for name, values in tables.items():
+        content[name] = {**content.get(name, {}), **values}
+    file = replace(file, content=content)
+    return Series(file, file.validated(SpecificationFile))
 
 
 def results(work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]], workers: int) -> Iterator[Any]:

@@ -40,9 +40,9 @@ from kolsky.cli.texts import whole_numbers
 from kolsky.pictures.specimen_length import conditioned_length, rim_of
 from kolsky.virtual.pictures import expose_series, rig_of, scene_of
 from kolsky.virtual.schema import Specification
-from kolsky.virtual.specification import Series, SpecificationFile, read_specification
+from kolsky.virtual.specification import Series
 from kolsky.virtual.truth import SurfaceHistory, simulate_truths
-from populations.driver import answers, command
+from populations.driver import answers, command, population
 
 SPEC = Path(__file__).parents[1] / "runs" / "virtual" / "forty.toml"
 STRIP = 0.6e-3
@@ -92,23 +92,16 @@ class Experiment:
 
 def series_of(study: Study) -> Series:
     """The population with the study's seed, mesh and rate."""
-    series = read_specification(SPEC)
-    content = dict(series.file.content) | {"seed": study.seed}
-    changes = json.loads(study.changes) if study.changes else {}
-    for table, values in {
+    tables = {
         "truth": {"mesh": list(study.mesh)},
         "frames": {"rate": f"{study.rate:g} Hz", "static": 6},
         "optics": {"rays": 3},
         "scope": {"interval": "2 us"},
-        **changes,
-    }.items():
-        if table == "population.draw":
-            population = content["population"]
-            content["population"] = {**population, "draw": {**population["draw"], **values}}
-        else:
-            content[table] = {**content.get(table, {}), **values}
-    file = replace(series.file, content=content)
-    return Series(file, file.validated(SpecificationFile))
+        **(json.loads(study.changes) if study.changes else {}),
+    }
+    if draw := tables.pop("population.draw", None):
+        tables["population"] = {"draw": {**population(SPEC).file.content["population"]["draw"], **draw}}
+    return population(SPEC, seed=study.seed, **tables)
 
 
 def pictures_of(q: Specification, number: int, surface: SurfaceHistory) -> list[NDArray[np.uint16]]:
