@@ -122,8 +122,8 @@ def _path(scene: OutlierScene, rng: np.random.Generator) -> list[FloatArray]:
     return [first, first + np.array([apart, 0.0])]
 
 
-def rig(angle: float, scale: float = 1.0) -> StereoRig:
-    """Cameras on both sides of the line of sight to the axis. All lengths are multiplied by `scale`."""
+def rig(angle: float) -> StereoRig:
+    """Cameras on both sides of the line of sight to the axis."""
     cameras = []
     for a in (-0.5 * angle, 0.5 * angle):
         centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
@@ -138,7 +138,7 @@ def rig(angle: float, scale: float = 1.0) -> StereoRig:
                 cx=0.5 * (SHAPE[1] - 1),
                 cy=0.5 * (SHAPE[0] - 1),
                 rotation=R,
-                translation=-R @ centre * scale,
+                translation=-R @ centre,
             )
         )
     return StereoRig((cameras[0], cameras[1]))
