@@ -26,7 +26,7 @@ from benchmarks.identify import UPDATES, Ledger
 from kolsky.identification import identify
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.inverse.surrogate_mesh_search import starts
-from populations.driver import add_meshes, answers, command, write
+from populations.driver import add_meshes, answers, command, markdown, write
 from populations.wrong_input_rows import CURVE, RIGHT, ROWS
 from populations.wrong_inputs import POPULATION, Job, attempt, judged, made
 
@@ -227,10 +227,8 @@ def _chance(worse: int, of: int) -> str:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Markdown table with one row for each switch that is tested on correct shots."""
-    lines = [
-        "| off | shots | updates | error over u: m, nu, beta | error of m | U of m | larger error | right |",
-        "| --- " * 8 + "|",
-    ]
+    heads = ("off", "shots", "updates", "error over u: m, nu, beta", "error of m", "U of m", "larger error")
+    lines: list[tuple[Any, ...]] = []
     errors: dict[str, dict[str, float]] = {}
     for name, switch in SWITCHES.items():
         mine = [row for row in rows if row["switch"] == name and not switch.diagnosis]
@@ -248,13 +246,11 @@ def table(rows: list[dict[str, Any]]) -> str:
             row["identified"] and all(abs(_z(row, key)) <= 2.0 for key in row["said"]) for row in whole
         )
         said = ", ".join(f"{np.sqrt((z[key] ** 2).mean()):.2f}" if len(z[key]) else "-" for key in NAMES)
-        lines.append(
-            f"| {switch.words} | {len(mine)} | {np.mean([row['updates'] for row in whole]):.1f} | {said} "
-            f"| {100 * np.sqrt((error**2).mean()):.3f} % "
-            f"| {200 * np.median([one['sigma'] / one['truth'] for one in m]):.3f} % "
-            f"| {worse} of {len(unequal)} ({_chance(worse, len(unequal))}) | {right} |"
-        )
-    return "\n".join(lines)
+        percent = f"{100 * np.sqrt((error**2).mean()):.3f} %"
+        U = f"{200 * np.median([one['sigma'] / one['truth'] for one in m]):.3f} %"
+        larger = f"{worse} of {len(unequal)} ({_chance(worse, len(unequal))})"
+        lines.append((switch.words, len(mine), _updates(whole), said, percent, U, larger, right))
+    return markdown((*heads, "right"), lines)
 
 
 ROUNDING = 1e-6
@@ -265,10 +261,7 @@ SIDES = ("first", "refused")
 
 def diagnosis_table(rows: list[dict[str, Any]]) -> str:
     """Markdown table with one row for each switch that is tested on wrong inputs."""
-    lines = [
-        "| off | rows | updates | first | first two | confident | lost, gained |",
-        "| --- " * 7 + "|",
-    ]
+    lines = []
     ends: dict[str, dict[str, str]] = {}
     for name, switch in SWITCHES.items():
         mine = [row for row in rows if row["switch"] == name and switch.diagnosis and "end" in row]
@@ -280,12 +273,14 @@ def diagnosis_table(rows: list[dict[str, Any]]) -> str:
         base = ends.get("nothing_of_diagnosis", {})
         both = [(base[k] in SIDES, end in SIDES) for k, end in ends[name].items() if k in base]
         lost, gained = both.count((True, False)), both.count((False, True))
-        lines.append(
-            f"| {switch.words} | {len(mine)} | {np.mean([row['updates'] for row in mine]):.1f} "
-            f"| {first} of {len(counted)} | {first + counted.count('second')} "
-            f"| {counted.count('confident')} | {lost}, {gained} |"
-        )
-    return "\n".join(lines)
+        ranks = (f"{first} of {len(counted)}", first + counted.count("second"), counted.count("confident"))
+        lines.append((switch.words, len(mine), _updates(mine), *ranks, f"{lost}, {gained}"))
+    heads = ("off", "rows", "updates", "first", "first two", "confident", "lost, gained")
+    return markdown(heads, lines)
+
+
+def _updates(rows: list[dict[str, Any]]) -> str:
+    return f"{np.mean([row['updates'] for row in rows]):.1f}"
 
 
 def _z(row: dict[str, Any], key: str) -> float:

@@ -33,16 +33,6 @@ HELD = ("poisson", "damping")
 
 
 @dataclass(frozen=True)
-class Study:
-    """Settings of all identifications."""
-
-    mesh: tuple[int, int]
-    refined_mesh: tuple[int, int]
-    device: str
-    threads: int | None
-
-
-@dataclass(frozen=True)
 class Case:
     """One identification."""
 
@@ -92,13 +82,13 @@ def told(case: Case, found: Identification, seconds: float) -> dict[str, Any]:
     }
 
 
-def answer(case: Case, study: Study) -> dict[str, Any]:
+def answer(case: Case, study: driver.ShotStudy) -> dict[str, Any]:
     """Identify a case."""
     shot = load_shot(case.folder)
     started = time.perf_counter()
     found = identify(
         late_flyer(shot, case.late) if case.late else shot,
-        driver.settings(study, study.threads, hold=case.hold),
+        driver.settings(study, hold=case.hold),
     )
     return told(case, found, round(time.perf_counter() - started, 1))
 
@@ -116,28 +106,28 @@ def read(out: Path) -> dict[str, dict[str, Any]]:
 
 def table(answers: dict[str, dict[str, Any]]) -> str:
     """The answers as a Markdown table."""
-    lines = ["| shot | | truth | answer (k = 2) | error / sigma | verdict |", "| --- " * 6 + "|"]
+    rows, ranks = [], []
     for one in answers.values():
         for name, value in one["values"].items():
             sigma, truth = one["sigmas"][name], one["truths"].get(name)
             off = "" if truth is None else f"{(value - truth) / sigma:+.2f}"
             of = "" if truth is None else f"{truth:.6g}"
-            row = f"{of} | {value:.6g} ± {2.0 * sigma:.2g} | {off} | {one['verdicts'][name]}"
-            lines.append(f"| {one['name']} | {name} | {row} |")
-    lines += ["", "| shot | causes in their order (evidence) |", "| --- | --- |"]
-    for one in answers.values():
+            interval = f"{value:.6g} ± {2.0 * sigma:.2g}"
+            rows.append((one["name"], name, of, interval, off, one["verdicts"][name]))
         causes = [
             f"{'**' if c['named'] else ''}{c['key']} = {c['value']:.6g}{'**' if c['named'] else ''}"
             f"{' beside ' + c['beside'] if c['beside'] else ''} ({c['evidence']:.0f})"
             for c in one["causes"][:2]
         ]
-        lines.append(f"| {one['name']} | {'; '.join(causes)} |")
-    return "\n".join(lines)
+        ranks.append((one["name"], "; ".join(causes)))
+    heads = ("shot", "", "truth", "answer (k = 2)", "error / sigma", "verdict")
+    causes_heads = ("shot", "causes in their order (evidence)")
+    return f"{driver.markdown(heads, rows)}\n\n{driver.markdown(causes_heads, ranks)}"
 
 
 def changes(now: dict[str, dict[str, Any]], before: dict[str, dict[str, Any]]) -> str:
     """Comparison of values, uncertainties and verdicts with those of another folder."""
-    lines = ["| shot | | change / sigma | U over the earlier one | verdict |", "| --- " * 5 + "|"]
+    rows = []
     for key in now.keys() & before.keys():
         one, other = now[key], before[key]
         for name in one["values"].keys() & other["values"].keys():
@@ -145,8 +135,8 @@ def changes(now: dict[str, dict[str, Any]], before: dict[str, dict[str, Any]]) -
             ratio = one["sigmas"][name] / other["sigmas"][name]
             same = one["verdicts"][name] == other["verdicts"][name]
             verdict = "the same" if same else f"{other['verdicts'][name]} -> {one['verdicts'][name]}"
-            lines.append(f"| {key} | {name} | {move:+.3f} | {ratio:.3f} | {verdict} |")
-    return "\n".join([*lines[:2], *sorted(lines[2:])])
+            rows.append((key, name, f"{move:+.3f}", f"{ratio:.3f}", verdict))
+    return driver.markdown(("shot", "", "change / sigma", "U over the earlier one", "verdict"), sorted(rows))
 
 
 def main() -> None:
@@ -158,15 +148,14 @@ def main() -> None:
     parser.add_argument("--shots", type=Path, help="where they are; default a folder in --out")
     parser.add_argument("--against", type=Path, help="another folder of answers")
     given = parser.parse_args()
-    threads = 1 if given.workers > 1 and given.device == "cpu" else None
-    study = Study(given.mesh, given.refined_mesh, given.device, threads)
+    study = driver.ShotStudy.of(given)
     cases = list(open_cases(given.out))
     if given.made:
         from populations.wrong_inputs import POPULATION, made
 
         place = given.shots or given.out / "made"
         asked = {"population": POPULATION, "right": given.made, "shots": 0, "least": 0, "out": place}
-        folders = made(argparse.Namespace(**{**vars(given), **asked, "threads": threads}))
+        folders = made(argparse.Namespace(**{**vars(given), **asked, "threads": study.threads}))
         cases += [Case(folder.name, str(folder)) for folder in folders]
     jobs = {file_of(case, given.out): (case, study) for case in cases if given.only in case.name}
     driver.answers(answer, jobs, workers=given.workers)

@@ -15,14 +15,38 @@ from pathlib import Path
 from typing import Any
 
 from kolsky.identification import identify
+from kolsky.material.relaxation.rate_fit import SIGNIFICANT
 from kolsky.shot.load import load_shot
 from kolsky.virtual.make import Place, make_places
-from populations.branch_advice_counts import TWINS, summary, table
-from populations.driver import about, add_meshes, answers, command, hold, numbers, settings, write
+from populations.coverage import ANSWERS, Each
+from populations.driver import (
+    about,
+    add_meshes,
+    answers,
+    command,
+    counted,
+    hold,
+    markdown,
+    numbers,
+    on_meshes,
+    settings,
+    share,
+    write,
+)
 from populations.joint_coverage import Study, specified, truth
 
 ADVICE = "--relaxation prony"
 """Text of a recommendation."""
+TWINS = {"relaxing": False, "elastic": True}
+"""Whether the material is elastic, by kind of shot."""
+ROWS = (
+    ("recommended to try a branch", "advised"),
+    ("by the linear test", "by the linear test"),
+    ("by the search for a strong branch", "by the search"),
+    ("nothing said, and called identified", "called identified"),
+    ("nothing said, no answer either", "withheld"),
+    ("refused", "refused"),
+)
 
 
 def place_of(study: Study, folder: Path, kind: str, number: int) -> Place:
@@ -33,7 +57,7 @@ def place_of(study: Study, folder: Path, kind: str, number: int) -> Place:
 def answer(study: Study, folder: Path, kind: str, number: int) -> dict[str, Any]:
     """Identify a shot as elastic; returns the statements of the output on a branch."""
     started = time.perf_counter()
-    asked = settings(study, 1 if study.device == "cpu" else None, seed=study.seed + number)
+    asked = settings(study, seed=study.seed + number)
     shot, place = place_of(study, folder, kind, number)
     said: dict[str, Any] = {"number": number, "kind": kind, "truth": truth(study, number)}
     said["speed"] = shot.quantities.motion.speed
@@ -71,22 +95,48 @@ def run(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> lis
     return answers(answer, jobs, workers=workers, line=line)
 
 
+def summary(each: Each) -> dict[str, Any]:
+    """Numbers of shots of each kind by recommendation, and number of all shots."""
+    kinds = {kind: _kind([one for one in each if one["kind"] == kind]) for kind in TWINS}
+    return {"kinds": kinds, "each": list(each)}
+
+
+def _kind(each: Each) -> dict[str, Any]:
+    silent = [one for one in each if not one["advised"] and not one["error"]]
+    linear = [one for one in each if one["advised"] and by_linear_test(one)]
+    identified = sum(all(v in ANSWERS for v in one["verdicts"].values()) for one in silent)
+    counts = {
+        "advised": sum(one["advised"] for one in each),
+        "by the linear test": len(linear),
+        "by the search": sum(one["advised"] for one in each) - len(linear),
+        "called identified": identified,
+        "withheld": len(silent) - identified,
+        "refused": sum(bool(one["error"]) for one in each),
+    }
+    return {"shots": len(each), **{name: share(count, len(each)) for name, count in counts.items()}}
+
+
+def by_linear_test(one: dict[str, Any]) -> bool:
+    """Whether the linear test was sufficient for a shot. Then no branch was fitted."""
+    return float(one["branch"].get("branch_probability", 1.0)) < SIGNIFICANT
+
+
+def table(said: dict[str, Any]) -> str:
+    """A study's `summary.json` as a Markdown table with one column for each kind of shot."""
+    study = said["study"]
+    shots = ", ".join(f"{said['kinds'][kind]['shots']} {kind}" for kind in TWINS)
+    rows = ([words, *(counted(said["kinds"][kind][key]) for kind in TWINS)] for words, key in ROWS)
+    return f"{shots} shots of seed {study['seed']} ({on_meshes(study)}).\n\n{markdown(['', *TWINS], rows)}"
+
+
 def main() -> None:
     """Run or continue the study and write its summary."""
-    parser = command(__doc__, seed=1)
+    parser = command(__doc__, seed=1, table=table)
     add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument("--draws", type=int, default=20, help="two shots each")
     parser.add_argument("--rows", type=numbers, help="FIRST:STOP, a part of the draws")
-    parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     given = parser.parse_args()
-    study = Study(
-        mesh=given.mesh,
-        refined_mesh=given.refined_mesh,
-        truth_mesh=given.truth_mesh,
-        device=given.device,
-        truth_device=given.truth_device or given.device,
-        seed=given.seed,
-    )
+    study = Study.of(given)
     hold(study, given.out)
     started = time.perf_counter()
     each = run(study, given.out, given.rows or range(given.draws), given.workers)

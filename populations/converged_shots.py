@@ -14,8 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from kolsky.base.arrays import FloatArray
-from populations.answers import RUNS, Case, Study, answer, file_of, read, table
-from populations.driver import add_meshes, answers, command, write
+from populations.answers import RUNS, Case, answer, file_of, read, table
+from populations.driver import ShotStudy, add_meshes, answers, command, write
 from populations.open_courses import FINE, SHOTS, Course
 from populations.scatter import table as scatter
 
@@ -98,8 +98,7 @@ def main() -> None:
     add_meshes(parser)
     parser.add_argument("shots", nargs="+", help="open-01 to open-04")
     given = parser.parse_args()
-    threads = 1 if given.workers > 1 and given.device == "cpu" else None
-    study = Study(given.mesh, given.refined_mesh, given.device, threads)
+    study = ShotStudy.of(given)
     jobs = {}
     for name in given.shots:
         folder = converged(name, given.out / "shots")
@@ -110,11 +109,8 @@ def main() -> None:
     found = read(given.out)
     print(table(found))
     print(f"\n{scatter(list(found.values()))}")
-    kept = {
-        "study": {"mesh": study.mesh, "refined_mesh": study.refined_mesh},
-        "answers": list(found.values()),
-    }
-    write(given.out / "answers.json", kept, indent=1)
+    meshes = {"mesh": study.mesh, "refined_mesh": study.refined_mesh}
+    write(given.out / "answers.json", {"study": meshes, "answers": list(found.values())}, indent=1)
 
 
 if __name__ == "__main__":

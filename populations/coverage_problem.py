@@ -7,8 +7,8 @@ factor, Poisson's ratio, damping and friction. Of the flyer they are speed, rise
 every instrument also differs.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -286,6 +286,21 @@ def simulate(
             raise ValueError("too many points of the outline lie on the platens: move HEIGHTS inward")
         found.append((seen.force[0], np.where(seen.inside, seen.Z, np.nan)[0]))
     return found
+
+
+def moved(truth: Truth, steps: Mapping[str, float]) -> list[Truth]:
+    """The truth with each parameter moved by its step, up and down: the neighbours of central differences."""
+    return [
+        replace(truth, **{name: getattr(truth, name) + sign * step})
+        for name, step in steps.items()
+        for sign in (1.0, -1.0)
+    ]
+
+
+def differences(rows: Sequence[FloatArray], steps: Mapping[str, float]) -> FloatArray:
+    """Derivatives by the parameters from the data at `moved`, shape [k, len(steps)]."""
+    sizes = 2.0 * np.array(list(steps.values()))
+    return np.asarray(((np.array(rows[::2]) - np.array(rows[1::2])) / sizes[:, None]).T)
 
 
 def middle(

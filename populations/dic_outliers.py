@@ -17,7 +17,7 @@ from dic.bodies.follow import TrackedBody
 from dic.chain.outliers import gate_epipolar, gate_residual, gate_surface
 from dic.outcome import PointOutcome
 from dic.surfaces.cylinder import SpecimenFrame
-from populations.driver import answers, command
+from populations.driver import markdown, picture_study
 from populations.outlier_scenes import RADIUS, drawn, followed, rig
 from tests.helpers.speckle_pictures import RenderedCylinder
 
@@ -74,22 +74,18 @@ def _off(body: TrackedBody, truth: np.ndarray) -> tuple[int, int, float]:
 def table(counts: Iterable[Count]) -> str:
     """The counts by kind, as Markdown."""
     found = list(counts)
-    lines = [
-        "| pictures | scenes | tracked points | beyond 6 σ | after the gates | beyond 6 σ | largest error |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = ("pictures", "scenes", "tracked points", "beyond 6 σ", "after the gates", "beyond 6 σ")
+    lines = []
     groups = [(kind, [c for c in found if c.kind == kind]) for kind in KINDS]
     for name, group in [*groups, ("all", found)]:
         if not group:
             continue
         tracked, valid = sum(c.tracked for c in group), sum(c.valid for c in group)
         before, beyond = sum(c.before for c in group), sum(c.beyond for c in group)
-        lines.append(
-            f"| {name} | {len(group)} | {tracked} | {before / max(tracked, 1):.3%} | {valid} "
-            f"({valid / max(tracked, 1):.1%}) | {beyond / max(valid, 1):.3%} | "
-            f"{1e6 * max(c.worst for c in group):.0f} µm |"
-        )
-    return "\n".join(lines)
+        tracks = (len(group), tracked, f"{before / max(tracked, 1):.3%}")
+        gates = (f"{valid} ({valid / max(tracked, 1):.1%})", f"{beyond / max(valid, 1):.3%}")
+        lines.append((name, *tracks, *gates, f"{1e6 * max(c.worst for c in group):.0f} µm"))
+    return markdown((*heads, "largest error"), lines)
 
 
 def measured(population: str, seed: int, device: str) -> dict[str, Any]:
@@ -97,21 +93,5 @@ def measured(population: str, seed: int, device: str) -> dict[str, Any]:
     return asdict(counted(population, seed, device))
 
 
-def main() -> None:
-    """Run the study, print its table and store it in the folder."""
-    parser = command(__doc__)
-    parser.add_argument("--population", choices=POPULATIONS, default="judged")
-    parser.add_argument("--n", type=int, default=24, help="scenes")
-    given = parser.parse_args()
-    jobs = {
-        given.out / f"{given.population}-{number:04d}.json": (given.population, number, given.device)
-        for number in range(given.n)
-    }
-    found = answers(measured, jobs, workers=given.workers)
-    words = table(Count(**count) for count in found)
-    (given.out / f"{given.population}.md").write_text(words + "\n", "utf-8")
-    print(words)
-
-
 if __name__ == "__main__":
-    main()
+    picture_study(__doc__, POPULATIONS, 24, measured, lambda found: table(Count(**count) for count in found))

@@ -1,7 +1,8 @@
 """Errors over their stated standard deviations: `python -m populations.dic_sigmas --population judged --out
 FOLDER`.
 
-Every scene (`populations.sigma_scenes`) is rendered. The noise is estimated from the frames at rest. The
+Every scene is rendered: a plane before one camera, or a cylinder before two. Its positions have a closed
+form. The noise is estimated from the frames at rest. The
 points are tracked and, with two cameras, reconstructed as in `kolsky dic`. The table gives the root mean
 square of the error over the stated standard deviation. It is 1 if the standard deviation is correct. The
 table has one row for each kind of scene and noise. Its columns are displacement in the pictures' plane,
@@ -11,14 +12,17 @@ continued.
 """
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dic.basics import BoolArray, FloatArray
 from dic.bodies.follow import follow_bodies, match_body
 from dic.bodies.region import Region
+from dic.camera import StereoRig
+from dic.correlation import Correlation, Shape
 from dic.full_field.measure import FullFieldSettings, measure_plane, noise_at_rest
 from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
@@ -26,9 +30,9 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.surfaces.outline import outline
 from dic.surfaces.surface_history import to_surface
 from dic.tracking import Tracking
-from populations.driver import answers, command
-from populations.sigma_scenes import KINDS, LEVELS, POPULATIONS, RADIUS, STATIC, SigmaScene, drawn
-from tests.helpers.speckle_pictures import RenderedCylinder
+from populations.driver import markdown, picture_study
+from populations.outlier_scenes import PIXEL, RADIUS, SHAPE, rig
+from tests.helpers.speckle_pictures import RenderedCylinder, Speckles, render, speckle_pattern
 
 QUANTITIES = ("x", "y", "Z", "outline")
 STATES = ("rest", "moved")
@@ -37,6 +41,126 @@ LEAST, MOST = 0.8, 1.25
 RIM = 8.0
 STRIP = 1.2e-3
 """Half width of the strip of an outline [m]."""
+
+
+WHITE = 255.0
+STATIC, MOVED = 4, 4
+"""Number of frames at rest, and of frames after them."""
+LEVELS = (1.0, 2.0, 5.0)
+"""Standard deviations of a grey value [grey]."""
+KINDS = ("plane, shift", "plane, strain", "cylinder, shift", "cylinder, strain")
+POPULATIONS = {"chosen": 11, "judged": 12}
+
+
+@dataclass(frozen=True)
+class SigmaScene:
+    """One scene of a population."""
+
+    kind: str
+    """One of `KINDS`."""
+    seed: int
+    noise: float
+    """Standard deviation of a grey value [grey]."""
+    speckle: float
+    """Size of the speckles [px]."""
+    strain: float
+    """Strain along the axis in the last frame [-]; 0 for a shift."""
+    shifts: FloatArray
+    """Shifts of the frames after those at rest [px], shape [MOVED, 3]."""
+    angle: float
+    """Angle between the cameras [rad]."""
+    match: Correlation
+    """Settings of the tracking."""
+    stereo: Correlation
+    """Settings of the match between the cameras."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return STATIC + MOVED
+
+    @property
+    def static(self) -> NDArray[np.bool_]:
+        """Frames at rest, shape [n_frames]."""
+        return np.arange(self.n_frames) < STATIC
+
+    def stretch(self, k: int) -> float:
+        """Length along the axis in frame `k` over that at rest [-]."""
+        return 1.0 + self.strain * max(k - STATIC + 1, 0) / MOVED
+
+    def shift(self, k: int) -> FloatArray:
+        """Rigid shift in frame `k` [px], shape [3]."""
+        return np.zeros(3) if k < STATIC or self.strain else self.shifts[k - STATIC]
+
+    def place(self, X: FloatArray, k: int) -> FloatArray:
+        """Positions in frame `k` of points that are at X at rest: [px], shape [n, 2] for a plane; [m], shape
+        [n, 3] for a cylinder."""
+        stretch = self.stretch(k)
+        if self.kind.startswith("plane"):
+            middle = 0.5 * (SHAPE[0] - 1)
+            return (X - middle) * np.array([stretch**-0.5, stretch]) + middle + self.shift(k)[:2]
+        return X * np.array([stretch**-0.5, stretch, stretch**-0.5]) + PIXEL * self.shift(k)
+
+    def pictures(self) -> list[NDArray[np.uint8]]:
+        """Grey values of one or two cameras, each of shape [n_frames, rows, columns]."""
+        rng = np.random.default_rng([self.seed, 3])
+        if self.kind.startswith("plane"):
+            return [np.array([self._recorded(self._plane(k), rng) for k in range(self.n_frames)])]
+        return [
+            np.array([self._recorded(self._cylinder(camera, k), rng) for k in range(self.n_frames)])
+            for camera in (0, 1)
+        ]
+
+    def _recorded(self, grey: FloatArray, rng: np.random.Generator) -> NDArray[np.uint8]:
+        noisy = grey + self.noise * rng.standard_normal(grey.shape)
+        return np.clip(np.rint(noisy), 0.0, WHITE).astype(np.uint8)
+
+    def _plane(self, k: int) -> FloatArray:
+        pattern = speckle_pattern(SHAPE, size=self.speckle, contrast=35.0, seed=self.seed)
+        stretch, middle, shift = self.stretch(k), 0.5 * (SHAPE[0] - 1), self.shift(k)[:2]
+
+        def material(x: FloatArray) -> FloatArray:
+            return np.asarray((x - middle - shift) / np.array([stretch**-0.5, stretch]) + middle)
+
+        return render(pattern, SHAPE, material=material)
+
+    def _cylinder(self, camera: int, k: int) -> FloatArray:
+        stretch = self.stretch(k)
+        wider, speckles = stretch**-0.5, Speckles(0.8 * self.speckle * PIXEL, seed=self.seed)
+
+        def pattern(arc: FloatArray, height: FloatArray) -> FloatArray:
+            return speckles(arc / wider, height / stretch)
+
+        seen_by = rig(self.angle).cameras[camera]
+        moved = replace(seen_by, translation=seen_by.translation + PIXEL * seen_by.rotation @ self.shift(k))
+        light = RenderedCylinder(RADIUS * wider).picture(moved, SHAPE, pattern, oversample=4)
+        return 0.75 * WHITE * light
+
+    @property
+    def rig(self) -> StereoRig:
+        """The cameras in front of a cylinder."""
+        return rig(self.angle)
+
+
+def drawn(population: str, number: int) -> SigmaScene:
+    """Scene of a population: kinds and noises alternate, the other values are random."""
+    rng = np.random.default_rng([POPULATIONS[population], number])
+    kind = KINDS[number % len(KINDS)]
+    level = LEVELS[(number // len(KINDS)) % len(LEVELS)]
+    strain = float(rng.uniform(0.1, 0.2) * rng.choice([-1.0, 1.0]))
+    subset = int(rng.choice([17, 21, 25]))
+    shape = Shape.AFFINE if rng.uniform() < 0.5 else Shape.QUADRATIC
+    return SigmaScene(
+        kind=kind,
+        seed=1000 * POPULATIONS[population] + number,
+        noise=level,
+        speckle=float(rng.uniform(4.0, 7.0)),
+        strain=strain if kind.endswith("strain") else 0.0,
+        shifts=rng.uniform(-2.0, 2.0, (MOVED, 3)),
+        angle=float(rng.uniform(0.2, 0.5)),
+        match=Correlation(subset=subset, shape=shape),
+        stereo=Correlation(subset=subset, shape=Shape.QUADRATIC),
+    )
 
 
 @dataclass(frozen=True)
@@ -141,10 +265,7 @@ def table(found: Iterable[Scatter]) -> str:
     """Root mean squares by kind and noise as Markdown; values outside `LEAST` to `MOST` in bold."""
     rows = list(found)
     columns = [(q, s) for s in STATES for q in QUANTITIES]
-    lines = [
-        "| scenes | noise, grey | " + " | ".join(f"{q}, {s}" for q, s in columns) + " |",
-        "| --- | --- |" + " --- |" * len(columns),
-    ]
+    lines = []
     for kind in KINDS:
         for level in LEVELS:
             cells = []
@@ -154,8 +275,8 @@ def table(found: Iterable[Scatter]) -> str:
                     if (s.kind, s.noise, s.quantity, s.state) == (kind, level, quantity, state)
                 ]  # fmt: skip
                 cells.append(_cell(some))
-            lines.append(f"| {kind} | {level:g} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+            lines.append((kind, f"{level:g}", *cells))
+    return markdown(("scenes", "noise, grey", *(f"{q}, {s}" for q, s in columns)), lines)
 
 
 def _cell(some: list[Scatter]) -> str:
@@ -170,21 +291,11 @@ def measured(population: str, number: int, device: str) -> list[dict[str, Any]]:
     return [asdict(s) for s in scattered(population, number, device)]
 
 
-def main() -> None:
-    """Run the study, print its table and store it in the folder."""
-    parser = command(__doc__)
-    parser.add_argument("--population", choices=tuple(POPULATIONS), default="judged")
-    parser.add_argument("--n", type=int, default=48, help="scenes")
-    given = parser.parse_args()
-    jobs = {
-        given.out / f"{given.population}-{number:04d}.json": (given.population, number, given.device)
-        for number in range(given.n)
-    }
-    found = answers(measured, jobs, workers=given.workers)
-    words = table(Scatter(**s) for scene in found for s in scene)
-    (given.out / f"{given.population}.md").write_text(words + "\n", "utf-8")
-    print(words)
-
-
 if __name__ == "__main__":
-    main()
+    picture_study(
+        __doc__,
+        POPULATIONS,
+        48,
+        measured,
+        lambda found: table(Scatter(**s) for scene in found for s in scene),
+    )

@@ -14,22 +14,24 @@ the margin. The table gives the number of shots of TWO above each limit, and abo
 95 % interval of the share. ``--out`` stores it with the quantiles of all figures that the verdicts use.
 """
 
+import json
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import nct, norm
 
-from kolsky.diagnosis.fit_quality import ALONE, CONTRADICTION, leading_lag, routes_apart
+from kolsky.diagnosis.causes import EVIDENCE
+from kolsky.diagnosis.fit_quality import ALONE, CONTRADICTION, LIMITS, SLOW_LIMITS, leading_lag, routes_apart
 from kolsky.identification import identify
 from kolsky.inverse.result import LATE, Identification
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.load import load_shot
-from populations.driver import command, results, write
-from populations.threshold_choice import STRONGEST, RightShot, chosen, table, truth
+from populations.driver import command, counted, markdown, results, share, write
 
 FALSE_ALARMS = 0.0125
 """Share of correct shots that one figure may reject: 2 in 40 for the four together."""
@@ -44,13 +46,141 @@ QUANTILES = (0.5, 0.9, 0.95, 1.0)
 """Quantiles of the population that are printed."""
 
 
+ASTRAY = 6.0
+"""A search result is wrong if its distance from the truth exceeds this number of standard uncertainties."""
+TRUE = {"stiffness_factor": "m", "poisson": "nu", "damping": "beta_s"}
+"""Keys of truth.json by parameter."""
+STRONGEST = "strongest evidence of a cause"
+IN_USE = {
+    **{f"{channel}: residual over expected": limit for channel, limit in LIMITS.items()},
+    **{f"{channel}: slow residual over expected": limit for channel, limit in SLOW_LIMITS.items()},
+    STRONGEST: EVIDENCE,
+}
+"""Limits in use, by figure."""
+
+
+@dataclass(frozen=True)
+class RightShot:
+    """One correct shot and its results."""
+
+    name: str
+    result: Identification
+    truth: Mapping[str, float]
+    """The true values by parameter; empty if unknown."""
+
+    @property
+    def astray(self) -> bool:
+        """True if the search did not end at the truth."""
+        return any(
+            abs(e.value - self.truth[name]) > ASTRAY * e.sigma
+            for name, e in self.result.estimates.items()
+            if name in self.truth
+        )
+
+    @property
+    def answered(self) -> bool:
+        """True if the verdict on every parameter is identified."""
+        return all(e.outcome.identified for e in self.result.estimates.values())
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The reported causes, although there is no cause."""
+        return tuple(cause.key for cause in self.result.causes if cause.named)
+
+
+def strongest(result: Identification) -> float:
+    """Evidence of the strongest cause outside its declared uncertainty [-]; 0 if there is none."""
+    return max((cause.evidence for cause in result.causes if not cause.within), default=0.0)
+
+
+def limited(result: Identification) -> dict[str, float]:
+    """The figures that have a limit, by name."""
+    found = {STRONGEST: strongest(result)}
+    for channel in result.fit:
+        found[f"{channel.channel}: residual over expected"] = channel.excess
+        found[f"{channel.channel}: slow residual over expected"] = channel.slow_excess
+    return found
+
+
+def truth(result: Path) -> dict[str, float]:
+    """True values of the shot of a result in SHOT/results, by parameter; empty without truth.json."""
+    place = result.parent.parent / "truth.json"
+    if not place.exists():
+        return {}
+    said = json.loads(place.read_text("utf-8"))
+    return {name: float(said[key]) for name, key in TRUE.items() if said.get(key) is not None}
+
+
+def chosen(
+    one: list[RightShot], two: list[RightShot], limit: Callable[[str, list[float]], float]
+) -> dict[str, Any]:
+    """Limits from population one, and false alarms on population two of these limits and of the limits in
+    use. Population two may be empty. ``limit`` is a function of a figure's name and its values for correct
+    shots."""
+    found, judged = [s for s in one if not s.astray], [s for s in two if not s.astray]
+    rows = {}
+    for name, used in IN_USE.items():
+        first = [limited(s.result)[name] for s in found if name in limited(s.result)]
+        second = [limited(s.result)[name] for s in judged if name in limited(s.result)]
+        new = limit(name, first)
+        rows[name] = {
+            "in use": used,
+            "chosen": new,
+            "shots of one": len(first),
+            "largest of one": max(first),
+            "shots of two": len(second),
+            "largest of two": max(second, default=None),
+            "of two above chosen": share(sum(value > new for value in second), len(second)),
+            "of two above in use": share(sum(value > used for value in second), len(second)),
+        }
+    return {
+        "limits": rows,
+        "population one": outcomes(one),
+        "population two": outcomes(two),
+    }
+
+
+def outcomes(shots: list[RightShot]) -> dict[str, Any]:
+    """Counts of the outcomes of a population, with the limits in use at the time of identification."""
+    right = [s for s in shots if not s.astray]
+    return {
+        "shots": len(shots),
+        "search ended elsewhere": sorted(s.name for s in shots if s.astray),
+        "not identified": share(sum(not s.answered for s in right), len(right)),
+        "causes named": {s.name: list(s.named) for s in right if s.named},
+    }
+
+
+def table(said: dict[str, Any]) -> str:
+    """The limits as a Markdown table, and the counts in two sentences."""
+    heads = ["figure", "in use", "chosen on one", "largest of one", "largest of two"]
+    heads += ["of two above in use", "of two above chosen"]
+    rows = []
+    for name, row in said["limits"].items():
+        cells = [f"{row['in use']:.3g}", f"{row['chosen']:.3g}", f"{row['largest of one']:.3g}"]
+        cells.append("–" if row["largest of two"] is None else f"{row['largest of two']:.3g}")
+        cells += [counted(row[key], 1) for key in ("of two above in use", "of two above chosen")]
+        rows.append((name, *cells))
+    lines = [markdown(heads, rows)]
+    for which in ("population one", "population two"):
+        one = said[which]
+        if one["shots"]:
+            elsewhere = one["search ended elsewhere"]
+            lines.append(
+                f"\n{which}: {one['shots']} shots; the search of {len(elsewhere)} ended elsewhere"
+                f"{' (' + ', '.join(elsewhere) + ')' if elsewhere else ''}; of the others not identified "
+                f"{counted(one['not identified'], 1)}, a cause named on {len(one['causes named'])}"
+            )
+    return "\n".join(lines)
+
+
 def figures(result: Identification) -> Iterator[tuple[str, float]]:
     """Figures on which the verdicts on a fit are based, by name."""
     for channel in result.fit:
         yield f"{channel.channel}: residual over expected", channel.excess
         yield f"{channel.channel}: slow residual over expected", channel.slow_excess
-        for name, share in channel.weight.items():
-            yield f"{channel.channel}: share of the information on {name}", share
+        for name, weight in channel.weight.items():
+            yield f"{channel.channel}: share of the information on {name}", weight
     for name in result.estimates:
         if result.route_difference is not None:
             yield f"routes apart in sigmas, {name}", routes_apart(result, name)

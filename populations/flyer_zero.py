@@ -32,6 +32,7 @@ from dic.chain.inputs import ChainSettings, inspect_pictures
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
+from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome
 from dic.result import Placement
 from dic.tracking import Tracking
@@ -39,9 +40,9 @@ from kolsky.cli.texts import whole_numbers
 from kolsky.pictures.specimen_length import conditioned_length, rim_of
 from kolsky.virtual.pictures import expose_series, rig_of, scene_of
 from kolsky.virtual.schema import Specification
-from kolsky.virtual.specification import Series, SpecificationFile, read_specification
+from kolsky.virtual.specification import Series
 from kolsky.virtual.truth import SurfaceHistory, simulate_truths
-from populations.driver import answers, command
+from populations.driver import answers, command, population
 
 SPEC = Path(__file__).parents[1] / "runs" / "virtual" / "forty.toml"
 STRIP = 0.6e-3
@@ -89,50 +90,18 @@ class Experiment:
     seconds: float = 0.0
 
 
-@dataclass(frozen=True)
-class InMemory:
-    """A series of pictures in memory."""
-
-    pictures: NDArray[np.uint16]
-    bits: int
-    path: Path = Path("in memory")
-    crop_offset: tuple[float, float] = (0.0, 0.0)
-    times: None = None
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames."""
-        return len(self.pictures)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.pictures.shape[1], self.pictures.shape[2]
-
-    def frame(self, index: int) -> NDArray[np.uint16]:
-        """One picture."""
-        return self.pictures[index]
-
-
 def series_of(study: Study) -> Series:
     """The population with the study's seed, mesh and rate."""
-    series = read_specification(SPEC)
-    content = dict(series.file.content) | {"seed": study.seed}
-    changes = json.loads(study.changes) if study.changes else {}
-    for table, values in {
+    tables = {
         "truth": {"mesh": list(study.mesh)},
         "frames": {"rate": f"{study.rate:g} Hz", "static": 6},
         "optics": {"rays": 3},
         "scope": {"interval": "2 us"},
-        **changes,
-    }.items():
-        if table == "population.draw":
-            population = content["population"]
-            content["population"] = {**population, "draw": {**population["draw"], **values}}
-        else:
-            content[table] = {**content.get(table, {}), **values}
-    file = replace(series.file, content=content)
-    return Series(file, file.validated(SpecificationFile))
+        **(json.loads(study.changes) if study.changes else {}),
+    }
+    if draw := tables.pop("population.draw", None):
+        tables["population"] = {"draw": {**population(SPEC).file.content["population"]["draw"], **draw}}
+    return population(SPEC, seed=study.seed, **tables)
 
 
 def pictures_of(q: Specification, number: int, surface: SurfaceHistory) -> list[NDArray[np.uint16]]:
@@ -175,7 +144,7 @@ def measured(
     length_error = q.specimen.length * q.imperfections.length
     result = Experiment(number, q.cameras.flyer_share, q.cameras.pixel, length_error=length_error)
     bits = 8 if q.cameras.format == "png" else q.optics.bits
-    pictures = (InMemory(grey[0], bits), InMemory(grey[1], bits))
+    pictures = (PicturesInMemory(grey[0], bits), PicturesInMemory(grey[1], bits))
     n, static = len(surface.time), np.arange(len(surface.time)) < q.frames.static
     usable = np.ones(n, dtype=bool)
     for series in pictures:
@@ -202,7 +171,7 @@ def measured(
     try:
         inputs = inspect_pictures(pictures, static).with_cameras(rig, settings, surface.time, static)
         few = int(q.frames.static)
-        rest = (InMemory(grey[0][:few], bits), InMemory(grey[1][:few], bits))
+        rest = (PicturesInMemory(grey[0][:few], bits), PicturesInMemory(grey[1][:few], bits))
         still = inspect_pictures(rest, static[:few]).with_cameras(
             rig, settings, surface.time[:few], static[:few]
         )

@@ -24,8 +24,8 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.cli.texts import whole_numbers
 from kolsky.virtual.make import TRUTH, make
-from kolsky.virtual.specification import Series, SpecificationFile, read_specification
-from populations.driver import add_meshes, command, mesh, results
+from kolsky.virtual.specification import Series
+from populations.driver import add_meshes, command, mesh, population, results
 from populations.driver import write as write_json
 from populations.forty_shots import KINDS, RIGHT, Answer, Study, available, one, shares
 
@@ -36,16 +36,9 @@ MAKING = "making.json"
 
 def series_of(study: Study) -> Series:
     """The population with the changes of the study."""
-    series = read_specification(study.spec)
-    content = dict(series.file.content)
-    if study.seed is not None:
-        content["seed"] = study.seed
-    if study.truth_mesh is not None:
-        content["truth"] = {**content.get("truth", {}), "mesh": list(study.truth_mesh)}
-    content["cameras"] = {**content.get("cameras", {}), "write": not study.exports}
-    content["exports"] = {**content.get("exports", {}), "write": study.exports}
-    file = replace(series.file, content=content)
-    return Series(file, file.validated(SpecificationFile))
+    written = {"cameras": {"write": not study.exports}, "exports": {"write": study.exports}}
+    truth = {} if study.truth_mesh is None else {"truth": {"mesh": list(study.truth_mesh)}}
+    return population(study.spec, seed=study.seed, **written, **truth)
 
 
 def made(study: Study, numbers: list[int], workers: int) -> tuple[list[str], str]:
@@ -203,18 +196,10 @@ def main() -> None:
     if given.of:
         print(json.dumps(spread(kept_answers(Path(given.of)))))
         return
-    study = Study(
-        spec=given.spec,
-        out=given.out,
-        seed=given.seed,
-        exports=given.exports,
-        mesh=given.mesh,
-        refined_mesh=given.refined_mesh,
-        truth_mesh=given.truth_mesh,
-        device=given.device,
+    study = Study.of(
+        given,
         threads=given.threads or (1 if given.workers > 1 else None),
         cures=not given.no_cures and not given.true_inputs,
-        true_inputs=given.true_inputs,
         cores=shares(available(), given.workers) if given.workers > 1 else (),
     )
     Path(given.out).mkdir(parents=True, exist_ok=True)

@@ -18,7 +18,7 @@ from kolsky.base.process import WORKER
 from kolsky.identification import identify
 from kolsky.shot.load import load_shot
 from kolsky.virtual.make import TRUTH
-from populations.driver import settings, write
+from populations.driver import ShotStudy, settings, write
 from populations.forty_cures import CURES, FINER_MESH, true_inputs
 
 FINER = (32, 43)
@@ -31,20 +31,16 @@ COVERED = 3.0
 KINDS = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, kw_only=True)
+class Study(ShotStudy):
     """Settings of all shots."""
 
     spec: str
     out: str
-    seed: int | None = None
+    seed: int | None = None  # type: ignore[assignment]
     """Seed of the population; None: the specification's seed."""
     exports: bool = False
-    mesh: tuple[int, int] = (24, 32)
-    refined_mesh: tuple[int, int] = (64, 86)
     truth_mesh: tuple[int, int] | None = None
-    device: str = "cpu"
-    threads: int | None = None
     cures: bool = True
     true_inputs: bool = False
     """Whether the true length, diameter, density and sensitivity of a shot are declared."""
@@ -179,7 +175,7 @@ def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
     try:
         shot = load_shot(folder)
         seen = time.perf_counter() - started
-        found = identify(shot, settings(study, study.threads))
+        found = identify(shot, settings(study))
     except (InputError, ValueError, RuntimeError) as error:
         verdict = "refused" if said_on_purpose(error) else "fault"
         seconds = time.perf_counter() - started

@@ -8,7 +8,7 @@ how much m depends on the held ratio. The folder stores every answer, so an inte
 continued.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,17 @@ import numpy as np
 from kolsky.base.apparatus import INCOMPRESSIBLE
 from kolsky.identification import identify
 from populations.coverage_problem import BONDED, GROUP, Setup, Truth, drawn, experiment
-from populations.driver import RESULTS, add_meshes, answers, command, hold, numbers, settings, write
+from populations.driver import (
+    RESULTS,
+    Study,
+    add_meshes,
+    answers,
+    command,
+    hold,
+    numbers,
+    settings,
+    write,
+)
 from populations.other_program import simulate_elsewhere
 
 FILE = RESULTS / "incompressible_shots.json"
@@ -26,16 +36,6 @@ DECLARED = 0.499
 """Poisson's ratio in the shot, a first guess [-]."""
 HELD = {"nothing": None, "incompressible": INCOMPRESSIBLE, "0.49999": 0.49999}
 """What is asked for -> the ratio that is held."""
-
-
-@dataclass(frozen=True)
-class Study:
-    """Settings of a study. Studies with equal settings have the same shots and the same answers."""
-
-    mesh: tuple[int, int]
-    refined_mesh: tuple[int, int]
-    device: str
-    seed: int
 
 
 def incompressible(number: int, seed: int) -> tuple[Setup, Truth]:
@@ -53,7 +53,7 @@ def answer(study: Study, truth_file: Path, number: int, asked: str) -> dict[str,
     shot = experiment(number, setup, replace(truth, poisson=DECLARED), exact, BONDED, rng)
     ratio = HELD[asked]
     held = {} if ratio is None else {"poisson": ratio}
-    options = settings(study, 1 if study.device == "cpu" else None, held=held, seed=study.seed + number)
+    options = settings(study, held=held, seed=study.seed + number)
     found = identify(shot, options)
     free = {name: e.value for name, e in found.estimates.items()}
     return {
@@ -117,7 +117,7 @@ def main() -> None:
     parser.add_argument("--python", default="/usr/bin/python3", help="an interpreter that has DOLFINx 0.5")
     parser.add_argument("--truths", action="store_true", help="make the truths, identify nothing")
     given = parser.parse_args()
-    study = Study(given.mesh, given.refined_mesh, given.device, given.seed)
+    study = Study.of(given)
     hold(study, given.out)
     jobs = {}
     for number in given.shots:

@@ -24,7 +24,7 @@ import numpy as np
 
 from explicit.relaxation import PronySeries
 from kolsky.inverse.parameters import with_relaxation
-from kolsky.inverse.settings import JointSettings, Numerics
+from kolsky.inverse.settings import JointSettings
 from kolsky.joint_identification import identify_shots
 from kolsky.material.relaxation.evidence import HistoryTest, RateModel
 from kolsky.results.joint import to_json
@@ -33,8 +33,22 @@ from kolsky.virtual.make import Place, make_places, place_of
 from kolsky.virtual.material import law_of
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
-from populations.driver import about, add_meshes, answers, command, hold, numbers, write
-from populations.joint_coverage_counts import summary, table
+from populations.coverage import ANSWERS, Each
+from populations.driver import (
+    TruthStudy,
+    about,
+    add_meshes,
+    answers,
+    command,
+    counted,
+    hold,
+    markdown,
+    numbers,
+    on_meshes,
+    settings,
+    share,
+    write,
+)
 
 SHOTS = 3
 SLOW_SIGMA = 50.0
@@ -66,8 +80,8 @@ times = ["{prony_time_1:.9g} s"]
 """
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, kw_only=True)
+class Study(TruthStudy):
     """Settings of a study. Studies with equal settings have the same draws and the same answers."""
 
     elastic: bool = False
@@ -75,22 +89,12 @@ class Study:
     slow: bool = True
     """Whether a relaxation test is added to the shots."""
     mesh: tuple[int, int] = (24, 32)
-    """Mesh of the search."""
     refined_mesh: tuple[int, int] = (64, 86)
-    """Mesh of the answer."""
-    truth_mesh: tuple[int, int] = (96, 129)
-    """Mesh of the truth."""
     truth_grading: float = 5.0
     """Ratio of the largest to the smallest element of this mesh. The small elements are at the faces' edges.
     A uniform mesh with the same number of elements has twice the error (docs/validation/coverage.md)."""
     truth_element: str = "middle"
     """Element of the truth: F-bar elements alone have an error as large as the uncertainty of three shots."""
-    device: str = "cpu"
-    """Device of the identifications; one thread per process on a CPU."""
-    truth_device: str = "cpu"
-    """Device of the truths."""
-    seed: int = 1
-    """Seed of materials and noise."""
 
 
 def truth(study: Study, number: int) -> dict[str, float]:
@@ -142,19 +146,14 @@ def specified(study: Study, folder: Path, number: int) -> list[Place]:
 def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
     """Identify a draw's shots together."""
     started, true, place = time.perf_counter(), truth(study, number), folder / f"draw-{number:03d}"
-    threads = 1 if study.device == "cpu" else None
     folders = sorted((place / "shots").glob("*/shot.toml"))
     # The start of the search does not depend on the truth.
     shots = [replace(with_relaxation(load_shot(one), "prony"), name=one.parent.name) for one in folders]
-    settings = JointSettings(
-        numerics=Numerics(mesh=study.mesh, device=study.device, threads=threads),
-        refined_mesh=study.refined_mesh,
-        seed=study.seed + number,
-    )
+    asked = settings(study, JointSettings, seed=study.seed + number)
     said: dict[str, Any] = {"number": number, "truth": true, "elastic": study.elastic}
     try:
         slow = (relaxation_test(study, true, number),) if study.slow else ()
-        found = identify_shots(shots, settings, slow=slow, ledger=place / "joint.sqlite")
+        found = identify_shots(shots, asked, slow=slow, ledger=place / "joint.sqlite")
         said |= {"found": to_json(found), "error": ""}
     except ValueError as error:
         said |= {"found": None, "error": str(error)}
@@ -182,9 +181,118 @@ def relaxation_test(study: Study, true: dict[str, float], number: int) -> Histor
     return replace(test, stress=clean + SLOW_SIGMA * noise, label="relaxation")
 
 
+PAIR = ("prony_strength_1", "prony_time_1")
+NAMES = ("stiffness_factor", "poisson", "damping", *PAIR)
+SYMBOLS = {
+    "stiffness_factor": "$m$",
+    "poisson": "$\\nu$",
+    "damping": "$\\beta$",
+    "prony_strength_1": "strength",
+    "prony_time_1": "time",
+}
+
+
+def summary(each: Each) -> dict[str, Any]:
+    """Counts of covered truths, correct pairs and required relaxation, and a short form of every draw. A
+    rejected draw counts as not covering and without relaxation."""
+    answered = [one for one in each if one["found"] is not None]
+    choices = [one["found"]["model_choice"] for one in answered]
+    return {
+        "draws": len(each),
+        "answered": len(answered),
+        "relaxation asked for": share(sum(choice["asked_for"] for choice in choices), len(each)),
+        "not decided": sum(choice["sentence"].startswith("not decided") for choice in choices),
+        "pairs within 2 sigma": share(sum(pair_found(one) for one in answered), len(each)),
+        "called identified": sum(all_identified(one) for one in answered),
+        **{name: _parameter(name, answered, len(each)) for name in NAMES},
+        "each": [_short(one) for one in each],
+    }
+
+
+def _parameter(name: str, answered: Each, of: int) -> dict[str, Any]:
+    rows = [(one["truth"][name], one["found"]["estimates"][name]) for one in answered]
+    inside = sum(e["interval_95"][0] <= true <= e["interval_95"][1] for true, e in rows)
+    errors = np.array([(e["value"] - true) / e["sigma"] for true, e in rows])
+    widths = [0.5 * (e["interval_95"][1] - e["interval_95"][0]) / true for true, e in rows]
+    return {
+        "held": share(inside, of),
+        "misses, value too high and too low": [
+            sum(true < e["interval_95"][0] for true, e in rows),
+            sum(true > e["interval_95"][1] for true, e in rows),
+        ],
+        "error over sigma, mean and root mean square": (
+            [float(errors.mean()), float(np.sqrt((errors**2).mean()))] if rows else None
+        ),
+        "median half width over the truth": float(np.median(widths)) if rows else None,
+    }
+
+
+def pair_found(one: dict[str, Any]) -> bool:
+    """Whether strength and time are both within two standard uncertainties of the truth."""
+    found, true = one["found"]["estimates"], one["truth"]
+    return all(abs(found[name]["value"] - true[name]) <= 2.0 * found[name]["sigma"] for name in PAIR)
+
+
+def all_identified(one: dict[str, Any]) -> bool:
+    """Whether every verdict of a draw is an answer."""
+    return all(e["outcome"] in ANSWERS for e in one["found"]["estimates"].values())
+
+
+def _short(one: dict[str, Any]) -> dict[str, Any]:
+    """A draw without the data of its shots and tables."""
+    found = one["found"]
+    said = {"number": one["number"], "seconds": one["seconds"], "error": one["error"], "truth": one["truth"]}
+    if found is None:
+        return said
+    kept, why = ("value", "sigma", "interval_95", "outcome"), ("aic", "probability", "asked_for", "sentence")
+    return {
+        **said,
+        "estimates": {n: {key: e[key] for key in kept} for n, e in found["estimates"].items()},
+        "scatter": found["scatter_between_shots"],
+        "choice": {key: found["model_choice"][key] for key in why},
+    }
+
+
+def table(said: dict[str, Any]) -> str:
+    """A study's `summary.json` as Markdown: the counts, and one column for each parameter."""
+    study, asked = said["study"], said["relaxation asked for"]
+    head = (
+        f"{said['draws']} draws of seed {study['seed']} ({on_meshes(study)}), "
+        f"{said['answered']} answered. Relaxation asked for: "
+        f"{counted(asked)}; not decided: {said['not decided']}."
+    )
+    names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # elastic materials have no pair
+    if not study["elastic"]:
+        head += (
+            " Strength and time both within two standard uncertainties: "
+            f"{counted(said['pairs within 2 sigma'])}. Called identified: {said['called identified']}."
+        )
+    rows = [
+        ("95 % intervals that hold the truth", [counted(said[name]["held"]) for name in names]),
+        (
+            "misses: too high, too low",
+            [", ".join(map(str, said[name]["misses, value too high and too low"])) for name in names],
+        ),
+        ("error over standard uncertainty: mean, rms", [_errors(said[name]) for name in names]),
+        ("median half width of the interval", [_width(said[name]) for name in names]),
+    ]
+    heads = ["", *(SYMBOLS[name] for name in names)]
+    return f"{head}\n\n{markdown(heads, ([words, *cells] for words, cells in rows))}"
+
+
+def _errors(one: dict[str, Any]) -> str:
+    both = one["error over sigma, mean and root mean square"]
+    return "–" if both is None else f"{both[0]:+.2f}, {both[1]:.2f}".replace("-", "−")
+
+
+def _width(one: dict[str, Any]) -> str:
+    width = one["median half width over the truth"]
+    return "–" if width is None else f"{100.0 * width:.2g} %"
+
+
 def main() -> None:
     """Run or continue a study and write its summary."""
-    parser = command(__doc__, seed=1)
+    parser = command(__doc__, seed=1, table=table)
     add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument("--draws", type=int, default=50)
     parser.add_argument("--rows", type=numbers, help="FIRST:STOP, a part of the draws")
@@ -192,20 +300,8 @@ def main() -> None:
     parser.add_argument("--without-slow", action="store_true", help="the shots alone")
     parser.add_argument("--truth-grading", type=float, default=5.0, help="its largest over smallest element")
     parser.add_argument("--truth-element", default="middle", choices=("fbar", "one_point", "middle"))
-    parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     given = parser.parse_args()
-    study = Study(
-        elastic=given.elastic,
-        slow=not given.without_slow,
-        mesh=given.mesh,
-        refined_mesh=given.refined_mesh,
-        truth_mesh=given.truth_mesh,
-        truth_grading=given.truth_grading,
-        truth_element=given.truth_element,
-        device=given.device,
-        truth_device=given.truth_device or given.device,
-        seed=given.seed,
-    )
+    study = Study.of(given, slow=not given.without_slow)
     hold(study, given.out)
     jobs = {given.out / f"{n:03d}.json": (study, given.out, n) for n in given.rows or range(given.draws)}
     missing = [job[-1] for path, job in jobs.items() if not path.exists()]

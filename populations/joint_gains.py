@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from kolsky.inverse.joint_result import JointResult
-from kolsky.inverse.settings import JointSettings, Numerics
+from kolsky.inverse.settings import JointSettings
 from kolsky.joint_identification import identify_shots
 from kolsky.shot.load import load_shot
-from populations.driver import add_meshes, answers, command, hold, numbers, write
+from populations.driver import add_meshes, answers, command, hold, markdown, numbers, settings, write
 from populations.joint_coverage import SHOTS, make_truths
 from populations.joint_coverage import Study as Draws
 
@@ -27,7 +27,7 @@ NOTICEABLE = "noticeable"
 """The case with the error that is stated as noticeable."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Study(Draws):
     """Settings of a study: those of the draws, and the error."""
 
@@ -53,15 +53,10 @@ def identified(study: Study, folder: Path, number: int, case: str, error: float)
     force: Any = shots[wrong].force
     declared = replace(force.transducer, sensitivity=force.transducer.sensitivity / (1.0 + error))
     shots[wrong] = replace(shots[wrong], force=replace(force, transducer=declared))
-    threads = 1 if study.device == "cpu" else None
-    settings = JointSettings(
-        numerics=Numerics(mesh=study.mesh, device=study.device, threads=threads),
-        refined_mesh=study.refined_mesh,
-        seed=study.seed + number,
-    )
+    asked = settings(study, JointSettings, seed=study.seed + number)
     said: dict[str, Any] = {"number": number, "case": case, "wrong": str(wrong), "error": error}
     try:
-        return said | {"found": short(identify_shots(shots, settings)), "lost": ""}
+        return said | {"found": short(identify_shots(shots, asked)), "lost": ""}
     except ValueError as lost:
         return said | {"found": None, "lost": str(lost)}
 
@@ -104,32 +99,21 @@ def line(rows: list[dict[str, Any]]) -> str:
 
 def table(recorded: dict[str, Any]) -> str:
     """The counts as a Markdown table with one row for each case."""
-    lines = [
-        "| sensitivity of one shot | sets | error, median | withheld | its shot named |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    lines += [
-        f"| {case} | {row['answers']} | {100.0 * row['error, median']:.2g} % | {row['withheld']} | "
-        f"{'' if case == 'correct' else row['shot named']} |"
-        for case, row in recorded["counts"].items()
-    ]
-    return "\n".join(lines)
+    heads = ("sensitivity of one shot", "sets", "error, median", "withheld", "its shot named")
+    rows = []
+    for case, row in recorded["counts"].items():
+        named = "" if case == "correct" else row["shot named"]
+        rows.append((case, row["answers"], f"{100.0 * row['error, median']:.2g} %", row["withheld"], named))
+    return markdown(heads, rows)
 
 
 def main() -> None:
     """Run or continue a study, print it and write its summary."""
-    parser = command(__doc__, seed=1)
+    parser = command(__doc__, seed=1, table=table)
     add_meshes(parser, truth=Draws.truth_mesh)
     parser.add_argument("--draws", type=numbers, default=list(range(20)), help="FIRST:STOP")
     given = parser.parse_args()
-    study = Study(
-        mesh=given.mesh,
-        refined_mesh=given.refined_mesh,
-        truth_mesh=given.truth_mesh,
-        device=given.device,
-        truth_device=given.device,
-        seed=given.seed,
-    )
+    study = Study.of(given)
     hold(study, given.out)
     jobs = {given.out / f"{n:03d}.json": (study, given.out, n) for n in given.draws}
     make_truths(study, given.out, [job[-1] for path, job in jobs.items() if not path.exists()], given.workers)

@@ -20,7 +20,7 @@ from kolsky.inverse.work import Work
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, MeshChange, mesh_change
 from populations.coverage import Study, truth_file
 from populations.coverage_problem import FloatArray, drawn, experiment
-from populations.driver import answers, command, mesh, numbers, settings, write
+from populations.driver import answers, command, markdown, mesh, numbers, settings, write
 
 NAMES = ("stiffness_factor", "poisson", "damping")
 SETS = ((0,), (0, 2), (0, 1, 2))
@@ -43,8 +43,7 @@ def errors(study: Study, folder: Path, number: int) -> dict[str, Any]:
     with np.load(truth_file(study, folder, number)) as stored:
         seen = stored["force"], stored["Z"]
     shot = experiment(number, setup, truth, seen, study.interface, Silent(np.random.PCG64(0)))
-    threads = 1 if study.device == "cpu" else None
-    asked = settings(study, threads, free=dict.fromkeys(NAMES), seed=study.seed + number)
+    asked = settings(study, free=dict.fromkeys(NAMES), seed=study.seed + number)
     found = search_shot(InverseProblem.of(shot, asked), Work())
     true = np.array([float(getattr(truth, name)) for name in found.problem.box.names])
     change = mesh_change(found.runner, found.fine)
@@ -79,7 +78,7 @@ def _moved(fine: RefinedOptimum, change: MeshChange, true: FloatArray, free: lis
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Mean and scatter of the remaining error, and its root mean square over the estimate, as Markdown."""
-    lines = ["| free | correction | mean error / u | scatter / u |", "| --- " * 4 + "|"]
+    lines: list[tuple[str, ...]] = []
     said = {share: [] for share in SHARES}  # type: dict[float, list[float]]
     for k, free in enumerate(SETS):
         sets = [
@@ -92,26 +91,26 @@ def table(rows: list[dict[str, Any]]) -> str:
         apart = part["element_in_windows"] / mesh**ELEMENT_ORDER
         names = ", ".join(("m", "ν", "β")[i] for i in free)
 
-        def line(what: str, left: FloatArray, names: str = names, noise: FloatArray = part["noise"]) -> str:
-            z = left / noise
-            mean, scatter = (", ".join(f"{v:+.2f}" for v in row) for row in (z.mean(axis=0), z.std(axis=0)))
-            return f"| {names} | {what} | {mean} | {scatter.replace('+', '')} |"
-
-        lines.append(line("none", part["error"]))
-        lines.append(line("from the surrogate's mesh", part["error"] + part["before"]))
+        left_over = {"none": part["error"], "from the surrogate's mesh": part["error"] + part["before"]}
         for order in ORDERS:
             share = 1.0 / (ratio**order - 1.0)
             left = part["error"] + part["graded"] + share * part["coarser"]
-            lines.append(line(f"graded, order {order:g}", left))
+            left_over[f"graded, order {order:g}"] = left
             if order == 2.0:
                 for one in SHARES:
                     over = left / np.hypot(share * part["coarser_in_windows"], one * apart)
                     said[one] += np.sqrt((over**2).mean(axis=0)).tolist()
-    lines += ["", "| share of the elements' distance | error over what is said, rms |", "| --- | --- |"]
-    for one, each in said.items():
-        whole = float(np.sqrt(np.mean(np.square(each))))
-        lines.append(f"| {one:g} | {', '.join(f'{v:.2f}' for v in each)}; in all {whole:.2f} |")
-    return "\n".join(lines)
+        for what, left in left_over.items():
+            z = left / part["noise"]
+            mean, scatter = (", ".join(f"{v:+.2f}" for v in row) for row in (z.mean(axis=0), z.std(axis=0)))
+            lines.append((names, what, mean, scatter.replace("+", "")))
+    shares = [
+        (f"{one:g}", f"{', '.join(f'{v:.2f}' for v in each)}; in all {np.sqrt(np.mean(np.square(each))):.2f}")
+        for one, each in said.items()
+    ]
+    heads = ("share of the elements' distance", "error over what is said, rms")
+    whole = markdown(("free", "correction", "mean error / u", "scatter / u"), lines)
+    return f"{whole}\n\n{markdown(heads, shares)}"
 
 
 def main() -> None:
@@ -121,7 +120,7 @@ def main() -> None:
     parser.add_argument("--truth-mesh", type=mesh, default=(96, 129), metavar="96x129")
     parser.add_argument("--rows", type=numbers, default="0:200:2", help="FIRST:STOP:STEP of the experiments")
     given = parser.parse_args()
-    study = Study(NAMES, truth_mesh=given.truth_mesh, device=given.device, seed=given.seed)
+    study = Study.of(given, free=NAMES)
     jobs = {given.out / f"errors-{n:04d}.json": (study, given.truths, n) for n in given.rows}
     rows = answers(errors, jobs, workers=given.workers)
     write(given.out / "mesh_errors.json", {"seed": given.seed, "each": rows})

@@ -9,7 +9,6 @@ one file for each mesh, so an interrupted series can be continued.
 
 import json
 import time
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,9 @@ from populations.coverage_problem import (
     FloatArray,
     Setup,
     Truth,
+    differences,
     drawn,
+    moved,
     simulate,
     template,
 )
@@ -159,17 +160,9 @@ def judged(series: list[Series]) -> dict[str, Any]:
 
 def slope_of(setup: Setup, truth: Truth, head: Path, number: int, device: str) -> FloatArray:
     """Jacobian of the data vector by the parameters on the coarsest mesh, shape [k, 3]."""
-    moved = [
-        replace(truth, **{name: getattr(truth, name) + sign * step})
-        for name, step in STEPS.items()
-        for sign in (1.0, -1.0)
-    ]
-    place = head.parent / f"{head.name}-slope"
-    vectors = kept_vectors(setup, moved, MESHES[0], "one_point", Path(f"{place}-{number}"), device)
-    return np.stack(
-        [(vectors[2 * i] - vectors[2 * i + 1]) / (2.0 * step) for i, step in enumerate(STEPS.values())],
-        axis=1,
-    )
+    place = head.parent / f"{head.name}-slope-{number}"
+    vectors = kept_vectors(setup, moved(truth, STEPS), MESHES[0], "one_point", place, device)
+    return differences(list(vectors), STEPS)
 
 
 def _gain(slope: FloatArray, setup: Setup, truth: Truth, *, outline_alone: bool = False) -> FloatArray:

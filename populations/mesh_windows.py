@@ -14,7 +14,7 @@ import numpy as np
 
 from kolsky.uncertainty.mesh_error import MeshChange
 from populations.coverage_problem import GROUP, FloatArray, drawn, middle, template
-from populations.driver import write
+from populations.driver import markdown, write
 from populations.mesh_order import DISCREPANCY, MESHES, STEPS, data_vector, kept_vectors, slope_of
 from populations.truth_meshes import TRUTH, Variant, keep, options, read
 
@@ -50,9 +50,8 @@ def main() -> None:
         cases += cases_of(numbers, given.seed, given.out)
     said = compared(cases)
     write(given.out / "windows.json", said, indent=1)
-    print(f"| windows | {' | '.join(STEPS)} |\n| --- {'| --- ' * len(STEPS)}|")
-    for windows, row in said["error over distance, root mean squares"].items():
-        print(f"| {windows} | {' | '.join(f'{row[name]:.2f}' for name in STEPS)} |")
+    rows = said["error over distance, root mean squares"].items()
+    print(markdown(("windows", *STEPS), ([key, *(f"{row[n]:.2f}" for n in STEPS)] for key, row in rows)))
 
 
 def cases_of(numbers: list[int], seed: int, folder: Path) -> list[Case]:

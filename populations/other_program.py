@@ -11,14 +11,13 @@ import json
 import os
 import platform
 import subprocess
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from populations.coverage import Study, answer, answer_file, line, truth_file
-from populations.coverage_counts import summary
+from populations.coverage import Study, answer, answer_file, line, summary, truth_file
 from populations.coverage_problem import (
     GROUP,
     HEIGHTS,
@@ -27,8 +26,10 @@ from populations.coverage_problem import (
     FloatArray,
     Setup,
     Truth,
+    differences,
     drawn,
     middle,
+    moved,
     simulate,
 )
 from populations.driver import add_meshes, answers, command, hold, write
@@ -92,19 +93,9 @@ def simulate_elsewhere(place: Path, setup: Setup, truth: Truth, python: str) -> 
 def slopes(number: int, seed: int) -> tuple[FloatArray, FloatArray]:
     """Derivatives of force and outline by m, nu and beta on a coarse mesh, each of shape [k, 3]."""
     setup, truth = drawn(number, seed)
-    moved = [
-        replace(truth, **{name: getattr(truth, name) + sign * step})
-        for name, step in STEPS.items()
-        for sign in (1.0, -1.0)
-    ]
-    seen = simulate(setup, moved, mesh=COARSE, device="cpu", element="one_point")
-    sizes = np.array(list(STEPS.values()))
-
-    def slope(k: int) -> FloatArray:
-        each = np.array([one[k].ravel() for one in seen]).reshape(len(STEPS), 2, -1)
-        return np.asarray(((each[:, 0] - each[:, 1]) / (2.0 * sizes[:, None])).T)
-
-    return slope(0), slope(1)
+    seen = simulate(setup, moved(truth, STEPS), mesh=COARSE, device="cpu", element="one_point")
+    force, outline = ([part.ravel() for part in parts] for parts in zip(*seen, strict=True))
+    return differences(force, STEPS), differences(outline, STEPS)
 
 
 def binned(force: FloatArray) -> FloatArray:
@@ -150,14 +141,8 @@ def compare(study: Study, folder: Path, number: int) -> dict[str, float]:
     place = folder / f"compared-{number:04d}.json"
     if not place.exists():
         setup, truth = drawn(number, study.seed)
-        own = middle(
-            *(
-                simulate(setup, [truth], mesh=OWN_MESH, device="cpu", element=element, grading=TRUTH_GRADING)[
-                    0
-                ]
-                for element in TRUTH_ELEMENTS
-            )
-        )
+        options: dict[str, Any] = {"mesh": OWN_MESH, "device": "cpu", "grading": TRUTH_GRADING}
+        own = middle(*(simulate(setup, [truth], element=e, **options)[0] for e in TRUTH_ELEMENTS))
         with np.load(truth_file(study, folder, number)) as stored:
             said = apart((stored["force"], stored["Z"]), own, slopes(number, study.seed), truth)
         write(place, {"number": number, "speed": truth.speed, **said})
@@ -196,7 +181,7 @@ def main() -> None:
     parser.add_argument("--compare", type=int, nargs="*", default=[], help="experiments, minutes each")
     parser.add_argument("--csv", type=int, help="print this experiment, thinned, and do nothing else")
     given = parser.parse_args()
-    study = Study(free=tuple(STEPS), seed=given.seed, mesh=given.mesh, refined_mesh=given.refined_mesh)
+    study = Study.of(given, free=tuple(STEPS))
     # Truths are stored in --out, next to the answers' folder, separate from those of `populations.coverage`.
     folder, numbers = given.out / "answers", numbers_of(given.groups)
     hold(study, folder)

@@ -8,7 +8,6 @@ a frame on.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from dic.bodies.follow import TrackedBody, follow_bodies, match_body
 from dic.bodies.region import Region
 from dic.camera import Camera, StereoRig
 from dic.correlation import Correlation, Noise, Shape
+from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome
 from dic.tracking import Tracking
 from tests.helpers.speckle_pictures import RenderedCylinder, Speckles
@@ -122,8 +122,8 @@ def _path(scene: OutlierScene, rng: np.random.Generator) -> list[FloatArray]:
     return [first, first + np.array([apart, 0.0])]
 
 
-def rig(angle: float, scale: float = 1.0) -> StereoRig:
-    """Cameras on both sides of the line of sight to the axis. All lengths are multiplied by `scale`."""
+def rig(angle: float) -> StereoRig:
+    """Cameras on both sides of the line of sight to the axis."""
     cameras = []
     for a in (-0.5 * angle, 0.5 * angle):
         centre = DISTANCE * np.array([np.sin(a), 0.0, np.cos(a)])
@@ -138,7 +138,7 @@ def rig(angle: float, scale: float = 1.0) -> StereoRig:
                 cx=0.5 * (SHAPE[1] - 1),
                 cy=0.5 * (SHAPE[0] - 1),
                 rotation=R,
-                translation=-R @ centre * scale,
+                translation=-R @ centre,
             )
         )
     return StereoRig((cameras[0], cameras[1]))
@@ -166,32 +166,6 @@ def drawn(population: str, seed: int) -> OutlierScene:
     )
 
 
-@dataclass(frozen=True)
-class Frames:
-    """Pictures in memory with the interface of a series of files."""
-
-    grey: NDArray[np.uint16]
-    """Shape [n_frames, rows, columns]."""
-    path: Path = Path()
-    bits: int = 12
-    crop_offset: tuple[float, float] = (0.0, 0.0)
-    times: None = None
-
-    @property
-    def n_frames(self) -> int:
-        """Number of pictures."""
-        return len(self.grey)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.grey.shape[1], self.grey.shape[2]
-
-    def frame(self, index: int) -> NDArray[np.uint16]:
-        """Grey values of one picture."""
-        return self.grey[index]
-
-
 def followed(scene: OutlierScene, *, device: str = "cpu") -> TrackedBody:
     """The specimen of a scene tracked through both series, in the cameras' frame, which is the test frame."""
     pictures = scene.pictures()
@@ -200,7 +174,7 @@ def followed(scene: OutlierScene, *, device: str = "cpu") -> TrackedBody:
     fine = np.full(scene.n_frames, int(FrameOutcome.VALID), dtype=np.int64)
     stereo = Correlation(subset=21, shape=Shape.QUADRATIC)
     matched = match_body(
-        (Frames(pictures[0]), Frames(pictures[1])),
+        (PicturesInMemory(pictures[0], bits=12), PicturesInMemory(pictures[1], bits=12)),
         cameras,
         Region(corners, 0),
         step=4,

@@ -27,15 +27,11 @@ TRUE = 1.12
 M = "stiffness_factor"
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, kw_only=True)
+class Study(driver.ShotStudy):
     """Settings of all shots."""
 
-    mesh: tuple[int, int]
-    refined_mesh: tuple[int, int]
     truth_mesh: tuple[int, int]
-    device: str
-    threads: int | None
 
 
 def maker() -> ModuleType:
@@ -63,7 +59,7 @@ def done(number: int, study: Study, folder: Path) -> str:
         script.make(shot, SPEEDS[number - 1], TRUE, seed=number, numerics=numerics)
     if result.exists():
         return f"{shot.name} is there"
-    found = identify(load_shot(shot), driver.settings(study, study.threads))
+    found = identify(load_shot(shot), driver.settings(study))
     result.parent.mkdir(exist_ok=True)
     write_identification(result, found)
     m = found.estimates[M]
@@ -101,23 +97,23 @@ def pooled(folder: Path) -> dict[str, Any]:
 
 def table(said: dict[str, Any]) -> str:
     """The shots as a Markdown table, followed by the mean."""
-    lines = ["| flyer (m/s) | $m$ | U (k = 2) | counts |", "| --- | --- | --- | --- |"]
-    for shot in said["shots"]:
-        counts = "yes" if shot["counts"] else "no"
-        lines.append(f"| {shot['speed']:g} | {shot['value']:.4f} | {shot['U']:.4f} | {counts} |")
+    rows = [
+        (f"{s['speed']:g}", f"{s['value']:.4f}", f"{s['U']:.4f}", "yes" if s["counts"] else "no")
+        for s in said["shots"]
+    ]
     low, high = said["95 % interval"]
     held = "holds" if said["holds the truth"] else "does not hold"
-    lines.append(f"\nmean {said['mean']:.4f}, 95 % {low:.4f} to {high:.4f}: {held} {said['true']:g}")
-    return "\n".join(lines)
+    shots = driver.markdown(("flyer (m/s)", "$m$", "U (k = 2)", "counts"), rows)
+    return f"{shots}\n\nmean {said['mean']:.4f}, 95 % {low:.4f} to {high:.4f}: {held} {said['true']:g}"
 
 
 def main() -> None:
     """Run the missing shots and print the table."""
     parser = driver.command(__doc__)
-    driver.add_meshes(parser, truth=(96, 129))
+    driver.add_meshes(parser)
+    parser.add_argument("--truth-mesh", type=driver.mesh, default=(96, 129), metavar="96x129")
     given = parser.parse_args()
-    threads = 1 if given.workers > 1 and given.device == "cpu" else None
-    study = Study(given.mesh, given.refined_mesh, given.truth_mesh, given.device, threads)
+    study = Study.of(given)
     if study.truth_mesh[0] < 1.5 * study.refined_mesh[0]:
         parser.error("--truth-mesh: at least 1.5 times as fine as --refined-mesh")
     jobs = [(number, study, given.out) for number in range(1, len(SPEEDS) + 1)]

@@ -19,14 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from kolsky.base.arrays import FloatArray
 from kolsky.studies.rates.comparison import slope_parts
 from kolsky.studies.rates.records import COMMON_PARTS, COUNTED, MESH_PART, ONSET, PARAMETER
 from kolsky.studies.rates.scatter import LEAST_SPAN, Slope, SlopeVerdict, slope
 from populations.coverage_problem import drawn, stroke
-from populations.driver import write
+from populations.driver import markdown, share, write
 
 TRUE = 1.12
 """Stiffness factor of all shots after division by their truth [-]."""
@@ -119,14 +118,13 @@ def counts(answers: Answers, *, sets: int, seed: int) -> dict[str, Any]:
         found += slope_of(answers, chosen, size).verdict is SlopeVerdict.SENSITIVE
         sizes.append(size)
     judged = sets - refused
-    ends = binomtest(alarms, judged).proportion_ci(0.95, method="exact")
     return {
         "shots": len(answers.rates),
         "sets": sets,
         "refused": refused,
         "false alarms": alarms,
         "share": alarms / judged,
-        "interval": [float(ends.low), float(ends.high)],
+        "interval": share(alarms, judged)["interval"],
         "planted slopes found": found / judged,
         "would notice, median per decade": float(np.median(sizes)),
         "would notice, 90 % of sets": float(np.quantile(sizes, 0.9)),
@@ -135,18 +133,15 @@ def counts(answers: Answers, *, sets: int, seed: int) -> dict[str, Any]:
 
 def table(rows: dict[str, dict[str, Any]]) -> str:
     """The counts as a Markdown table with one row for each population."""
-    lines = [
-        "| population | shots | sets | refused | false alarms | planted found | would notice per decade |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = ("population", "shots", "sets", "refused", "false alarms", "planted found")
+    cells = []
     for name, row in rows.items():
         low, high = (100.0 * end for end in row["interval"])
-        lines.append(
-            f"| {name} | {row['shots']} | {row['sets']} | {row['refused']} | {row['false alarms']} "
-            f"({low:.1f} to {high:.1f} %) | {100.0 * row['planted slopes found']:.0f} % | "
-            f"{row['would notice, median per decade']:.2g} |"
-        )
-    return "\n".join(lines)
+        alarms = f"{row['false alarms']} ({low:.1f} to {high:.1f} %)"
+        found, size = row["planted slopes found"], row["would notice, median per decade"]
+        counts = (row["shots"], row["sets"], row["refused"], alarms)
+        cells.append((name, *counts, f"{100.0 * found:.0f} %", f"{size:.2g}"))
+    return markdown((*heads, "would notice per decade"), cells)
 
 
 def main() -> None:

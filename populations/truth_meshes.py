@@ -8,7 +8,7 @@ continued.
 """
 
 import argparse
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,13 @@ from populations.coverage_problem import (
     TRUTH_ELEMENTS,
     TRUTH_GRADING,
     FloatArray,
+    differences,
     drawn,
     middle,
+    moved,
     simulate,
 )
-from populations.driver import command, write
+from populations.driver import command, markdown, write
 
 STEPS = {"stiffness_factor": 0.01, "poisson": 2e-5, "damping": 1e-6}
 """Steps of the central differences by the parameters, to either side, in SI."""
@@ -67,15 +69,12 @@ def main() -> None:
                 keep(variant, numbers, given.seed, given.out, given.device)
         rows += _compared(group, numbers, given.seed, given.out)
     write(given.out / "compared.json", rows, indent=1)
-    print("| flyer (m/s) | mesh | element | grading | $m$ alone | $m$ | $\\nu$ | $\\beta$ (µs) | rms (µm) |")
-    print("|" + " --- |" * 9)
-    for row in rows:
-        figures = [f"{row[name]:+.1g}" for name in ("poisson", "damping_us")]
-        print(
-            f"| {row['speed']:.1f} | {row['mesh'][0]} × {row['mesh'][1]} | {row['element']} "
-            f"| {row['grading']:g} | {row['m_alone']:+.5f} | {row['stiffness_factor']:+.5f} "
-            f"| {' | '.join(figures)} | {row['rms_um']:.2f} |"
-        )
+    heads = ("flyer (m/s)", "mesh", "element", "grading", "$m$ alone", "$m$", "$\\nu$", "$\\beta$ (µs)")
+    formats = {"speed": ".1f", "mesh": "", "element": "", "grading": "g", "m_alone": "+.5f"}
+    formats |= {"stiffness_factor": "+.5f", "poisson": "+.1g", "damping_us": "+.1g", "rms_um": ".2f"}
+    rows = [{**row, "mesh": f"{row['mesh'][0]} × {row['mesh'][1]}"} for row in rows]
+    cells = ([format(row[name], how) for name, how in formats.items()] for row in rows)
+    print(markdown((*heads, "rms (µm)"), cells))
 
 
 def options(description: str | None) -> argparse.ArgumentParser:
@@ -136,18 +135,10 @@ def _compared(group: int, numbers: list[int], seed: int, folder: Path) -> list[d
 
 def _slopes(numbers: list[int], seed: int) -> list[FloatArray]:
     """Derivatives of the outline by the parameters on a coarse mesh, each of shape [points, 3]."""
-    truths = [drawn(number, seed)[1] for number in numbers]
-    moved = [
-        replace(truth, **{name: getattr(truth, name) + sign * step})
-        for truth in truths
-        for name, step in STEPS.items()
-        for sign in (1.0, -1.0)
-    ]
-    setup = drawn(numbers[0], seed)[0]
-    radii = [Z.ravel() for _, Z in simulate(setup, moved, mesh=COARSE, device="cpu", element="one_point")]
-    sizes = np.array(list(STEPS.values()))
-    each = np.array(radii).reshape(len(truths), len(STEPS), 2, -1)
-    return list(((each[:, :, 0] - each[:, :, 1]) / (2.0 * sizes[:, None])).transpose(0, 2, 1))
+    truths = [one for number in numbers for one in moved(drawn(number, seed)[1], STEPS)]
+    setup, n = drawn(numbers[0], seed)[0], 2 * len(STEPS)
+    radii = [Z.ravel() for _, Z in simulate(setup, truths, mesh=COARSE, device="cpu", element="one_point")]
+    return [differences(radii[i : i + n], STEPS) for i in range(0, len(radii), n)]
 
 
 def _place(folder: Path, number: int, variant: Variant) -> Path:

@@ -13,20 +13,21 @@ import argparse
 import json
 import math
 import time
-import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from kolsky.base.errors import InputError
 from kolsky.virtual.make import make, place_of, write_shot
-from kolsky.virtual.specification import Series, ShotSpecification, read_specification
+from kolsky.virtual.specification import Series, ShotSpecification
 from kolsky.virtual.truth import TruthError
-from populations.driver import answers, command, mesh, results, write
+from populations.driver import answers, command, mesh, population, results, write
 from populations.wrong_input_rows import CURVE, MODEL, RIGHT, ROWS, Row
 
 POPULATION = Path(__file__).with_suffix(".toml")
+CAUSE = ("key", "value", "sigma", "explained", "evidence", "probability", "named", "within", "alike")
+"""Stored fields of a cause."""
 
 
 @dataclass(frozen=True)
@@ -77,18 +78,7 @@ def run(job: Job) -> dict[str, Any]:
         "outcome": m.outcome.value,
         "identified": m.outcome.identified,
         "causes": [
-            {
-                "key": c.key,
-                "value": c.value,
-                "sigma": c.sigma,
-                "explained": c.explained,
-                "evidence": c.evidence,
-                "probability": c.probability,
-                "named": c.named,
-                "within": c.within,
-                "alike": list(c.alike),
-                "m": c.parameters.get("stiffness_factor"),
-            }
+            {key: getattr(c, key) for key in CAUSE} | {"m": c.parameters.get("stiffness_factor")}
             for c in found.causes
         ],
         "curve_visible": next((p.visible for p in found.systematic if p.key == "curve_scale"), None),
@@ -221,11 +211,7 @@ def jobs_of(args: argparse.Namespace, shots: list[Path]) -> Iterator[Job]:
 
 def asked(args: argparse.Namespace) -> tuple[Series, list[int]]:
     """The population, and the numbers of its correct shots."""
-    series = read_specification(args.population)
-    if args.seed is not None:
-        content = {**tomllib.loads(Path(args.population).read_text("utf-8")), "seed": args.seed}
-        declared = series.declared.model_copy(update={"seed": args.seed})
-        series = replace(series, file=replace(series.file, content=content), declared=declared)
+    series = population(args.population, seed=args.seed)
     return series, list(series.numbers)[: max(args.right, args.shots, args.least)]
 
 

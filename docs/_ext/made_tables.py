@@ -26,6 +26,7 @@ import json
 import re
 import statistics
 import tomllib
+from functools import partial
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
@@ -251,132 +252,35 @@ def answers(name: str) -> str:
     return _not_yet(name) if made is None else table({one["name"]: one for one in made["answers"]})
 
 
-def pooled(name: str) -> str:
-    """Shots of one known stiffness factor and their mean, as `populations.pooled_shots` prints them."""
-    from populations.pooled_shots import table
+STUDIES = {
+    "pooled": "populations.pooled_shots:table",
+    "coverage": "populations.coverage:table",
+    "meshed": "populations.mesh_errors:table each",
+    "ablated": "populations.ablation:table each",
+    "undiagnosed": "populations.ablation:diagnosis_table each",
+    "planted": "populations.joint_coverage:table",
+    "rated": "populations.rate_sets:table",
+    "gained": "populations.joint_gains:table",
+    "advised": "populations.branch_advice:table",
+    "equilibria": "benchmarks.equilibrium_table:table",
+    "killed": "benchmarks.kills:table",
+    "soaked": "benchmarks.soak:table",
+    "solved": "benchmarks.table:page_table",
+    "priced": "benchmarks.identify:summary",
+    "grown": "benchmarks.growth:table",
+    "campaigns": "benchmarks.campaign:table",
+}
+"""Name of a table -> function that makes it, and the entry of the result that it takes, if only one."""
 
+
+def study(kind: str, name: str) -> str:
+    """A table of `STUDIES`, as its study or benchmark prints it."""
     made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def coverage(name: str) -> str:
-    """A study of coverage, as `populations.coverage_counts` prints it."""
-    from populations.coverage_counts import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def meshed(name: str) -> str:
-    """Mesh errors of answers, as `populations.mesh_errors` prints them."""
-    from populations.mesh_errors import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made["each"])
-
-
-def ablated(name: str) -> str:
-    """Right shots identified without one mechanism, as `populations.ablation` prints them."""
-    from populations.ablation import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made["each"])
-
-
-def undiagnosed(name: str) -> str:
-    """Wrong inputs identified without one mechanism, as `populations.ablation` prints them."""
-    from populations.ablation import diagnosis_table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else diagnosis_table(made["each"])
-
-
-def planted(name: str) -> str:
-    """Synthetic shots with and without relaxation, as `populations.joint_coverage_counts` prints them."""
-    from populations.joint_coverage_counts import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def rated(name: str) -> str:
-    """False alarms of a slope over the rate, as `populations.rate_sets` prints them."""
-    from populations.rate_sets import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def gained(name: str) -> str:
-    """Three shots with one wrong sensitivity, as `populations.joint_gains` prints them."""
-    from populations.joint_gains import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def advised(name: str) -> str:
-    """Single shots with relaxation and elastic ones, as `populations.branch_advice_counts` prints them."""
-    from populations.branch_advice_counts import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def equilibria(name: str) -> str:
-    """Times of equilibria, as `benchmarks.equilibrium` measured them."""
-    from benchmarks.equilibrium_table import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def killed(name: str) -> str:
-    """Killed commands, as `benchmarks.kills` prints them."""
-    from benchmarks.kills import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def soaked(name: str) -> str:
-    """Endurance test of one process, as `benchmarks.soak` prints it."""
-    from benchmarks.soak import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def solved(name: str) -> str:
-    """The solver's speed on one mesh, as `benchmarks.solver` measured it."""
-    from benchmarks.table import page_table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else page_table(made)
-
-
-def priced(name: str) -> str:
-    """Cost of an answer relative to the solver's problem, as `benchmarks.identify` measured it."""
-    from benchmarks.identify import summary
-
-    made = _results(name)
-    return _not_yet(name) if made is None else summary(made)
-
-
-def grown(name: str) -> str:
-    """Growth of the time with the size, as `benchmarks.growth` prints it."""
-    from benchmarks.growth import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
-
-
-def campaigns(name: str) -> str:
-    """Parallel identifications, as `benchmarks.campaign` prints them."""
-    from benchmarks.campaign import table
-
-    made = _results(name)
-    return _not_yet(name) if made is None else table(made)
+    if made is None:
+        return _not_yet(name)
+    place, _, entry = STUDIES[kind].partition(" ")
+    module, _, function = place.partition(":")
+    return getattr(importlib.import_module(module), function)(made[entry] if entry else made)
 
 
 def fuzzed(name: str) -> str:
@@ -402,25 +306,10 @@ def named(what: str) -> str:
 
 
 TABLES = {
+    **{kind: partial(study, kind) for kind in STUDIES},
     "named": named,
-    "killed": killed,
-    "soaked": soaked,
-    "solved": solved,
-    "priced": priced,
-    "grown": grown,
-    "campaigns": campaigns,
     "fuzzed": fuzzed,
     "answers": answers,
-    "pooled": pooled,
-    "coverage": coverage,
-    "meshed": meshed,
-    "ablated": ablated,
-    "undiagnosed": undiagnosed,
-    "planted": planted,
-    "rated": rated,
-    "gained": gained,
-    "advised": advised,
-    "equilibria": equilibria,
     "budget": budget,
     "drawn": drawn,
     "causes": causes,

@@ -111,8 +111,6 @@ class GaussianProcess:
     """Variance of each column's process, in squared units of the values, shape [q]."""
     log_likelihood: float
     """Restricted log-likelihood of all columns, up to a constant of the design."""
-    condition: float
-    """Condition number of the correlation matrix [-]."""
     loo_residuals: FloatArray
     """Value of each run minus its prediction from the other runs, shape [n, q]."""
     loo_sigma: FloatArray
@@ -188,7 +186,6 @@ class GaussianProcess:
         squares = squared_differences(unit_points, unit_points)
         correlation = with_lengths(hyperparameters.kind, squares, hyperparameters.lengths)
         correlation[np.diag_indices_from(correlation)] += hyperparameters.nugget
-        eigenvalues = np.linalg.eigvalsh(correlation)
         factor, trend_factor, operator = _operator(correlation, tail)
         change = operator @ values
         freedom = len(values) - tail.shape[1]
@@ -204,7 +201,6 @@ class GaussianProcess:
             values=values,
             variance=variance,
             log_likelihood=-_minus_log(variance, freedom, factor, trend_factor),
-            condition=float(eigenvalues[-1] / eigenvalues[0]),
             loo_residuals=change / diagonal[:, None],
             loo_sigma=np.sqrt(variance / diagonal[:, None]),
             weights=change,

@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 
 from doe.arrays import FloatArray
 from doe.box import Box
+from doe.least_squares import newton_step
 
 Model = Callable[[FloatArray], FloatArray]
 """Predicted data vectors, shape [n, k], at points in parameter units, shape [n, d]."""
@@ -225,7 +226,9 @@ class Likelihood:
         raw, residual, slope = linearised(u)
         damping = LEAST_DAMPING
         for _ in range(MOST_STEPS):
-            step = bounded_step(residual, slope, -u[free], 1.0 - u[free], damping)
+            normal = slope.T @ slope
+            normal += np.diag(damping * np.diag(normal) + np.finfo(float).tiny)
+            step = newton_step(normal, slope.T @ residual, -u[free], 1.0 - u[free])
             expected = residual + slope @ step
             gain = float(residual @ residual - expected @ expected)
             if gain <= rest:
@@ -241,26 +244,3 @@ class Likelihood:
             else:
                 damping *= 10.0
         return u, raw, False
-
-
-def bounded_step(
-    residual: FloatArray, slope: FloatArray, low: FloatArray, high: FloatArray, damping: float
-) -> FloatArray:
-    """Damped least-squares step inside bounds, shape [d].
-
-    Steps that pass a bound end there, and the other steps are found again. ``residual``: shape [k].
-    ``slope``: shape [k, d]. ``low`` <= 0 <= ``high``: bounds of the step. ``damping``: added to the normal
-    equations, times their diagonal [-].
-    """
-    normal, right = slope.T @ slope, -slope.T @ residual
-    normal = normal + np.diag(damping * np.diag(normal) + np.finfo(float).tiny)
-    step, free = np.zeros(len(low)), np.ones(len(low), dtype=bool)
-    while free.any():
-        fixed = right - normal @ np.where(free, 0.0, step)
-        step[free] = np.linalg.solve(normal[np.ix_(free, free)], fixed[free])
-        beyond = free & ((step < low) | (step > high))
-        if not beyond.any():
-            break
-        step = np.clip(step, low, high)
-        free &= ~beyond
-    return step

@@ -260,13 +260,12 @@ MODES = {
 """Exponents of the load's stretch in each of the three stretches, whose product is 1."""
 
 
-def not_positive(law: Stretches, *, stretches: tuple[float, float] = STRETCHES) -> tuple[str, float] | None:
+def not_positive(law: Stretches) -> tuple[str, float] | None:
     """Mode of deformation and stretch nearest to 1 at which the energy of a closed-form law is not above 0.
 
-    None if the energy is positive. Beyond locking a law has no energy and is not checked. ``stretches``:
-    range of the stretch along the load [-].
+    None if the energy is positive. Beyond locking a law has no energy and is not checked.
     """
-    x = np.geomspace(stretches[0], stretches[1], 1201)
+    x = np.geomspace(*STRETCHES, 1201)
     x = x[np.abs(x - 1.0) > 1e-3]
     x = x[np.argsort(np.abs(np.log(x)))]
     for mode, exponents in MODES.items():

@@ -44,22 +44,16 @@ def page(root: Path) -> None:
                 ).props("outline")
             target = ui.column().classes("w-full")
             if names:
-                await ui.context.client.connected()
-                await _compare(root, names, target)
+                with target:
+                    await _compare(root, names, target)
 
 
 async def _compare(root: Path, names: Sequence[str], target: ui.column) -> None:
-    with target:
-        waiting = frame.note("The results are read ...")
-    try:
-        folders = {name: frame.folder_at(root, name) for name in names}
-        results = await frame.in_thread(
-            lambda: {n: read_identification(f / "results" / RESULT_FILE) for n, f in folders.items()}
-        )
-    except (frame.NoShot, InputError) as error:
-        waiting.text = str(error)
-        return
-    waiting.delete()
+    folders = {name: frame.folder_at(root, name) for name in names}
+    results = await frame.opened(
+        "The results are read ...",
+        lambda: {n: read_identification(f / "results" / RESULT_FILE) for n, f in folders.items()},
+    )
     with target:
         with ui.element("div").classes("grid2"):
             _forces(results)

@@ -13,6 +13,8 @@ from urllib.parse import urlencode
 from fastapi import Response
 from nicegui import app, run, ui
 
+from kolsky.base.errors import InputError
+
 BLUE, ORANGE, RED, INK, SOFT, RULE, BAND = (
     "#0072b2", "#d55e00", "#a63c00", "#1a1a1a", "#5c5c5c", "#c9c9c9", "#d5e6f0",
 )  # fmt: skip
@@ -33,6 +35,16 @@ T = TypeVar("T")
 async def in_thread(act: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
     """Run a long function in a thread and return its result. The page stays responsive."""
     return cast(T, await run.io_bound(act, *given, **named))
+
+
+async def opened(words: str, read: Callable[P, T], *given: P.args, **named: P.kwargs) -> T:
+    """Result of a function that reads files, in a thread. The page shows ``words`` until it is there."""
+    waiting = note(words)
+    await ui.context.client.connected()
+    try:
+        return await in_thread(read, *given, **named)
+    finally:
+        waiting.delete()
 
 
 class NoShot(ValueError):
@@ -69,7 +81,10 @@ def beside(shot: str, folder: Path) -> str:
 
 @contextmanager
 def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
-    """A page with the head line. Elements created inside the context are its content."""
+    """A page with the head line. Elements created inside the context are its content.
+
+    If the shot does not exist or cannot be read, the page shows the reason.
+    """
     ui.add_css(STYLE)
     ui.colors(primary=BLUE, negative=RED)
     ui.page_title(f"{title} - kolsky")
@@ -81,7 +96,10 @@ def framed(title: str, *, view: str, shot: str | None = None) -> Iterator[None]:
             for one, words in VIEWS.items():
                 _link(words, address(one, shot), current=view == one)
     heading(title, 1)
-    yield
+    try:
+        yield
+    except (NoShot, InputError) as error:
+        note(str(error), "caution")
 
 
 def _link(words: str, target: str, *, current: bool) -> None:

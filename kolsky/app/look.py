@@ -91,24 +91,12 @@ def page(root: Path) -> None:
     @ui.page("/look", response_timeout=30.0)
     async def look_page(shot: str = "") -> None:
         with frame.framed(f"Look at {shot}", view="look", shot=shot):
-            try:
-                folder = frame.folder_at(root, shot)
-            except frame.NoShot as error:
-                frame.note(str(error), "caution")
-                return
+            folder = frame.folder_at(root, shot)
             if not (folder / "results" / RESULT_FILE).is_file():
                 frame.note("There is no result yet: run identify first.")
                 ui.link("Run", frame.address("run", shot))
                 return
-            waiting = frame.note("The result is read ...")
-            await ui.context.client.connected()
-            try:
-                result = await frame.in_thread(read_result, folder)
-            except InputError as error:
-                waiting.text = str(error)
-                return
-            waiting.delete()
-            LookView(result, shot)
+            LookView(await frame.opened("The result is read ...", read_result, folder), shot)
 
 
 class LookView:

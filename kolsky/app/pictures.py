@@ -103,22 +103,11 @@ def page(root: Path) -> None:
     @ui.page("/pictures", response_timeout=30.0)
     async def pictures_page(shot: str = "") -> None:
         with frame.framed(f"Pictures of {shot}", view="pictures", shot=shot):
-            try:
-                folder = frame.folder_at(root, shot)
-            except frame.NoShot as error:
-                frame.note(str(error), "caution")
-                return
+            folder = frame.folder_at(root, shot)
             if not (folder / SHOT_FILE).is_file() and has_calibration_pictures(folder):
                 CalibrationView(folder)
                 return
-            waiting = frame.note("The pictures are opened ...")
-            await ui.context.client.connected()
-            try:
-                opened = await frame.in_thread(open_all, folder)
-            except InputError as error:
-                waiting.text = str(error)
-                return
-            waiting.delete()
+            opened = await frame.opened("The pictures are opened ...", open_all, folder)
             if not has_calibration_pictures(folder):
                 PicturesView(opened)
                 return

@@ -30,11 +30,7 @@ def page(root: Path) -> None:
     @ui.page("/run")
     def run_page(shot: str = "") -> None:
         with frame.framed(f"Run {shot}", view="run", shot=shot):
-            try:
-                folder = frame.folder_at(root, shot)
-            except frame.NoShot as error:
-                frame.note(str(error), "caution")
-                return
+            folder = frame.folder_at(root, shot)
             if (folder / SHOT_FILE).exists():
                 RunView(folder, shot, WORDS)
             elif find_measurement_file(folder) is not None:

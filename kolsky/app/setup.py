@@ -92,16 +92,9 @@ def page(root: Path) -> None:
     @ui.page("/setup")
     def setup_page(shot: str = "") -> None:
         with frame.framed(f"Set up {shot}", view="setup", shot=shot):
-            try:
-                folder = frame.folder_at(root, shot)
-            except frame.NoShot as error:
-                frame.note(str(error), "caution")
-                return
+            folder = frame.folder_at(root, shot)
             if (folder / SHOT_FILE).exists():
-                try:
-                    SetupView(folder)
-                except InputError as error:
-                    frame.note(str(error), "caution")
+                SetupView(folder)
             else:
                 _begin(folder, shot)
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 COMMAND_LINE = Path("command line")
 """Place of an `InputError` about an option."""
@@ -46,10 +46,3 @@ NUMERICAL = "Mesh and solver"
 ADVANCED = "Advanced"
 TOGETHER = "Several shots together"
 """Panels below the common options."""
-
-HeaderLine = Annotated[
-    int | None, Option("Line of the column names; 0: none.", min=0, show_default="found in the file")
-]
-"""Line of a table's column names, counted from 1."""
-SheetName = Annotated[str | None, Option("Sheet of a workbook.", metavar="NAME", show_default="found")]
-"""Sheet of a workbook that contains the table."""

@@ -8,9 +8,9 @@ OURS = ("dic", "doe", "explicit")
 """Top-level packages that are installed with `kolsky`."""
 
 
-def shadowed(folder: Path | None = None) -> list[str]:
+def shadowed() -> list[str]:
     """One sentence for each of these packages that Python would import from another place."""
-    folder = (folder or Path(__file__).parents[2]).resolve()
+    folder = Path(__file__).resolve().parents[2]
     said = []
     for name in OURS:
         found = find_spec(name)

@@ -25,8 +25,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
+from doe.least_squares import bounded_step
 from kolsky.base.arrays import FloatArray
 
 DAMPING, MOST_DAMPING = 1e-3, 1e8
@@ -221,13 +221,6 @@ def _step(
     problem: Reduced, p: FloatArray, bounds: tuple[FloatArray, FloatArray], size: FloatArray, damping: float
 ) -> FloatArray:
     """Bounded step of the linear problem, no longer than `LONGEST` sizes, shape [p]."""
-    scaled = problem.jacobian * size
-    columns = np.sqrt((scaled**2).sum(axis=0))
-    weight = np.sqrt(damping) * np.maximum(columns, 1e-3 * max(float(columns.max()), np.finfo(float).tiny))
-    matrix = np.concatenate([scaled, np.diag(weight)])
-    right = np.concatenate([-problem.residual, np.zeros(len(p))])
     low = np.maximum((bounds[0] - p) / size, -LONGEST)
     high = np.minimum((bounds[1] - p) / size, LONGEST)
-    # At a bound, one side of the step's interval is zero. The two limits must differ.
-    solved = lsq_linear(matrix, right, (np.minimum(low, -1e-14), np.maximum(high, 1e-14)), method="bvls")
-    return np.asarray(solved.x * size)
+    return size * bounded_step(problem.jacobian * size, problem.residual, low, high, damping=damping)

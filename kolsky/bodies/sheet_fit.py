@@ -35,6 +35,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
+from doe.least_squares import newton_step
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.bodies.sheet import Sheet, SheetState, mass_matrix, sheet_state
 from kolsky.bodies.specimen_constants import Constants
@@ -265,8 +266,6 @@ class BeforeTest:
     directions: FloatArray
     """Combinations of relative constants that displacements constrain, one per row, shape [k, p]. It is the
     identity if displacements constrain every constant separately."""
-    eigenvalues: FloatArray
-    """Eigenvalues of the curvature by relative constants, descending [m^4], shape [p]."""
     change: FloatArray
     """Change of each combination by a nodal displacement, Eq. (K.32) or (K.35) [1/m], shape [k, n]."""
     field: FloatArray
@@ -297,11 +296,11 @@ def before_test(slopes: FloatArray, mass: csr_array, constants: FloatArray) -> B
     if seen.all():
         directions = np.eye(len(values))
         inverse = np.linalg.inv(curvature)  # Eq. (K.32)
-        return BeforeTest(directions, values, inverse @ loaded, inverse @ relative, False)
+        return BeforeTest(directions, inverse @ loaded, inverse @ relative, False)
     vectors = vectors[seen]
     vectors *= np.sign(vectors[np.arange(len(vectors)), np.abs(vectors).argmax(axis=1)])[:, None]
     weights = vectors / values[seen][:, None]  # Eqs. (K.34, K.35)
-    return BeforeTest(vectors, values, weights @ loaded, weights @ relative, True)
+    return BeforeTest(vectors, weights @ loaded, weights @ relative, True)
 
 
 MOST_RUNS = 40
@@ -576,10 +575,10 @@ def _search(
     while at.runs < MOST_RUNS:
         size = _sizes(problem.constants, at.free)
         near, far = np.maximum(low - at.free, -LONGEST * size), np.minimum(high - at.free, LONGEST * size)
-        step = bounded_step(at.cost.gauss_newton + at.remainder, at.gradient, near, far)
+        step = newton_step(at.cost.gauss_newton + at.remainder, at.gradient, near, far)
         if not step @ at.gradient < 0.0:  # the second derivatives are of a saddle
             at.remainder = np.zeros_like(at.remainder)
-            step = bounded_step(at.cost.gauss_newton, at.gradient, near, far)
+            step = newton_step(at.cost.gauss_newton, at.gradient, near, far)
         longest = float(np.abs(step / size).max())
         if longest <= tolerance:
             at.converged = True
@@ -614,27 +613,12 @@ def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: Fl
     return np.asarray(remainder + np.outer(lacking, lacking) / along)
 
 
-def bounded_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Newton's step within bounds, shape [p]. Components stop at their bounds; the others are adjusted."""
-    step = np.zeros_like(gradient)
-    free = ~(((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0)))
-    while free.any():
-        right = -(gradient + hessian[:, ~free] @ step[~free])[free]
-        step[free] = np.linalg.solve(hessian[np.ix_(free, free)], right)
-        out = free & ((step < low) | (step > high))
-        if not out.any():
-            break
-        step = np.where(out, np.clip(step, low, high), step)
-        free &= ~out
-    return step
-
-
 def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[FloatArray, float]) -> FieldFit:
     """The result at the end of a search, with second derivatives and sensitivities."""
     free, here, (low, high) = ended.free, ended.cost, problem.constants.bounds
     final = problem.hessian(free, here)
     if ended.converged:
-        step = bounded_step(final, ended.gradient, low - free, high - free)
+        step = newton_step(final, ended.gradient, low - free, high - free)
         if (np.abs(step) <= 10.0 * STEP_TOLERANCE * _sizes(problem.constants, free)).all():
             free, here = free + step, problem.advance(here, step)
     own = FieldProblem(problem.sheet, problem.data, problem.constants.with_free(free))

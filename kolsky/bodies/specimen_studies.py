@@ -73,13 +73,13 @@ def resolution_study(
 
 
 def noise_study(
-    test: SlowTest, constants: Constants, *, sigmas: Sequence[float], repeats: int, seed: int = 1
+    test: SlowTest, constants: Constants, *, sigmas: Sequence[float], repeats: int
 ) -> list[StudyRow]:
     """Constants with increasing noise added to the forces.
 
     ``sigmas``: standard deviations of the added noise [N]. ``repeats``: number of draws for each.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     rows = []
     for sigma in sigmas:
         for draw in range(repeats if sigma > 0.0 else 1):

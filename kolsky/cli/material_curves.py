@@ -14,10 +14,11 @@ import typer
 
 from kolsky.base.errors import InputError
 from kolsky.base.files import usable_folder, write_folder
-from kolsky.base.options import HeaderLine, Option, SheetName
+from kolsky.base.options import Option
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
 from kolsky.cli.terminal import print_result, progress_bars
+from kolsky.readers.layout import Layout
 from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
@@ -139,8 +140,7 @@ def reference_curve(
         tuple[str, ...],
         Option("Unit of a column; repeat for more.", metavar="COLUMN=UNIT", show_default="found in the file"),
     ] = (),
-    header_line: HeaderLine = None,
-    sheet: SheetName = None,
+    layout: Annotated[Layout, ("header_line", "sheet")],
     diameter: Annotated[
         float | None, Option('Diameter of the specimen, e.g. "9.5 mm".', unit="m", positive=True)
     ] = None,
@@ -201,7 +201,6 @@ def reference_curve(
     from kolsky.material.end_friction.problem import CorrectionNumerics
     from kolsky.material.fits.homogeneous_test import CONVENTIONS
     from kolsky.material.uniaxial import Toe
-    from kolsky.readers.contents import Layout
 
     folder = usable_folder(out.parent)
     if friction == "free" and not columns.bulge:
@@ -237,7 +236,7 @@ def reference_curve(
             convention=convention,
             branch=branch,
             units=units,
-            layout=Layout(header_line=header_line, sheet=sheet),
+            layout=layout,
             specimen=size,
         )
         if str(path) in hashes:

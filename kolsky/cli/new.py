@@ -13,9 +13,10 @@ import typer
 from dic.files import one_line
 from kolsky.base.errors import InputError
 from kolsky.base.files import decode, filling, read_bytes, usable_folder
-from kolsky.base.options import HeaderLine, Option, SheetName
+from kolsky.base.options import Option
 from kolsky.cli.options import Out, ShotPath
 from kolsky.cli.terminal import as_json, print_json
+from kolsky.readers.layout import Layout
 
 if TYPE_CHECKING:
     from kolsky.readers.contents import ChannelInfo
@@ -82,25 +83,18 @@ def new(
         text = new_text(contents, folder, bars=bars, pictures=series, last=last)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
+    found = _found_lines(path, text, contents, bars=bars, pictures=series)
     if as_json():
-        print_json(_found_lines(path, text, contents, bars=bars, pictures=series))
+        print_json(found)
         return
-    if bars:
-        for table in contents.recordings:
-            typer.echo(f"  {table.path.name}: a recording")
-    else:
-        for part, table in contents.parts.items():
-            typer.echo(f"  {table.path.name}: [{part}]")
-    for part, pattern in ({} if bars or pictures else _series(contents)).items():
-        typer.echo(f"  {pattern}: [{part}]")
-    for key, name in _parts(series).items():
-        typer.echo(f"  {name}: [{key.partition('.')[0]}] {key.partition('.')[2]}")
+    lines = [f"{name}: a recording" for name in found["recordings"]]
+    for part, name in found["found"].items():
+        table, dot, camera = part.partition(".camera")
+        lines.append(f"{name}: [{table}]{dot.replace('.', ' ')}{camera}")
     for one in () if series is None else series.others:
-        typer.echo(f"  {one.said}: not clearly part of the shot")
-    recordings = {table.path.name for table in contents.recordings} if bars else set()
-    for name, why in contents.doubtful.items():
-        if name not in recordings:
-            typer.echo(f"  {name}: {why}")
+        lines.append(f"{one.said}: not clearly part of the shot")
+    for line in (*lines, *(f"{name}: {why}" for name, why in found["doubtful"].items())):
+        typer.echo(f"  {line}")
     typer.echo(f"wrote {path}; fill in what is empty, then: kolsky check {folder}")
 
 
@@ -198,45 +192,15 @@ def check(shot: ShotPath, out: Out = None) -> None:
 
 def channels(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of an oscilloscope or recorder.")],
-    form: Annotated[
-        str | None, Option("Format of the file.", name="format", show_default="found in the file")
-    ] = None,
-    encoding: Annotated[
-        str | None, Option("Encoding of a text file.", show_default="found in the file")
-    ] = None,
-    delimiter: Annotated[
-        str | None, Option("comma, semicolon, tab or blanks.", show_default="found in the file")
-    ] = None,
-    decimal: Annotated[
-        str | None, Option('Decimal sign: "." or ",".', show_default="found in the file")
-    ] = None,
-    header_line: HeaderLine = None,
-    sheet: SheetName = None,
-    time: Annotated[str | None, Option("The time column, by name or number.")] = None,
-    time_unit: Annotated[str | None, Option("Unit of the time column, e.g. ms.")] = None,
-    interval: Annotated[
-        float | None,
-        Option('Time between samples, e.g. "100 ns".', unit="s", show_default="found in the file"),
-    ] = None,
+    *,
+    layout: Layout,
 ) -> None:
     """Show the contents of a recorder's file: channels, units, clock, and how the file was read.
 
     The options are the keys of a `layout` in shot.toml.
     """
-    from kolsky.readers.contents import Layout
     from kolsky.readers.recordings import list_channels
 
-    layout = Layout(
-        format=form,
-        encoding=encoding,
-        delimiter=delimiter,
-        decimal=decimal,
-        header_line=header_line,
-        sheet=sheet,
-        time=time,
-        time_unit=time_unit,
-        interval=interval,
-    )
     infos = list_channels(file, layout=layout)
     if as_json():
         print_json(_channels_json(file, infos))

@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from doe.least_squares import Whitening, least_squares
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
@@ -191,18 +190,6 @@ def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
     seen, directions = np.linalg.eigh(widths[:, None] * found * widths)
     unseen = directions[:, seen < BLIND**2] / widths[:, None]
     return np.asarray(found + 12.0 * unseen @ unseen.T if unseen.size else found)
-
-
-def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """The step to the least-squares optimum of a linear model inside bounds, shape [d].
-
-    ``rows``: whitened slopes, shape [d, k]. ``residual``: prediction minus data, whitened, shape [k].
-    ``lower``, ``upper``: bounds of the step, around 0, shape [d].
-    """
-    width = upper - lower  # unknowns of different units
-    bounds = np.minimum(lower / width, -1e-15), np.maximum(upper / width, 1e-15)
-    found = lsq_linear((rows * width[:, None]).T, -residual, bounds, method="bvls")
-    return np.asarray(found.x * width, dtype=np.float64)
 
 
 def covariance(

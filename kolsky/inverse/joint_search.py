@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, stdtrit
 
-from doe.least_squares import Whitening
+from doe.least_squares import Whitening, bounded_step
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import coarser_graded
@@ -32,7 +32,6 @@ from kolsky.inverse.joint_problem import (
     BLIND,
     SCATTER,
     JointProblem,
-    bounded_step,
     declared_point,
     information,
 )
@@ -236,8 +235,10 @@ def _judge_run(
     whitening = problem.whitening(residual)
     rows = whitening.apply(slopes.T)
     # A parameter at its bound does not require further steps.
-    step = bounded_step(rows, whitening.apply(residual), lower - x, upper - x)
-    sigma = np.sqrt(np.diag(np.linalg.inv(information(rows, upper - lower))))
+    width = upper - lower  # unknowns of different units
+    scaled = (rows * width[:, None]).T
+    step = width * bounded_step(scaled, whitening.apply(residual), (lower - x) / width, (upper - x) / width)
+    sigma = np.sqrt(np.diag(np.linalg.inv(information(rows, width))))
     return _RefinedRun(x, vector, cost, step, sigma)
 
 

@@ -30,7 +30,7 @@ from kolsky.material.uniaxial import (
     resample,
     student_factor,
 )
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.readers.measured_tables import WantedColumn, read_columns
 
 Pull = Literal["first", "conditioned"]

@@ -6,6 +6,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from kolsky.base.apparatus import LIFTING_LAW
 from kolsky.schema import fields as f
+from kolsky.schema.apparatus import BarSection
 from kolsky.schema.fields import Section
 from kolsky.virtual import schema as v
 from kolsky.virtual.schema import MaterialTable, SpecimenTable
@@ -23,14 +24,11 @@ KINDS = {
 """Kind of pulse shaper -> the keys that it needs."""
 
 
-class PartTable(Section):
+class PartTable(BarSection):
     """A uniform round part: a bar, a platen, a transducer."""
 
-    length: f.Length
-    diameter: f.Length
     youngs_modulus: f.Modulus = 190e9
     density: f.Density = 8048.0
-    poisson: f.Poisson = 0.29
 
 
 class StrikerTable(PartTable):

@@ -22,51 +22,6 @@ from kolsky.base.files import check_size, read_errors, regular
 from kolsky.base.process import run_program
 from kolsky.base.units import LARGEST
 
-ColumnId = str | int
-"""A column by its name in the file, or by its number, counted from 1."""
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Declared layout of a recorder's file.
-
-    Fields that are None are detected in the file.
-
-    Declared fields take precedence over the file. The detected layout is in `Contents.facts`.
-    """
-
-    format: str | None = None
-    """Name of the format, a key of `kolsky.readers.recordings.FORMATS`."""
-    encoding: str | None = None
-    """Of a text file: one of `kolsky.readers.text.ENCODINGS`."""
-    delimiter: str | None = None
-    """Of a text file: name or character of one of `kolsky.readers.text.DELIMITERS`."""
-    decimal: str | None = None
-    """Decimal sign of a text file: "." or ","."""
-    comment: str | None = None
-    """Start of comment lines, e.g. "#". They may be at any place in the file."""
-    header_line: int | None = None
-    """Line of the column names, counted from 1; 0 if the file has none."""
-    units_line: int | None = None
-    """Line of the columns' units, counted from 1; 0 if the file has none."""
-    first_line: int | None = None
-    """Line of the first samples, counted from 1. The lines above are metadata."""
-    sheet: str | None = None
-    """Sheet of a workbook."""
-    time: ColumnId | Mapping[str, ColumnId] | None = None
-    """The time column, or one for each channel: channel -> its time column."""
-    time_unit: str | None = None
-    """Unit of the time columns, e.g. "ms"."""
-    interval: float | None = None
-    """Sampling interval [s]."""
-    start: float | None = None
-    """Time of the first sample on the instrument's clock [s]."""
-    unit: str | None = None
-    """Unit of the samples, e.g. "mV"."""
-    full_scale: float | None = None
-    """Largest magnitude that the recorder can record, in the SI unit of the samples. Without it, clipping is
-    detected by a flat top of the signal."""
-
 
 @dataclass(frozen=True)
 class ChannelInfo:

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from kolsky.readers.contents import Contents, Layout, head_of
+from kolsky.readers.contents import Contents, head_of
 from kolsky.readers.header import heading_keys, key_lines, names_by_key
+from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import find_table, signal_table
 from kolsky.readers.text import read_text
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import FoundTable, Sheet, find_table
 from kolsky.readers.text import LONGEST_FIELD, full_match, read_text
 
@@ -170,7 +170,7 @@ def read(
 
     ``paths``: the files. Their names contain the frame numbers. ``layout``: a key of `LAYOUTS`. ``unit``:
     unit of length of coordinates and displacements. None: that of the headings, or mm if they have none.
-    ``delimiter``, ``decimal``: as in `kolsky.readers.contents.Layout`; detected if None. Raises InputError if
+    ``delimiter``, ``decimal``: as in `kolsky.readers.layout.Layout`; detected if None. Raises InputError if
     a file cannot be read or lacks a column, if a heading has another unit than the declared one, or if names
     have no frame numbers. The same error is raised if a point is repeated, if rows cannot be distinguished,
     or if coordinates are of neither kind.

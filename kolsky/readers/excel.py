@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Contents, Layout, file_hash, head_of, read_in_child
+from kolsky.readers.contents import Contents, file_hash, head_of, read_in_child
 from kolsky.readers.delimited import read_lines
+from kolsky.readers.layout import Layout
 
 COMPRESSED_LIMIT = 100_000_000
 """Largest workbook that is read [bytes]."""

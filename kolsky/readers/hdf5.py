@@ -18,7 +18,6 @@ from kolsky.readers.contents import (
     Channel,
     Clock,
     Contents,
-    Layout,
     array_clock,
     check_samples,
     file_hash,
@@ -26,6 +25,7 @@ from kolsky.readers.contents import (
     stated_clock,
 )
 from kolsky.readers.header import HeaderClock, clock_of_numbers, si_unit, time_factor
+from kolsky.readers.layout import Layout
 
 
 @dataclass(frozen=True)

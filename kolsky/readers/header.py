@@ -8,7 +8,7 @@ from pathlib import Path
 
 from kolsky.base.errors import InputError
 from kolsky.base.units import DIMENSIONS, SHOT_KINDS, dimension_of, unit_factor
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.readers.text import LONGEST_FIELD, LONGEST_PAIR, Dialect, full_match
 
 _PREFIXES = {

@@ -8,8 +8,9 @@ line of column names, and samples. The header names separator and decimal sign. 
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Contents, Layout, head_of
+from kolsky.readers.contents import Contents, head_of
 from kolsky.readers.header import add_key
+from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
 

@@ -7,8 +7,9 @@ interval [s]. The samples follow [V]. After https://github.com/lanl/HopPyBar (BS
 from pathlib import Path
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, Clock, Contents, Layout, check_samples, head_of
+from kolsky.readers.contents import Channel, Clock, Contents, check_samples, head_of
 from kolsky.readers.header import check_width, keys_beside
+from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.text import Dialect, read_text
 

@@ -16,8 +16,9 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Contents, Layout, file_hash, head_of, read_in_child
+from kolsky.readers.contents import Contents, file_hash, head_of, read_in_child
 from kolsky.readers.hdf5 import NamedArray, array_channels, array_lines, column_of, columns_of, inside
+from kolsky.readers.layout import Layout
 
 BINARY = True
 

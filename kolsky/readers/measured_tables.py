@@ -10,8 +10,9 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.units import DIMENSIONS, UnitError, dimension_of, unit_factor
-from kolsky.readers.contents import Channel, Contents, Layout
+from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.header import heading_unit, name_without_unit, si_unit, split_unit
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import check_finite, read_contents
 from kolsky.readers.table import Column, read_table
 

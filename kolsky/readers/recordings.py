@@ -30,12 +30,12 @@ from kolsky.readers.contents import (
     ChannelInfo,
     Clock,
     Contents,
-    Layout,
     check_name,
     head_of,
 )
 from kolsky.readers.excel import EXCEL, EXCEL_97
 from kolsky.readers.header import si_unit
+from kolsky.readers.layout import Layout
 from kolsky.readers.table import Column, Table, read_table
 
 

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel, Clock, Contents, Layout, check_samples, file_hash, head_of
+from kolsky.readers.contents import Channel, Clock, Contents, check_samples, file_hash, head_of
+from kolsky.readers.layout import Layout
 
 BINARY = True
 

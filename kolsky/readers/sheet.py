@@ -15,8 +15,6 @@ from kolsky.readers.contents import (
     LARGEST_SAMPLE,
     Channel,
     Clock,
-    ColumnId,
-    Layout,
     check_samples,
     column_clock,
     column_digits,
@@ -34,6 +32,7 @@ from kolsky.readers.header import (
     time_unit,
     uncommented,
 )
+from kolsky.readers.layout import ColumnId, Layout
 from kolsky.readers.text import COMMA, Dialect, cure_of, find_dialect, full_match
 
 

@@ -19,9 +19,10 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import decode, read_bytes
 from kolsky.readers import delimited, hdf5, matlab
-from kolsky.readers.contents import Layout, check_name, file_hash
+from kolsky.readers.contents import check_name, file_hash
 from kolsky.readers.excel import EXCEL, EXCEL_97
 from kolsky.readers.header import uncommented
+from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet, find_table
 from kolsky.readers.text import (
     BLANKS,

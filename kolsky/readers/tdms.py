@@ -12,18 +12,10 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import (
-    Channel,
-    Clock,
-    Contents,
-    Layout,
-    check_samples,
-    file_hash,
-    head_of,
-    stated_clock,
-)
+from kolsky.readers.contents import Channel, Clock, Contents, check_samples, file_hash, head_of, stated_clock
 from kolsky.readers.hdf5 import NamedArray, clock_of_array
 from kolsky.readers.header import clock_of_numbers
+from kolsky.readers.layout import Layout
 
 BINARY = True
 

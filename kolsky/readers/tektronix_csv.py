@@ -6,8 +6,9 @@ three empty fields. Several channels of one capture are several such blocks besi
 
 from pathlib import Path
 
-from kolsky.readers.contents import Channel, Contents, Layout, head_of
+from kolsky.readers.contents import Channel, Contents, head_of
 from kolsky.readers.header import bare_key, check_width, keys_beside
+from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
 

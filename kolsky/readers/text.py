@@ -12,7 +12,7 @@ from pathlib import Path
 
 from kolsky.base.errors import InputError
 from kolsky.base.files import read_bytes
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp932", "gb18030")
 """Encodings that may be declared. The first three and cp1252 are also detected."""

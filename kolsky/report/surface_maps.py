@@ -67,9 +67,9 @@ def limits_of(field: FieldOfPoints) -> tuple[float, float]:
     return (low, high) if high - low > widened else (low - 0.5, high + 0.5)
 
 
-def scale_colours(count: int = 24) -> list[str]:
+def scale_colours() -> list[str]:
     """Colours of a scale from its lower to its upper end, as hexadecimal text."""
-    return [colors.to_hex(c) for c in colormaps[COLOURS](np.linspace(0.0, 1.0, count))]
+    return [colors.to_hex(c) for c in colormaps[COLOURS](np.linspace(0.0, 1.0, 24))]
 
 
 def faces_of(points: MeasuredPoints, frame: int) -> IntArray:
@@ -163,7 +163,6 @@ def space_png(
     limits: tuple[float, float],
     view: View = View(),
     chosen: int | None = None,
-    size: tuple[int, int] = SPACE_SIZE,
 ) -> bytes:
     """The surface of one frame in space with a field on it, as PNG.
 
@@ -174,7 +173,7 @@ def space_png(
     """
     pyvista = offscreen_pyvista()
     with _DRAWING:
-        plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+        plotter = pyvista.Plotter(off_screen=True, window_size=list(SPACE_SIZE))
         try:
             plotter.set_background("white")
             _fill(plotter, pyvista, points, name, frame, limits, chosen)

@@ -6,7 +6,6 @@ Terminal and page use the same rows.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
 from typing import Any
 
 from kolsky.diagnosis.causes import percent, sentence
@@ -194,7 +193,7 @@ def _sensitivity_row(part: Declaration, answer: dict[str, float], open_: set[str
         "place": INPUTS[part.key].place,
         "amount": amount_text(part).replace("us", "µs").replace("um", "µm"),
         "shares": [signed_percent(shares[name]) if name in shares else numbers.NOTHING for name in answer],
-        "visible": numbers.percent(part.visible) if isfinite(part.visible) else numbers.NOTHING,
+        "visible": numbers.percent(part.visible),
         "taken": "taken as exact" if part.key in open_ else part.status,
     }
 

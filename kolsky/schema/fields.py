@@ -9,8 +9,8 @@ from pydantic_core import PydanticCustomError
 
 from kolsky.base.apparatus import INCOMPRESSIBLE, INCOMPRESSIBLE_WORD, LARGEST_POISSON
 from kolsky.base.units import DIMENSIONS, LARGEST, UnitError, quantity, unit_factor
-from kolsky.readers.contents import Layout
 from kolsky.readers.header import si_unit
+from kolsky.readers.layout import Layout
 from kolsky.readers.table import Column
 
 

@@ -4,7 +4,7 @@ The solver runs every point of the sample. Alternatively, a surrogate of the res
 the box.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,18 +94,13 @@ class Observables:
 
 
 def _observed(
-    shot: Shot,
-    points: FloatArray,
-    box: Box,
-    held: Mapping[str, float] | None,
-    numerics: Numerics | None,
+    shot: Shot, points: FloatArray, box: Box, numerics: Numerics | None
 ) -> tuple[Observables, FloatArray]:
     """The observables of a shot, and its vectors at points of a box, simulated in batches."""
     prepared, parts = prepare_shot(shot), []
     for start in range(0, len(points), CHUNK):
         some = points[start : start + CHUNK]
-        columns = {name: some[:, i] for i, name in enumerate(box.names)}
-        values: dict[str, FloatArray | float] = {**(held or {}), **columns}
+        values: dict[str, FloatArray | float] = {name: some[:, i] for i, name in enumerate(box.names)}
         cure = "; take a smaller box"
         response = completed_runs(prepared.forward, values, numerics or Numerics(), cure=cure)
         parts.append(predict(response, prepared.observations))
@@ -142,8 +137,6 @@ class GlobalSensitivity(ResultViews):
     """Indices of the force's bin means; None if rejected."""
     outline_times: FloatArray
     """Frame times of the outline points that every run reaches [s], shape [Q]. Empty without an outline."""
-    outline_heights: FloatArray
-    """Their heights [m], shape [Q]."""
     outline: HistoryIndices | None
     """Indices of the radius at these points. None if rejected, or without an outline."""
 
@@ -173,7 +166,6 @@ def solver_sensitivity(
     shot: Shot,
     box: Box,
     *,
-    held: Mapping[str, float] | None = None,
     n: int = 256,
     rng: int = 1,
     numerics: Numerics | None = None,
@@ -186,8 +178,6 @@ def solver_sensitivity(
         A loaded shot.
     box
         A box over parameters of `kolsky.inverse.parameters.PARAMETERS`.
-    held
-        Parameters held at values that differ from the shot's.
     n
         Points of each of the d + 2 samples, a power of two.
     rng
@@ -203,7 +193,7 @@ def solver_sensitivity(
     sample = SaltelliSample.draw(box.dimension, n, rng)
     sets = [sample.A, sample.B, *(sample.mixed(i) for i in range(box.dimension))]
     points = box.scale(np.concatenate(sets))
-    observables, vectors = _observed(shot, points, box, held, numerics)
+    observables, vectors = _observed(shot, points, box, numerics)
     row = {point.tobytes(): i for i, point in enumerate(points)}
 
     def made(x: FloatArray) -> FloatArray:
@@ -219,7 +209,6 @@ def global_sensitivity(
     shot: Shot,
     box: Box,
     *,
-    held: Mapping[str, float] | None = None,
     runs: int = 128,
     unseen: int = 32,
     n: int = 1024,
@@ -230,7 +219,7 @@ def global_sensitivity(
 
     Parameters
     ----------
-    shot, box, held, n, rng, numerics
+    shot, box, n, rng, numerics
         As in `solver_sensitivity`.
     runs, unseen
         Runs of the surrogate's design, and further runs to test it.
@@ -246,7 +235,7 @@ def global_sensitivity(
     design = latin_hypercube(box, runs, rng=rng, optimise=True)
     others = latin_hypercube(box, unseen, rng=rng + 1)
     points = np.concatenate([design.points, others.points])
-    observables, vectors = _observed(shot, points, box, held, numerics)
+    observables, vectors = _observed(shot, points, box, numerics)
     surrogate = ResponseSurrogate.fit(box, design.points, vectors[:runs], scale=observables.noise)
     errors = _errors(observables, vectors, surrogate.predict(others.points))
     if min(errors.values()) > LARGEST_ERROR:
@@ -325,7 +314,6 @@ def _indices(
         force_times=observables.observations.force_times,
         force=history("force"),
         outline_times=line.time[observables.counted],
-        outline_heights=line.y[observables.counted],
         outline=history("outline"),
     )
 
@@ -334,7 +322,6 @@ def screening(
     shot: Shot,
     box: Box,
     *,
-    held: Mapping[str, float] | None = None,
     trajectories: int = 10,
     rng: int = 1,
     numerics: Numerics | None = None,
@@ -343,7 +330,7 @@ def screening(
 
     Parameters
     ----------
-    shot, box, held, numerics
+    shot, box, numerics
         As in `solver_sensitivity`.
     trajectories
         Number of trajectories. Each needs one more run than there are parameters.
@@ -363,5 +350,5 @@ def screening(
         If a run does not complete, or if a parameter is unknown or outside its range.
     """
     walks = morris(box, trajectories, rng=rng)
-    observables, vectors = _observed(shot, walks.design.points, box, held, numerics)
+    observables, vectors = _observed(shot, walks.design.points, box, numerics)
     return observables.outputs, walks.effects(observables.scalars(vectors))

@@ -264,6 +264,12 @@ def costs(table: DesignTable) -> FloatArray:
     return phi if np.isfinite(phi).any() else table.phi_force / SCALE_FORCE
 
 
+def least_run(table: DesignTable) -> int | None:
+    """The run with the smallest cost; None if no run completed."""
+    cost = costs(table)
+    return int(np.nanargmin(cost)) if np.isfinite(cost).any() else None
+
+
 def least_misfit(result: Sweep) -> dict[str, Any]:
     """The completed run with the smallest Phi, and its parameters in SI.
 
@@ -273,8 +279,7 @@ def least_misfit(result: Sweep) -> dict[str, Any]:
     """
     table = result.table
     phi = misfit_sum(table)
-    seen = bool(np.isfinite(phi).any())
-    best = int(np.nanargmin(phi if seen else table.phi_force)) if counts(result)["completed"] else None
+    seen, best = bool(np.isfinite(phi).any()), least_run(table)
     return {
         "smallest_phi": float(phi[best]) if best is not None and seen else None,
         **({} if seen or best is None else {"smallest_phi_force": float(table.phi_force[best])}),

@@ -16,7 +16,7 @@ from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.run_table import DesignTable
 from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot
-from kolsky.studies.sweep import Sweep, misfit_sum
+from kolsky.studies.sweep import Sweep, least_run, misfit_sum
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
 """Misfits in the analysis, Eqs. (M.3) to (M.5), and their units."""
@@ -30,8 +30,8 @@ LEVELS = 41
 MOST_FORCES = 64
 """Maximum number of runs along one parameter with forces that are simulated again. This takes about one
 second."""
-SAMPLE = 1024
-"""Points of each sample of the indices."""
+SAMPLE, SEED = 1024, 1
+"""Number of points of each sample of the indices, and seed of all samples."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class SweepAnalysis(ResultViews):
         return points[0, :, i], points[:, 0, j], values.reshape(LEVELS, LEVELS)
 
 
-def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> SweepAnalysis:
+def analyse_sweep(shot: str, box: Box, table: DesignTable) -> SweepAnalysis:
     """Interpolate the misfits of a sweep's runs and analyse the complete sweep.
 
     Parameters
@@ -154,25 +154,22 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> S
         The design's box.
     table
         Every run.
-    rng
-        Seed of the samples.
     """
     phi = misfit_sum(table)
     columns = {"Phi_F": table.phi_force, "Phi_S": table.phi_shape, "Phi": phi}
     outputs = {
-        name: _output(name, box, table.points, values, rng)
+        name: _output(name, box, table.points, values)
         for name, values in columns.items()
         if np.isfinite(values).any()
     }
-    ranked = phi if np.isfinite(phi).any() else table.phi_force
-    best = int(np.nanargmin(ranked)) if np.isfinite(ranked).any() else None
+    best = least_run(table)
     judged = outputs.get("Phi", outputs.get("Phi_F"))
     return SweepAnalysis(
         shot=shot,
         box=box,
         table=table,
         outputs=outputs,
-        indices=_indices(box, outputs, rng),
+        indices=_indices(box, outputs),
         best=best,
         optimum=None if judged is None or best is None else _optimum(judged, box, table.points[best]),
     )
@@ -186,7 +183,7 @@ def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | No
     surrogate = output.surrogate
     if surrogate is None:
         return None
-    scan = box.scale(np.random.default_rng(1).random((SAMPLE, box.dimension)))
+    scan = box.scale(np.random.default_rng(SEED).random((SAMPLE, box.dimension)))
     starts = (start, scan[int(np.argmin(surrogate.predict(scan)[:, 0]))])
     found = min((nelder_mead(surrogate.cost, box, start=x) for x in starts), key=lambda end: end.value)
     return SurfaceOptimum(
@@ -215,10 +212,10 @@ def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
     return {"surface_optimum": found.at, f"surface_phi{force_alone}": found.value, **at_bound}
 
 
-def _output(name: str, box: Box, points: FloatArray, values: FloatArray, rng: int) -> Output:
+def _output(name: str, box: Box, points: FloatArray, values: FloatArray) -> Output:
     done = np.flatnonzero(np.isfinite(values))
     _, single = np.unique(points[done], axis=0, return_index=True)
-    rows = np.random.default_rng(rng).permutation(done[single])
+    rows = np.random.default_rng(SEED).permutation(done[single])
     fitted, rest = rows[:MOST_FITTED], rows[MOST_FITTED:]
     spread = float(values[rows].std())
     if len(rows) < 4 or spread == 0.0:
@@ -233,7 +230,7 @@ def _output(name: str, box: Box, points: FloatArray, values: FloatArray, rng: in
         error = surrogate.loo_rms / spread
     if not error <= LARGEST_ERROR:
         return _without(name, values, _too_large(error, len(fitted), box.dimension), error)
-    return Output(name, values, error, "", surrogate, _effects(box, surrogate, rng))
+    return Output(name, values, error, "", surrogate, _effects(box, surrogate))
 
 
 def _too_large(error: float, runs: int, dimension: int) -> str:
@@ -254,8 +251,8 @@ def _without(name: str, values: FloatArray, why: str, error: float = float("nan"
     return Output(name, values, error, why, None, {})
 
 
-def _effects(box: Box, surrogate: CostSurrogate, rng: int) -> dict[str, Effect]:
-    others = np.random.default_rng(rng).random((256, box.dimension))
+def _effects(box: Box, surrogate: CostSurrogate) -> dict[str, Effect]:
+    others = np.random.default_rng(SEED).random((256, box.dimension))
     effects = {}
     for i, name in enumerate(box.names):
         u = np.repeat(others[None], LEVELS, axis=0)
@@ -267,7 +264,7 @@ def _effects(box: Box, surrogate: CostSurrogate, rng: int) -> dict[str, Effect]:
     return effects
 
 
-def _indices(box: Box, outputs: dict[str, Output], rng: int) -> SobolIndices | None:
+def _indices(box: Box, outputs: dict[str, Output]) -> SobolIndices | None:
     able = {name: output.surrogate for name, output in outputs.items() if output.surrogate is not None}
     if not able or box.dimension < 2:
         return None
@@ -276,7 +273,7 @@ def _indices(box: Box, outputs: dict[str, Output], rng: int) -> SobolIndices | N
         lambda points: np.column_stack([surrogate.predict(points)[:, 0] for surrogate in able.values()]),
         outputs=tuple(able),
         n=SAMPLE,
-        rng=rng,
+        rng=SEED,
     )
 
 

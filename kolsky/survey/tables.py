@@ -13,8 +13,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import read_bytes
 from kolsky.base.units import dimension_of, unit_factor
-from kolsky.readers.contents import Contents, Layout
+from kolsky.readers.contents import Contents
 from kolsky.readers.header import likely_unit
+from kolsky.readers.layout import Layout
 from kolsky.readers.measured_tables import QUANTITIES
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table

@@ -43,7 +43,7 @@ def recorders() -> list[Target]:
     """Files of oscilloscopes and recorders."""
     import readerfiles as files
 
-    from kolsky.readers.contents import Layout
+    from kolsky.readers.layout import Layout
     from kolsky.readers.recordings import list_channels, read_recordings
 
     found = []

@@ -14,7 +14,7 @@ from kolsky.bars.signals.baseline import measure_signal_zero
 from kolsky.bars.signals.bridge import Bridge, Linear
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import read_recordings
 
 BAR = Bar(diameter=0.02, length=2.0, youngs_modulus=200e9, density=7850.0, poisson=0.29)

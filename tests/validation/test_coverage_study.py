@@ -12,8 +12,7 @@ import pytest
 from scipy.stats import binom, chi2
 
 from populations import other_program
-from populations.coverage import Found, Study, _free, run, truth_file
-from populations.coverage_counts import NOMINAL, summary, table
+from populations.coverage import NOMINAL, Found, Study, _free, run, summary, table, truth_file
 from populations.coverage_problem import (
     FORCE_SIGMA,
     GROUP,
@@ -148,7 +147,7 @@ def test_the_flyer_moves_as_its_velocity_says() -> None:
 
 def test_a_truth_as_coarse_as_the_answer_is_refused() -> None:
     with pytest.raises(ValueError, match="48 of the identification"):
-        Study((M,), truth_mesh=(64, 86))
+        Study(free=(M,), truth_mesh=(64, 86))
 
 
 def test_a_truth_is_the_middle_of_both_elements() -> None:
@@ -158,7 +157,7 @@ def test_a_truth_is_the_middle_of_both_elements() -> None:
     np.testing.assert_allclose(found[1], Z, rtol=1e-12)
 
 
-COARSE = Study((M,), mesh=(16, 22), refined_mesh=(24, 32), truth_mesh=(36, 48), seed=7)
+COARSE = Study(free=(M,), mesh=(16, 22), refined_mesh=(24, 32), truth_mesh=(36, 48), seed=7)
 
 
 @pytest.mark.slow

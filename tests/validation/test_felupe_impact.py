@@ -12,6 +12,7 @@ import pytest
 from kolsky.virtual.instruments import free_outline, measure_outline
 from kolsky.virtual.material import law_of
 from kolsky.virtual.schema import Specification, TruthTable
+from kolsky.virtual.specification import read_specification
 from kolsky.virtual.truth import KNOT, SurfaceHistory, TruthError, simulate_truths
 from populations.coverage_problem import HEIGHTS, drawn, stroke, velocity
 from populations.felupe_impact import (
@@ -26,7 +27,7 @@ from populations.felupe_impact import (
     truth,
 )
 from populations.other_program import thinned
-from populations.wrong_inputs import POPULATION, read_specification
+from populations.wrong_inputs import POPULATION
 
 LAWS = read_specification(POPULATION).declared.population.draw["material"].choose
 FILE = Path(__file__).parents[1] / "reference" / "M_bonded.csv"

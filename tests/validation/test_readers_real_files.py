@@ -11,8 +11,8 @@ from scipy.io import whosmat
 
 from kolsky.base.errors import InputError
 from kolsky.readers.child import NUMBERS
-from kolsky.readers.contents import Layout
 from kolsky.readers.dic_export import PointState, read
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings, read_scope
 from kolsky.readers.table import Column
 

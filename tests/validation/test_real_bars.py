@@ -28,7 +28,7 @@ from kolsky.bars.signals.arrival import Arrival, find_arrival
 from kolsky.bars.signals.bridge import Linear
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar, Specimen
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import read_contents, read_recordings
 
 BARS = Path(__file__).resolve().parent.parent.parent.parent / "shared" / "data" / "bars"

@@ -135,6 +135,10 @@ class SymmetryEnd:
     """First time at which symmetry has ended; None if it has not."""
 
 
+COVERAGE = 2.0
+"""Number of sigmas by which the transverse velocity must exceed its share [-]."""
+
+
 def symmetry_end(
     flight: Flight,
     time: ArrayLike,
@@ -142,27 +146,25 @@ def symmetry_end(
     separation: float,
     over: float,
     share: float,
-    coverage: float = 2.0,
     times_in_row: int = 3,
 ) -> SymmetryEnd:
     """Find the time at which the flyer's velocity leaves its direction just after separation.
 
     The relative transverse velocity is the component across the reference direction, divided by the speed.
     Symmetry ends at the first of `times_in_row` successive times at which it exceeds `share` by more than
-    `coverage` of its sigmas. When a flyer comes to rest, noise hides its direction; this is not an end of
+    `COVERAGE` of its sigmas. When a flyer comes to rest, noise hides its direction; this is not an end of
     symmetry. A flyer that is pushed back along the axis keeps its direction.
 
     ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
     flyer has separated from the bar [s]. ``over``: span after separation; its displacement gives the
-    reference direction [s]. ``share``: allowed transverse part of the velocity [-], in (0, 1). ``coverage``:
-    number of sigmas by which it must be exceeded [-]. ``times_in_row``: number of successive times that must
-    agree. Raises ValueError if an option is out of range, or if a span is outside the paths.
+    reference direction [s]. ``share``: allowed transverse part of the velocity [-], in (0, 1).
+    ``times_in_row``: number of successive times that must agree. Raises ValueError if an option is out of
+    range, or if a span is outside the paths.
     """
     at = np.asarray(time, dtype=np.float64)
-    if not 0.0 < share < 1.0 or not over > 0.0 or not coverage >= 0.0 or times_in_row < 1:
+    if not 0.0 < share < 1.0 or not over > 0.0 or times_in_row < 1:
         raise ValueError(
-            f"share must be in (0, 1), over > 0 s, coverage >= 0 and times_in_row >= 1, got {share}, {over},"
-            f" {coverage}, {times_in_row}"
+            f"share must be in (0, 1), over > 0 s, times_in_row >= 1, got {share}, {over}, {times_in_row}"
         )
     paths = (flight.toward, *flight.lateral)
     span = np.array([separation, separation + over])
@@ -177,7 +179,7 @@ def symmetry_end(
         part = np.linalg.norm(across, axis=1) / speed
         own = np.sqrt(np.sum((unit * s) ** 2, axis=1)) / speed
         sigma = np.hypot(own, np.sqrt(np.sum((unit * away) ** 2, axis=1)))
-    beyond = (at >= separation) & (part - coverage * sigma > share)
+    beyond = (at >= separation) & (part - COVERAGE * sigma > share)
     run = np.convolve(beyond, np.ones(times_in_row), mode="full")[times_in_row - 1 :] == times_in_row
     return SymmetryEnd(reference, part, sigma, int(np.argmax(run)) if run.any() else None)
 

@@ -105,8 +105,6 @@ class Propagation:
     bar without loss, minus the part outside the result's times."""
     noise_gain: float
     """Sigma of a sample after propagation, divided by sigma before [-]."""
-    largest_gain: float
-    """Largest amplification of a spectral component in the band [-]."""
     size: float
     """Largest difference from a plain shift by distance / c0, in the signal's unit."""
     rms: float
@@ -122,7 +120,6 @@ def propagation(
     band: float | None = None,
     start: float | None = None,
     samples: int | None = None,
-    largest_gain: float = _LARGEST_GAIN,
 ) -> Propagation:
     """Propagate a wave's signal along a bar, Eq. (B.9).
 
@@ -137,12 +134,12 @@ def propagation(
     fades to zero within a fiftieth of the window. ``band``: frequency at which the spectrum ends [Hz]. Its
     half-cosine edge is `spectra.ROLL_OFF` of the band wide. ``start``: time of the result's first sample [s],
     if the result needs a different clock. The result is interpolated within the band of the sampling.
-    ``samples``: length of the result; default: that of the signal. ``largest_gain``: amplification at which
-    the band of a lossy bar ends for propagation back [-], > 1. Returns: with the band that was kept and the
-    amplification of the noise. Raises ValueError if an argument is outside its range, if a sample is not
-    finite, or if the band is empty.
+    ``samples``: length of the result; default: that of the signal. Returns: with the band that was kept and
+    the amplification of the noise. For propagation back, the band of a lossy bar ends at an amplification of
+    10. Raises ValueError if an argument is outside its range, if a sample is not finite, or if the band is
+    empty.
     """
-    _check(signal, distance, window, band, largest_gain)
+    _check(signal, distance, band)
     value = signal.value if window is None else windowed(signal, window).value
     n, step = value.size, signal.interval
     count = n if samples is None else samples
@@ -162,8 +159,8 @@ def propagation(
     omega = 2.0 * pi * frequency[kept]
     late = waveguide.wavenumber(omega) - omega / waveguide.wave_speed
     gain = np.exp(late.imag * distance)
-    if gain.max(initial=0.0) > largest_gain * (1.0 + 1e-12):
-        limit = min(limit, float(frequency[kept][np.argmax(gain > largest_gain)]))
+    if gain.max(initial=0.0) > _LARGEST_GAIN * (1.0 + 1e-12):
+        limit = min(limit, float(frequency[kept][np.argmax(gain > _LARGEST_GAIN)]))
         kept_again = frequency[kept] <= limit
         late, omega, gain = late[kept_again], omega[kept_again], gain[kept_again]
         kept = frequency <= limit
@@ -186,7 +183,6 @@ def propagation(
         band=float(limit),
         energy=float(result @ result) / total if total > 0.0 else 1.0,
         noise_gain=noise,
-        largest_gain=float((edge * gain).max()),
         size=float(np.abs(change).max(initial=0.0)),
         rms=float(np.sqrt(np.mean(change**2))) if change.size else 0.0,
     )
@@ -214,13 +210,7 @@ def _shifted(padded: FloatArray, fraction: float, first: int, count: int) -> Flo
     return irfft(rfft(padded) * np.exp(1j * omega * fraction), padded.size)[first : first + count]
 
 
-def _check(
-    signal: Signal,
-    distance: float,
-    window: tuple[float, float] | None,
-    band: float | None,
-    largest_gain: float,
-) -> None:
+def _check(signal: Signal, distance: float, band: float | None) -> None:
     if signal.value.ndim != 1 or signal.value.size < FEWEST_SAMPLES:
         raise ValueError(f"a signal needs {FEWEST_SAMPLES} samples or more, got {signal.value.size}")
     if not np.isfinite(signal.value).all():
@@ -234,8 +224,6 @@ def _check(
         raise ValueError(f"the distance must be finite, got {distance} m")
     if band is not None and not band > 0.0:
         raise ValueError(f"a band limit must be > 0 Hz, got {band}")
-    if not largest_gain > 1.0:
-        raise ValueError(f"the largest gain must be > 1, got {largest_gain}")
 
 
 _SEARCH = 0.1

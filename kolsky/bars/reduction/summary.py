@@ -59,8 +59,6 @@ class Summary:
 
     analysis: str
     """The analysis: "one wave", "two waves" or "three waves"."""
-    maximum_strain: Quantity
-    """Nominal strain of largest magnitude, with its sign [-]."""
     plateau: Plateau
     """Time span of the means, or the reason why there is none."""
     mean_stress: Quantity | None
@@ -102,9 +100,6 @@ def summarise(
     modulus, reason = _modulus(reduction, strain, stress, last, loading, alike)
     return Summary(
         analysis=analysis,
-        maximum_strain=Quantity(
-            "largest nominal strain", float(strain.value[last]), float(strain.sigma[last]), "1", "A"
-        ),
         plateau=plateau,
         mean_stress=_mean(stress, plateau, plateau.stress_fault, "mean nominal stress", alike),
         mean_rate=_mean(rate, plateau, plateau.rate_fault, "mean nominal strain rate", alike),

@@ -45,13 +45,12 @@ def find_arrival(
     average: float,
     after: float = -inf,
     before: float = inf,
-    threshold: float = THRESHOLD,
     smallest: float = 0.0,
 ) -> Arrival:
     """Arrival of the first pulse of one sign.
 
     The signal is averaged over `average`, m samples. This reduces single counts and spikes to noise with the
-    standard deviation sigma sqrt(memory / m). The first average beyond `threshold` times this, and beyond
+    standard deviation sigma sqrt(memory / m). The first average beyond `THRESHOLD` times this, and beyond
     `FLOOR` of the largest, marks the pulse. The largest average up to its end is its level. The onset
     minimises Maeda's form of Akaike's criterion over the samples up to half the level [1]_. The time is the
     intersection of the baseline, 0, with the least-squares line through the flank's samples between `FLANK`
@@ -72,8 +71,8 @@ def find_arrival(
     """
     if sign not in (-1, 1):
         raise ValueError(f"the sign of a pulse = {sign} must be +1 or -1")
-    if not (average > 0.0 and threshold > 0.0):
-        raise ValueError(f"average = {average} s and threshold = {threshold} must be greater than 0")
+    if not average > 0.0:
+        raise ValueError(f"average = {average} s must be greater than 0")
     time = signal.time
     inside = np.flatnonzero((time >= after) & (time <= before))
     width = max(1, round(average / signal.interval))
@@ -87,13 +86,13 @@ def find_arrival(
     time, value = time[inside], sign * signal.value[inside]
     smooth = moving_mean(value, width)
     noise = signal.sigma * sqrt(min(signal.memory / width, 1.0))
-    least = max(threshold * noise, FLOOR * float(smooth.max()), smallest)
+    least = max(THRESHOLD * noise, FLOOR * float(smooth.max()), smallest)
     first = _first_run(smooth > least, width)
     if first is None:
         raise ValueError(
             f"{signal.name}: no {'positive' if sign > 0 else 'negative'} pulse: the largest average over "
             f"{average:.3g} s is {sign * smooth.max():.3g}{unit}, and the threshold is {least:.3g} "
-            f"({threshold:g} standard deviations of its noise, or the given one). Cure: check the "
+            f"({THRESHOLD:g} standard deviations of its noise, or the given one). Cure: check the "
             "channel, its declared sign and the clock"
         )
     if first < width:

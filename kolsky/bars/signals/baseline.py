@@ -47,15 +47,6 @@ class Noise:
         """
         return float(1.0 + 2.0 * self.correlation[1:].sum())
 
-    def sigma_of_sums(self, n: int) -> FloatArray:
-        """Standard deviation of the sums of the first 1, 2, ... n samples, Eq. (U.9), shape [n]."""
-        rho = np.zeros(n)
-        m = min(n, self.correlation.size)
-        rho[:m] = self.correlation[:m]
-        # var S_k = var S_(k-1) + 1 + 2 (rho_1 + ... + rho_(k-1)); if sums cancel, round-off may be negative
-        variance = np.cumsum(2.0 * np.cumsum(rho) - 1.0)
-        return self.sigma * np.sqrt(np.maximum(variance, 0.0))
-
     def draw(self, n: int, rng: np.random.Generator) -> FloatArray:
         """One realisation of `n` samples with this size and correlation, shape [n].
 
@@ -338,21 +329,21 @@ def diffusion(value: FloatArray, interval: float, *, sigma: float, memory: float
     return float((density * D).sum() / density.sum())
 
 
-def drift_quantities(gauge: str, strength: float, length: float, unit: str = "1") -> list[Quantity]:
+def drift_quantities(gauge: str, strength: float, length: float) -> list[Quantity]:
     """The drift up to `length` after the baseline's end, as independent inputs of a budget.
 
     Karhunen's modes of a random walk. Input k is the amplitude of sin((k - 1/2) pi t / length), with the
     variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18). The variances are scaled: the first `MODES` contain
     all of the walk's variance over the time.
 
-    ``gauge``: name of the gauge, with which the names begin. ``strength``: D [unit^2/s]. ``length``: time
-    from the baseline's end to the last used sample [s], > 0. ``unit``: unit of the signal.
+    ``gauge``: name of the gauge, with which the names begin. ``strength``: D [1/s]. ``length``: time
+    from the baseline's end to the last used sample [s], > 0.
     """
     k = np.arange(1, MODES + 1)
     share = 2.0 / ((k - 0.5) * pi) ** 2
     sigma = np.sqrt(strength * length * share / share.sum())
     return [
-        Quantity(f"{gauge}, drift {i}", 0.0, float(s), unit, "A", CONTRASTS)
+        Quantity(f"{gauge}, drift {i}", 0.0, float(s), "1", "A", CONTRASTS)
         for i, s in zip(k, sigma, strict=True)
     ]
 

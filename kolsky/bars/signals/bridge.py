@@ -282,8 +282,6 @@ class ShuntCheck:
     """Its standard uncertainty from shunt and step [-]."""
     ratio: float
     """Measured product of gain and excitation divided by the declared one [-]."""
-    apparent_strain: float
-    """Axial strain equivalent to the step, tension positive [-]."""
     compression_sign: int
     """Sign of the recorded volts under compression, from the sign of the step."""
 
@@ -303,29 +301,30 @@ def check_shunt(bridge: Bridge, shunt: Shunt) -> ShuntCheck:
     slope = (nudged - output) / (1e-3 * shunt.resistance)  # relative error of the slope: 1e-3
     gain = abs(shunt.step / output) / bridge.excitation
     relative = np.hypot(slope * shunt.resistance_sigma / output, shunt.step_sigma / shunt.step)
-    volts = bridge.gain * bridge.excitation * output
     tension = 1 if shunt.step * output > 0.0 else -1
     return ShuntCheck(
         gain=gain,
         gain_sigma=float(gain * relative),
         ratio=gain / bridge.gain,
-        apparent_strain=float(bridge.strain(volts)),
         compression_sign=-tension,
     )
 
 
-def with_shunt(bridge: Bridge, shunt: Shunt, *, allowance: float = 0.02) -> tuple[Bridge, ShuntCheck]:
+ALLOWANCE = 0.02
+"""Largest relative difference of the measured and the declared gain [-]."""
+
+
+def with_shunt(bridge: Bridge, shunt: Shunt) -> tuple[Bridge, ShuntCheck]:
     """The bridge with the gain from a shunt calibration.
 
-    ``allowance``: largest relative difference of measured and declared gain [-]. A larger difference
-    indicates an error in one of them.
+    Raises ValueError if measured and declared gain differ by more than `ALLOWANCE`: one of them is wrong.
     """
     found = check_shunt(bridge, shunt)
-    if abs(found.ratio - 1.0) > allowance:
+    if abs(found.ratio - 1.0) > ALLOWANCE:
         raise ValueError(
             f"the shunt of {shunt.resistance:g} ohm gives gain x excitation ="
             f" {found.gain * bridge.excitation:.6g} V, stated are {bridge.gain * bridge.excitation:.6g} V: a"
-            f" ratio of {found.ratio:.4g}, allowed is 1 within {allowance:g}; correct the shunt, its arm, the"
+            f" ratio of {found.ratio:.4g}, allowed is 1 within {ALLOWANCE:g}; correct the shunt, its arm, the"
             " gain or the excitation"
         )
     return replace(bridge, gain=found.gain), found

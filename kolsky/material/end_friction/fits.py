@@ -27,7 +27,7 @@ from kolsky.material.fits.compare import Candidate
 from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.search import Weighting, residuals_of
+from kolsky.material.fits.search import Residuals, Weighting
 from kolsky.material.uniaxial import gaussian_strain
 
 TOLERANCE = 1e-3
@@ -164,7 +164,7 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptim
     """Fit of a law of the library. It starts from the law's fit to the curve of another law."""
     stress = near.model.stress(test.own(near.theta), test.strain)
     homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)
-    residuals = residuals_of(candidate.law, [homogeneous], held=candidate.held)
+    residuals = Residuals(candidate.law, (homogeneous,), held=candidate.held)
     model = LibraryModel(candidate.name, residuals)
     why = ""
     for bounded in (False, True):

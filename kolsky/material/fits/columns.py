@@ -1,13 +1,11 @@
 """Columns of a file of a homogeneous test. The command line makes its options from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-from kolsky.base.options import HeaderLine, Option, SheetName
-
-if TYPE_CHECKING:
-    from kolsky.readers.contents import Layout
+from kolsky.base.options import Option
+from kolsky.readers.layout import Layout
 
 
 @dataclass(frozen=True)
@@ -57,19 +55,12 @@ class Columns:
     loading: Annotated[
         bool, Option("Take the loading alone: up to the first point where the strain turns back.")
     ] = False
-    header_line: HeaderLine = None
-    sheet: SheetName = None
+    layout: Annotated[Layout, ("header_line", "sheet")] = field(default_factory=Layout)
+    """Declared layout of the files."""
 
     def __post_init__(self) -> None:
         if self.area is not None and self.diameter is not None:
             raise ValueError("--area and --diameter exclude each other")
-
-    @property
-    def layout(self) -> "Layout":
-        """What is declared of the files."""
-        from kolsky.readers.contents import Layout
-
-        return Layout(header_line=self.header_line, sheet=self.sheet)
 
     @property
     def section(self) -> float | None:

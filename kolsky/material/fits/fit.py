@@ -29,7 +29,6 @@ from kolsky.material.fits.search import (
     Residuals,
     SearchResult,
     Weighting,
-    residuals_of,
     search,
 )
 
@@ -285,9 +284,7 @@ def fit_law(
     """
     if starts < 1:
         raise ValueError(f"starts must be >= 1, got {starts}")
-    problem = residuals_of(
-        law, tests, weighting=weighting, held=held, poisson=poisson, free_poisson=free_poisson
-    )
+    problem = Residuals(law, tuple(tests), weighting, dict(held or {}), poisson, free_poisson)
     found = search(problem, bounded=bounded, starts=starts, seed=seed)
     made = problem.build(found.unknowns)
     covariance, told_apart = _covariance(problem, found)

@@ -9,8 +9,8 @@ trust-region method within the bounds (Branch, Coleman and Li 1999; `scipy.optim
 method makes no assumption on the law.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
@@ -52,6 +52,8 @@ class Weighting(Enum):
 class Residuals:
     """Weighted residuals of a law as a function of its free constants.
 
+    Raises ValueError if the tests and the law do not fit together.
+
     Its unknowns are the free constants, with moduli in units of the largest measured stress. All unknowns are
     then of one size.
     """
@@ -59,14 +61,40 @@ class Residuals:
     law: type[AnyLaw]
     tests: tuple[HomogeneousTest, ...]
     """The tests of one common fit."""
-    weighting: Weighting
+    weighting: Weighting = Weighting.ABSOLUTE
     """Divisor of the residuals."""
-    held: Mapping[str, float]
+    held: Mapping[str, float] = field(default_factory=dict)
     """Constants that are not free, in SI."""
-    poisson: float | None
+    poisson: float | None = None
     """Poisson's ratio at rest for the compressible solution; None for the incompressible one."""
     free_poisson: bool = False
     """True if this ratio is the last unknown. The tests' lateral stretches are then fitted too."""
+
+    def __post_init__(self) -> None:
+        law = self.law
+        if not self.tests:
+            raise ValueError("a fit needs at least one test")
+        names = [spec.name for spec in law.PARAMETERS]
+        for name in self.held:
+            if name not in names:
+                raise ValueError(f"{law.NAME} has no constant {name!r}; it has {', '.join(names)}")
+        if self.free_poisson and all(test.lateral is None for test in self.tests):
+            raise ValueError("Poisson's ratio is free only where a test has lateral stretches")
+        if not self.free:
+            raise ValueError(f"{law.NAME}: all constants are held, nothing is left to fit")
+        for test in self.tests:
+            if self.weighting is Weighting.SIGMA and test.sigma is None:
+                raise ValueError(f"{test.name} has no sigma to be weighted by: weight absolute or relative")
+            zero = (test.stress == 0.0) & (test.strain != 0.0)
+            if self.weighting is Weighting.RELATIVE and zero.any():
+                raise ValueError(
+                    f"{test.name}: the stress is 0 at strain {test.strain[zero][0]:.6g}, so no relative "
+                    "residual exists: leave the point out, or weight absolute"
+                )
+        if self.n <= len(self.free):
+            raise ValueError(
+                f"{law.NAME} has {len(self.free)} free constants, the tests only {self.n} points"
+            )
 
     @cached_property
     def free(self) -> tuple[ParameterSpec, ...]:
@@ -167,41 +195,6 @@ class Residuals:
             ]
             whole = np.concatenate([*rows, *across])
             return np.where(np.abs(whole) < REFUSED, whole, REFUSED)
-
-
-def residuals_of(
-    law: type[AnyLaw],
-    tests: Sequence[HomogeneousTest],
-    *,
-    weighting: Weighting = Weighting.ABSOLUTE,
-    held: Mapping[str, float] | None = None,
-    poisson: float | None = None,
-    free_poisson: bool = False,
-) -> Residuals:
-    """The residuals of a law, after a check of the arguments."""
-    if not tests:
-        raise ValueError("a fit needs at least one test")
-    names = [spec.name for spec in law.PARAMETERS]
-    for name in held or {}:
-        if name not in names:
-            raise ValueError(f"{law.NAME} has no constant {name!r}; it has {', '.join(names)}")
-    made = Residuals(law, tuple(tests), weighting, dict(held or {}), poisson, free_poisson)
-    if free_poisson and all(test.lateral is None for test in tests):
-        raise ValueError("Poisson's ratio is free only where a test has lateral stretches")
-    if not made.free:
-        raise ValueError(f"{law.NAME}: all constants are held, nothing is left to fit")
-    for test in tests:
-        if weighting is Weighting.SIGMA and test.sigma is None:
-            raise ValueError(f"{test.name} has no sigma to be weighted by: weight absolute or relative")
-        zero = (test.stress == 0.0) & (test.strain != 0.0)
-        if weighting is Weighting.RELATIVE and zero.any():
-            raise ValueError(
-                f"{test.name}: the stress is 0 at strain {test.strain[zero][0]:.6g}, so no relative residual "
-                "exists: leave the point out, or weight absolute"
-            )
-    if made.n <= len(made.free):
-        raise ValueError(f"{law.NAME} has {len(made.free)} free constants, the tests only {made.n} points")
-    return made
 
 
 DECADES = 2.0

@@ -1,5 +1,6 @@
 """Figures of classical reductions: bar signals, bars brought together, repeated tests, and flyer tests."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from kolsky.report.figures.base import (
     MS,
     PAGE,
     SHAPE,
+    FigureKind,
     Panels,
     figure,
     label_point,
@@ -30,9 +32,14 @@ US, MICRO = 1e6, 1e6
 """Factors from s to µs and from strain to µm/m."""
 WAYS = {"one wave": (SHAPE, "-"), "two waves": (FORCE, "--"), "three waves": (MEASURED, "-")}
 """Colour and line style of each analysis."""
-LETTERED = ("signals", "forces", "strain", "curve")
-"""Panels with letters. Each other panel is below one of them."""
 PULSES = {"incident": SHAPE, "reflected": MODEL, "transmitted": FORCE}
+
+
+def _reduction(below: str) -> Callable[[Callable[[Any, Panels], str]], FigureKind[Any]]:
+    """The panels of a reduced test; ``below``: name of the panel below the forces."""
+    rows = [["signals", "forces"], ["signals", below], ["strain", "curve"], ["rate", "curve"]]
+    letters = ("signals", "forces", "strain", "curve")
+    return figure(PAGE, 130.0, rows, height_ratios=[1.5, 1.0, 1.25, 1.25], letters=letters)
 
 
 def scale(values: np.ndarray, steps: tuple[tuple[float, str], ...]) -> tuple[float, str]:
@@ -54,18 +61,7 @@ def stress_scale(values: np.ndarray) -> tuple[float, str]:
     return scale(values, ((1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa")))
 
 
-@figure(
-    PAGE,
-    130.0,
-    [
-        ["signals", "forces"],
-        ["signals", "imbalance"],
-        ["strain", "curve"],
-        ["rate", "curve"],
-    ],
-    height_ratios=[1.5, 1.0, 1.25, 1.25],
-    letters=LETTERED,
-)
+@_reduction("imbalance")
 def waves(result: WavesResult, panels: Panels) -> str:
     _signals(panels["signals"], result)
     _forces(panels["forces"], panels["imbalance"], result)
@@ -236,18 +232,7 @@ def repeats(mean: RepeatedTests, panels: Panels) -> str:
     )
 
 
-@figure(
-    PAGE,
-    130.0,
-    [
-        ["signals", "forces"],
-        ["signals", "shares"],
-        ["strain", "curve"],
-        ["rate", "curve"],
-    ],
-    height_ratios=[1.5, 1.0, 1.25, 1.25],
-    letters=LETTERED,
-)
+@_reduction("shares")
 def flyer_test(result: FlyerResult, panels: Panels) -> str:
     _flyer_signals(panels["signals"], result)
     _flyer_forces(panels["forces"], panels["shares"], result)

@@ -24,8 +24,7 @@ def render_specimen(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) 
     if isinstance(shown, SpecimenView):
         values = cross_table(shown.fits, tests)
         table = [
-            (fit.name, [numbers.plain(v) if np.isfinite(v) else numbers.NOTHING for v in row])
-            for fit, row in zip(shown.fits, values, strict=True)
+            (fit.name, [numbers.plain(v) for v in row]) for fit, row in zip(shown.fits, values, strict=True)
         ]
     return render_page(
         "specimen.html",

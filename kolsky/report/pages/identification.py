@@ -276,7 +276,7 @@ def _cause_row(result: Identification, cause: CauseFinding) -> dict[str, Any]:
     factor, unit = SHOWN.get(cause.unit, (1.0, "" if cause.unit == "1" else cause.unit))
     unit = unit.replace("u", "µ", 1) if unit in ("us", "um") else unit
     value, half = numbers.measured(factor * cause.value, 2.0 * factor * cause.sigma)
-    declared = numbers.plain(factor * cause.exact, 6) if cause.exact == cause.exact else numbers.NOTHING
+    declared = numbers.plain(factor * cause.exact, 6)
     check = next((c.check for c in causes() if c.key == cause.key), cause.key)
     words = cause.words + (f", beside {cause.beside}" if cause.beside else "")
     return {

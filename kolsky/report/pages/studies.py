@@ -138,7 +138,7 @@ def render_sweep(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
                 "runs": int(np.isfinite(output.values).sum()),
                 "low": numbers.plain(float(np.nanmin(output.values))),
                 "high": numbers.plain(float(np.nanmax(output.values))),
-                "error": numbers.percent(output.error) if np.isfinite(output.error) else numbers.NOTHING,
+                "error": numbers.percent(output.error),
                 "refused": output.refused,
             }
             for name, output in result.outputs.items()
@@ -207,16 +207,12 @@ def _run_row(result: SweepAnalysis, i: int) -> dict[str, Any]:
             numbers.plain(name_of(name).factor * value)
             for name, value in zip(result.box.names, table.points[i], strict=True)
         ],
-        "phi_force": _known(table.phi_force[i]),
-        "phi_shape": _known(table.phi_shape[i]),
-        "phi": _known(misfit_sum(table)[i]),
+        "phi_force": numbers.plain(float(table.phi_force[i])),
+        "phi_shape": numbers.plain(float(table.phi_shape[i])),
+        "phi": numbers.plain(float(misfit_sum(table)[i])),
         "outcome": table.ending(i).sentence if lost else "completed",
         "ok": not lost,
     }
-
-
-def _known(value: float) -> str:
-    return numbers.plain(float(value)) if np.isfinite(value) else numbers.NOTHING
 
 
 def render_budget(results: Sequence[Budget], campaign: Campaign | None) -> str:
@@ -244,13 +240,14 @@ def _table(result: Budget) -> dict[str, Any]:
     known = name_of(result.parameter)
     total = result.u_together if np.isfinite(result.u_together) else result.u_sum
     scale = known.factor
+    U = 2.0 * (scale * total)
     rows = [
         {
             "source": source.factor.words,
             "key": source.factor.key,
             "sigma": numbers.plain(source.factor.sigma) if source.factor.key != "noise" else numbers.NOTHING,
-            "u": _part(scale * source.u, scale * total),
-            "bias": _part(scale * source.bias, scale * total),
+            "u": numbers.part(scale * source.u, U),
+            "bias": numbers.part(scale * source.bias, U),
             "share": _share(result.share(source) if np.isfinite(source.u) else np.nan, source.share_interval),
             "joint": _share(source.joint_share, source.joint_interval),
             "common": "yes" if source.factor.shared else "no",
@@ -269,7 +266,7 @@ def _table(result: Budget) -> dict[str, Any]:
             f"({numbers.plain(2.0 * scale * low, 3)} to {numbers.plain(2.0 * scale * high, 3)})",
         ),
     ]
-    facts.append(("re-fit minus whole search, without errors", _part(scale * result.closure, scale * total)))
+    facts.append(("re-fit minus whole search, without errors", numbers.part(scale * result.closure, U)))
     facts.append(("realisations", ", ".join(f"{n} {how}" for how, n in result.counts.items())))
     if result.searched:
         facts.append(
@@ -289,11 +286,6 @@ def _share(value: float, interval: tuple[float, float]) -> str:
     known = np.isfinite(interval).all()
     ends = f" ({numbers.percent(interval[0])} to {numbers.percent(interval[1])})" if known else ""
     return f"{numbers.percent(value)}{ends}"
-
-
-def _part(value: float, u: float) -> str:
-    """Return a contribution, rounded according to the expanded uncertainty; a dash if unknown."""
-    return numbers.part(value, 2.0 * u) if np.isfinite(value) else numbers.NOTHING
 
 
 def _budget_warnings(result: Budget) -> list[str]:

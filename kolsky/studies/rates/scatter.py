@@ -71,20 +71,20 @@ class MixedFit:
         half = float(student.ppf(0.5 + 0.5 * probability, self.effective_freedom(index))) * self.sigma(index)
         return float(self.coefficients[index] - half), float(self.coefficients[index] + half)
 
-    def noticeable(self, index: int, probability: float = 0.95, power: float = POWER) -> float:
-        """Size of a coefficient that its interval distinguishes from 0 with probability `power`, Eq. (S.10).
+    def noticeable(self, index: int) -> float:
+        """Size of a coefficient that its interval distinguishes from 0 with probability `POWER`, Eq. (S.10).
 
         The estimate divided by its standard uncertainty has a noncentral t distribution. It is the mean of
         two normal probabilities over the estimated uncertainty. Quantiles represent the distribution of this
         uncertainty.
         """
         freedom = min(self.effective_freedom(index), MOST_FREEDOM)
-        limit = float(student.ppf(0.5 + 0.5 * probability, freedom))
+        limit = float(student.ppf(0.975, freedom))
         levels = (np.arange(QUANTILES) + 0.5) / QUANTILES
         ends = limit * np.sqrt(chi2.ppf(levels, freedom) / freedom)
 
         def excess(size: float) -> float:
-            return float(np.mean(ndtr(size - ends) + ndtr(-size - ends))) - power
+            return float(np.mean(ndtr(size - ends) + ndtr(-size - ends))) - POWER
 
         return float(brentq(excess, 0.0, 4.0 * (1.0 + limit))) * self.sigma(index)
 

@@ -202,13 +202,12 @@ def faces(n, *, sigma=1.0, white=None):
     )  # fmt: skip
 
 
-def test_energy_and_strain_are_taken_up_to_the_largest_strain():
+def test_the_energy_is_taken_up_to_the_largest_strain():
     """Strain 0, 1, ... 6, 5, 4 %: largest at 6 us."""
     strain = 0.01 * np.array([0, 1, 2, 3, 4, 5, 6, 5, 4.0])
     stress, rate = 10.0 * np.arange(9.0), 100.0 + np.arange(9.0)
     r = reduction(strain, rate, stress, balanced=(2e-6, 8e-6), sigma=(1e-3, 2.0, 3.0))
     found = summarise(r, faces(9, sigma=1.0, white=2.0), SPECIMEN)  # white / sigma = 2: four samples one
-    assert (found.maximum_strain.value, found.maximum_strain.sigma) == (pytest.approx(0.06), 1e-3)
     s, dot = stress[:7], rate[:7]
     assert found.absorbed.value == pytest.approx(STEP * np.sum(0.5 * ((s * dot)[1:] + (s * dot)[:-1])))
     assert found.absorbed.sigma == pytest.approx(

@@ -211,7 +211,6 @@ def test_modulus_of_an_elastic_specimen_with_slow_loading():
     assert summary.modulus.sigma < 0.01 * scene.modulus
     # A triangle of strain in an elastic specimen: neither stress nor rate stands.
     assert summary.mean_rate is None
-    assert summary.maximum_strain.value == pytest.approx(scene.strain(r.time).max(), rel=1e-3)
     assert spread_of(r.strain) < 0.05
 
 

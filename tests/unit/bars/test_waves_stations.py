@@ -257,7 +257,8 @@ def test_draws_have_the_correlation_that_was_asked_for(rho):
     lag = np.abs(np.subtract.outer(np.arange(30), np.arange(30)))
     full = np.concatenate([rho, np.zeros(30)])
     np.testing.assert_allclose(covariance, 9.0 * full[lag], atol=1.1)  # 9 sqrt(2 / 4000) = 0.2, five of them
-    np.testing.assert_allclose(np.cumsum(draws, axis=1).std(axis=0), noise.sigma_of_sums(30), rtol=0.05)
+    sums = np.sqrt(9.0 * full[lag].cumsum(axis=0).cumsum(axis=1).diagonal())
+    np.testing.assert_allclose(np.cumsum(draws, axis=1).std(axis=0), sums, rtol=0.05)
 
 
 def test_correlation_that_belongs_to_no_noise_is_refused():

@@ -35,8 +35,18 @@ from kolsky.inverse.result import CauseFinding, ClockLag, FitQuality, Identifica
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, GradedChange, MeshChange
 from kolsky.uncertainty.warnings import bound_warnings
 from populations import fit_thresholds
-from populations.fit_thresholds import MARGIN, figures, limit, threshold, tolerance_factor
-from populations.threshold_choice import STRONGEST, RightShot, chosen, strongest, table
+from populations.fit_thresholds import (
+    MARGIN,
+    STRONGEST,
+    RightShot,
+    chosen,
+    figures,
+    limit,
+    strongest,
+    table,
+    threshold,
+    tolerance_factor,
+)
 
 # Goodness of fit in closed form: residual, information, whiteness, blocks, the verdict.
 
@@ -268,7 +278,7 @@ def test_limits_are_chosen_on_one_population_and_judged_on_the_other() -> None:
     assert evidence["of two above in use"]["count"] == 0
     # Clopper and Pearson of 1 in 20: 0.13 to 24.9 %.
     band = force["of two above chosen"]
-    assert (band["low"], band["high"]) == pytest.approx((0.00127, 0.2487), abs=1e-4)
+    assert tuple(band["interval"]) == pytest.approx((0.00127, 0.2487), abs=1e-4)
     assert said["population one"]["search ended elsewhere"] == ["shot-12"]
     text = table(said)
     assert (

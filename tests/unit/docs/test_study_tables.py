@@ -146,12 +146,12 @@ def test_the_speed_of_the_solver_has_its_limit_and_its_peer(
     del sliding["time_loop_seconds"]
     made = {"machine": {"device": "GPU"}, "mesh": "64x86", "rows": [row, sliding]}
     monkeypatch.setattr(tables, "_results", lambda _: made)
-    first, second = tables.solved("any").splitlines()[-2:]
+    first, second = tables.TABLES["solved"]("any").splitlines()[-2:]
     assert first == "| bonded | fp64 | 1 | 0.123 | 0.1 | 1234 | 2 % |"
     assert second == "| coulomb | fp64 | 100 | 0.123 | – | 1234 | 2 % |"
     monkeypatch.setattr(
         tables, "_results", lambda _: {**made, "peer": {"times_as_long": {"1": 2700, "100": 3}}}
     )
-    first, second = tables.solved("any").splitlines()[-2:]
+    first, second = tables.TABLES["solved"]("any").splitlines()[-2:]
     assert first.endswith("| 2700 times as long |")
     assert second.endswith("| – |")  # its peer does not slide

@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from doe import Box, ResponseSurrogate, full_factorial, latin_hypercube
+from doe.arrays import FloatArray
 from doe.information import SingularInformationError, inverse_information
+from doe.least_squares import bounded_step, newton_step
 from doe.refine import CONVERGED_MOVE, Refinement, refine
 from doe.surrogates import ProcessSurrogate
 from doe.uncertainty import (
@@ -19,7 +20,6 @@ from doe.uncertainty import (
     sample_posterior,
     verdicts,
 )
-from doe.uncertainty.likelihood import bounded_step
 
 LEVEL = 3.841458820694124  # 95 % point of chi-square with one degree of freedom, tables
 BOX = Box(("x", "y"), (-2.0, -2.0), (3.0, 4.0))
@@ -249,7 +249,6 @@ def test_a_surrogate_gives_the_interval_of_what_it_stands_for() -> None:
         assert allowed < 0.1 * np.ptp(exact[name].interval)
 
 
-FloatArray = NDArray[np.float64]
 REFINE_BOX = Box(("m", "f"), (0.5, 0.0), (2.0, 1.0))
 TIME = np.linspace(0.0, 1.0, 50)
 REFINE_SIGMA = 0.02
@@ -379,13 +378,30 @@ def test_what_is_refused() -> None:
     assert "rounds were used up" in cut.ended
 
 
-def test_a_bounded_step_by_hand() -> None:
+@pytest.mark.parametrize("hessian", [True, False])
+def test_a_bounded_step_by_hand(hessian: bool) -> None:
     # |(2 + s + t, 1 + t)|^2 is least at s = t = -1.
-    # At s = -1/2 it is |(1.5 + t, 1 + t)|^2, least at t = -1.25.
+    # At s = -1/2 it is |(1.5 + t, 1 + t)|^2, least at t = -1.25. At s >= 0 it is least at t = -1.5.
     residual, slope = np.array([2.0, 1.0]), np.array([[1.0, 1.0], [0.0, 1.0]])
     wide = np.full(2, 2.0)
-    np.testing.assert_allclose(bounded_step(residual, slope, -wide, wide, 0.0), [-1.0, -1.0])
-    bounded = bounded_step(residual, slope, np.array([-0.5, -2.0]), wide, 0.0)
-    np.testing.assert_allclose(bounded, [-0.5, -1.25])
+
+    def step(low: FloatArray) -> FloatArray:
+        if hessian:
+            return newton_step(slope.T @ slope, slope.T @ residual, low, wide)
+        return bounded_step(slope, residual, low, wide)
+
+    np.testing.assert_allclose(step(-wide), [-1.0, -1.0])
+    np.testing.assert_allclose(step(np.array([-0.5, -2.0])), [-0.5, -1.25])
+    np.testing.assert_allclose(step(np.array([0.0, -2.0])), [0.0, -1.5], atol=1e-14)
+
+
+def test_a_damped_step_by_hand() -> None:
     # Damping of 1 doubles the diagonal (1, 2) of the normal equations: (2, 1; 1, 4) (s, t) = -(2, 3).
-    np.testing.assert_allclose(bounded_step(residual, slope, -wide, wide, 1.0), [-5.0 / 7.0, -4.0 / 7.0])
+    residual, slope = np.array([2.0, 1.0]), np.array([[1.0, 1.0], [0.0, 1.0]])
+    wide = np.full(2, 2.0)
+    np.testing.assert_allclose(
+        bounded_step(slope, residual, -wide, wide, damping=1.0), [-5.0 / 7.0, -4.0 / 7.0]
+    )
+    # A coordinate that no entry depends on does not move.
+    blind = bounded_step(np.array([[1.0, 0.0]]), np.array([-0.5]), -wide, wide)
+    np.testing.assert_allclose(blind, [0.5, 0.0], atol=1e-12)

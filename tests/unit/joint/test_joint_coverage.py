@@ -8,11 +8,10 @@ import pytest
 from scipy.stats import beta
 
 from explicit.relaxation import PronySeries
-from populations import branch_advice_counts as advice
+from populations import branch_advice as advice
 from populations.branch_advice import place_of
-from populations.driver import hold
-from populations.joint_coverage import Study, relaxation_test, specified, truth
-from populations.joint_coverage_counts import NAMES, share, summary, table
+from populations.driver import hold, share
+from populations.joint_coverage import NAMES, Study, relaxation_test, specified, summary, table, truth
 from populations.joint_gains import counts as gain_counts
 from populations.joint_gains import table as gain_table
 

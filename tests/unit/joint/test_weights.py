@@ -31,15 +31,7 @@ from kolsky.diagnosis.relaxation import (
     deviance_with_mesh_patterns,
     points_in_step,
 )
-from kolsky.inverse.joint_problem import (
-    CLOCK,
-    SCATTER,
-    ShotData,
-    Stack,
-    bounded_step,
-    covariance,
-    information,
-)
+from kolsky.inverse.joint_problem import CLOCK, SCATTER, ShotData, Stack, covariance, information
 from kolsky.inverse.joint_result import (
     FORCE_SCALE,
     ModelChoice,
@@ -156,16 +148,6 @@ def test_an_unknown_that_nothing_sees_keeps_the_width_of_its_range() -> None:
     sums = np.linalg.inv(information(np.array([[5.0], [5.0]]), np.array([6.0, 6.0])))
     np.testing.assert_allclose(sums @ [1.0, 1.0], [0.02, 0.02])
     np.testing.assert_allclose(np.array([1.0, -1.0]) @ sums @ [1.0, -1.0], 2.0 * 3.0)
-
-
-def test_a_step_stops_at_a_bound_and_the_others_follow() -> None:
-    # r = 2 - x - y, z = x: least at x = 0, y = 2; with y <= 1 the least of (1 - x)^2 + x^2 is at x = 1/2
-    rows = np.array([[1.0, 1.0], [1.0, 0.0]])
-    low, high = np.array([-5.0, -5.0]), np.array([5.0, 1.0])
-    np.testing.assert_allclose(bounded_step(rows, np.array([-2.0, 0.0]), low, high), [0.5, 1.0])
-    # where nothing is seen nothing moves
-    still = bounded_step(np.array([[1.0], [0.0]]), np.array([-0.5]), low, high)
-    np.testing.assert_allclose(still, [0.5, 0.0], atol=1e-12)
 
 
 def test_discrepancies_of_what_free_patterns_leave() -> None:

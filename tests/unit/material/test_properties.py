@@ -143,11 +143,11 @@ def test_a_soft_volume_loses_stability_where_an_incompressible_solid_keeps_it():
 
 
 def test_free_searches_are_never_worse_than_bounded_ones():
-    from kolsky.material.fits.search import residuals_of
+    from kolsky.material.fits.search import Residuals
 
     lam = np.linspace(1.1, 4.0, 15)
     test = HomogeneousTest("t", Mode.UNIAXIAL, lam, 1e4 * (lam - lam**-2) * (1 + 0.1 * np.sin(3 * lam)))
-    problem = residuals_of(LAWS["gent"], [test])
+    problem = Residuals(LAWS["gent"], (test,))
     bounded, free = (search(problem, bounded=b, starts=2, seed=5) for b in (True, False))
     assert free.chi2 <= bounded.chi2 * (1.0 + 1e-9)
 

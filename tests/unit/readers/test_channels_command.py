@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.schema.fields import LayoutSection
 from kolsky.shot.load import load_shot
 

@@ -23,8 +23,8 @@ from typer.testing import CliRunner
 from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.readers import text
-from kolsky.readers.contents import Layout
 from kolsky.readers.header import heading_unit, name_without_unit, split_unit
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_recordings
 from kolsky.readers.table import PLAIN, Column, detect_layout, layout_in_words, read_table
 from kolsky.shot.load import load_shot

@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Layout, clock_words
+from kolsky.readers.contents import clock_words
 from kolsky.readers.header import clock_unit, header_clock
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_recordings
 
 FILE = Path("a.csv")

@@ -9,7 +9,7 @@ import pytest
 import scipy.io
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.readers.measured_tables import WantedColumn, read_columns, read_frame_table
 from kolsky.readers.recordings import list_channels, read_recordings, read_scope
 from kolsky.readers.table import Column, read_table

@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from kolsky.base.errors import InputError
 from kolsky.readers import contents, excel
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_recordings
 
 ALL = {**files.FILES, **files.UNITLESS}

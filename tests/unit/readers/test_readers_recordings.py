@@ -10,7 +10,7 @@ import readerfiles as files
 from scipy.io import savemat
 
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Layout
+from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_contents, read_recordings
 
 ALL = {**files.FILES, **files.UNITLESS}

@@ -17,7 +17,8 @@ from kolsky.base.hdf5 import Format, reading, take
 from kolsky.base.toml import DEEPEST, LONGEST_LINE, parse_toml
 from kolsky.readers import contents, excel, sheet
 from kolsky.readers.child import mat
-from kolsky.readers.contents import LARGEST_SAMPLE, Layout
+from kolsky.readers.contents import LARGEST_SAMPLE
+from kolsky.readers.layout import Layout
 from kolsky.readers.meshes import read_gmsh
 from kolsky.readers.recordings import list_channels, read_recordings
 

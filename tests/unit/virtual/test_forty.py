@@ -57,7 +57,7 @@ def test_a_fault_is_no_refusal() -> None:
 def test_an_answer_is_kept_and_read_back(tmp_path: Path) -> None:
     kept = replace(RIGHT, answered=False, cured=[replace(RIGHT, cure="larger subsets")])
     (tmp_path / "a.json").write_text(json.dumps(asdict(kept)), encoding="utf-8")
-    assert one(Study("no.toml", str(tmp_path)), "a") == kept
+    assert one(Study(spec="no.toml", out=str(tmp_path)), "a") == kept
 
 
 def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_a_refused_answer_is_searched_with_a_finer_mesh(
         return replace(RIGHT, cure=cure)
 
     monkeypatch.setattr(forty_shots, "attempt", attempt)
-    assert one(Study("no.toml", str(tmp_path)), "a").end.cure == "a finer mesh"
+    assert one(Study(spec="no.toml", out=str(tmp_path)), "a").end.cure == "a finer mesh"
     assert asked == [(tmp_path / "shots" / "a", (32, 43))]
 
 
@@ -169,7 +169,7 @@ def test_errors_over_their_uncertainties() -> None:
 
 
 def test_a_seed_draws_another_population() -> None:
-    own, same, other = (series_of(Study(str(SPEC), "out", seed=seed)) for seed in (None, 2012, 7))
+    own, same, other = (series_of(Study(spec=str(SPEC), out="out", seed=seed)) for seed in (None, 2012, 7))
     assert own.shot(3).quantities == same.shot(3).quantities
     assert own.shot(3).quantities.specimen != other.shot(3).quantities.specimen
     assert other.declared.seed == 7
@@ -190,7 +190,7 @@ def test_an_answer_is_kept_before_its_cures(tmp_path: Path, monkeypatch: pytest.
         return replace(RIGHT, value=None, sigma=None, answered=bool(cure), cure=cure, cured=[])
 
     monkeypatch.setattr(forty_shots, "attempt", attempt)
-    study = Study("no.toml", str(tmp_path))
+    study = Study(spec="no.toml", out=str(tmp_path))
     with pytest.raises(KeyboardInterrupt):
         one(study, "a")
     assert one(study, "a").end.cure == "larger subsets"
@@ -214,7 +214,7 @@ def test_every_shot_is_tried_before_a_cure_and_all_is_kept(
         return replace(RIGHT, name=name, answered=name != "a" or bool(cure), cure=cure, cured=[])
 
     monkeypatch.setattr(forty_shots, "attempt", attempt)
-    study = Study(str(SPEC), str(tmp_path))
+    study = Study(spec=str(SPEC), out=str(tmp_path))
     came = [[answer.end.kind for answer in answers] for answers in attempts(study, ["a", "b", "c"], 1)]
     assert asked == [("a", ""), ("b", ""), ("c", ""), ("a", "a finer mesh")]
     assert came == [["refused"], ["refused", "right"], ["refused", "right", "right"], ["right"] * 3]
