@@ -496,8 +496,7 @@ def test_a_right_sheet_has_no_change(two_materials: FieldProblem) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "words"),
-    [("uy", "field.points.uy times -1"), ("y", "its axis y is mirrored")],
+    ("wrong", "words"), [("uy", "field.points.uy times -1"), ("y", "its axis y is mirrored")]
 )
 def test_a_wrong_place_is_named(wrong: str, words: str) -> None:
     mesh = small_mesh()

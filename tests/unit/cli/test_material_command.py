@@ -132,23 +132,17 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
         (["{f}"], {"strain": ""}, "--stretch COLUMN or --strain COLUMN"),
         (["{f}"], {"stretch": "1"}, "--stretch and --strain exclude each other"),
         (["{f}"], {"stress": ""}, "--stress COLUMN"),
-        (
-            ["{f}"],
-            {"stress": "Force"},
-            "column 'Force' .*is missing; the columns of numbers are 'Strain .%.' .1., 'Stress",
-        ),
-        (
-            ["{f}"],
-            {"stress_unit": "mm"},
-            "column 'Stress .kPa.' for the stress is in 'mm'; it must be in a unit of a stress",
-        ),
+        (["{f}"], {"stress": "Force"},
+         "column 'Force' .*is missing; the columns of numbers are 'Strain .%.' .1., 'Stress"),
+        (["{f}"], {"stress_unit": "mm"},
+         "column 'Stress .kPa.' for the stress is in 'mm'; it must be in a unit of a stress"),
         (["{f}"], {"stress": "Strain"}, "column 'Strain .%.' for the stress is in '%'"),
         (["{f}"], {"convention": "compression-positive"}, "uniaxial: stretch must be > 0|sign"),
         (["tension:{f}"], {}, "it must be uniaxial, equibiaxial, planar, simple-shear"),
         (["simple-shear:{f}"], {"strain": "", "stretch": "1"}, "simple shear has no stretch"),
         (["{f}x"], {}, "there is no such file"),
     ],
-)
+)  # fmt: skip
 def test_what_is_not_said_or_cannot_be_is_refused(tmp_path, files, change, message):
     file = write(tmp_path / "t.csv", at=np.linspace(0.3, 0.9, 12))
     if change.get("convention") == "compression-positive":

@@ -16,20 +16,10 @@ from kolsky.cli.commandline import LONGEST_PLACE, of_system, refusing_bad_input
 
 LONG = "a" * 5000
 COMMANDS = (
-    *(
-        "check",
-        "channels",
-        "dic",
-        "waves",
-        "wavespeed",
-        "rate",
-        "calibrate",
-        "identify",
-        "report",
-        "simulate",
-    ),
+    *("check", "channels", "dic", "waves", "wavespeed", "rate", "calibrate", "identify", "report",
+     "simulate"),
     *("plan", "sweep", "budget", "film"),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -82,21 +72,11 @@ main()
 WRITING = {
     "waves": ["waves", "SHOT"],
     "sweep": ["sweep", "SHOT", "--mesh", "8x11", "--design", "lhs", "--runs", "4"],
-    "identify": [
-        "identify",
-        "SHOT",
-        "--mesh",
-        "4x6",
-        "--free",
-        "stiffness_factor",
-        "--refined-mesh",
-        "6x8",
-        "--replicates",
-        "2",
-    ],
+    "identify": ["identify", "SHOT", "--mesh", "4x6", "--free", "stiffness_factor", "--refined-mesh", "6x8",
+     "--replicates", "2"],
     "plan": ["plan", "SHOT", "--mesh", "4x6", "--free", "stiffness_factor"],
     "virtual make": ["virtual", "make", "SPEC", "--only", "1", "--out", "FOLDER/made"],
-}
+}  # fmt: skip
 
 
 @pytest.mark.slow

@@ -11,14 +11,7 @@ from doe import Box, ResponseSurrogate, full_factorial, latin_hypercube
 from doe.information import SingularInformationError, inverse_information
 from doe.refine import CONVERGED_MOVE, Refinement, refine
 from doe.surrogates import ProcessSurrogate
-from doe.uncertainty import (
-    Channel,
-    Likelihood,
-    VerdictKind,
-    profile_likelihoods,
-    sample_posterior,
-    verdicts,
-)
+from doe.uncertainty import Channel, Likelihood, VerdictKind, profile_likelihoods, sample_posterior, verdicts
 from doe.uncertainty.likelihood import bounded_step
 
 LEVEL = 3.841458820694124  # 95 % point of chi-square with one degree of freedom, tables

@@ -84,12 +84,7 @@ def test_opposed_gauges_in_separate_files_are_averaged(tmp_path):
 
 def test_a_fraction_of_a_sample_between_the_recorders_is_taken_out(tmp_path):
     folder = two_files(tmp_path / "shot", shift=33.04e-6, bending=0.0)
-    write_toml(
-        folder,
-        recorders=TWO.format(offset=33.04),
-        incident=POSITIVE,
-        transmission=BEHIND,
-    )
+    write_toml(folder, recorders=TWO.format(offset=33.04), incident=POSITIVE, transmission=BEHIND)
     one, other = load_waves(folder).stations["incident"].recordings
     np.testing.assert_array_equal(one.time, other.time)
     # Five sigmas of sqrt(2) mV; 0.04 us of a flank are 3 mV.
@@ -108,14 +103,9 @@ def test_gauges_wired_the_other_way_round_have_signs_of_their_own(tmp_path):
 
 @pytest.mark.parametrize(
     ("incident", "named"),
-    [
-        (
-            POSITIVE.replace('["left", "right"]', '["left", "wrong"]'),
-            "recorders.wrong",
-        ),
-        (POSITIVE.replace('["CH1 (V)", "CH1 (V)"]', '["CH1 (V)"]'), "has 2 entries"),
-    ],
-)
+    [(POSITIVE.replace('["left", "right"]', '["left", "wrong"]'), "recorders.wrong"),
+     (POSITIVE.replace('["CH1 (V)", "CH1 (V)"]', '["CH1 (V)"]'), "has 2 entries")],
+)  # fmt: skip
 def test_recorders_and_channels_go_together(tmp_path, incident, named):
     folder = two_files(tmp_path / "shot", shift=0.0)
     write_toml(folder, recorders=TWO.format(offset=0), incident=incident, transmission=BEHIND)
@@ -126,24 +116,14 @@ def test_recorders_and_channels_go_together(tmp_path, incident, named):
 
 def test_recorders_of_two_rates_are_refused(tmp_path):
     folder = two_files(tmp_path / "shot", shift=0.0, every=2)
-    write_toml(
-        folder,
-        recorders=TWO.format(offset=0),
-        incident=POSITIVE,
-        transmission=BEHIND,
-    )
+    write_toml(folder, recorders=TWO.format(offset=0), incident=POSITIVE, transmission=BEHIND)
     with pytest.raises(InputError, match="sampled every 1e-07 s and every 2e-07 s"):
         load_waves(folder)
 
 
 def test_records_without_a_common_time_are_refused(tmp_path):
     folder = two_files(tmp_path / "shot", shift=0.0)
-    write_toml(
-        folder,
-        recorders=TWO.format(offset=5000),
-        incident=POSITIVE,
-        transmission=BEHIND,
-    )
+    write_toml(folder, recorders=TWO.format(offset=5000), incident=POSITIVE, transmission=BEHIND)
     with pytest.raises(InputError, match="0 samples in common"):
         load_waves(folder)
 

@@ -87,18 +87,9 @@ def moved(given, name, step):
 INPUTS = [
     "specimen, diameter",
     "specimen, length",
-    *(
-        f"{side} {what}"
-        for side in ("incident", "transmission")
-        for what in (
-            "gauge, strain per volt",
-            "gauge, distance",
-            "bar, wave speed",
-            "bar, density",
-            "bar, diameter",
-        )
-    ),
-]
+    *(f"{side} {what}" for side in ("incident", "transmission") for what in ("gauge, strain per volt",
+     "gauge, distance", "bar, wave speed", "bar, density", "bar, diameter")),
+]  # fmt: skip
 
 
 def test_all_four_values_are_quoted_and_right(made):
