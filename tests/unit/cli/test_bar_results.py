@@ -156,7 +156,8 @@ def test_every_correction_is_in_the_log_applied_or_not(reduced):
 @pytest.mark.parametrize(("way", "factor"), [("one wave", 1.0), ("two waves", 1.1)])
 def test_the_quoted_analysis_is_the_chosen_one(tmp_path, way, factor):
     """An incident gauge 10 % too sensitive in the declaration moves the front force only."""
-    folder = bar_shot(tmp_path / "shot", waves=f'analysis = "{way}"', more=MORE)
+    columns = strains(every=4)
+    folder = bar_shot(tmp_path / "shot", columns=columns, waves=f'analysis = "{way}"', more=MORE)
     path = folder / "shot.toml"
     text = path.read_text()
     assert text.count("0.001 1/V") == 2
@@ -334,7 +335,7 @@ def test_windows_from_the_shot_file_are_taken(tmp_path):
         'incident = ["195 us", "390 us"]\nreflected = ["595 us", "790 us"]\n'
         'transmitted = ["495 us", "690 us"]\n'
     )
-    folder = bar_shot(tmp_path / "shot", waves=declared)
+    folder = bar_shot(tmp_path / "shot", columns=strains(every=4), waves=declared)
     assert json_of("waves", folder)["windows"] == {
         "incident": [195e-6, 390e-6],
         "reflected": [595e-6, 790e-6],
@@ -376,7 +377,7 @@ def called(folder: Path, name: str, **columns: float) -> Path:
 
 
 def test_a_hostile_name_is_escaped_and_stays_in_its_folder(tmp_path):
-    folder = called(tmp_path / "shot", "<script>alert(1)</script>../../x")
+    folder = called(tmp_path / "shot", "<script>alert(1)</script>../../x", every=4)
     run_kolsky("waves", folder)
     page = (folder / "results" / "waves.html").read_text(encoding="utf-8")
     assert "<script>" not in page

@@ -45,7 +45,7 @@ def shot(tmp_path: Path) -> Path:
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory):
     folder = shot_in(tmp_path_factory.mktemp("identified") / "shot")
-    result = run_kolsky("identify", folder, *QUICK, "--figures", "svg", "--json")
+    result = run_kolsky("identify", folder, *QUICK, "--figures", "csv", "--json")
     return folder, result
 
 
@@ -87,7 +87,7 @@ def test_results_are_complete_and_inputs_untouched(identified) -> None:
     tables = ["design.csv", "energy.csv", "force.csv", "profile.csv", "summary.csv"]
     assert made == sorted([*tables, "figures", "identification.h5", "report.html"])
     drawn = {p.suffix for p in (folder / "results" / "figures").iterdir()}
-    assert drawn == {".svg"}
+    assert drawn == {".csv"}
 
 
 def test_the_report_has_words_for_every_key(identified) -> None:
@@ -181,9 +181,8 @@ def test_sweep(shot: Path) -> None:
     assert said["surface_optimum"] is not None or said["no_surface"]
 
 
-@pytest.mark.parametrize("design", ["lhs", "sobol"])
-def test_random_sweeps_repeat_with_their_seed(design: str, shot: Path) -> None:
-    arguments = ["sweep", str(shot), *TINY, "--design", design, "--runs", "4", "--vary", "friction=0.1:0.6"]
+def test_random_sweeps_repeat_with_their_seed(shot: Path) -> None:
+    arguments = ["sweep", str(shot), *TINY, "--design", "sobol", "--runs", "4", "--vary", "friction=0.1:0.6"]
     written = []
     for seed in ("7", "7", "8"):
         result = run_kolsky(*arguments, "--seed", seed)

@@ -236,7 +236,7 @@ def test_the_mappings_agree_bit_for_bit(case: Case) -> None:
 def test_threads_that_share_a_simulation_agree_bit_for_bit(case: Case) -> None:
     """Two that stay together; more that are late at a meeting now and then, or at each, go and come back."""
     expected = results(case, "worker")
-    ways = ((2, 0, N), (2, LONG, CRUSHED + 1), (3, 1000, N))
+    ways = ((2, 0, SPOILT + 1), (2, LONG, CRUSHED + 1), (3, 1000, CRUSHED + 1))
     for threads, patience, n in ways if case.name in EVERY_WAY else ways[:1]:
         got = read(launch(case, "worker", n, threads=threads, patience=patience))
         for name in got:
