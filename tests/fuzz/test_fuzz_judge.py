@@ -21,13 +21,8 @@ from tests.fuzz.worker import answered, answers
 
 PATH = Path("folder") / "a.csv"
 FAST = (
-    "recorder plain",
-    "recorder mat",
-    "camera vic3d",
-    "picture a1.png",
-    "points of a design",
-    "any TOML file",
-)
+    "recorder plain", "recorder mat", "camera vic3d", "picture a1.png", "points of a design", "any TOML file",
+)  # fmt: skip
 """Targets that are read in milliseconds."""
 
 

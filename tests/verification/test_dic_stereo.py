@@ -198,15 +198,9 @@ by their gradients, one way or the other."""
 SCALED = (0.8, 1.25)
 """Allowed error over sigma, 12.5°, quadratic: subsets overlap, some fifty are independent."""
 HEAD = [
-    "angle [°]",
-    "shape",
-    "subset [px]",
-    "accepted [%]",
-    "bias [µm]",
-    "mean sagitta [µm]",
-    "scatter [µm]",
+    "angle [°]", "shape", "subset [px]", "accepted [%]", "bias [µm]", "mean sagitta [µm]", "scatter [µm]",
     "error/sigma",
-]
+]  # fmt: skip
 
 
 def sagitta(width: float) -> float:

@@ -280,13 +280,9 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 NAMES = {
-    "incident_rise": "arrival",
-    "tensile_dip": "tensile dip",
-    "separation": "separation",
-    "arrest": "arrest",
-    "push_back": "push-back",
-    "second_impact": "second impact",
-}
+    "incident_rise": "arrival", "tensile_dip": "tensile dip", "separation": "separation", "arrest": "arrest",
+    "push_back": "push-back", "second_impact": "second impact",
+}  # fmt: skip
 MARKED = tuple(name for name in NAMES if name != "tensile_dip")
 
 

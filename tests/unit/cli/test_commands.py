@@ -160,14 +160,8 @@ def test_nearly_incompressible_has_its_limits(shot: Path) -> None:
 
 def test_sweep(shot: Path) -> None:
     arguments = [
-        "sweep",
-        str(shot),
-        *TINY,
-        "--vary",
-        "stiffness_factor=1:1.3:3",
-        "--vary",
-        "damping=0:50 us:2",
-    ]
+        "sweep", str(shot), *TINY, "--vary", "stiffness_factor=1:1.3:3", "--vary", "damping=0:50 us:2",
+    ]  # fmt: skip
     said = json_of(*arguments)
     assert (said["runs"], said["completed"], said["warnings"]) == (6, 6, [])
     with (shot / "results" / "sweep.csv").open(newline="") as file:

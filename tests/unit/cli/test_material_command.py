@@ -154,16 +154,8 @@ def test_what_is_not_said_or_cannot_be_is_refused(tmp_path, files, change, messa
 def test_options_are_refused_in_one_line(tmp_path):
     file = write(tmp_path / "t.csv")
     common = (
-        file,
-        "--strain",
-        "1",
-        "--stress",
-        "2",
-        "--convention",
-        "tension-positive",
-        "--out",
-        tmp_path / "out",
-    )
+        file, "--strain", "1", "--stress", "2", "--convention", "tension-positive", "--out", tmp_path / "out",
+    )  # fmt: skip
     for arguments, message in (
         (("--laws", "hooke"), "law 'hooke' is not one of neo_hookean"),
         (("--weighting", "log"), "it must be absolute, relative or sigma"),

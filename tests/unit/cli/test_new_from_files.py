@@ -34,19 +34,11 @@ GERMAN = {
     "quasi_static.csv": ("Druckversuch.csv", ["Nenndehnung (-)", "Nennspannung (Pa)"]),
 }
 FACTS = {
-    "specimen.diameter": '"9.5 mm"',
-    "specimen.length": '"6.5 mm"',
-    "specimen.density": '"870 kg/m^3"',
-    "interface.faces": '"bonded"',
-    "interface.side": '"bonded"',
-    "transmission.support": '"rigid"',
-    "force.sensitivity": '"0.0112 V/N"',
-    "frames.clock_offset": '"0 us"',
-    "centre_line.y_offset": '"0 mm"',
-    "centre_line.Z_offset": '"0 mm"',
-    "model.poisson": "0.499",
-    "model.damping": '"25 us"',
-}
+    "specimen.diameter": '"9.5 mm"', "specimen.length": '"6.5 mm"', "specimen.density": '"870 kg/m^3"',
+    "interface.faces": '"bonded"', "interface.side": '"bonded"', "transmission.support": '"rigid"',
+    "force.sensitivity": '"0.0112 V/N"', "frames.clock_offset": '"0 us"', "centre_line.y_offset": '"0 mm"',
+    "centre_line.Z_offset": '"0 mm"', "model.poisson": "0.499", "model.damping": '"25 us"',
+}  # fmt: skip
 """What no file of the shot shows: twelve values."""
 READ = {
     "force.full_scale": '"1 V"',
@@ -195,15 +187,10 @@ def test_two_channels_of_unknown_meaning_are_offered(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("heading", "unit", "dimension"),
     [
-        ("Zeit [ms]", "ms", "s"),
-        ("Weg / µm", "µm", "m"),
-        ("force_kN", "kN", "N"),
-        ("strain (-)", "1", "1"),
-        ("Spannung in MPa", "MPa", "Pa"),
-        ("Kraft", "", ""),
-        ("y (oben)", "", ""),
+        ("Zeit [ms]", "ms", "s"), ("Weg / µm", "µm", "m"), ("force_kN", "kN", "N"), ("strain (-)", "1", "1"),
+        ("Spannung in MPa", "MPa", "Pa"), ("Kraft", "", ""), ("y (oben)", "", ""),
     ],
-)
+)  # fmt: skip
 def test_units_in_headings(heading: str, unit: str, dimension: str) -> None:
     assert likely_unit(heading) == unit
     assert dimension_of(unit) == dimension

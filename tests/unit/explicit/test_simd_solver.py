@@ -372,14 +372,10 @@ class Launches:
 @pytest.mark.parametrize(
     ("n_elements", "threads", "seats"),
     [
-        (MANY, 1, 1),
-        (MANY, 2, 2),
-        (2 * ELEMENTS_EACH - 1, 5, 1),
-        (2 * ELEMENTS_EACH, 5, 2),
-        (10 * MANY, 99, MOST_SEATS),
-        (0, 9, 1),
+        (MANY, 1, 1), (MANY, 2, 2), (2 * ELEMENTS_EACH - 1, 5, 1), (2 * ELEMENTS_EACH, 5, 2),
+        (10 * MANY, 99, MOST_SEATS), (0, 9, 1),
     ],
-)
+)  # fmt: skip
 def test_as_many_join_as_have_work(n_elements: int, threads: int, seats: int) -> None:
     run = SharedRun(Launches().begin, 3, n_elements, select_device("cpu"))
     assert len(run.offer(threads)) == seats - 1

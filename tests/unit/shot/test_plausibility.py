@@ -330,17 +330,13 @@ def test_stress_of_the_curve_at_a_strain() -> None:
 @pytest.mark.parametrize(
     ("stress", "kind"),
     [
-        (STRESS, ""),
-        (0.99 * (10.0 * STRESS + 3.0 * 4e3), ""),
-        (1.01 * (10.0 * STRESS + 3.0 * 4e3), "warning"),
-        (0.99 * (30.0 * STRESS + 3.0 * 4e3), "warning"),
-        (1.01 * (30.0 * STRESS + 3.0 * 4e3), "refused"),
-        (1.01 * STRESS / 5.0, ""),
-        (0.99 * STRESS / 5.0, "warning"),
-        (1.01 * STRESS / 30.0, "warning"),
+        (STRESS, ""), (0.99 * (10.0 * STRESS + 3.0 * 4e3), ""),
+        (1.01 * (10.0 * STRESS + 3.0 * 4e3), "warning"), (0.99 * (30.0 * STRESS + 3.0 * 4e3), "warning"),
+        (1.01 * (30.0 * STRESS + 3.0 * 4e3), "refused"), (1.01 * STRESS / 5.0, ""),
+        (0.99 * STRESS / 5.0, "warning"), (1.01 * STRESS / 30.0, "warning"),
         (0.99 * STRESS / 30.0, "refused"),
     ],
-)
+)  # fmt: skip
 def test_force_over_area_is_the_curves_stress(stress: float, kind: str) -> None:
     evidence = stressed(stress)
     assert bool(words(evidence)) == (kind == "refused")

@@ -27,15 +27,9 @@ from populations.converged_shots import FLAT, converged, radius_at
 def entry(**changed: Any) -> dict[str, Any]:
     """A measurement of two workers that identified four shots in two minutes."""
     known = {
-        "device": "cpu",
-        "gpus": 0,
-        "workers": 2,
-        "each": 2.0,
-        "hold": [],
-        "mesh": "4x6",
-        "refined": "6x8",
+        "device": "cpu", "gpus": 0, "workers": 2, "each": 2.0, "hold": [], "mesh": "4x6", "refined": "6x8",
         "where": "a",
-    }
+    }  # fmt: skip
     found = {"identifications": 4, "seconds": 120.0, "answers": {"1": "0x1p+0", "2": "0x1.8p+0"}}
     return {**known, **found, **changed}
 
