@@ -310,18 +310,11 @@ def _misfit(parameters: dict[str, float], c: Comparison) -> tuple[float, float, 
 def _terms(c: Comparison) -> Terms:
     phi_shape, phi_force, chi2_shape, chi2_force = _misfit({}, c)
     return Terms(
-        phi_shape=phi_shape,
-        phi_force=phi_force,
-        phi=phi_force / 1000.0 + phi_shape / 0.001,
-        sigma_phi_shape=2.4e-5,
-        sigma_phi_force=41.0,
-        sigma_phi=float(np.hypot(0.041, 0.024)),
-        chi2_force=chi2_force,
-        chi2_shape=chi2_shape,
-        n_force=c.force_time.size,
-        n_shape=int(c.inside.sum()),
+        phi_shape=phi_shape, phi_force=phi_force, phi=phi_force / 1000.0 + phi_shape / 0.001,
+        sigma_phi_shape=2.4e-5, sigma_phi_force=41.0, sigma_phi=float(np.hypot(0.041, 0.024)),
+        chi2_force=chi2_force, chi2_shape=chi2_shape, n_force=c.force_time.size, n_shape=int(c.inside.sum()),
         n_outside=int((~c.inside).sum()),
-    )
+    )  # fmt: skip
 
 
 def _design(

@@ -123,16 +123,9 @@ def false_matches(angle: float) -> False_:
     stacks = PictureStack.prepare(first[None], noise=NOISE), PictureStack.prepare(second[None], noise=NOISE)
     still = np.zeros((len(points), 12))
     pair = Pair(
-        rig=rig(angle),
-        pictures=(first, second),
-        stacks=stacks,
-        points=points,
-        reference=still,
-        mask=None,
-        settings=settings,
-        search=StereoSearch(),
-        gates=StereoGates(),
-    )
+        rig=rig(angle), pictures=(first, second), stacks=stacks, points=points, reference=still, mask=None,
+        settings=settings, search=StereoSearch(), gates=StereoGates(),
+    )  # fmt: skip
     match = guided_match(pair)
     passed = failed_gates(measure_gates(pair, match), pair.gates) == 0
     good = (match.outcome == PointOutcome.VALID) & passed

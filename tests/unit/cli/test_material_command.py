@@ -31,24 +31,10 @@ def test_from_files_to_a_report(tmp_path):
     wide = write(tmp_path / "wide.csv", Mode.EQUIBIAXIAL, sign=-1.0, at=2.0 - STRETCH)
     out = tmp_path / "out"
     done = run_kolsky(
-        "material",
-        "fit",
-        push,
-        f"equibiaxial:{wide}",
-        "--strain",
-        "Strain",
-        "--stress",
-        "Stress",
-        "--convention",
-        "compression-positive",
-        "--laws",
-        "neo_hookean,mooney_rivlin_2",
-        "--out",
-        out,
-        "--figures",
-        "svg",
-        "--json",
-    )
+        "material", "fit", push, f"equibiaxial:{wide}", "--strain", "Strain", "--stress", "Stress",
+        "--convention", "compression-positive", "--laws", "neo_hookean,mooney_rivlin_2", "--out", out,
+        "--figures", "svg", "--json",
+    )  # fmt: skip
     said = json.loads(done.stdout)
     assert said == json.loads((out / "material.json").read_text(encoding="utf-8"))
     assert said["best"] == "mooney_rivlin_2"
@@ -85,24 +71,9 @@ def test_repeats_are_averaged(tmp_path):
     ends = incompressible_stress(LAW, Mode.UNIAXIAL, mean.deformation[[0, -1]])
     np.testing.assert_allclose(mean.stress[[0, -1]], ends, rtol=1e-8)  # nine digits in the files
     done = run_kolsky(
-        "material",
-        "fit",
-        *files,
-        "--strain",
-        "1",
-        "--stress",
-        "2",
-        "--convention",
-        "tension-positive",
-        "--mean",
-        "9",
-        "--laws",
-        "neo_hookean",
-        "--weighting",
-        "sigma",
-        "--out",
-        tmp_path / "out",
-    )
+        "material", "fit", *files, "--strain", "1", "--stress", "2", "--convention", "tension-positive",
+        "--mean", "9", "--laws", "neo_hookean", "--weighting", "sigma", "--out", tmp_path / "out",
+    )  # fmt: skip
     assert "neo_hookean" in done.stdout
     assert "E0 (kPa)" in done.stdout
 
@@ -173,22 +144,9 @@ def test_a_law_without_a_fit_is_a_remark(tmp_path):
     np.savetxt(file, np.column_stack([at - 1.0, incompressible_stress(LAW, Mode.UNIAXIAL, at)]))
     out = tmp_path / "out"
     done = run_kolsky(
-        "material",
-        "fit",
-        file,
-        "--strain",
-        "1",
-        "--stress",
-        "2",
-        "--convention",
-        "tension-positive",
-        "--laws",
-        "neo_hookean,ogden3",
-        "--stress-unit",
-        "Pa",
-        "--out",
-        out,
-    )
+        "material", "fit", file, "--strain", "1", "--stress", "2", "--convention", "tension-positive",
+        "--laws", "neo_hookean,ogden3", "--stress-unit", "Pa", "--out", out,
+    )  # fmt: skip
     assert "ogden3 has no fit: ogden3 has 6 free constants, the tests only 6 points" in done.stderr
     assert "ogden3 has no fit" in (out / "material.html").read_text(encoding="utf-8")
 

@@ -259,18 +259,10 @@ def rate(factor: float, m: float, damping: float, cost: float) -> Rate:
 def plan() -> Plan:
     grid = ObservationGrid(np.array([0.0, 1e-3]), np.array([5e-4]), np.array([3e-3]))
     slopes = LocalSensitivity(
-        names=("stiffness_factor", "damping"),
-        point=np.array([1.2, 2e-5]),
-        scale=np.array([0.1, 1e-5]),
-        reach=0.1,
-        grid=grid,
-        force=np.array([50.0]),
-        radius=np.array([[5e-3]]),
-        force_slope=np.zeros((2, 1)),
-        radius_slope=np.zeros((2, 1, 1)),
-        force_left=np.zeros((2, 1)),
-        radius_left=np.zeros((2, 1, 1)),
-    )
+        names=("stiffness_factor", "damping"), point=np.array([1.2, 2e-5]), scale=np.array([0.1, 1e-5]),
+        reach=0.1, grid=grid, force=np.array([50.0]), radius=np.array([[5e-3]]), force_slope=np.zeros((2, 1)),
+        radius_slope=np.zeros((2, 1, 1)), force_left=np.zeros((2, 1)), radius_left=np.zeros((2, 1, 1)),
+    )  # fmt: skip
     information: Any = SimpleNamespace(sensitivity=slopes)
     return Plan(
         shot="made-up",
