@@ -68,6 +68,18 @@ def shared() -> Path:
     return SHARED
 
 
+@pytest.fixture(scope="session")
+def cuda() -> str:
+    """Name of the first GPU, as `explicit` takes it."""
+    from explicit.device import select_device
+
+    try:
+        select_device("cuda")
+    except ValueError as absent:
+        pytest.skip(str(absent))
+    return "cuda"
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _documented_json() -> Iterator[None]:
     """Hold what commands print with `--json`, wherever a test calls one, against docs/howto/json.md."""

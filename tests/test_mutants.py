@@ -13,7 +13,7 @@ from tests.mutants.sources import ROOT, Sources, sources
 FEWEST = 40
 """Faults that the project wants to hold at least, over interval, verdicts, warnings, budget, waves, rates,
 image correlation, misfit and solver."""
-EVERY = 120
+EVERY = 240
 """Of so many faults one is planted here: a trial runs whole test files, 10 to 30 s of one core."""
 
 

@@ -38,16 +38,15 @@ def test_a_type_checker_and_the_interpreter_find_the_same(package: ModuleType) -
     assert sorted(package.__all__) == sorted(package._HOME)
 
 
-@pytest.mark.parametrize(
-    ("package", "name"), [(package, name) for package in PACKAGES for name in package.__all__]
-)
-def test_every_public_name_is_there(package: ModuleType, name: str) -> None:
-    # A module of the same name would take its place once it is loaded.
-    assert not (Path(str(package.__file__)).parent / f"{name}.py").exists()
-    value = getattr(package, name)
-    assert value is not None
-    if package in (kolsky, dic):  # where it is defined, not where it passes through
-        assert value.__module__ == package._HOME[name]
+@each
+def test_every_public_name_is_there(package: ModuleType) -> None:
+    for name in package.__all__:
+        # A module of the same name would take its place once it is loaded.
+        assert not (Path(str(package.__file__)).parent / f"{name}.py").exists()
+        value = getattr(package, name)
+        assert value is not None
+        if package in (kolsky, dic):  # where it is defined, not where it passes through
+            assert value.__module__ == package._HOME[name]
 
 
 @pytest.mark.parametrize(

@@ -67,13 +67,9 @@ def _empty(path: Path) -> None:
 
 
 ANYWHERE: dict[str, Callable[[Path], None]] = {
-    "a pipe": _pipe,
-    "a link to a device": _device,
-    "a folder": _folder,
-    "a link to itself": _loop,
-    "20 GB of nothing": _sparse,
-    "an empty file": _empty,
-}
+    "a pipe": _pipe, "a link to a device": _device, "a folder": _folder, "a link to itself": _loop,
+    "20 GB of nothing": _sparse, "an empty file": _empty,
+}  # fmt: skip
 """What may stand in the place of any file."""
 
 

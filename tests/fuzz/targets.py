@@ -4,6 +4,7 @@ import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -290,6 +291,7 @@ def results() -> list[Target]:
     ]
 
 
+@cache
 def all_targets() -> dict[str, Target]:
     """Every target by its name."""
     made = [*recorders(), *shots(), *settings(), *tables(), *pictures(), *cameras(), *results()]

@@ -46,25 +46,16 @@ def _point(value: str) -> Callable[[Path], None]:
 
 
 REFUSED: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
-    "a length of 65 mm": (
-        _swap('length = "6.5 mm"', 'length = "65 mm"'),
-        ("centreline.csv", "length of 65 mm", "reaches 5.881 mm"),
-    ),
-    "a length of 6.5 m": (
-        _swap('length = "6.5 mm"', 'length = "6.5 m"'),
-        (
-            "shot.toml line",
-            "is 6500 mm, which is not the size of a specimen",
-            'specimen.length = "6.5 mm" would fit',
-        ),
-    ),
-    "the time as the voltage": (
-        _swap('"CH2 transmitted (V)"', '"Time (s)"'),
-        ("shot.toml line 34", "Time (s)", "rises from each of its"),
-    ),
+    "a length of 65 mm": (_swap('length = "6.5 mm"', 'length = "65 mm"'),
+     ("centreline.csv", "length of 65 mm", "reaches 5.881 mm")),
+    "a length of 6.5 m": (_swap('length = "6.5 mm"', 'length = "6.5 m"'),
+     ("shot.toml line", "is 6500 mm, which is not the size of a specimen",
+     'specimen.length = "6.5 mm" would fit')),
+    "the time as the voltage": (_swap('"CH2 transmitted (V)"', '"Time (s)"'),
+     ("shot.toml line 34", "Time (s)", "rises from each of its")),
     "1e308 in the outline": (_point("1e308"), ("centreline.csv line 1001", "Z")),
     "ten radii in the outline": (_point("47.5"), ("centreline.csv line 1001", "47.5 mm")),
-}
+}  # fmt: skip
 """What is changed in a sound shot, and what the refusal names."""
 
 

@@ -106,176 +106,71 @@ RUBBER = "shared/data/quasistatic/rubber_classics/Meunier_2008"
 TABLE = "stress_stretch.txt"
 
 CASES: tuple[Case, ...] = (
-    Case(
-        "tables",
-        ("runs/open-01", "runs/bar-01"),
-        (
-            "kolsky check runs/open-01 --json",
-            "kolsky check runs/bar-01",
-            "kolsky channels runs/open-01/scope.csv --json",
-            "kolsky channels runs/bar-01/tek0017.csv",
-            "kolsky new filled",
-            "kolsky new bars --bars",
-            "kolsky virtual new lab",
-        ),
-    ),
-    Case(
-        "waves", ("runs/bar-01",), ("kolsky waves runs/bar-01", "kolsky waves runs/bar-01 --json --out again")
-    ),
+    Case("tables", ("runs/open-01", "runs/bar-01"),
+     ("kolsky check runs/open-01 --json", "kolsky check runs/bar-01",
+     "kolsky channels runs/open-01/scope.csv --json", "kolsky channels runs/bar-01/tek0017.csv",
+     "kolsky new filled", "kolsky new bars --bars", "kolsky virtual new lab")),
+    Case("waves", ("runs/bar-01",), ("kolsky waves runs/bar-01",
+     "kolsky waves runs/bar-01 --json --out again")),
     Case("waves-flyer", ("runs/open-01",), ("kolsky waves runs/open-01", "kolsky waves runs/open-01 --json")),
-    Case(
-        "simulate",
-        ("runs/open-01", "runs/open-03"),
-        (
-            f"kolsky simulate runs/open-01 --vtu --mesh 12x16 --threads {THREADS} -p stiffness_factor=1.1",
-            f"kolsky simulate runs/open-01 --mesh 12x16 --element fbar --json --threads {THREADS} --out fbar",
-            f"kolsky simulate runs/open-03 --mesh 12x16 --threads {THREADS} --out other",
-            f"kolsky simulate runs/open-01 --slow --mesh 8x11 --error '2 %' --threads {THREADS} --out slow",
-        ),
-    ),
-    Case(
-        "open-01",
-        ("runs/open-01",),
-        (f"kolsky identify runs/open-01 {MESHES} --threads {THREADS}",),
-        cheap=False,
-    ),
-    Case(
-        "open-01-held",
-        ("runs/open-01", "runs/relaxation"),
-        (
-            f"kolsky identify runs/open-01 {HELD}",
-            "kolsky report runs/open-01",
-            "kolsky material relaxation runs/relaxation/slow.toml --shot runs/open-01 --out relaxed",
-        ),
-    ),
+    Case("simulate", ("runs/open-01", "runs/open-03"),
+     (f"kolsky simulate runs/open-01 --vtu --mesh 12x16 --threads {THREADS} -p stiffness_factor=1.1",
+     f"kolsky simulate runs/open-01 --mesh 12x16 --element fbar --json --threads {THREADS} --out fbar",
+     f"kolsky simulate runs/open-03 --mesh 12x16 --threads {THREADS} --out other",
+     f"kolsky simulate runs/open-01 --slow --mesh 8x11 --error '2 %' --threads {THREADS} --out slow")),
+    Case("open-01", ("runs/open-01",), (f"kolsky identify runs/open-01 {MESHES} --threads {THREADS}",),
+     cheap=False),
+    Case("open-01-held", ("runs/open-01", "runs/relaxation"),
+     (f"kolsky identify runs/open-01 {HELD}", "kolsky report runs/open-01",
+     "kolsky material relaxation runs/relaxation/slow.toml --shot runs/open-01 --out relaxed")),
     Case("open-03-held", ("runs/open-03",), (f"kolsky identify runs/open-03 {HELD} --json",)),
     Case("open-04-held", ("runs/open-04",), (f"kolsky identify runs/open-04 {HELD} --method paper",)),
-    Case(
-        "per-shot", ("runs/open-01", "runs/per_shot.py"), ("python runs/per_shot.py runs/open-01 8x11 12x16",)
-    ),
+    Case("per-shot", ("runs/open-01", "runs/per_shot.py"),
+     ("python runs/per_shot.py runs/open-01 8x11 12x16",)),
     Case("predict", (PAPER,), ("kolsky predict runs/predict/paper.toml --out planned",), cheap=False),
-    Case(
-        "predict-quick",
-        (PAPER,),
-        (
-            f"kolsky predict {PAPER} --out planned --quick --json",
-            f'kolsky predict {PAPER} --out scanned --quick --vary "striker.speed=4 m/s:7 m/s:3"',
-        ),
-    ),
-    Case(
-        "relaxation", ("runs/relaxation",), ("kolsky material relaxation runs/relaxation/slow.toml --json",)
-    ),
-    Case(
-        "specimen",
-        ("runs/specimen",),
-        (
-            "kolsky specimen simulate runs/specimen/silicone_truth.toml --seed 7 --out simulated",
-            "kolsky specimen plan runs/specimen/silicone_truth.toml --wanted C01 --out choices",
-        ),
-        cheap=False,
-    ),
-    Case(
-        "specimen-fit",
-        ("runs/specimen",),
-        ("kolsky specimen fit runs/specimen/silicone.toml --out fitted",),
-        cheap=False,
-    ),
-    Case(
-        "sheet",
-        ("runs/specimen",),
-        ("kolsky specimen fit runs/specimen/sheet.toml --map 4x2 --vtu --out fitted",),
-    ),
-    Case(
-        "actuator-touching",
-        ("runs/actuator",),
-        ("kolsky actuator simulate runs/actuator/touching.toml --vtu --out touching",),
-    ),
-    Case(
-        "actuator",
-        ("runs/actuator",),
-        ("kolsky actuator simulate runs/actuator/pneunet.toml --vtu --out bent",),
-        cheap=False,
-    ),
-    Case(
-        "actuator-loop",
-        (),
-        (
-            "kolsky actuator invert soft.toml --out inverted",
-            "kolsky actuator control soft.toml --out controlled",
-        ),
-        before=(("soft.toml", SOFT),),
-    ),
-    Case(
-        "virtual",
-        ("runs/virtual",),
-        (
-            f"kolsky virtual make runs/virtual/small.toml --out made --only 1-2 --threads {THREADS}",
-            f"kolsky identify made/small-1 {HELD}",
-        ),
-    ),
-    Case(
-        "pictures",
-        ("runs/open-01/shot.toml", PICTURED),
-        (
-            f"python -m dic.images {PICTURED}/cam0.tif --bits 12 --static 12 --subset 25 --wanted 0.01",
-            WITHOUT_EXPORTS,
-            f"kolsky dic {PICTURED}",
-            f"kolsky identify {PICTURED} {HELD}",
-        ),
-        cheap=False,
-        before=(("pictures.toml", PICTURES),),
-    ),
-    Case(
-        "material-fit",
-        (RUBBER,),
-        (
-            f"kolsky material fit uniaxial:{RUBBER}/UT/{TABLE} equibiaxial:{RUBBER}/ET/{TABLE} "
-            f"planar:{RUBBER}/PS/{TABLE} --stretch 2 --stress 1 --stress-unit MPa "
-            "--convention tension-positive --laws yeoh,ogden2,gent,mooney_rivlin_2 --out rubber",
-        ),
-    ),
-    Case(
-        "sweep",
-        ("runs/open-01", "runs/sweep.py"),
-        (
-            f"kolsky sweep runs/open-01 --design maximin --runs 12 --vary stiffness_factor=1:1.25 "
-            f'--vary "damping=10 us:50 us" --mesh 8x11 --threads {THREADS}',
-            "python runs/sweep.py runs/open-01 sobol 16",
-        ),
-    ),
-    Case(
-        "rates",
-        ("runs/open-01", "runs/rate_shots.py", "runs/rate_report.py"),
-        (
-            "python runs/rate_shots.py shots 16x22 0.7 1.4 2.6",
-            f"kolsky identify shots/* --each {HELD}",
-            "python runs/rate_report.py shots/*",
-            "kolsky rate shots/* --out compared",
-        ),
-        cheap=False,
-    ),
-    Case(
-        "joint",
-        ("runs/open-01", "runs/rate_shots.py"),
-        (
-            "python runs/rate_shots.py shots 12x16 1.4 2.6",
-            f"kolsky identify shots/* --mesh 8x11 --refined-mesh 12x16 --threads {THREADS} --out joint",
-        ),
-        cheap=False,
-    ),
-    Case(
-        "plan",
-        ("runs/open-01",),
-        (f"kolsky plan runs/open-01 -p stiffness_factor=1.12 --mesh 12x16 --threads {THREADS}",),
-    ),
-    Case(
-        "budget",
-        ("runs/open-01",),
-        (
-            "kolsky budget runs/open-01 --free stiffness_factor --draws 4 --together 2 --mesh 8x11 "
-            f"--refined-mesh 12x16 --truth-mesh 12x16 --threads {THREADS} --out budget",
-        ),
-        cheap=False,
-    ),
-)
+    Case("predict-quick", (PAPER,), (f"kolsky predict {PAPER} --out planned --quick --json",
+     f'kolsky predict {PAPER} --out scanned --quick --vary "striker.speed=4 m/s:7 m/s:3"')),
+    Case("relaxation", ("runs/relaxation",),
+     ("kolsky material relaxation runs/relaxation/slow.toml --json",)),
+    Case("specimen", ("runs/specimen",),
+     ("kolsky specimen simulate runs/specimen/silicone_truth.toml --seed 7 --out simulated",
+     "kolsky specimen plan runs/specimen/silicone_truth.toml --wanted C01 --out choices"), cheap=False),
+    Case("specimen-fit", ("runs/specimen",),
+     ("kolsky specimen fit runs/specimen/silicone.toml --out fitted",), cheap=False),
+    Case("sheet", ("runs/specimen",),
+     ("kolsky specimen fit runs/specimen/sheet.toml --map 4x2 --vtu --out fitted",)),
+    Case("actuator-touching", ("runs/actuator",),
+     ("kolsky actuator simulate runs/actuator/touching.toml --vtu --out touching",)),
+    Case("actuator", ("runs/actuator",),
+     ("kolsky actuator simulate runs/actuator/pneunet.toml --vtu --out bent",), cheap=False),
+    Case("actuator-loop", (), ("kolsky actuator invert soft.toml --out inverted",
+     "kolsky actuator control soft.toml --out controlled"), before=(("soft.toml", SOFT),)),
+    Case("virtual", ("runs/virtual",),
+     (f"kolsky virtual make runs/virtual/small.toml --out made --only 1-2 --threads {THREADS}",
+     f"kolsky identify made/small-1 {HELD}")),
+    Case("pictures", ("runs/open-01/shot.toml", PICTURED),
+     (f"python -m dic.images {PICTURED}/cam0.tif --bits 12 --static 12 --subset 25 --wanted 0.01",
+     WITHOUT_EXPORTS, f"kolsky dic {PICTURED}", f"kolsky identify {PICTURED} {HELD}"), cheap=False,
+     before=(("pictures.toml", PICTURES),)),
+    Case("material-fit", (RUBBER,),
+     (f"kolsky material fit uniaxial:{RUBBER}/UT/{TABLE} equibiaxial:{RUBBER}/ET/{TABLE} "
+     f"planar:{RUBBER}/PS/{TABLE} --stretch 2 --stress 1 --stress-unit MPa "
+     "--convention tension-positive --laws yeoh,ogden2,gent,mooney_rivlin_2 --out rubber",)),
+    Case("sweep", ("runs/open-01", "runs/sweep.py"),
+     (f"kolsky sweep runs/open-01 --design maximin --runs 12 --vary stiffness_factor=1:1.25 "
+     f'--vary "damping=10 us:50 us" --mesh 8x11 --threads {THREADS}',
+     "python runs/sweep.py runs/open-01 sobol 16")),
+    Case("rates", ("runs/open-01", "runs/rate_shots.py", "runs/rate_report.py"),
+     ("python runs/rate_shots.py shots 16x22 0.7 1.4 2.6", f"kolsky identify shots/* --each {HELD}",
+     "python runs/rate_report.py shots/*", "kolsky rate shots/* --out compared"), cheap=False),
+    Case("joint", ("runs/open-01", "runs/rate_shots.py"),
+     ("python runs/rate_shots.py shots 12x16 1.4 2.6",
+     f"kolsky identify shots/* --mesh 8x11 --refined-mesh 12x16 --threads {THREADS} --out joint"),
+     cheap=False),
+    Case("plan", ("runs/open-01",),
+     (f"kolsky plan runs/open-01 -p stiffness_factor=1.12 --mesh 12x16 --threads {THREADS}",)),
+    Case("budget", ("runs/open-01",),
+     ("kolsky budget runs/open-01 --free stiffness_factor --draws 4 --together 2 --mesh 8x11 "
+     f"--refined-mesh 12x16 --truth-mesh 12x16 --threads {THREADS} --out budget",), cheap=False),
+)  # fmt: skip
 """All cases, in the order in which they run."""

@@ -50,12 +50,8 @@ def program(source: Path) -> list[str]:
 def environment(source: Path) -> dict[str, str]:
     """Return the variables of the commands: packages of `source` first, threads, no colours."""
     fixed = {
-        "PYTHONPATH": str(source),
-        "MPLBACKEND": "Agg",
-        "COLUMNS": "160",
-        "NO_COLOR": "1",
-        "TERM": "dumb",
-    }
+        "PYTHONPATH": str(source), "MPLBACKEND": "Agg", "COLUMNS": "160", "NO_COLOR": "1", "TERM": "dumb",
+    }  # fmt: skip
     fixed |= {"COLUMNS": "160", "NO_COLOR": "1", "TERM": "dumb"}
     fixed |= {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "TZ": "UTC"}
     return {**os.environ, **fixed, **dict.fromkeys(LIBRARY_THREADS, "1")}

@@ -5,6 +5,7 @@ to it. The bars have a diameter of 20 mm, a wave speed of 5000 m/s and no Poisso
 mm and 500 mm from the specimen; the sampling rate is 10 MHz.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,11 +38,11 @@ poisson = 0.0
 [gauges.incident]
 {incident}
 distance = "1000 mm"
-baseline = ["0 us", "80 us"]
+baseline = {baseline}
 [gauges.transmission]
 {transmission}
 distance = "500 mm"
-baseline = ["0 us", "80 us"]
+baseline = {baseline}
 [waves]
 corrections = {{ {corrections} }}
 {waves}
@@ -60,48 +61,55 @@ def ramp(t: np.ndarray, end: float = 150e-6) -> np.ndarray:
     return np.clip(t / 20e-6, 0.0, 1.0) * np.clip((end - t) / 20e-6, 0.0, 1.0)
 
 
-def strains(*, noise: float = 1e-6, samples: int = 8000, seed: int = 7) -> tuple[np.ndarray, ...]:
-    """Times [s] and strains at the incident and the transmission gauge, compression positive, shape [n]."""
-    t = INTERVAL * np.arange(samples)
-    first = INCIDENT * (ramp(t - ARRIVAL) - (1.0 - SHARE) * ramp(t - ARRIVAL - 400e-6))
-    second = INCIDENT * SHARE * ramp(t - ARRIVAL - 300e-6)
+def strains(
+    *,
+    noise: float = 1e-6,
+    samples: int = 8000,
+    every: int = 1,
+    seed: int = 7,
+    late: float = 0.0,
+    shift: float = 0.0,
+    soft: float = 0.0,
+) -> tuple[np.ndarray, ...]:
+    """Times [s] and strains at the incident and the transmission gauge, compression positive, shape [n].
+
+    ``late``, ``shift``: delay of the reflected and the transmitted pulse [s]. ``soft``: share by which the
+    transmitted strain falls within 100 us after its rise.
+    """
+    t = INTERVAL * every * np.arange(samples // every)
+    first = INCIDENT * (ramp(t - ARRIVAL) - (1.0 - SHARE) * ramp(t - ARRIVAL - 400e-6 - late))
+    falls = 1.0 - soft * np.clip((t - ARRIVAL - 320e-6) / 100e-6, 0.0, 1.0)
+    second = INCIDENT * SHARE * ramp(t - ARRIVAL - 300e-6 - shift) * falls
     rng = np.random.default_rng(seed)
-    return t, first + noise * rng.standard_normal(samples), second + noise * rng.standard_normal(samples)
+    return t, first + noise * rng.standard_normal(t.size), second + noise * rng.standard_normal(t.size)
 
 
 def write_scope(path: Path, names: list[str], columns: list[np.ndarray], *, preamble: str = "") -> Path:
     """A CSV file with commas and decimal points."""
     head = preamble + ",".join(names)
-    np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="", fmt="%.9e")
+    rows = np.column_stack(columns)
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.9e", encoding="utf-8")
     return path
 
 
 def bar_shot(
     folder: Path,
     *,
-    recorders: str = ONE,
-    incident: str = "",
-    transmission: str = "",
-    corrections: str = "punching = false",
-    waves: str = "",
-    more: str = "",
-    density: float = 1200.0,
-    noise: float = 1e-6,
+    columns: tuple[np.ndarray, ...] | None = None,
+    names: Sequence[str] = ("inc (V)", "tra (V)"),
+    factor: float = 1e3,
+    **parts: object,
 ) -> Path:
-    """A shot folder with scope.csv in volts, 1000 µm/m a volt, and its shot.toml."""
+    """A shot folder with scope.csv in volts, 1000 µm/m a volt, and its shot.toml.
+
+    ``columns``: times and strains; those of `strains` by default. ``names``, ``factor``: of the two channels,
+    and of their strains. ``parts``: of `write_toml`.
+    """
     folder.mkdir(exist_ok=True, parents=True)
-    t, first, second = strains(noise=noise)
-    write_scope(folder / "scope.csv", ["t (s)", "inc (V)", "tra (V)"], [t, 1e3 * first, 1e3 * second])
-    write_toml(
-        folder,
-        recorders=recorders,
-        incident=incident or gauge("inc (V)"),
-        transmission=transmission or gauge("tra (V)"),
-        corrections=corrections,
-        waves=waves,
-        more=more,
-        density=density,
-    )
+    t, first, second = columns or strains()
+    write_scope(folder / "scope.csv", ["t (s)", *names], [t, factor * first, factor * second])
+    stations = {"incident": gauge(names[0]), "transmission": gauge(names[1])}
+    write_toml(folder, **{"recorders": ONE, "corrections": "punching = false", **stations, **parts})
     return folder
 
 
@@ -116,6 +124,7 @@ def gauge(channel: str, *, recorder: str = "scope") -> str:
 def write_toml(folder: Path, **parts: object) -> Path:
     """The shot.toml of a folder. Arguments that are left out add nothing."""
     said = dict.fromkeys(("recorders", "incident", "transmission", "corrections", "waves", "more"), "")
+    said |= {"density": "1200", "baseline": '["0 us", "80 us"]'}
     path = folder / "shot.toml"
-    path.write_text(TOML.format(**{**said, "density": 1200.0, **parts}), encoding="utf-8")
+    path.write_text(TOML.format(**{**said, **parts}), encoding="utf-8")
     return path

@@ -18,18 +18,12 @@ PLATEN = 2.0
 """Y of the transmission platen's face in the program's frame [mm]. Y points down in this frame."""
 HEAD = '"X [mm]", "Y [mm]", "Z [mm]", "U [mm]", "V [mm]", "W [mm]", "sigma", "x", "y"'
 TYPED = {
-    "specimen.diameter": '"9.5 mm"',
-    "specimen.length": '"6.5 mm"',
-    "specimen.density": '"870 kg/m^3"',
-    "interface.faces": '"bonded"',
-    "interface.side": '"bonded"',
-    "transmission.support": '"rigid"',
-    "force.sensitivity": '"0.0112 V/N"',
-    "frames.clock_offset": '"0 us"',
-    "surface.origin": f'["0 mm", "{PLATEN} mm", "0 mm"]',
-    "model.poisson": "0.499",
+    "specimen.diameter": '"9.5 mm"', "specimen.length": '"6.5 mm"', "specimen.density": '"870 kg/m^3"',
+    "interface.faces": '"bonded"', "interface.side": '"bonded"', "transmission.support": '"rigid"',
+    "force.sensitivity": '"0.0112 V/N"', "frames.clock_offset": '"0 us"',
+    "surface.origin": f'["0 mm", "{PLATEN} mm", "0 mm"]', "model.poisson": "0.499",
     "model.damping": '"25 us"',
-}
+}  # fmt: skip
 """Values that a person types, because no file contains them."""
 
 

@@ -122,19 +122,11 @@ def inputs(numbers: Precision, seed: int = 3) -> Inputs:
         return rng.uniform(-2.0, 2.0, shape).astype(numbers.dtype)
 
     return Inputs(
-        x=real(N),
-        y=real(N),
-        z=real(N),
-        k=rng.integers(0, 5, N).astype(np.int32),
-        v=real(N, 2),
-        factor=real(N),
-        arm=real(N, 2),
-        rows=real(5, 7),
-        weight=real(ELEMENTS),
-        place=rng.permutation(ELEMENTS).astype(np.int32),
-        table=real(CONSTANTS, ELEMENTS),
+        x=real(N), y=real(N), z=real(N), k=rng.integers(0, 5, N).astype(np.int32), v=real(N, 2),
+        factor=real(N), arm=real(N, 2), rows=real(5, 7), weight=real(ELEMENTS),
+        place=rng.permutation(ELEMENTS).astype(np.int32), table=real(CONSTANTS, ELEMENTS),
         numbers=rng.integers(-99, 99, (CONSTANTS, ELEMENTS)).astype(np.int32),
-    )
+    )  # fmt: skip
 
 
 def _arguments(numbers: Precision, given: Inputs, rows: int, lanes: int) -> list[Any]:

@@ -74,21 +74,11 @@ def cine(pictures, *, bits=12, packing=0, trigger=(7, 1 << 30), stamps=None, fir
 
 
 CIH = {
-    "Date": "2026/1/1",
-    "Record Rate(fps)": "120000",
-    "Shutter Speed(s)": "1/120000",
-    "Total Frame": "3",
-    "Original Total Frame": "3",
-    "Start Frame": "-1",
-    "Save Step": "1",
-    "Image Width": "16",
-    "Image Height": "6",
-    "Color Type": "Mono",
-    "Color Bit": "16",
-    "File Format": "MRaw",
-    "EffectiveBit Depth": "12",
-    "EffectiveBit Side": "Lower",
-}
+    "Date": "2026/1/1", "Record Rate(fps)": "120000", "Shutter Speed(s)": "1/120000", "Total Frame": "3",
+    "Original Total Frame": "3", "Start Frame": "-1", "Save Step": "1", "Image Width": "16",
+    "Image Height": "6", "Color Type": "Mono", "Color Bit": "16", "File Format": "MRaw",
+    "EffectiveBit Depth": "12", "EffectiveBit Side": "Lower",
+}  # fmt: skip
 
 
 def cih(**changes):

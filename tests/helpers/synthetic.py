@@ -43,14 +43,10 @@ SIGMA = {"stiffness_factor": 0.0019, "friction": 0.031, "damping": 4e-7}
 SIGMA_NUMERICAL = {"stiffness_factor": 0.0016, "friction": 0.012, "damping": 1e-7}
 MESH_SHIFT = {"stiffness_factor": -0.0058, "friction": 0.04, "damping": 5e-7}
 CHECKS = {
-    "flyer_chi2_per_dof": 0.97,
-    "flyer_noise_scale": 1.0,
-    "flyer_static_scatter": 0.93,
-    "force_noise_correlation": 0.02,
-    "force_baseline_samples": 400,
-    "curve_last_s": 2.5,
+    "flyer_chi2_per_dof": 0.97, "flyer_noise_scale": 1.0, "flyer_static_scatter": 0.93,
+    "force_noise_correlation": 0.02, "force_baseline_samples": 400, "curve_last_s": 2.5,
     "curve_last_strain": -0.8,
-}
+}  # fmt: skip
 
 
 def displacement(time: FloatArray) -> FloatArray:
@@ -314,18 +310,11 @@ def _misfit(parameters: dict[str, float], c: Comparison) -> tuple[float, float, 
 def _terms(c: Comparison) -> Terms:
     phi_shape, phi_force, chi2_shape, chi2_force = _misfit({}, c)
     return Terms(
-        phi_shape=phi_shape,
-        phi_force=phi_force,
-        phi=phi_force / 1000.0 + phi_shape / 0.001,
-        sigma_phi_shape=2.4e-5,
-        sigma_phi_force=41.0,
-        sigma_phi=float(np.hypot(0.041, 0.024)),
-        chi2_force=chi2_force,
-        chi2_shape=chi2_shape,
-        n_force=c.force_time.size,
-        n_shape=int(c.inside.sum()),
+        phi_shape=phi_shape, phi_force=phi_force, phi=phi_force / 1000.0 + phi_shape / 0.001,
+        sigma_phi_shape=2.4e-5, sigma_phi_force=41.0, sigma_phi=float(np.hypot(0.041, 0.024)),
+        chi2_force=chi2_force, chi2_shape=chi2_shape, n_force=c.force_time.size, n_shape=int(c.inside.sum()),
         n_outside=int((~c.inside).sum()),
-    )
+    )  # fmt: skip
 
 
 def _design(
@@ -394,15 +383,10 @@ def _response(with_nodes: bool) -> Response:
     kinetic = 0.5 * 870.0 * np.pi * RADIUS**2 * LENGTH * rate**2 * 0.4 * (1.0 - np.exp(-frames / 0.2e-3))
     external = work + kinetic + 2e-3 * frames / frames[-1]
     parts = {
-        "elastic": 0.9 * work,
-        "damping": 0.06 * work,
-        "friction": 0.02 * work,
-        "hourglass": 0.004 * work,
-        "hourglass_damping": 0.002 * work,
-        "impact": 1e-3 * frames / frames[-1],
-        "viscous": 0.0 * frames,
+        "elastic": 0.9 * work, "damping": 0.06 * work, "friction": 0.02 * work, "hourglass": 0.004 * work,
+        "hourglass_damping": 0.002 * work, "impact": 1e-3 * frames / frames[-1], "viscous": 0.0 * frames,
         "kinetic": kinetic,
-    }
+    }  # fmt: skip
     lost = 2e-4 * external * np.sin(frames / 0.2e-3)
     parts["elastic"] = external - lost - sum(v for n, v in parts.items() if n != "elastic")
     return Response(

@@ -17,17 +17,8 @@ from tests.mutants.fault import Fault
 from tests.mutants.sources import ROOT, sources
 
 PRELOADED = (
-    "numpy",
-    "scipy.optimize",
-    "scipy.stats",
-    "h5py",
-    "warp",
-    "cv2",
-    "pydantic",
-    "pint",
-    "typer",
-    "pytest",
-)
+    "numpy", "scipy.optimize", "scipy.stats", "h5py", "warp", "cv2", "pydantic", "pint", "typer", "pytest",
+)  # fmt: skip
 """Libraries that are imported once, before the processes of the trials part; none of them is mutated."""
 
 

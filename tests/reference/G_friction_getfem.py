@@ -36,9 +36,7 @@ class Cylinder:
 
     def __init__(self, friction, elements, grading, pure, augmentation):
         mesh = gf.Mesh(
-            "cartesian",
-            RADIUS * graded(elements, grading),
-            HALF * graded(round(elements * 11 / 16), grading),
+            "cartesian", RADIUS * graded(elements, grading), HALF * graded(round(elements * 11 / 16), grading)
         )
         faces = mesh.outer_faces()
         normal = mesh.normal_of_faces(faces)

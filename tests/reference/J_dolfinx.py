@@ -44,10 +44,7 @@ def main() -> None:
     ]
     points = [fem.locate_dofs_topological(space, 2, face) for face in faces]
     pull = fem.Constant(body, np.zeros(3))
-    held = [
-        fem.dirichletbc(np.zeros(3), points[0], space),
-        fem.dirichletbc(pull, points[1], space),
-    ]
+    held = [fem.dirichletbc(np.zeros(3), points[0], space), fem.dirichletbc(pull, points[1], space)]
     newton = nls.petsc.NewtonSolver(MPI.COMM_WORLD, fem.petsc.NonlinearProblem(residual, u, held))
     newton.rtol, newton.atol, newton.convergence_criterion = 1e-8, 1e-10, "residual"
     linear, options = newton.krylov_solver, PETSc.Options()

@@ -115,15 +115,10 @@ def test_one_rig_in_four_files(targets: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "t", "lens"),
-    [
-        ("sim_dot_cal_gold.xml", (122.2488, 1.84888, 17.62463), (0.021682, -0.01028, 0.0, 0.0, 2.0585)),
-        (
-            "sim_checkerboard_cal_gold.xml",
-            (122.2488, 1.84888, 17.62463),
-            (0.0319436, -0.702904, 0, 0, 0.0873144),
-        ),
-    ],
-)
+    [("sim_dot_cal_gold.xml", (122.2488, 1.84888, 17.62463), (0.021682, -0.01028, 0.0, 0.0, 2.0585)),
+     ("sim_checkerboard_cal_gold.xml", (122.2488, 1.84888, 17.62463),
+     (0.0319436, -0.702904, 0, 0, 0.0873144))],
+)  # fmt: skip
 def test_dice_solutions(targets: Path, name: str, t: tuple[float, ...], lens: tuple[float, ...]) -> None:
     rig = read_rig(targets / name)
     np.testing.assert_allclose(1e3 * rig.relative[1], t, rtol=1e-14)

@@ -94,38 +94,22 @@ def without_a_picture(folder: Path) -> None:
 
 
 REFUSED = {
-    "a picture too few": (
-        without_a_picture,
-        ["pictures.camera_1.file", "holds 63 pictures", "lists 64 frames"],
-    ),
-    "a missing file": (
-        lambda f: (f / "cam0.tif").unlink(),
-        ["pictures.camera_0.file", "names a missing file"],
-    ),
-    "no pictures": (
-        lambda f: (f / "cam0.tif").write_text("nothing"),
-        ["pictures.camera_0.file", "cannot be used", "is not a TIFF"],
-    ),
-    "no calibration": (
-        lambda f: replaced(f, "[calibration]\n", "[window2]\n"),
-        ["is not a known key", "calibration"],
-    ),
+    "a picture too few": (without_a_picture, ["pictures.camera_1.file", "holds 63 pictures",
+     "lists 64 frames"]),
+    "a missing file": (lambda f: (f / "cam0.tif").unlink(),
+     ["pictures.camera_0.file", "names a missing file"]),
+    "no pictures": (lambda f: (f / "cam0.tif").write_text("nothing"),
+     ["pictures.camera_0.file", "cannot be used", "is not a TIFF"]),
+    "no calibration": (lambda f: replaced(f, "[calibration]\n", "[window2]\n"),
+     ["is not a known key", "calibration"]),
     "half a region": (lambda f: replaced(f, ", y = [6, 121] }", " }"), ["dic.specimen", "is not a region"]),
-    "both sources": (
-        lambda f: replaced(
-            f, 'camera_0 = "calibration/cam0_*.png"', 'file = "rig.xml"\ncamera_0 = "c/a_*.png"'
-        ),
-        ["calibration.camera_0", "in addition to file"],
-    ),
-    "an even subset": (
-        lambda f: replaced(f, "subset = 25", "subset = 24"),
-        ["dic.subset", "odd, from 5 to 101"],
-    ),
-    "no pattern": (
-        lambda f: replaced(f, "calibration/cam0_*.png", "calibration/cam0_00.png"),
-        ["calibration.camera_0", "matches one file at most"],
-    ),
-}
+    "both sources": (lambda f: replaced(f, 'camera_0 = "calibration/cam0_*.png"',
+     'file = "rig.xml"\ncamera_0 = "c/a_*.png"'), ["calibration.camera_0", "in addition to file"]),
+    "an even subset": (lambda f: replaced(f, "subset = 25", "subset = 24"),
+     ["dic.subset", "odd, from 5 to 101"]),
+    "no pattern": (lambda f: replaced(f, "calibration/cam0_*.png", "calibration/cam0_00.png"),
+     ["calibration.camera_0", "matches one file at most"]),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REFUSED)

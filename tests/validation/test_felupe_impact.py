@@ -15,17 +15,7 @@ from kolsky.virtual.schema import Specification, TruthTable
 from kolsky.virtual.specification import read_specification
 from kolsky.virtual.truth import KNOT, SurfaceHistory, TruthError, simulate_truths
 from populations.coverage_problem import HEIGHTS, drawn, stroke, velocity
-from populations.felupe_impact import (
-    AXIAL,
-    RADIAL,
-    Cylinder,
-    Flyer,
-    History,
-    Solid,
-    simulate,
-    slopes,
-    truth,
-)
+from populations.felupe_impact import AXIAL, RADIAL, Cylinder, Flyer, History, Solid, simulate, slopes, truth
 from populations.other_program import thinned
 from populations.wrong_inputs import POPULATION
 

@@ -22,18 +22,11 @@ from kolsky.readers.measured_tables import WantedColumn, read_columns
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "quasistatic"
 PHANTOMS = ("EF10_0T", "EF10_25T", "EF30_0T", "EF50_0T")
 FITTED = {
-    "Neo Hookean": "neo_hookean",
-    "Yeoh_o1": "neo_hookean",
-    "Yeoh_o2": "reduced_polynomial",
-    "Yeoh_o3": "yeoh",
-    "Mooney Rivlin_o1": "mooney_rivlin_2",
-    "Mooney Rivlin_o2": "mooney_rivlin_c20",
-    "Ogden_o1": "ogden1",
-    "Ogden_o2": "ogden2",
-    "Ogden_o3": "ogden3",
-    "Veronda Westmann": "veronda_westmann",
+    "Neo Hookean": "neo_hookean", "Yeoh_o1": "neo_hookean", "Yeoh_o2": "reduced_polynomial",
+    "Yeoh_o3": "yeoh", "Mooney Rivlin_o1": "mooney_rivlin_2", "Mooney Rivlin_o2": "mooney_rivlin_c20",
+    "Ogden_o1": "ogden1", "Ogden_o2": "ogden2", "Ogden_o3": "ogden3", "Veronda Westmann": "veronda_westmann",
     "Humphrey": "humphrey",
-}
+}  # fmt: skip
 """Names of the tissue phantom database -> candidates here."""
 KPA = 1e3
 RUBBERS = {"Treloar 1944": "Treloar_1944", "Kawabata 1981": "Kawabata_1981", "Meunier 2008": "Meunier_2008"}

@@ -34,52 +34,20 @@ DOCS = ROOT / "docs" / "verification"
 STYLE = ROOT / "kolsky" / "report" / "kolsky.mplstyle"
 
 TOPICS = [
-    "patch",
-    "marlow",
-    "frictionless",
-    "static_bonded",
-    "dynamic_bonded",
-    "waves",
-    "bar",
-    "elastic_bar",
-    "dispersion",
-    "separation",
-    "impact",
-    "soft_forces",
-    "contact_limits",
-    "friction",
-    "energy",
-    "time_order",
-    "space_order",
-    "fbar",
-    "which_element",
-    "incompressible",
-    "equilibrium",
-    "viscoelastic",
-    "batch",
-    "failure",
-    "dic_correlation",
-    "dic_tracking",
-    "renderer",
-    "dic_stereo",
-    "uncertainty",
-]
+    "patch", "marlow", "frictionless", "static_bonded", "dynamic_bonded", "waves", "bar", "elastic_bar",
+    "dispersion", "separation", "impact", "soft_forces", "contact_limits", "friction", "energy", "time_order",
+    "space_order", "fbar", "which_element", "incompressible", "equilibrium", "viscoelastic", "batch",
+    "failure", "dic_correlation", "dic_tracking", "renderer", "dic_stereo", "uncertainty",
+]  # fmt: skip
 """Modules of the manual, in its order."""
 
 PAGE_WIDTH = 6.7
 """Width of a figure [inch]: the text column of the manual."""
 ON_SCREEN = {
-    "font.size": 8.5,
-    "axes.labelsize": 8.5,
-    "axes.titlesize": 8.5,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "legend.fontsize": 7.5,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 4,
-    "figure.constrained_layout.w_pad": 0.05,
-    "figure.constrained_layout.wspace": 0.04,
-}
+    "font.size": 8.5, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "xtick.labelsize": 8,
+    "ytick.labelsize": 8, "legend.fontsize": 7.5, "lines.linewidth": 1.1, "lines.markersize": 4,
+    "figure.constrained_layout.w_pad": 0.05, "figure.constrained_layout.wspace": 0.04,
+}  # fmt: skip
 """The report's style is set for print; a page is read on a screen."""
 
 INDEX = """# Verification manual

@@ -166,13 +166,9 @@ def page(result: Result) -> str:
         for k, beta in enumerate(DAMPING)
     ]
     header = [
-        "damping [s]",
-        "undamped [µs]",
-        "deviatoric [µs]",
-        "full [µs]",
-        "full, closed form [µs]",
+        "damping [s]", "undamped [µs]", "deviatoric [µs]", "full [µs]", "full, closed form [µs]",
         "deviatoric / full",
-    ]
+    ]  # fmt: skip
     return f"""# {TITLE}
 
 **What is checked.** The result of a simulation does not depend on the others of its batch or on the number

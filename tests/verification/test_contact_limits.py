@@ -384,15 +384,9 @@ def ledgers(result: Result) -> str:
         for law, entry in result.ledgers.items()
     ]
     header = [
-        "law",
-        "deepest node [µm]",
-        "side nodes on the platen",
-        "momentum [-]",
-        "energy [% of work]",
-        "friction [% of work]",
-        "impact [% of work]",
-        "smallest force [N]",
-    ]
+        "law", "deepest node [µm]", "side nodes on the platen", "momentum [-]", "energy [% of work]",
+        "friction [% of work]", "impact [% of work]", "smallest force [N]",
+    ]  # fmt: skip
     return table(header, rows)
 
 

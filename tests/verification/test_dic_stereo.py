@@ -123,16 +123,9 @@ def false_matches(angle: float) -> False_:
     stacks = PictureStack.prepare(first[None], noise=NOISE), PictureStack.prepare(second[None], noise=NOISE)
     still = np.zeros((len(points), 12))
     pair = Pair(
-        rig=rig(angle),
-        pictures=(first, second),
-        stacks=stacks,
-        points=points,
-        reference=still,
-        mask=None,
-        settings=settings,
-        search=StereoSearch(),
-        gates=StereoGates(),
-    )
+        rig=rig(angle), pictures=(first, second), stacks=stacks, points=points, reference=still, mask=None,
+        settings=settings, search=StereoSearch(), gates=StereoGates(),
+    )  # fmt: skip
     match = guided_match(pair)
     passed = failed_gates(measure_gates(pair, match), pair.gates) == 0
     good = (match.outcome == PointOutcome.VALID) & passed
@@ -198,15 +191,9 @@ by their gradients, one way or the other."""
 SCALED = (0.8, 1.25)
 """Allowed error over sigma, 12.5°, quadratic: subsets overlap, some fifty are independent."""
 HEAD = [
-    "angle [°]",
-    "shape",
-    "subset [px]",
-    "accepted [%]",
-    "bias [µm]",
-    "mean sagitta [µm]",
-    "scatter [µm]",
+    "angle [°]", "shape", "subset [px]", "accepted [%]", "bias [µm]", "mean sagitta [µm]", "scatter [µm]",
     "error/sigma",
-]
+]  # fmt: skip
 
 
 def sagitta(width: float) -> float:

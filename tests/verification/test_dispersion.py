@@ -135,18 +135,11 @@ def case() -> Result:
     error = np.array([np.abs(sent - second).max() / peak for _, second, sent, _ in element.values()])
     _, second, _, plain = element[SIZES[-1]]
     return Result(
-        reference=data,
-        reference_error=float(np.abs(found - data[:, 1]).max()),
-        roots=_roots(),
-        forward=np.array(forward),
-        back=np.array(back),
-        shift=np.array(shift),
-        pulses=pulses,
-        element=element,
-        element_error=error,
-        element_shift=float(np.abs(plain - second).max() / peak),
+        reference=data, reference_error=float(np.abs(found - data[:, 1]).max()), roots=_roots(),
+        forward=np.array(forward), back=np.array(back), shift=np.array(shift), pulses=pulses, element=element,
+        element_error=error, element_shift=float(np.abs(plain - second).max() / peak),
         order=fitted_order(SIZES, error),
-    )
+    )  # fmt: skip
 
 
 def row(result: Result) -> tuple[str, str, str]:

@@ -135,12 +135,8 @@ the pressure plus one where that is less."""
 ORDER_HELD = 0.3
 """Distance from it that is allowed over three meshes."""
 MEMBRANE = (
-    ("quad4", "displacement"),
-    ("quad4", "mixed"),
-    ("quad8", "mixed"),
-    ("tri6", "mixed"),
-    ("quad9", "mixed"),
-)
+    ("quad4", "displacement"), ("quad4", "mixed"), ("quad8", "mixed"), ("tri6", "mixed"), ("quad9", "mixed"),
+)  # fmt: skip
 FINE = 16
 """Elements along an edge with which the membrane is compared with another program."""
 TIP_HELD = 0.005

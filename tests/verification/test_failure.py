@@ -143,25 +143,13 @@ STEPPING = Stepping(floor=0.05, max_steps=2000)
 JUST_BEFORE = 1e-9
 """Two positions so far apart give the velocity of a step [s]."""
 EXPECTED = (
-    Outcome.COMPLETED,
-    Outcome.INVERTED,
-    Outcome.COMPLETED,
-    Outcome.STEP_COLLAPSED,
-    Outcome.STEP_LIMIT,
-    Outcome.TABLE_EXCEEDED,
-    Outcome.DIVERGED,
-    Outcome.COMPLETED,
-)
+    Outcome.COMPLETED, Outcome.INVERTED, Outcome.COMPLETED, Outcome.STEP_COLLAPSED, Outcome.STEP_LIMIT,
+    Outcome.TABLE_EXCEEDED, Outcome.DIVERGED, Outcome.COMPLETED,
+)  # fmt: skip
 WHY = (
-    "sound",
-    "flyer at 20 m/s",
-    "sound",
-    "flyer at 4.5 m/s goes through the other platen",
-    "400 times as stiff",
-    f"curve ends at s = {SHORT}",
-    "curve softens to less than nothing",
-    "sound",
-)
+    "sound", "flyer at 20 m/s", "sound", "flyer at 4.5 m/s goes through the other platen",
+    "400 times as stiff", f"curve ends at s = {SHORT}", "curve softens to less than nothing", "sound",
+)  # fmt: skip
 """What is special about each row."""
 
 

@@ -521,14 +521,9 @@ def test_the_linearised_reference_flutters_with_friction_only() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "friction"),
-    [
-        ("32 × 44", SLIPS),
-        *(
-            pytest.param(name, FOLDS_SLIPS_STICKS, marks=pytest.mark.long)
-            for name in ("32 × 44", "32 × 44, F-bar")
-        ),
-    ],
-)
+    [("32 × 44", SLIPS), *(pytest.param(name, FOLDS_SLIPS_STICKS,
+     marks=pytest.mark.long) for name in ("32 × 44", "32 × 44, F-bar"))],
+)  # fmt: skip
 def test_fine_force_and_outline_with_friction_against_the_reference(
     name: str, friction: tuple[float, ...]
 ) -> None:

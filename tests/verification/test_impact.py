@@ -280,13 +280,9 @@ def row(result: Result) -> tuple[str, str, str]:
 
 
 NAMES = {
-    "incident_rise": "arrival",
-    "tensile_dip": "tensile dip",
-    "separation": "separation",
-    "arrest": "arrest",
-    "push_back": "push-back",
-    "second_impact": "second impact",
-}
+    "incident_rise": "arrival", "tensile_dip": "tensile dip", "separation": "separation", "arrest": "arrest",
+    "push_back": "push-back", "second_impact": "second impact",
+}  # fmt: skip
 MARKED = tuple(name for name in NAMES if name != "tensile_dip")
 
 
@@ -356,25 +352,16 @@ def page(result: Result) -> str:
 
     paper = [
         ["speed of the striker [m/s]", f"{SPEED:g}", f"{SPEED:g} (given)"],
-        [
-            "flyer at separation over the specimen's length [1/s]",
-            "340 to 429",
-            f"{numbers['flyer'] / LENGTH:.0f} (by the choice of the rubber)",
-        ],
+        ["flyer at separation over the specimen's length [1/s]", "340 to 429",
+         f"{numbers['flyer'] / LENGTH:.0f} (by the choice of the rubber)"],
         ["mean strain rate, separation to 70 % [1/s]", "340 to 429, mean 399", f"{numbers['rate']:.0f}"],
         ["largest compression [%]", "about 70 before symmetry is lost", f"{100 * numbers['strain']:.1f}"],
         ["from the wave's arrival to 70 % [ms]", "1.7 (200 pictures)", f"{1e3 * numbers['window']:.2f}"],
-        [
-            "compression over what the pulse alone moves the bar's end by",
-            "10 (bars 10 times as long)",
-            f"{numbers['gain']:.1f}",
-        ],
-        [
-            "transmitted force peaks at the arrest",
-            "yes",
-            f"{1e6 * numbers['arrest to peak']:+.0f} µs from it, {numbers['peak']:.0f} N",
-        ],
-    ]
+        ["compression over what the pulse alone moves the bar's end by", "10 (bars 10 times as long)",
+         f"{numbers['gain']:.1f}"],
+        ["transmitted force peaks at the arrest", "yes",
+         f"{1e6 * numbers['arrest to peak']:+.0f} µs from it, {numbers['peak']:.0f} N"],
+    ]  # fmt: skip
     rows = [line(name) for name in NAMES]
     changes = ", ".join(f"{change:.2g}" for change in result.test.change)
     return f"""# {TITLE}

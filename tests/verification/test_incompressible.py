@@ -250,15 +250,8 @@ def correction_table(result: Result) -> str:
         costs = [f"{one.direct_cost:.2f}", f"{one.cost:.2f}"]
         rows.append([f"{mesh[0]} × {mesh[1]}", coarse, f"{nu:g}", *costs, *errors])
     header = [
-        "mesh",
-        "corrected on",
-        "ν",
-        "cost, direct",
-        "cost",
-        "5 kHz force [%]",
-        "radii [µm]",
-        "raw force [N]",
-    ]
+        "mesh", "corrected on", "ν", "cost, direct", "cost", "5 kHz force [%]", "radii [µm]", "raw force [N]",
+    ]  # fmt: skip
     return table(header, rows)
 
 

@@ -154,16 +154,9 @@ def case() -> Result:
         ]
         ratio[name] = float(np.sqrt(np.mean(np.concatenate([part.ravel() for part in squares]))))
     return Result(
-        clean=clean,
-        exact=exact,
-        errors=errors,
-        overlap=overlap,
-        scatter=scatter,
-        sigma=sigma,
-        ratio=ratio,
-        misfit=_noisy(PLACES["three gauges"], 0).misfit,
-        wrong=_noisy(PLACES["three gauges"], 0, 1.02).misfit,
-    )
+        clean=clean, exact=exact, errors=errors, overlap=overlap, scatter=scatter, sigma=sigma, ratio=ratio,
+        misfit=_noisy(PLACES["three gauges"], 0).misfit, wrong=_noisy(PLACES["three gauges"], 0, 1.02).misfit,
+    )  # fmt: skip
 
 
 def row(result: Result) -> tuple[str, str, str]:

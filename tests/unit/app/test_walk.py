@@ -104,16 +104,8 @@ def test_from_raw_files_to_the_answer_without_an_editor(tmp_path: Path) -> None:
 def _same_by_command(shot: Path, out: Path) -> None:
     """The same shot.toml gives the same bits by the command line."""
     words = [
-        sys.executable,
-        "-m",
-        "kolsky.cli",
-        "identify",
-        str(shot),
-        "--out",
-        str(out),
-        "--quiet",
-        *OPTIONS,
-    ]
+        sys.executable, "-m", "kolsky.cli", "identify", str(shot), "--out", str(out), "--quiet", *OPTIONS,
+    ]  # fmt: skip
     subprocess.run(words, check=True)
     by_page = read_identification(shot / "results" / "identification.h5")
     by_command = read_identification(out / "identification.h5")

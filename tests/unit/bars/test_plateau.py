@@ -360,12 +360,7 @@ def test_impossible_options_are_refused():
 
 @pytest.mark.parametrize(
     ("value", "first", "last"),
-    [
-        ([0, 1, 2, 3], 0, 3),
-        ([3, 1, 0, 1, 2, 2], 2, 4),
-        ([0, 1, 0, 1, 2, 1], 2, 4),
-        ([0, 1, 0, 1], 0, 1),
-    ],
+    [([0, 1, 2, 3], 0, 3), ([3, 1, 0, 1, 2, 2], 2, 4), ([0, 1, 0, 1, 2, 1], 2, 4), ([0, 1, 0, 1], 0, 1)],
 )
 def test_the_longest_rise(value, first, last):
     found = rising(np.array(value, dtype=float))

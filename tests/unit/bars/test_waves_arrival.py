@@ -259,10 +259,7 @@ def test_an_aligned_wave_stays_where_it_was_seen():
     farther = delays(aligned, station("incident", 1.005), station("transmission", 0.5), {})
     assert farther == pytest.approx((1e-6, -2e-6), abs=1e-15)
     moved = delays(
-        aligned,
-        station("incident", 1.0),
-        station("transmission", 0.5),
-        {"alignment, reflected wave": 0.2e-6},
+        aligned, station("incident", 1.0), station("transmission", 0.5), {"alignment, reflected wave": 0.2e-6}
     )
     assert moved == pytest.approx((3.2e-6, -1e-6), abs=1e-15)
 

@@ -241,15 +241,9 @@ def test_impossible_draws_are_refused():
 BAR = Bar(diameter=15e-3, length=1.5, youngs_modulus=190e9, density=8048.0, poisson=0.29)
 SPECIMEN = Specimen(diameter=10e-3, length=5e-3, density=1200.0)
 UNCERTAINTY = {
-    "bar_modulus": 0.01,
-    "bar_density": 0.002,
-    "bar_diameter": 0.003,
-    "bar_poisson": 0.004,
-    "specimen_diameter": 0.005,
-    "specimen_length": 0.006,
-    "gauge_distance": 7e-4,
-    "gauge_calibration": 0.008,
-}
+    "bar_modulus": 0.01, "bar_density": 0.002, "bar_diameter": 0.003, "bar_poisson": 0.004,
+    "specimen_diameter": 0.005, "specimen_length": 0.006, "gauge_distance": 7e-4, "gauge_calibration": 0.008,
+}  # fmt: skip
 
 
 FEW = ("specimen_diameter", "specimen_length", "gauge_distance", "gauge_calibration")

@@ -8,12 +8,7 @@ import pytest
 
 from kolsky.bars.audit import Switches
 from kolsky.bars.budget import propagate
-from kolsky.bars.signals.transducers import (
-    compensate_droop,
-    droop_sigma,
-    force_history,
-    force_signal,
-)
+from kolsky.bars.signals.transducers import compensate_droop, droop_sigma, force_history, force_signal
 from kolsky.base.apparatus import Transducer
 from kolsky.base.records import Recording
 

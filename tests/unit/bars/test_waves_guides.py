@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber
-from barshots import INCIDENT, INTERVAL, RATE, SHARE, STRESS, bar_shot, ramp, write_scope
+from barshots import INCIDENT, INTERVAL, RATE, SHARE, STRESS, bar_shot, ramp
 from elastic_layer import ALUMINIUM, Layer, elastic
 
 from kolsky.bars.guides.propagation import propagation, wave_speed
@@ -445,13 +445,12 @@ def test_windows_end_when_the_echo_is_back_at_the_specimen():
 
 def record(folder, corrections: str):
     """A transmission bar of 800 mm: its echo overlaps the transmitted pulse after 120 of 150 us."""
-    shot = bar_shot(folder, corrections=f"punching = false{corrections}")
     rng = np.random.default_rng(7)
     arrival = 200e-6
     first = INCIDENT * (ramp(T - arrival) - (1.0 - SHARE) * ramp(T - arrival - 400e-6))
     second = INCIDENT * SHARE * (ramp(T - arrival - 300e-6) - ramp(T - arrival - 420e-6))
-    first, second = (1e3 * (x + 1e-6 * rng.standard_normal(T.size)) for x in (first, second))
-    write_scope(shot / "scope.csv", ["t (s)", "inc (V)", "tra (V)"], [T, first, second])
+    first, second = (x + 1e-6 * rng.standard_normal(T.size) for x in (first, second))
+    shot = bar_shot(folder, columns=(T, first, second), corrections=f"punching = false{corrections}")
     path = shot / "shot.toml"
     head, bar, rest = path.read_text().partition("[bars.transmission]")
     path.write_text(head + bar + rest.replace("2000 mm", "800 mm", 1))

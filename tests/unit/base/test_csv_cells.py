@@ -15,14 +15,8 @@ from kolsky.studies.rates.comparison import compare
 from kolsky.studies.rates.output import tables
 
 HOSTILE = (
-    "=1+1",
-    '=HYPERLINK("http://x";"y")',
-    "+1+1",
-    "-2+3+cmd|' /C calc'!A0",
-    "@SUM(1;1)",
-    "\t=1",
-    "＝1+1",
-)
+    "=1+1", '=HYPERLINK("http://x";"y")', "+1+1", "-2+3+cmd|' /C calc'!A0", "@SUM(1;1)", "\t=1", "＝1+1",
+)  # fmt: skip
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|-inf|")
 
 

@@ -114,10 +114,10 @@ def test_a_path_meets_the_same_equilibria() -> None:
 
 
 def test_chambers_that_touch() -> None:
-    free = actuator(wall=1.2e-3, gap=0.3e-3, cell=3e-3, inlet=2e-3)
+    free = actuator(wall=1.2e-3, gap=0.3e-3, cell=4e-3, inlet=2e-3)
     contact = SelfContact("gap_1_left", "gap_1_right")
     both = replace(free, contacts=(contact,))
-    pressures = np.array([10e3, 29.9e3, 30e3, 30.1e3])
+    pressures = np.array([5e3, 23.9e3, 24.1e3])
     apart, touched = free.simulate(DOWN, pressures), both.simulate(DOWN, pressures)
     assert touched.solution.outcome.ok
     assert touching(apart) is None
@@ -134,8 +134,8 @@ def test_chambers_that_touch() -> None:
     each = [one.areas @ one.pressures(u) for one in surface_contacts(touched.solution.model)]
     assert pressed.force[2] == pytest.approx(2.0 * sum(each))
     # exact slope in contact
-    difference = (touched.angle[3] - touched.angle[1]) / 200.0
-    assert touched.slopes()[2, 0] == pytest.approx(difference, rel=1e-4)
+    difference = (touched.angle[2] - touched.angle[1]) / 200.0
+    assert touched.slopes()[1:, 0].mean() == pytest.approx(difference, rel=1e-4)
     with pytest.raises(ValueError, match="no contact"):
         reduce_actuator(both, DOWN, most=30e3, modes=3, tolerance=1e-3)
 

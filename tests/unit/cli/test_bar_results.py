@@ -1,19 +1,16 @@
-"""Files and numbers of a test between bars against closed forms: sensitivities, true curve, database."""
+"""Files and numbers of `kolsky waves` and `check` on a test between bars with an answer in closed form."""
 
 import csv
+import json
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from barshots import ARRIVAL, DIAMETER, LENGTH, STRESS, bar_shot, strains, write_scope
+from barshots import ARRIVAL, DIAMETER, LENGTH, RATE, STRESS, bar_shot, gauge, strains, write_scope
 from kolsky_command import json_of, run_kolsky
 
 MORE = 'specimen_length = "0.5 %"\ngauge_calibration = "0.2 %"'
-
-
-def reduce(folder: Path) -> dict:
-    return json_of("waves", folder)
 
 
 @pytest.fixture(scope="module", params=["compression", "tension"])
@@ -23,7 +20,7 @@ def reduced(request, tmp_path_factory) -> tuple[Path, dict, str]:
     if request.param == "tension":
         path = folder / "shot.toml"
         path.write_text(path.read_text().replace('compression = "positive"', 'compression = "negative"'))
-    return folder / "results", reduce(folder), request.param
+    return folder / "results", json_of("waves", folder, "--figures", "svg"), request.param
 
 
 def lines(path: Path) -> list[str]:
@@ -102,15 +99,70 @@ def test_the_database_file_says_what_it_holds(reduced):
     assert (inside[0], inside[-1]) == (pytest.approx(first, abs=1e-9), pytest.approx(last, abs=1e-9))
 
 
+def test_rate_stress_and_strain_are_those_that_were_planted(reduced):
+    folder, said, _ = reduced
+    with h5py.File(folder / "waves.h5") as file:
+        part = file["entry/reduction/three_waves"]
+        time, rate, stress = part["time"][()], part["rate"][()], part["stress"][()]
+        strain, sigma = part["strain"][()], part["stress_sigma"][()]
+    inside = (time > 30e-6) & (time < 120e-6)
+    # The arrival is known to a fraction of a sample, on the plateau it does not matter; noise of the mean of
+    # 900 samples of 1 um/m is 0.03 um/m of 1500: 5e-4 holds it and the zero's error (800 samples).
+    assert np.mean(rate[inside]) == pytest.approx(RATE, rel=5e-4)
+    assert np.mean(stress[inside]) == pytest.approx(STRESS, rel=5e-4)
+    # 0.3 us of arrival error (three samples) at 2000 / s are 6e-4 of strain.
+    assert strain.max() == pytest.approx(RATE * 130e-6, abs=6e-4)
+    # 1 % of the diameter is 2 % of the stress; noise adds to it in quadrature.
+    at = np.argmin(np.abs(time - 75e-6))
+    assert sigma[at] == pytest.approx(0.02 * STRESS, rel=0.1)
+    assert said["windows"]["source"] == "travel times"
+
+
+def test_forces_balance_and_files_hold_the_same_numbers(reduced):
+    folder, said, _ = reduced
+    assert said["balanced"] is not None
+    first, last = said["balanced"]
+    assert last - first > 100e-6  # of a pulse of 150 us whose forces are equal throughout
+    answer = said["results"]["peak stress"]
+    with h5py.File(folder / "waves.h5") as file:
+        stored = file["entry/budget/results/peak_stress"]
+        assert stored["value"][()] == answer["value"]
+        assert stored["interval"][()].tolist() == answer["interval"]
+        shares = stored["share_of_variance"][()]
+        names = [name.decode() for name in file["entry/budget/name"][()]]
+    assert sum(shares) == pytest.approx(1.0)
+    assert shares[names.index("specimen, diameter")] > 0.9
+    header = (folder / "waves.csv").read_text().splitlines()[0]
+    assert "stress, three waves (Pa)" in header
+    assert "sigma of stress, three waves (Pa)" in header
+    assert (folder / "figures" / "waves.svg").stat().st_size > 10_000
+
+
+def test_every_correction_is_in_the_log_applied_or_not(reduced):
+    folder, said, _ = reduced
+    log = {entry["name"]: entry for entry in said["corrections"]}
+    punching = log["punching of the bars' faces"]
+    assert not punching["applied"]
+    assert punching["size"] > 0.0
+    assert {"dispersion, incident wave", "dispersion, transmitted wave"} <= set(log)
+    # Without Poisson's ratio the first mode travels at c0 up to about 200 kHz, where it meets the next one:
+    # the corners of the trapezoid, 1.5e-3 high, change by 2 %, and noise above that, but nothing else does.
+    assert log["dispersion, incident wave"]["size"] < 5e-5
+    assert log["dispersion, incident wave"]["rms"] < 5e-6
+    text = (folder / "waves_corrections.csv").read_text()
+    assert "punching of the bars' faces,punching,no" in text
+
+
 @pytest.mark.parametrize(("way", "factor"), [("one wave", 1.0), ("two waves", 1.1)])
 def test_the_quoted_analysis_is_the_chosen_one(tmp_path, way, factor):
     """An incident gauge 10 % too sensitive in the declaration moves the front force only."""
-    folder = bar_shot(tmp_path / "shot", waves=f'analysis = "{way}"', more=MORE)
+    columns = strains(every=4)
+    folder = bar_shot(tmp_path / "shot", columns=columns, waves=f'analysis = "{way}"', more=MORE)
     path = folder / "shot.toml"
     text = path.read_text()
     assert text.count("0.001 1/V") == 2
     path.write_text(text.replace("0.001 1/V", "0.0011 1/V", 1))
-    said = reduce(folder)
+    said = json_of("waves", folder)
     assert said["analysis"] == way
     assert said["results"]["peak stress"]["value"] == pytest.approx(factor * STRESS, rel=0.03)
     own = said["sensitivity"]["transmission gauge, strain per volt"].get("peak stress", 0.0)
@@ -164,9 +216,10 @@ def test_check_writes_a_page_with_the_signals(tmp_path):
     assert "<svg" in page or "data:image" in page
 
 
-def test_check_refuses_what_holds_no_test(tmp_path):
+@pytest.mark.parametrize("command", ["check", "waves"])
+def test_what_holds_no_test_is_refused(tmp_path, command):
     folder = bar_shot(tmp_path / "shot", waves='load = "tension"')
-    done = run_kolsky("check", str(folder), code=2)
+    done = run_kolsky(command, str(folder), code=2)
     assert "incident gauge" in done.stderr
     assert "Traceback" not in done.stderr
 
@@ -275,3 +328,119 @@ def test_a_file_of_new_bars_that_is_filled_in_is_reduced(tmp_path):
         gauges = gauges.replace(key, value)
     (tmp_path / "shot" / "shot.toml").write_text(before + "[gauges.incident]" + gauges, encoding="utf-8")
     run_kolsky("check", tmp_path / "shot", "--json")
+
+
+def test_windows_from_the_shot_file_are_taken(tmp_path):
+    declared = (
+        'incident = ["195 us", "390 us"]\nreflected = ["595 us", "790 us"]\n'
+        'transmitted = ["495 us", "690 us"]\n'
+    )
+    folder = bar_shot(tmp_path / "shot", columns=strains(every=4), waves=declared)
+    assert json_of("waves", folder)["windows"] == {
+        "incident": [195e-6, 390e-6],
+        "reflected": [595e-6, 790e-6],
+        "transmitted": [495e-6, 690e-6],
+        "source": "shot file",
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('wave_speed = "5000 m/s"', "", "bars.incident.wave_speed"),
+        ('diameter = "10 mm"', 'diameter = "30 mm"', "is wider than the bar"),
+        ('distance = "1000 mm"', 'distance = "3000 mm"', "gauges.incident.distance"),
+        ('recorder = "scope"\nchannels = ["tra', 'recorder = "skope"\nchannels = ["tra', "names no recorder"),
+        ('file = "scope.csv"', 'file = "gone.csv"', "recorders.scope.file"),
+        ("punching = false", "punshing = false", "did you mean 'punching'"),
+        ('channels = ["inc (V)"]', 'channels = ["ink (V)"]', "ink (V)"),
+        ('baseline = ["0 us", "80 us"]', 'baseline = ["20 us", "20.2 us"]', "baseline"),
+        ('strain_per_volt = "0.001 1/V"', 'strain_per_volt = "0.001 V"', "strain per volt"),
+    ],
+)
+def test_a_bad_declaration_is_one_line_with_its_cure(tmp_path, old, new, named):
+    folder = bar_shot(tmp_path / "shot")
+    text = (folder / "shot.toml").read_text()
+    assert old in text
+    (folder / "shot.toml").write_text(text.replace(old, new))
+    err = run_kolsky("waves", folder, code=2).stderr
+    assert named in err
+    assert "Traceback" not in err
+    assert not (folder / "results").exists()
+
+
+def called(folder: Path, name: str, **columns: float) -> Path:
+    """A shot of that name."""
+    path = bar_shot(folder, columns=strains(**columns)) / "shot.toml"
+    path.write_text(path.read_text().replace("format = 1", f'format = 1\nname = "{name}"'), encoding="utf-8")
+    return folder
+
+
+def test_a_hostile_name_is_escaped_and_stays_in_its_folder(tmp_path):
+    folder = called(tmp_path / "shot", "<script>alert(1)</script>../../x", every=4)
+    run_kolsky("waves", folder)
+    page = (folder / "results" / "waves.html").read_text(encoding="utf-8")
+    assert "<script>" not in page
+    assert "&lt;script&gt;" in page
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["shot"]
+
+
+def test_repeats_give_a_mean_with_a_band_that_covers(tmp_path):
+    folders = [called(tmp_path / name, name, seed=seed, every=4) for seed, name in enumerate("abc")]
+    arguments = ["repeats", *map(str, folders), "--out", str(tmp_path / "mean"), "--figures", "svg", "--json"]
+    result = run_kolsky(*arguments)
+    said = json.loads(result.stdout)
+    assert said["tests"] == ["a", "b", "c"]
+    low, high = said["largest_mean_stress"]["band"]
+    # The largest of a noisy plateau lies above it by some of its noise, 1e-6 of strain or 0.8 MPa a sample.
+    assert low < STRESS + 2e6
+    assert high > STRESS
+    # What is shared, 2 % from the declared diameter, is not lowered by repeating.
+    assert 0.5 * (high - low) > 1.9 * 0.02 * STRESS
+    table = np.genfromtxt(tmp_path / "mean" / "repeats.csv", delimiter=",", skip_header=1)
+    middle = (table[:, 0] > 0.08) & (table[:, 0] < 0.22)  # of 0.31 in all; the ramps are outside
+    assert np.mean(table[middle, 1]) == pytest.approx(STRESS, rel=1e-3)
+    assert (tmp_path / "mean" / "figures" / "repeats.svg").exists()
+
+
+def test_one_shot_is_no_repeat(tmp_path):
+    result = run_kolsky("repeats", bar_shot(tmp_path / "a"), "--out", tmp_path / "mean", code=2)
+    assert "2 or more" in result.stderr
+
+
+SHUNT = """bridge = {{ kind = "half, opposed", gauge_factor = 2.0, excitation = "5 V", gain = 100, \
+shunt = {{ resistance = "100 kohm", step = "{step} V" }} }}"""
+STEP = 100.0 * 5.0 * (120.0 / 100120.0) / (2.0 * (2.0 - 120.0 / 100120.0))
+"""100 kohm across one arm of 120 ohm, times gain and excitation, in a bridge of equal arms."""
+
+
+def bridged(folder: Path, step: float) -> Path:
+    """A shot whose transmission gauges are a half bridge with a shunt."""
+    t, first, second = strains(every=4)
+    # A half bridge with opposed gauges: V = Vexc gain GF e / 2 up to its nonlinearity, 500 e / (1 - e).
+    columns = (t, first, 0.5 * second / (1.0 - second))
+    station = gauge("tra (V)").replace('strain_per_volt = "0.001 1/V"', SHUNT.format(step=step))
+    return bar_shot(folder, columns=columns, transmission=station)
+
+
+@pytest.mark.parametrize(
+    ("step", "named"), [(-STEP, "correct the sign"), (2.0 * STEP, "ratio of 2"), (0.0, "not 0 V")]
+)
+def test_a_shunt_that_contradicts_is_refused(tmp_path, step, named):
+    err = run_kolsky("waves", bridged(tmp_path / "shot", step), code=2).stderr
+    assert named in err
+    assert "gauges.transmission.bridge" in err
+
+
+def test_a_shunt_gives_the_gain(tmp_path):
+    """A step 1 % larger than stated gain and excitation make it lowers every strain by 1 %."""
+    stresses = []
+    for scale in (1.0, 1.01):
+        folder = bridged(tmp_path / f"shot{scale}", scale * STEP)
+        run_kolsky("waves", folder, "--json")
+        with h5py.File(folder / "results" / "waves.h5") as file:
+            stresses.append(file["entry/reduction/one_wave/stress"][()].max())
+    # The largest of a noisy plateau lies above it by some of its noise, 0.8 MPa a sample.
+    assert stresses[0] == pytest.approx(STRESS, abs=5e6)
+    # A half bridge bends by its strain, 3e-4.
+    assert stresses[0] / stresses[1] == pytest.approx(1.01, rel=1e-5)

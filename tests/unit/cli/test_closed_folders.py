@@ -26,19 +26,11 @@ for name, words in json.loads(sys.stdin.read()).items():
 print(json.dumps(found))
 """
 COMMANDS = {
-    "check": "check SHOT",
-    "identify": "identify SHOT",
-    "report": "report SHOT",
-    "simulate": "simulate SHOT",
-    "plan": "plan SHOT",
-    "sweep": "sweep SHOT --design lhs --runs 4",
-    "film": "film SHOT",
-    "budget": "budget SPEC --out CLOSED",
-    "waves": "waves BAR",
-    "dic": "dic PICTURES",
-    "specimen fit": "specimen fit STRIP/strip.toml",
-    "virtual new": "virtual new CLOSED/one.toml",
-}
+    "check": "check SHOT", "identify": "identify SHOT", "report": "report SHOT", "simulate": "simulate SHOT",
+    "plan": "plan SHOT", "sweep": "sweep SHOT --design lhs --runs 4", "film": "film SHOT",
+    "budget": "budget SPEC --out CLOSED", "waves": "waves BAR", "dic": "dic PICTURES",
+    "specimen fit": "specimen fit STRIP/strip.toml", "virtual new": "virtual new CLOSED/one.toml",
+}  # fmt: skip
 
 
 @pytest.mark.slow  # twelve commands load what they need

@@ -45,7 +45,7 @@ def shot(tmp_path: Path) -> Path:
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory):
     folder = shot_in(tmp_path_factory.mktemp("identified") / "shot")
-    result = run_kolsky("identify", folder, *QUICK, "--figures", "svg", "--json")
+    result = run_kolsky("identify", folder, *QUICK, "--figures", "csv", "--json")
     return folder, result
 
 
@@ -87,7 +87,7 @@ def test_results_are_complete_and_inputs_untouched(identified) -> None:
     tables = ["design.csv", "energy.csv", "force.csv", "profile.csv", "summary.csv"]
     assert made == sorted([*tables, "figures", "identification.h5", "report.html"])
     drawn = {p.suffix for p in (folder / "results" / "figures").iterdir()}
-    assert drawn == {".svg"}
+    assert drawn == {".csv"}
 
 
 def test_the_report_has_words_for_every_key(identified) -> None:
@@ -160,14 +160,8 @@ def test_nearly_incompressible_has_its_limits(shot: Path) -> None:
 
 def test_sweep(shot: Path) -> None:
     arguments = [
-        "sweep",
-        str(shot),
-        *TINY,
-        "--vary",
-        "stiffness_factor=1:1.3:3",
-        "--vary",
-        "damping=0:50 us:2",
-    ]
+        "sweep", str(shot), *TINY, "--vary", "stiffness_factor=1:1.3:3", "--vary", "damping=0:50 us:2",
+    ]  # fmt: skip
     said = json_of(*arguments)
     assert (said["runs"], said["completed"], said["warnings"]) == (6, 6, [])
     with (shot / "results" / "sweep.csv").open(newline="") as file:
@@ -181,9 +175,8 @@ def test_sweep(shot: Path) -> None:
     assert said["surface_optimum"] is not None or said["no_surface"]
 
 
-@pytest.mark.parametrize("design", ["lhs", "sobol"])
-def test_random_sweeps_repeat_with_their_seed(design: str, shot: Path) -> None:
-    arguments = ["sweep", str(shot), *TINY, "--design", design, "--runs", "4", "--vary", "friction=0.1:0.6"]
+def test_random_sweeps_repeat_with_their_seed(shot: Path) -> None:
+    arguments = ["sweep", str(shot), *TINY, "--design", "sobol", "--runs", "4", "--vary", "friction=0.1:0.6"]
     written = []
     for seed in ("7", "7", "8"):
         result = run_kolsky(*arguments, "--seed", seed)
@@ -302,7 +295,7 @@ def test_the_per_shot_script(tmp_path: Path) -> None:
 
 # Bad shots: the same answers as `kolsky check`, nothing written
 
-ISSUE = (  # the cases every command must answer
+ISSUE = (  # cases of `kolsky check` that every command must answer
     "missing file",
     "swapped scope columns",
     "swapped outline columns",
@@ -319,11 +312,8 @@ ISSUE = (  # the cases every command must answer
 )
 
 
-@pytest.mark.parametrize(
-    ("command", "case"),
-    [("identify", case) for case in BAD]
-    + [(command, case) for command in ("simulate", "sweep") for case in ISSUE],
-)
+@pytest.mark.parametrize("case", ISSUE)
+@pytest.mark.parametrize("command", ["identify", "simulate", "sweep"])
 def test_bad_shots_are_answered_in_one_line(command: str, case: str, shot: Path) -> None:
     mutate, fragments = BAD[case]
     mutate(shot)

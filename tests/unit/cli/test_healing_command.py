@@ -185,15 +185,8 @@ def test_columns_without_a_unit_ask_for_it(tmp_path: Path):
     path = write_test(tmp_path / "a.csv", 1.0)
     path.write_text(path.read_text().replace("Load (N)", "Load"))
     args = [
-        "material",
-        "reference-curve",
-        str(path),
-        *DECLARED,
-        "--displacement",
-        "Travel",
-        "--force",
-        "Load",
-    ]
+        "material", "reference-curve", str(path), *DECLARED, "--displacement", "Travel", "--force", "Load",
+    ]  # fmt: skip
     size = ["--diameter", "9.5 mm", "--length", "6.5 mm", "--out", str(tmp_path / "c.csv")]
     result = run_kolsky(*args, *size, code=2)
     assert "--unit 'Load=N'" in result.stderr

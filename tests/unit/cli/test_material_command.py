@@ -31,24 +31,10 @@ def test_from_files_to_a_report(tmp_path):
     wide = write(tmp_path / "wide.csv", Mode.EQUIBIAXIAL, sign=-1.0, at=2.0 - STRETCH)
     out = tmp_path / "out"
     done = run_kolsky(
-        "material",
-        "fit",
-        push,
-        f"equibiaxial:{wide}",
-        "--strain",
-        "Strain",
-        "--stress",
-        "Stress",
-        "--convention",
-        "compression-positive",
-        "--laws",
-        "neo_hookean,mooney_rivlin_2",
-        "--out",
-        out,
-        "--figures",
-        "svg",
-        "--json",
-    )
+        "material", "fit", push, f"equibiaxial:{wide}", "--strain", "Strain", "--stress", "Stress",
+        "--convention", "compression-positive", "--laws", "neo_hookean,mooney_rivlin_2", "--out", out,
+        "--figures", "svg", "--json",
+    )  # fmt: skip
     said = json.loads(done.stdout)
     assert said == json.loads((out / "material.json").read_text(encoding="utf-8"))
     assert said["best"] == "mooney_rivlin_2"
@@ -85,24 +71,9 @@ def test_repeats_are_averaged(tmp_path):
     ends = incompressible_stress(LAW, Mode.UNIAXIAL, mean.deformation[[0, -1]])
     np.testing.assert_allclose(mean.stress[[0, -1]], ends, rtol=1e-8)  # nine digits in the files
     done = run_kolsky(
-        "material",
-        "fit",
-        *files,
-        "--strain",
-        "1",
-        "--stress",
-        "2",
-        "--convention",
-        "tension-positive",
-        "--mean",
-        "9",
-        "--laws",
-        "neo_hookean",
-        "--weighting",
-        "sigma",
-        "--out",
-        tmp_path / "out",
-    )
+        "material", "fit", *files, "--strain", "1", "--stress", "2", "--convention", "tension-positive",
+        "--mean", "9", "--laws", "neo_hookean", "--weighting", "sigma", "--out", tmp_path / "out",
+    )  # fmt: skip
     assert "neo_hookean" in done.stdout
     assert "E0 (kPa)" in done.stdout
 
@@ -132,23 +103,17 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
         (["{f}"], {"strain": ""}, "--stretch COLUMN or --strain COLUMN"),
         (["{f}"], {"stretch": "1"}, "--stretch and --strain exclude each other"),
         (["{f}"], {"stress": ""}, "--stress COLUMN"),
-        (
-            ["{f}"],
-            {"stress": "Force"},
-            "column 'Force' .*is missing; the columns of numbers are 'Strain .%.' .1., 'Stress",
-        ),
-        (
-            ["{f}"],
-            {"stress_unit": "mm"},
-            "column 'Stress .kPa.' for the stress is in 'mm'; it must be in a unit of a stress",
-        ),
+        (["{f}"], {"stress": "Force"},
+         "column 'Force' .*is missing; the columns of numbers are 'Strain .%.' .1., 'Stress"),
+        (["{f}"], {"stress_unit": "mm"},
+         "column 'Stress .kPa.' for the stress is in 'mm'; it must be in a unit of a stress"),
         (["{f}"], {"stress": "Strain"}, "column 'Strain .%.' for the stress is in '%'"),
         (["{f}"], {"convention": "compression-positive"}, "uniaxial: stretch must be > 0|sign"),
         (["tension:{f}"], {}, "it must be uniaxial, equibiaxial, planar, simple-shear"),
         (["simple-shear:{f}"], {"strain": "", "stretch": "1"}, "simple shear has no stretch"),
         (["{f}x"], {}, "there is no such file"),
     ],
-)
+)  # fmt: skip
 def test_what_is_not_said_or_cannot_be_is_refused(tmp_path, files, change, message):
     file = write(tmp_path / "t.csv", at=np.linspace(0.3, 0.9, 12))
     if change.get("convention") == "compression-positive":
@@ -160,16 +125,8 @@ def test_what_is_not_said_or_cannot_be_is_refused(tmp_path, files, change, messa
 def test_options_are_refused_in_one_line(tmp_path):
     file = write(tmp_path / "t.csv")
     common = (
-        file,
-        "--strain",
-        "1",
-        "--stress",
-        "2",
-        "--convention",
-        "tension-positive",
-        "--out",
-        tmp_path / "out",
-    )
+        file, "--strain", "1", "--stress", "2", "--convention", "tension-positive", "--out", tmp_path / "out",
+    )  # fmt: skip
     for arguments, message in (
         (("--laws", "hooke"), "law 'hooke' is not one of neo_hookean"),
         (("--weighting", "log"), "it must be absolute, relative or sigma"),
@@ -187,22 +144,9 @@ def test_a_law_without_a_fit_is_a_remark(tmp_path):
     np.savetxt(file, np.column_stack([at - 1.0, incompressible_stress(LAW, Mode.UNIAXIAL, at)]))
     out = tmp_path / "out"
     done = run_kolsky(
-        "material",
-        "fit",
-        file,
-        "--strain",
-        "1",
-        "--stress",
-        "2",
-        "--convention",
-        "tension-positive",
-        "--laws",
-        "neo_hookean,ogden3",
-        "--stress-unit",
-        "Pa",
-        "--out",
-        out,
-    )
+        "material", "fit", file, "--strain", "1", "--stress", "2", "--convention", "tension-positive",
+        "--laws", "neo_hookean,ogden3", "--stress-unit", "Pa", "--out", out,
+    )  # fmt: skip
     assert "ogden3 has no fit: ogden3 has 6 free constants, the tests only 6 points" in done.stderr
     assert "ogden3 has no fit" in (out / "material.html").read_text(encoding="utf-8")
 

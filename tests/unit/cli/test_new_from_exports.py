@@ -138,8 +138,10 @@ def series(folder: Path, program: str, *, name: str = "Image", seed: int = 1) ->
     return folder
 
 
-@pytest.mark.parametrize("place", ["", "dic", "dic/left right [1]"], ids=["beside", "below", "deep"])
-@pytest.mark.parametrize("program", HEADS)
+@pytest.mark.parametrize(
+    ("program", "place"),
+    [("vic3d", ""), ("duodic", "dic/left right [1]"), *((program, "dic") for program in HEADS)],
+)
 def test_series_of_five_rows_are_recognised_by_their_headings(
     program: str, place: str, tmp_path: Path
 ) -> None:

@@ -154,18 +154,11 @@ class Text(HTMLParser):
 @pytest.mark.usefixtures("no_old_figures")
 def test_every_number_is_in_the_file(tmp_path: Path) -> None:
     profile = ParameterProfile(
-        name="stiffness_factor",
-        values=np.array([1.11, 1.12, 1.13]),
-        rise=np.array([9.0, 0.0, 9.0]),
-        points=np.array([[1.11], [1.12], [1.13]]),
-        level=3.84,
-        correlation=1.0,
-        interval=(1.1163, 1.1238),
-        alone=(1.1163, 1.1238),
-        verdict="identified",
-        text="stiffness_factor is identified, between 1.1163 and 1.1238",
-        error=0.01,
-    )
+        name="stiffness_factor", values=np.array([1.11, 1.12, 1.13]), rise=np.array([9.0, 0.0, 9.0]),
+        points=np.array([[1.11], [1.12], [1.13]]), level=3.84, correlation=1.0, interval=(1.1163, 1.1238),
+        alone=(1.1163, 1.1238), verdict="identified",
+        text="stiffness_factor is identified, between 1.1163 and 1.1238", error=0.01,
+    )  # fmt: skip
     moved = Declaration(
         key="poisson", sigma=0.004, unit="1", shifts={"stiffness_factor": 0.0014}, status="varied"
     )

@@ -134,18 +134,14 @@ def test_a_design_from_a_file(shot: Path) -> None:
 
 
 BAD_FILES = {
-    "damping (us),mass\n1,2\n": "there is no parameter 'mass'",
-    "damping (furlong)\n1\n2\n": "line 1",
+    "damping (us),mass\n1,2\n": "there is no parameter 'mass'", "damping (furlong)\n1\n2\n": "line 1",
     "damping (us)\n1\n": "holds 1 points",
     "damping (us)\n1\nx\n": "line 3: column 'damping (us)' is not a number: 'x'",
     "damping (us)\n1\nnan\n": "line 3: column 'damping (us)' is not a finite number: 'nan'",
     "damping (us)\n1\n-1\n": "line 3: damping = -1e-06 s is not allowed",
-    "damping (us),friction\n1\n": "line 2: ",
-    "damping (us),damping\n1,1\n": "damping stands twice",
-    "poisson\n0.4\n0.4\n": "poisson has one value only",
-    "=cmd()\n1\n": "is no column",
-    "": "is empty",
-}
+    "damping (us),friction\n1\n": "line 2: ", "damping (us),damping\n1,1\n": "damping stands twice",
+    "poisson\n0.4\n0.4\n": "poisson has one value only", "=cmd()\n1\n": "is no column", "": "is empty",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("text", BAD_FILES)

@@ -45,13 +45,8 @@ def test_what_a_study_was_made_with(tables: ModuleType, monkeypatch: pytest.Monk
         "all errors at once."
     )
     shot = {
-        "name": "a",
-        "truth": 1.0,
-        "value": 1.01,
-        "sigma": 0.005,
-        "verdict": "identified",
-        "seconds": 60.0,
-    }
+        "name": "a", "truth": 1.0, "value": 1.01, "sigma": 0.005, "verdict": "identified", "seconds": 60.0,
+    }  # fmt: skip
     drawn = {"seed": 7, "right": 1, "scatter": 2.0, "largest": 2.0, "answers": [{**shot, "kind": "right"}]}
     monkeypatch.setattr(tables, "_results", lambda _: drawn)
     lines = tables.drawn("any").splitlines()
@@ -100,13 +95,8 @@ def test_scatter_of_errors_over_their_uncertainties() -> None:
 
 def test_times_of_equilibria_are_merged(tmp_path: Path) -> None:
     settings = {
-        "kind": "hex27",
-        "steps": 1,
-        "strain": 0.1,
-        "linear": "auto",
-        "device": "cpu",
-        "where": "here",
-    }
+        "kind": "hex27", "steps": 1, "strain": 0.1, "linear": "auto", "device": "cpu", "where": "here",
+    }  # fmt: skip
     measured = {"outcome": "COMPLETED", "processor seconds": 2.0, "factorisations": 3, "iterations": 4}
     small, large = (
         {

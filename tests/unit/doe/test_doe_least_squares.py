@@ -8,13 +8,7 @@ from scipy.optimize import lsq_linear
 
 from doe import Box, SearchOutcome, nelder_mead
 from doe.least_squares import STEP, Whitening, least_squares
-from doe.uncertainty import (
-    Channel,
-    Likelihood,
-    VerdictKind,
-    profile_likelihoods,
-    verdicts,
-)
+from doe.uncertainty import Channel, Likelihood, VerdictKind, profile_likelihoods, verdicts
 from doe.uncertainty.profile import LEVEL
 
 FloatArray = NDArray[np.float64]

@@ -139,10 +139,7 @@ def test_merging_prefers_what_completed_and_refuses_a_contradiction(tmp_path: Pa
 
 
 def test_two_processes_cannot_hold_one_ledger(tmp_path: Path) -> None:
-    with (
-        Ledger(tmp_path / "l.sqlite", MODEL),
-        pytest.raises(LedgerError, match="another sweep is using it"),
-    ):
+    with Ledger(tmp_path / "l.sqlite", MODEL), pytest.raises(LedgerError, match="another sweep is using it"):
         Ledger(tmp_path / "l.sqlite", MODEL)
 
 

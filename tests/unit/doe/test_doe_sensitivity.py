@@ -9,12 +9,7 @@ from scipy.stats import sobol_indices as scipy_indices
 
 from doe import Box, ResponseSurrogate, information, latin_hypercube
 from doe.information import LinearData, SingularInformationError, best_groups, best_window
-from doe.sensitivity import (
-    SaltelliSample,
-    history_indices,
-    morris,
-    sobol_indices,
-)
+from doe.sensitivity import SaltelliSample, history_indices, morris, sobol_indices
 
 CIRCLE = Box.of({name: (-np.pi, np.pi) for name in ("x1", "x2", "x3")})
 WEIGHTS = np.array([0.0, 1.0, 4.5, 9.0])

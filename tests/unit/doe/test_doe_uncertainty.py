@@ -12,14 +12,7 @@ from doe.information import SingularInformationError, inverse_information
 from doe.least_squares import bounded_step, newton_step
 from doe.refine import CONVERGED_MOVE, Refinement, refine
 from doe.surrogates import ProcessSurrogate
-from doe.uncertainty import (
-    Channel,
-    Likelihood,
-    VerdictKind,
-    profile_likelihoods,
-    sample_posterior,
-    verdicts,
-)
+from doe.uncertainty import Channel, Likelihood, VerdictKind, profile_likelihoods, sample_posterior, verdicts
 
 LEVEL = 3.841458820694124  # 95 % point of chi-square with one degree of freedom, tables
 BOX = Box(("x", "y"), (-2.0, -2.0), (3.0, 4.0))

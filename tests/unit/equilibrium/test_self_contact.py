@@ -237,14 +237,9 @@ def indentation_pressed(n: int, nu: float, *, height: float = HEIGHT, mixed: boo
 
 @pytest.mark.parametrize(
     ("nu", "height", "mixed"),
-    [
-        (0.3, HEIGHT, False),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in ((0.4999, HEIGHT, True), (0.3, 10.0 * HEIGHT, False))
-        ),
-    ],
-)
+    [(0.3, HEIGHT, False), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((0.4999, HEIGHT, True),
+     (0.3, 10.0 * HEIGHT, False)))],
+)  # fmt: skip
 def test_a_sphere_has_the_force_of_hertz(nu: float, height: float, mixed: bool) -> None:
     # Depths of 5e-5 radii: the strains of 0.7 % leave the linear law by some tenths of a per cent. At K / mu
     # of 5000 the round-off of the pressure is 1e-7 of the small forces.

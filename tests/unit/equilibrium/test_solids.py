@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import warp as wp
 
-from explicit.device import select_device
 from explicit.materials import LAWS
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.equilibrium.elements import ELEMENTS, element, hypercube_rule, simplex_rule
@@ -323,16 +322,6 @@ def test_stiffness_is_the_derivative_of_the_forces():
     np.testing.assert_allclose(
         equations.times(equations.stiffness(state), du), by, atol=1e-6 * np.abs(by).max()
     )
-
-
-@pytest.fixture(scope="module")
-def cuda() -> str:
-    """Name of the first GPU."""
-    try:
-        select_device("cuda")
-    except ValueError as absent:
-        pytest.skip(str(absent))
-    return "cuda"
 
 
 @pytest.mark.parametrize("name", MODELS)

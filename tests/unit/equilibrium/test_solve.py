@@ -93,18 +93,10 @@ MESH = rectangle((1.0, 1.0), (1, 1), kind="quad4")
         (lambda: Model(MESH, MOONEY, kinematics="plane_stress", volumetric="mixed"), "no volumetric locking"),
         (lambda: Model(MESH, MOONEY, kinematics="plane_strain", volumetric="fbar"), "volumetric must be"),
         (lambda: Model(MESH, MOONEY, kinematics="plane_stress", thickness=0.0), "thickness must be"),
-        (
-            lambda: Model(
-                rectangle((1, 1), (1, 1), kind="tri3"), MOONEY, kinematics="plane_strain", volumetric="mixed"
-            ),
-            "no stable pressure",
-        ),
-        (
-            lambda: Model(
-                MESH, CompressibleNeoHookean(1.0, 1.0), kinematics="plane_strain", volumetric="mixed"
-            ),
-            "no separate volumetric",
-        ),
+        (lambda: Model(rectangle((1, 1), (1, 1), kind="tri3"), MOONEY, kinematics="plane_strain",
+         volumetric="mixed"), "no stable pressure"),
+        (lambda: Model(MESH, CompressibleNeoHookean(1.0, 1.0), kinematics="plane_strain", volumetric="mixed"),
+         "no separate volumetric"),
         (lambda: Model(MESH, MOONEY, kinematics="plane_stress", regions=np.array([0, 1])), "one number >= 0"),
         (lambda: Model(MESH, MOONEY, (Fixed("roof"),), kinematics="plane_stress"), "has no set 'roof'"),
         (lambda: clamped().parameters([1.0, 2.0]), "got 2 values"),
@@ -112,24 +104,18 @@ MESH = rectangle((1.0, 1.0), (1, 1), kind="quad4")
         (lambda: solve(clamped()), "must have the histories"),
         (lambda: solve(clamped(), {"pull": [0.1], "push": [0.1]}), "must have the histories"),
         (lambda: solve(clamped(), {"pull": [np.nan]}), "finite"),
-        (
-            lambda: solve(
-                sliding(extra=(Coupled("right", 0, "f"), Pressure("top", "p"))), {"f": [1], "p": [1, 2]}
-            ),
-            "one number of steps",
-        ),
+        (lambda: solve(sliding(extra=(Coupled("right", 0, "f"), Pressure("top", "p"))),
+         {"f": [1], "p": [1, 2]}), "one number of steps"),
         (lambda: sliding(extra=(Fixed("right", (7,)),)).unknowns, "axis of"),
         (lambda: sliding(extra=(Prescribed("left", 0, "pull"),)).unknowns, "both claim axis 0"),
         (lambda: Newton(tolerance=1.0), "tolerance must be"),
         (lambda: Newton(iterations=0), "must be >= 1"),
         (lambda: solve(sliding(extra=(RigidSurface("right", (0.0, 0.0), (1.0, 0.0)),))), "must not be zero"),
-        (
-            lambda: solve(sliding(extra=(RigidSurface("right", (1.0,), (1.0, 0.0)),))),
-            "must have 2 components",
-        ),
+        (lambda: solve(sliding(extra=(RigidSurface("right", (1.0,), (1.0, 0.0)),))),
+         "must have 2 components"),
         (lambda: solve(sliding(extra=(Pressure("corner", "p"),))), "has no set"),
     ],
-)
+)  # fmt: skip
 def test_what_is_refused(make, text):
     with pytest.raises(ValueError, match=text):
         make()

@@ -48,18 +48,12 @@ def touches(precision: str = "fp64", **change: Any) -> NDArray[Any]:
     rng = np.random.default_rng(3)
     made = np.zeros(N, dtype=touch_struct(PRECISIONS[precision]).numpy_dtype())
     values = {
-        "v_r": rng.normal(0.0, 1.0, N),
-        "v_y": rng.normal(0.0, 1.0, N),
-        "target": rng.normal(0.0, 0.5, N),
-        "normal": rng.choice([1.0, -1.0], N),
-        "status": rng.choice([FREE, TOUCHED, RELEASED], N),
-        "friction": rng.choice([0.0, 0.3, 2.0], N),
-        "release_stress": rng.choice([0.0, 4e4, np.inf], N),
-        "stiffness": 10.0 ** rng.uniform(9.0, 14.0, N),
-        "density": rng.uniform(0.1, 0.3, N),
-        "interval": rng.uniform(1e-6, 4e-6, N),
-        "step": rng.uniform(1e-6, 4e-6, N),
-    }
+        "v_r": rng.normal(0.0, 1.0, N), "v_y": rng.normal(0.0, 1.0, N), "target": rng.normal(0.0, 0.5, N),
+        "normal": rng.choice([1.0, -1.0], N), "status": rng.choice([FREE, TOUCHED, RELEASED], N),
+        "friction": rng.choice([0.0, 0.3, 2.0], N), "release_stress": rng.choice([0.0, 4e4, np.inf], N),
+        "stiffness": 10.0 ** rng.uniform(9.0, 14.0, N), "density": rng.uniform(0.1, 0.3, N),
+        "interval": rng.uniform(1e-6, 4e-6, N), "step": rng.uniform(1e-6, 4e-6, N),
+    }  # fmt: skip
     for field, value in (values | change).items():
         made[field] = value
     return made

@@ -51,14 +51,6 @@ APART = 1e-9
 """Sums are made in another order: round-off, 1e-16, amplified by a few hundred steps."""
 
 
-@pytest.fixture(scope="module")
-def cuda() -> str:
-    select_device("cpu")
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
-    return "cuda"
-
-
 def model(mesh: tuple[int, int], law: MaterialLaw | None = None, **options: str) -> Model:
     """A soft disc under a platen that gains speed."""
     motion = PlatenMotion.sampled(lambda t: 5e4 * t**2, lambda t: 1e5 * t, start=0.0, end=TIMES[-1])

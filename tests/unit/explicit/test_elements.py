@@ -114,11 +114,7 @@ def test_an_element_that_turns_inside_out_ends_its_simulation(name: str) -> None
         lambda t: 2.0 * LENGTH * t, lambda t: 2.0 * LENGTH + 0.0 * t, start=0.0, end=1.0, n_knots=11
     )
     model = Model(
-        cylinder(RADIUS, LENGTH, n_radial=2, n_axial=2),
-        870.0,
-        (neo_hookean(27e3),),
-        (motion,),
-        element=name,
+        cylinder(RADIUS, LENGTH, n_radial=2, n_axial=2), 870.0, (neo_hookean(27e3),), (motion,), element=name
     )
     response = run(model, Samples.of(poisson=0.495), Sampling(times, times))
     # The shrinking step of the last instants may come first, or outrun the one that was measured before.

@@ -360,27 +360,19 @@ def test_a_sampled_motion_is_measured_from_its_start() -> None:
 @pytest.mark.parametrize(
     ("prepare", "message"),
     [
-        (
-            lambda: run(model(motions=(motion(start=1.0),)), Samples.of(), _early()),
-            "requested time 0.5 s is before the model's start 1 s",
-        ),
-        (
-            lambda: run(model(), Samples.of(material=1), _early()),
-            "a sample names material 1, the model has 0 to 0",
-        ),
-        (
-            lambda: run(model(), Samples.of(motion=3), _early()),
-            "a sample names motion 3, the model has 0 to 0",
-        ),
-        (
-            lambda: run(model(motions=(motion(), motion(n_knots=9))), Samples.of(), _early()),
-            "the motions of a model need equally many knots",
-        ),
+        (lambda: run(model(motions=(motion(start=1.0),)), Samples.of(), _early()),
+         "requested time 0.5 s is before the model's start 1 s"),
+        (lambda: run(model(), Samples.of(material=1), _early()),
+         "a sample names material 1, the model has 0 to 0"),
+        (lambda: run(model(), Samples.of(motion=3), _early()),
+         "a sample names motion 3, the model has 0 to 0"),
+        (lambda: run(model(motions=(motion(), motion(n_knots=9))), Samples.of(), _early()),
+         "the motions of a model need equally many knots"),
         (lambda: select_device("cuda:99"), r"device must be one of \['cpu'.*\], got 'cuda:99'"),
         (lambda: precision("fp16"), r"precision must be one of \['fp32', 'fp64'\], got 'fp16'"),
         (lambda: contact_law("glued"), "contact law must be one of .*, got 'glued'"),
     ],
-)
+)  # fmt: skip
 def test_runs_that_cannot_be_are_refused(prepare: Callable[[], Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         prepare()

@@ -118,14 +118,9 @@ def test_no_sound_motion_is_called_divergence(precision: Any, changes: dict[str,
         # From rest to 3 m/s at once, back as fast, and away.
         PlatenMotion(0.0, END / 128, LENGTH * np.r_[0.0, np.full(128, 1e-9)], np.zeros(129)),
         PlatenMotion.sampled(lambda t: 3.0 * t, lambda t: 3.0 + 0.0 * t, start=0.0, end=END, n_knots=129),
-        PlatenMotion.sampled(
-            lambda t: 1.2e-3 * np.sin(np.pi * t / 4e-4),
-            lambda t: 1.2e-3 * np.pi / 4e-4 * np.cos(np.pi * t / 4e-4),
-            start=0.0,
-            end=END,
-            n_knots=129,
-        ),
-    )
+        PlatenMotion.sampled(lambda t: 1.2e-3 * np.sin(np.pi * t / 4e-4),
+         lambda t: 1.2e-3 * np.pi / 4e-4 * np.cos(np.pi * t / 4e-4), start=0.0, end=END, n_knots=129),
+    )  # fmt: skip
     samples = Samples.of(poisson=0.49, motion=np.arange(len(motions)))
     ended = run(model(*motions, **changes), samples, SAMPLING, stepping=Stepping(precision=precision))
     assert [outcome.name for outcome in ended.outcomes] == ["COMPLETED"] * len(motions)

@@ -237,10 +237,7 @@ def totals_of_a_lane(body, batch, state, output, first):
         (two_kinds_compared, "batch.x[i] > batch.k[i]: operands of one kind are wanted"),
         (two_kinds_in_one_name, "x = batch.k[i]: x changes from f64 to i32"),
         (a_number_for_a_truth, "batch.k[i]: a truth value is wanted here"),
-        (
-            a_function_of_no_lane,
-            "wp.erf has no meaning over lanes; of Warp's functions use abs, acos,",
-        ),
+        (a_function_of_no_lane, "wp.erf has no meaning over lanes; of Warp's functions use abs, acos,"),
         (half_precision, "wp.float16(batch.x[i]): a number becomes a number of another kind"),
         (too_few, "wp.vec4d(batch.x[i], one): 4 numbers f64 are wanted"),
         (a_vector, "wp.max(batch.v[i], batch.v[i]): 2 numbers are wanted"),

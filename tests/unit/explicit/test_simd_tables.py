@@ -345,16 +345,10 @@ def test_everything_else_is_rounded_as_numpy_does(numbers: Precision, mapping: M
     got, d = results(numbers, mapping).values, given(numbers)
     with np.errstate(all="ignore"):
         expected = {
-            5: d.x * d.y + d.z,
-            6: d.x / d.y,
-            7: -d.x + d.y - numbers.dtype(0.5),
-            8: (d.x + d.y) * (d.x - d.y),
-            14: np.abs(d.x),
-            15: np.sqrt(np.abs(d.z)),
-            19: np.full(N, np.inf),
-            20: np.full(N, -np.inf),
-            25: d.y + d.y,
-        }
+            5: d.x * d.y + d.z, 6: d.x / d.y, 7: -d.x + d.y - numbers.dtype(0.5),
+            8: (d.x + d.y) * (d.x - d.y), 14: np.abs(d.x), 15: np.sqrt(np.abs(d.z)), 19: np.full(N, np.inf),
+            20: np.full(N, -np.inf), 25: d.y + d.y,
+        }  # fmt: skip
     for slot, values in expected.items():
         np.testing.assert_array_equal(got[:, slot], values.astype(numbers.dtype), err_msg=f"slot {slot}")
 
@@ -559,14 +553,9 @@ def test_every_function_is_that_of_numpy(numbers: Precision, mapping: Mapping) -
     limits = np.finfo(numbers.dtype)
     odd = [0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.5, -2.5, 2.0, -3.0, np.pi, 100.0, -100.0]
     far = [
-        float(limits.tiny),
-        -float(limits.tiny),
-        float(limits.smallest_subnormal),
-        1e15,
-        -1e30,
-        1e30,
+        float(limits.tiny), -float(limits.tiny), float(limits.smallest_subnormal), 1e15, -1e30, 1e30,
         float(limits.max),
-    ]
+    ]  # fmt: skip
     x = np.concatenate([odd, far, rng.uniform(-1.0, 1.0, 3 * N), rng.normal(0.0, 20.0, 3 * N), odd, odd])
     y = np.concatenate([rng.uniform(-3.0, 3.0, len(x) - 2 * N), odd[::-1], rng.integers(-4, 5, N)])
     x, y = x.astype(numbers.dtype), y.astype(numbers.dtype)

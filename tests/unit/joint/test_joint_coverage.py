@@ -197,12 +197,8 @@ def test_recommendations_are_counted_by_hand() -> None:
     }
     assert (kinds["relaxing"]["shots"], kinds["elastic"]["shots"]) == (5, 2)
     study = {
-        "seed": 5,
-        "mesh": [24, 32],
-        "refined_mesh": [64, 86],
-        "truth_mesh": [96, 129],
-        "truth_grading": 5,
-    }
+        "seed": 5, "mesh": [24, 32], "refined_mesh": [64, 86], "truth_mesh": [96, 129], "truth_grading": 5,
+    }  # fmt: skip
     lines = advice.table({**advice.summary(ADVISED), "study": study}).splitlines()
     assert lines[0].startswith("5 relaxing, 2 elastic shots of seed 5 (meshes 24 × 32 → 64 × 86")
     assert lines[4] == "| recommended to try a branch | 3 of 5 (15 to 95 %) | 0 of 2 (0 to 84 %) |"

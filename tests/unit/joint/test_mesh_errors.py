@@ -38,8 +38,7 @@ def problem(lost: dict[str, int], *, faces: str = "bonded") -> Any:
         first=SimpleNamespace(shot=shots[0]),
         unknowns=SimpleNamespace(bounds={"stiffness_factor": (0.5, 2.0)}),
         runs=SimpleNamespace(
-            held={},
-            prepared=[SimpleNamespace(forward=SimpleNamespace(shot=shot)) for shot in shots],
+            held={}, prepared=[SimpleNamespace(forward=SimpleNamespace(shot=shot)) for shot in shots]
         ),
     )
 

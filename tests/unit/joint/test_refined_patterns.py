@@ -62,9 +62,7 @@ class Made:
             bounds={"stiffness_factor": None}, box=SimpleNamespace(lower=(-9.0,), upper=(9.0,))
         )
         self.runs = SimpleNamespace(held={})
-        shot = SimpleNamespace(
-            objective=SimpleNamespace(times=np.array([0.0, 1.0])),
-        )
+        shot = SimpleNamespace(objective=SimpleNamespace(times=np.array([0.0, 1.0])))
         self.stack = SimpleNamespace(data=np.array([3.0, 5.0]), shots=(shot,), ends=(2,))
         self.lost, self.learnt = lost, []  # type: ignore[var-annotated]
 

@@ -149,10 +149,7 @@ def test_a_declared_frictions_sigma_is_in_the_band(plain):
 def test_weights_are_those_of_schwarz():
     test = made_test()
     S = {"a": 20.0, "b": 24.0}
-    laws = [
-        SimpleNamespace(chi2=S["a"], theta=np.zeros(4)),
-        SimpleNamespace(chi2=S["b"], theta=np.zeros(2)),
-    ]
+    laws = [SimpleNamespace(chi2=S["a"], theta=np.zeros(4)), SimpleNamespace(chi2=S["b"], theta=np.zeros(2))]
     # b is the best by chi2 + k ln n; its mean square residual 24 / 14 scales both.
     scale = 24.0 / 14.0
     expected = np.array([20.0 / scale + 4 * np.log(N), 24.0 / scale + 2 * np.log(N)])

@@ -49,12 +49,7 @@ def histories(truth: Any, seed: int) -> tuple[HistoryTest, ...]:
 
 
 @pytest.mark.parametrize(
-    ("truth", "name"),
-    [
-        (RateModel(1.0, PronySeries((), ())), "elastic"),
-        (PRONY, "prony"),
-        (CREEP, NETWORK),
-    ],
+    ("truth", "name"), [(RateModel(1.0, PronySeries((), ())), "elastic"), (PRONY, "prony"), (CREEP, NETWORK)]
 )
 def test_a_planted_material_is_chosen(truth: Any, name: str) -> None:
     slow = histories(truth, 5)

@@ -202,15 +202,9 @@ def test_a_workbook_or_arrays_stand_for_a_text(name: str, ending: str, tmp_path:
 
 ALL = FILES | UNITLESS
 UNITS = [
-    ("mV", "V", 1e-3),
-    ("microstrain", "1", 1e-6),
-    ("µε", "1", 1e-6),
-    ("με", "1", 1e-6),
-    ("ue", "1", 1e-6),
-    ("kgf/cm2", "Pa", 98066.5),
-    ("N/mm²", "Pa", 1e6),
-    ("lbf", "N", 4.4482216152605),
-]
+    ("mV", "V", 1e-3), ("microstrain", "1", 1e-6), ("µε", "1", 1e-6), ("με", "1", 1e-6), ("ue", "1", 1e-6),
+    ("kgf/cm2", "Pa", 98066.5), ("N/mm²", "Pa", 1e6), ("lbf", "N", 4.4482216152605),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("unit", "si", "factor"), UNITS[:2])
@@ -379,20 +373,13 @@ def test_a_unit_is_found_in_the_last_word_of_a_heading(heading, expected):
 @pytest.mark.parametrize(
     ("heading", "name", "unit"),
     [
-        ("Weg (mm)", "Weg", "mm"),
-        ("Weg/mm", "Weg", "mm"),
-        ("Weg / mm", "Weg", "mm"),
-        ("Weg in mm", "Weg", "mm"),
-        ("Weg, mm", "Weg", "mm"),
-        ("travel_mm", "travel", "mm"),
-        ("Stress [kgf/cm2]", "Stress", "kgf/cm2"),
-        ("Load, kgf/cm2", "Load", "kgf/cm2"),
-        ("Area in mm²", "Area", "mm²"),
-        ("Dehnung [-]", "Dehnung", "1"),
-        ("incident_bar", "incident_bar", None),
-        ("Kraft (oben)", "Kraft", None),
+        ("Weg (mm)", "Weg", "mm"), ("Weg/mm", "Weg", "mm"), ("Weg / mm", "Weg", "mm"),
+        ("Weg in mm", "Weg", "mm"), ("Weg, mm", "Weg", "mm"), ("travel_mm", "travel", "mm"),
+        ("Stress [kgf/cm2]", "Stress", "kgf/cm2"), ("Load, kgf/cm2", "Load", "kgf/cm2"),
+        ("Area in mm²", "Area", "mm²"), ("Dehnung [-]", "Dehnung", "1"),
+        ("incident_bar", "incident_bar", None), ("Kraft (oben)", "Kraft", None),
     ],
-)
+)  # fmt: skip
 def test_a_unit_of_any_kind_wherever_a_heading_has_it(heading, name, unit):
     assert (name_without_unit(heading), heading_unit(heading)) == (name, unit)
 

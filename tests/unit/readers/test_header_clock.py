@@ -17,25 +17,12 @@ SIGNAL = "\n".join(f"{(7 * i) % 11 / 8}" for i in range(40))
 @pytest.mark.parametrize(
     ("text", "unit"),
     [
-        ("Hz", ("1/s", 1.0)),
-        ("kHz", ("1/s", 1e3)),
-        ("KHZ", ("1/s", 1e3)),
-        ("mhz", ("1/s", 1e6)),
-        ("MHz", ("1/s", 1e6)),
-        ("mHz", ("1/s", 1e-3)),
-        ("GHz", ("1/s", 1e9)),
-        ("kS/s", ("1/s", 1e3)),
-        ("MSa/s", ("1/s", 1e6)),
-        ("samples/sec", ("1/s", 1.0)),
-        ("ms", ("s", 1e-3)),
-        ("us/pt", ("s", 1e-6)),
-        ("µs", ("s", 1e-6)),
-        ("Sekunden", ("s", 1.0)),
-        ("mS/s", None),
-        ("V", None),
-        ("Hertha", None),
+        ("Hz", ("1/s", 1.0)), ("kHz", ("1/s", 1e3)), ("KHZ", ("1/s", 1e3)), ("mhz", ("1/s", 1e6)),
+        ("MHz", ("1/s", 1e6)), ("mHz", ("1/s", 1e-3)), ("GHz", ("1/s", 1e9)), ("kS/s", ("1/s", 1e3)),
+        ("MSa/s", ("1/s", 1e6)), ("samples/sec", ("1/s", 1.0)), ("ms", ("s", 1e-3)), ("us/pt", ("s", 1e-6)),
+        ("µs", ("s", 1e-6)), ("Sekunden", ("s", 1.0)), ("mS/s", None), ("V", None), ("Hertha", None),
     ],
-)
+)  # fmt: skip
 def test_a_unit_of_a_clock_is_a_time_or_a_rate(text: str, unit: tuple[str, float] | None) -> None:
     assert clock_unit(text) == unit
 
@@ -43,23 +30,15 @@ def test_a_unit_of_a_clock_is_a_time_or_a_rate(text: str, unit: tuple[str, float
 @pytest.mark.parametrize(
     ("key", "fields", "interval"),
     [
-        ("Sample rate", ["800kHz"], 1.25e-6),
-        ("Sample rate", ["800 kHz"], 1.25e-6),
-        ("Sampling Frequency (kHz)", ["800"], 1.25e-6),
-        ("fs_kHz", ["800"], 1.25e-6),
-        ("Abtastrate", ["800", "kHz"], 1.25e-6),
-        ("fs", ["800000"], 1.25e-6),
-        ("Sample Rate", ["1.25 us"], 1.25e-6),
-        ("Rate", ["800 kS/s"], 1.25e-6),
-        ("dt [ms]", ["0.001"], 1e-6),
-        ("dt/us", ["2.5"], 2.5e-6),
-        ("Sample interval in us", ["2.5"], 2.5e-6),
-        ("Sample interval", ["2,5 us"], 2.5e-6),
-        ("Sample interval", ["2.5,us"], 2.5e-6),
-        ("Delta_X", ["2,500000E-6"], 2.5e-6),
-        ("Sample rate", ["1,000,000"], 1e-6),
+        ("Sample rate", ["800kHz"], 1.25e-6), ("Sample rate", ["800 kHz"], 1.25e-6),
+        ("Sampling Frequency (kHz)", ["800"], 1.25e-6), ("fs_kHz", ["800"], 1.25e-6),
+        ("Abtastrate", ["800", "kHz"], 1.25e-6), ("fs", ["800000"], 1.25e-6),
+        ("Sample Rate", ["1.25 us"], 1.25e-6), ("Rate", ["800 kS/s"], 1.25e-6), ("dt [ms]", ["0.001"], 1e-6),
+        ("dt/us", ["2.5"], 2.5e-6), ("Sample interval in us", ["2.5"], 2.5e-6),
+        ("Sample interval", ["2,5 us"], 2.5e-6), ("Sample interval", ["2.5,us"], 2.5e-6),
+        ("Delta_X", ["2,500000E-6"], 2.5e-6), ("Sample rate", ["1,000,000"], 1e-6),
     ],
-)
+)  # fmt: skip
 def test_a_rate_or_interval_keeps_its_unit_wherever_it_stands(
     key: str, fields: list[str], interval: float
 ) -> None:

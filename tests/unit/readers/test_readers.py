@@ -72,11 +72,8 @@ def test_line_ends_byte_order_mark_and_trailing_blank_lines(
         (scope_text(["1", "3", "2"]), 4, ["is not sorted: '2' after '3'"]),
         (scope_text(["1", "2"]), None, ["fewer than 3 samples"]),
         (scope_text(["1.0", "2.0", "4.0", "5.0"]), 4, ["the step is 0.002 s where the others are 0.001 s"]),
-        (
-            scope_text(["0.001", "0.002", "0.004", "0.005"]),
-            4,
-            ["is rounded to 1e-06 s", "between 1e-06 and 2e-06"],
-        ),
+        (scope_text(["0.001", "0.002", "0.004", "0.005"]), 4,
+         ["is rounded to 1e-06 s", "between 1e-06 and 2e-06"]),
         ("t (ms),CH 1,CH 2\n1,2\n", 2, ["has 2 fields, the header has 3"]),
         ("t (ms),CH 1,CH 2\n1,2,3,4\n", 2, ["has 4 fields"]),
         ("t (ms),CH 1,CH 2\n1,2,3\n\n3,4,5\n", 3, ["is an empty line"]),
@@ -88,14 +85,11 @@ def test_line_ends_byte_order_mark_and_trailing_blank_lines(
         ("t (ms),CH 1,CH 2\n", None, ["header but no data"]),
         ("", None, ["is empty"]),
         (" \n\n", None, ["is empty"]),
-        (
-            "t (ms),CH 1,CH 2\n1,2,3\n2,µ,3\n".encode("latin-1"),
-            3,
-            ["not UTF-8", "0xb5 at byte offset 25", "iconv"],
-        ),
+        ("t (ms),CH 1,CH 2\n1,2,3\n2,µ,3\n".encode("latin-1"), 3,
+         ["not UTF-8", "0xb5 at byte offset 25", "iconv"]),
         ("t (ms),CH 1,CH 2\n1,2,3\n".encode("utf-16"), 1, ["not UTF-8", "byte offset 0"]),
     ],
-)
+)  # fmt: skip
 def test_damage_is_answered_with_its_line(
     write, text: str | bytes, line: int | None, fragments: list[str]
 ) -> None:

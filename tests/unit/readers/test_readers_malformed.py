@@ -15,7 +15,6 @@ from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import list_channels, read_recordings
 
 ALL = {**files.FILES, **files.UNITLESS}
-SCOPES = ("lecroy_trc", "tektronix_isf", "tektronix_wfm", "yokogawa_wfm", "rohde_schwarz")
 BINARY = [name for name, made in ALL.items() if files.is_binary(made)]
 TEXT = [name for name in ALL if name not in BINARY]
 CODES = ("lecroy_trc", "tektronix_isf", "tektronix_wfm")  # whole numbers: no NaN
@@ -330,37 +329,3 @@ def test_a_quiet_baseline_is_not_clipping(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("t (us),v (V)\n" + "".join(f"{i / 10:.1f},{v}\n" for i, v in enumerate(pulse)))
     np.testing.assert_array_equal(read_recordings(path, ["v (V)"])["v (V)"].value, pulse)
-
-
-@pytest.mark.parametrize(
-    # Each parse of a scope's binary file collects garbage, a third of a second in a large process.
-    "name",
-    [pytest.param(name, marks=pytest.mark.slow) if name in SCOPES else name for name in ALL],
-)
-def test_damage_at_random_ends_in_one_line_or_a_recording(name, tmp_path):
-    path = written(name, tmp_path)
-    data = path.read_bytes()
-    random = np.random.default_rng(3)
-    for trial in range(6 if name == "mat" else 24):  # a MAT file is read in a process of its own
-        damaged = bytearray(data)
-        reach = min(600, len(data)) if trial % 2 else len(data)  # the header, or anywhere
-        places = random.integers(0, reach, 1 + trial // 4)
-        if trial % 3 == 0:
-            del damaged[int(places[0]) :]
-        else:
-            for place in places:
-                damaged[place] = random.integers(256)
-        path.write_bytes(damaged)
-        problem = problem_of(path)
-        assert problem is None or "\n" not in problem
-
-
-def problem_of(path):
-    """The line by which a file is refused, or None; anything but an InputError goes through."""
-    said = Layout(unit="V", time_unit="s")
-    try:
-        found = list_channels(path, layout=said)
-        read_recordings(path, [channel.name for channel in found], layout=said)
-    except InputError as error:
-        return str(error)
-    return None

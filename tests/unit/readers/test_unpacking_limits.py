@@ -44,16 +44,8 @@ def test_a_file_that_ends_its_reader_is_refused(tmp_path: Path, monkeypatch: pyt
 
 def _tiff(path: Path, strip: bytes) -> Path:
     tags = [
-        (256, 16),
-        (257, 6),
-        (258, 8),
-        (259, 8),
-        (262, 1),
-        (273, 8),
-        (277, 1),
-        (278, 6),
-        (279, len(strip)),
-    ]
+        (256, 16), (257, 6), (258, 8), (259, 8), (262, 1), (273, 8), (277, 1), (278, 6), (279, len(strip)),
+    ]  # fmt: skip
     padded = strip + bytes(len(strip) % 2)
     entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
     head = b"II*\0" + struct.pack("<I", 8 + len(padded))
@@ -195,16 +187,11 @@ $EndElements
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("3\n1 0", "4\n1 0"),
-        ("1 2 2 0 1 1 2 3", "1 2 2 0 1 1 2 4"),
-        ("1 2 2 0 1 1 2 3", "1 2 2 0 1 1 2"),
-        ("1 2 2 0 1 1 2 3", "1 2"),
-        ("3 0 1 0", "2 0 1 0"),
-        ("3 0 1 0", "3 0 1"),
-        ("3 0 1 0", "3 0 inf 0"),
+        ("3\n1 0", "4\n1 0"), ("1 2 2 0 1 1 2 3", "1 2 2 0 1 1 2 4"), ("1 2 2 0 1 1 2 3", "1 2 2 0 1 1 2"),
+        ("1 2 2 0 1 1 2 3", "1 2"), ("3 0 1 0", "2 0 1 0"), ("3 0 1 0", "3 0 1"), ("3 0 1 0", "3 0 inf 0"),
         ("2.2 0 8\n", ""),
     ],
-)
+)  # fmt: skip
 def test_a_mesh_is_whole(old: str, new: str, tmp_path: Path) -> None:
     path = tmp_path / "a.msh"
     path.write_text(MESH)

@@ -34,17 +34,6 @@ def test_the_force_of_the_report(tmp_path: Path) -> None:
     assert {row["y axis"] for row in simulated} == {"Force $F$ (N)"}
 
 
-@pytest.mark.parametrize("name", REGISTRY)
-def test_every_figure_has_data(name: str, tmp_path: Path) -> None:
-    kind, result = REGISTRY[name], RESULTS["two"]
-    if not kind.applies(result):
-        pytest.skip("nothing to draw")
-    figure = build(kind, result)
-    rows = table(write_data(tmp_path / "data.csv", figure))
-    panels = {ax.get_label() for ax in figure.axes} - {"<colorbar>"}
-    assert {row["panel"] for row in rows} == panels
-
-
 @pytest.fixture
 def figure() -> Figure:
     made = Figure()

@@ -49,8 +49,8 @@ def made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return file
 
 
-def test_it_gets_the_battery_of_every_figure(made_up: Path) -> None:
-    battery.test_figure_has_labelled_axes_with_units("peak-force", "one")
+def test_it_gets_the_battery_of_every_figure(made_up: Path, tmp_path: Path) -> None:
+    battery.test_figure_has_labelled_axes_with_units_and_its_data("peak-force", "one", tmp_path)
 
 
 def test_it_gets_on_the_page(made_up: Path) -> None:

@@ -32,15 +32,10 @@ def test_numbers_are_rounded_by_their_uncertainty(
 @pytest.mark.parametrize(
     ("value", "digits", "expected"),
     [
-        (0.0, 4, "0"),
-        (0.499, 4, "0.499"),
-        (2.5e-5, 4, "2.5 × 10⁻⁵"),
-        (123456.7, 4, "123500"),
-        (1234567.0, 4, "1.235 × 10⁶"),
-        (-9.9996, 4, "−10"),
-        (0.0010, 2, "0.001"),
+        (0.0, 4, "0"), (0.499, 4, "0.499"), (2.5e-5, 4, "2.5 × 10⁻⁵"), (123456.7, 4, "123500"),
+        (1234567.0, 4, "1.235 × 10⁶"), (-9.9996, 4, "−10"), (0.0010, 2, "0.001"),
     ],
-)
+)  # fmt: skip
 def test_plain_numbers(value: float, digits: int, expected: str) -> None:
     assert numbers.plain(value, digits) == expected
 

@@ -1,5 +1,6 @@
 """Report of an identification: labelled figures, a self-contained page, names and units of its tables."""
 
+import csv
 import re
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from explicit.mesh import Mesh, cylinder
 from kolsky.base.records import CentreLine
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Identification, Verdict
-from kolsky.report.canvas import build, inline_svg, save_figures
+from kolsky.report.canvas import build, inline_svg, save_figures, write_data
 from kolsky.report.figures import REGISTRY
 from kolsky.report.figures.comparison import cells, chosen_frames
 from kolsky.report.pages.identification import _flattened, render, write_report
@@ -45,7 +46,7 @@ def _shows_numbers(axis: Axis) -> bool:
 
 @pytest.mark.parametrize("which", RESULTS)
 @pytest.mark.parametrize("name", REGISTRY)
-def test_figure_has_labelled_axes_with_units(name: str, which: str) -> None:
+def test_figure_has_labelled_axes_with_units_and_its_data(name: str, which: str, tmp_path: Path) -> None:
     kind, result = REGISTRY[name], RESULTS[which]
     if not kind.applies(result):
         pytest.skip("nothing to draw")
@@ -56,6 +57,10 @@ def test_figure_has_labelled_axes_with_units(name: str, which: str) -> None:
                 assert re.fullmatch(r".+ \([^()]+\)", axis.get_label_text()), axis.get_label_text()
         assert ax.get_title() == ""
     assert overlaps(figure) == []
+    with write_data(tmp_path / "data.csv", figure).open(encoding="utf-8", newline="") as file:
+        panels = {row["panel"] for row in csv.DictReader(file)}
+    named = {ax.get_label() for ax in figure.axes} - {"<colorbar>"}
+    assert panels == named or (which == "failed" and panels < named)  # where no simulation completed
     assert kind.width in (85.0, 170.0)  # a journal's column and page, mm
     assert kind.caption(result).endswith(".")
     assert re.fullmatch(r"[a-z][a-z-]*", kind.name)

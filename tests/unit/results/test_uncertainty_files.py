@@ -36,18 +36,11 @@ def parabola(name: str, centre: float, sigma: float, column: int) -> ParameterPr
     points[:, column] = values
     half = np.sqrt(3.84) * sigma
     return ParameterProfile(
-        name=name,
-        values=values,
-        rise=4.0 * ((values - centre) / sigma) ** 2,
-        points=points,
-        level=4.0 * 3.84,
-        correlation=4.0,
-        interval=(centre - half, centre + half),
-        alone=(centre - 0.5 * half, centre + 0.5 * half),
-        verdict="identified",
-        text=f"{name} is identified",
+        name=name, values=values, rise=4.0 * ((values - centre) / sigma) ** 2, points=points,
+        level=4.0 * 3.84, correlation=4.0, interval=(centre - half, centre + half),
+        alone=(centre - 0.5 * half, centre + 0.5 * half), verdict="identified", text=f"{name} is identified",
         error=0.03,
-    )
+    )  # fmt: skip
 
 
 def knowing(*, bound: bool = False) -> Identification:

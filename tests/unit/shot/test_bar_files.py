@@ -84,12 +84,7 @@ def test_opposed_gauges_in_separate_files_are_averaged(tmp_path):
 
 def test_a_fraction_of_a_sample_between_the_recorders_is_taken_out(tmp_path):
     folder = two_files(tmp_path / "shot", shift=33.04e-6, bending=0.0)
-    write_toml(
-        folder,
-        recorders=TWO.format(offset=33.04),
-        incident=POSITIVE,
-        transmission=BEHIND,
-    )
+    write_toml(folder, recorders=TWO.format(offset=33.04), incident=POSITIVE, transmission=BEHIND)
     one, other = load_waves(folder).stations["incident"].recordings
     np.testing.assert_array_equal(one.time, other.time)
     # Five sigmas of sqrt(2) mV; 0.04 us of a flank are 3 mV.
@@ -108,14 +103,9 @@ def test_gauges_wired_the_other_way_round_have_signs_of_their_own(tmp_path):
 
 @pytest.mark.parametrize(
     ("incident", "named"),
-    [
-        (
-            POSITIVE.replace('["left", "right"]', '["left", "wrong"]'),
-            "recorders.wrong",
-        ),
-        (POSITIVE.replace('["CH1 (V)", "CH1 (V)"]', '["CH1 (V)"]'), "has 2 entries"),
-    ],
-)
+    [(POSITIVE.replace('["left", "right"]', '["left", "wrong"]'), "recorders.wrong"),
+     (POSITIVE.replace('["CH1 (V)", "CH1 (V)"]', '["CH1 (V)"]'), "has 2 entries")],
+)  # fmt: skip
 def test_recorders_and_channels_go_together(tmp_path, incident, named):
     folder = two_files(tmp_path / "shot", shift=0.0)
     write_toml(folder, recorders=TWO.format(offset=0), incident=incident, transmission=BEHIND)
@@ -126,24 +116,14 @@ def test_recorders_and_channels_go_together(tmp_path, incident, named):
 
 def test_recorders_of_two_rates_are_refused(tmp_path):
     folder = two_files(tmp_path / "shot", shift=0.0, every=2)
-    write_toml(
-        folder,
-        recorders=TWO.format(offset=0),
-        incident=POSITIVE,
-        transmission=BEHIND,
-    )
+    write_toml(folder, recorders=TWO.format(offset=0), incident=POSITIVE, transmission=BEHIND)
     with pytest.raises(InputError, match="sampled every 1e-07 s and every 2e-07 s"):
         load_waves(folder)
 
 
 def test_records_without_a_common_time_are_refused(tmp_path):
     folder = two_files(tmp_path / "shot", shift=0.0)
-    write_toml(
-        folder,
-        recorders=TWO.format(offset=5000),
-        incident=POSITIVE,
-        transmission=BEHIND,
-    )
+    write_toml(folder, recorders=TWO.format(offset=5000), incident=POSITIVE, transmission=BEHIND)
     with pytest.raises(InputError, match="0 samples in common"):
         load_waves(folder)
 
@@ -281,24 +261,10 @@ def test_a_cut_pulse_without_its_place_is_refused(tmp_path, reflected, said):
 STRAIN = 'recorder = "scope"\nchannels = ["{name}"]\ncompression = "positive"\nstrain = true'
 
 
-def folder_of(path, names, factor, *, gauges=gauge, recorder=ONE, time=None, strain=None):
+def folder_of(path, names, factor, *, gauges=gauge, **parts):
     """A shot of a CSV whose two columns are the strains times a factor."""
-    path.mkdir()
-    t, first, second = strains() if strain is None else strain
-    np.savetxt(
-        path / "scope.csv",
-        np.column_stack([t if time is None else time, factor * first, factor * second]),
-        delimiter=",",
-        header=",".join(["t (s)", *names]),
-        comments="",
-        fmt="%.9e",
-        encoding="utf-8",
-    )
     incident, transmission = map(gauges, names)
-    write_toml(
-        path, recorders=recorder, incident=incident, transmission=transmission, corrections="punching = false"
-    )
-    return path
+    return bar_shot(path, names=names, factor=factor, incident=incident, transmission=transmission, **parts)
 
 
 def largest(given):
@@ -330,17 +296,17 @@ def test_a_file_without_units_is_refused_until_one_is_declared(tmp_path):
     with pytest.raises(InputError, match=r"does not state the unit of channel 'inc'") as error:
         load_waves(folder)
     assert 'unit = "V"' in error.value.cure
-    folder = folder_of(tmp_path / "b", ["inc", "tra"], 1e6, recorder=ONE + 'unit = "mV"\n')
+    folder = folder_of(tmp_path / "b", ["inc", "tra"], 1e6, recorders=ONE + 'unit = "mV"\n')
     assert largest(load_waves(folder)) == (pytest.approx(1.5e-3, rel=0.005), ())
 
 
 def test_a_declared_unit_that_contradicts_the_file_is_said(tmp_path):
-    folder = folder_of(tmp_path / "a", ["inc (mV)", "tra (mV)"], 1e3, recorder=ONE + 'unit = "V"\n')
+    folder = folder_of(tmp_path / "a", ["inc (mV)", "tra (mV)"], 1e3, recorders=ONE + 'unit = "V"\n')
     strain, notes = largest(load_waves(folder))
     assert strain == pytest.approx(1.5e-3, rel=0.005)
     assert len(notes) == 2
     assert "'inc (mV)' of scope.csv is in 'mV' by the file and in 'V' by recorders.scope.unit" in notes[0]
-    agrees = folder_of(tmp_path / "b", ["inc (mV)", "tra (mV)"], 1e6, recorder=ONE + 'unit = "millivolts"\n')
+    agrees = folder_of(tmp_path / "b", ["inc (mV)", "tra (mV)"], 1e6, recorders=ONE + 'unit = "millivolts"\n')
     assert load_waves(agrees).notes == ()
 
 
@@ -352,7 +318,7 @@ def test_strain_where_volts_are_needed_is_refused(tmp_path):
 
 def test_a_thousandfold_strain_is_refused_with_its_stress(tmp_path):
     """What a wrong unit makes of 1.5 V: 1500 V, a strain of 1.5."""
-    folder = folder_of(tmp_path / "a", ["inc", "tra"], 1e6, recorder=ONE + 'unit = "V"\n')
+    folder = folder_of(tmp_path / "a", ["inc", "tra"], 1e6, recorders=ONE + 'unit = "V"\n')
     with pytest.raises(ValueError, match=r"the largest strain of the bar is 1\.5.*2 %.*Cure: check the unit"):
         station_of(load_waves(folder), "incident")
 
@@ -407,8 +373,8 @@ def test_steps_that_vary_by_two_per_cent_are_interpolated_with_a_note(tmp_path):
     time = jittered(0.02)
     t, first, second = strains(noise=0.0)
     rng = np.random.default_rng(3)
-    columns = (t, *(np.interp(time, t, s) + 1e-6 * rng.standard_normal(t.size) for s in (first, second)))
-    folder = folder_of(tmp_path / "a", ["inc (V)", "tra (V)"], 1e3, time=time, strain=columns)
+    columns = (np.interp(time, t, s) + 1e-6 * rng.standard_normal(t.size) for s in (first, second))
+    folder = bar_shot(tmp_path / "a", columns=(time, *columns))
     given = load_waves(folder)
     assert len(given.notes) == 2
     assert "sampling steps of channel 'inc (V)' vary by up to 2 %" in given.notes[0]
@@ -421,4 +387,4 @@ def test_steps_that_vary_by_two_per_cent_are_interpolated_with_a_note(tmp_path):
 
 def test_larger_steps_are_gaps(tmp_path):
     with pytest.raises(InputError, match="where the others are"):
-        load_waves(folder_of(tmp_path / "a", ["inc (V)", "tra (V)"], 1e3, time=jittered(0.08)))
+        load_waves(bar_shot(tmp_path / "a", columns=(jittered(0.08), *strains()[1:])))

@@ -2,15 +2,14 @@
 
 from dataclasses import replace
 
+import barshots
 import numpy as np
 import pytest
-from barshots import ARRIVAL, INCIDENT, INTERVAL, ONE, SHARE, bar_shot, gauge, ramp, write_scope, write_toml
+from barshots import bar_shot
 
 from kolsky.bars.reduction.analyse import analyse
 from kolsky.shot.bars import load_waves
 
-COARSE = 4
-"""Every fourth sample: 0.4 us are enough, and four times as fast."""
 DECLARED = """gauge_calibration = "1 %"
 gauge_distance = "0.5 mm"
 bar_wave_speed = "0.1 %"
@@ -20,36 +19,15 @@ specimen_length = "0.5 %"
 """
 
 
-def strains(*, late=0.0, shift=0.0, seed=7, noise=2e-6, soft=0.0):
-    """Times and the two gauges' strains; the reflected pulse `late`, the transmitted one shifted."""
-    t = INTERVAL * COARSE * np.arange(8000 // COARSE)
-    first = INCIDENT * (ramp(t - ARRIVAL) - (1.0 - SHARE) * ramp(t - ARRIVAL - 400e-6 - late))
-    falls = 1.0 - soft * np.clip((t - ARRIVAL - 300e-6 - 20e-6) / 100e-6, 0.0, 1.0)
-    second = INCIDENT * SHARE * ramp(t - ARRIVAL - 300e-6 - shift) * falls
-    rng = np.random.default_rng(seed)
-    return t, *(s + noise * rng.standard_normal(t.size) for s in (first, second))
+def strains(**more):
+    """Times and the two gauges' strains: every fourth sample, 0.4 us, is enough and four times as fast."""
+    return barshots.strains(noise=2e-6, every=4, **more)
 
 
-def shot(folder, columns, *, sign=1.0, waves="", more=DECLARED, baseline=None):
-    """Its folder, one CSV of volts."""
-    folder.mkdir()
-    t, first, second = columns
-    write_scope(
-        folder / "scope.csv", ["t (s)", "inc (V)", "tra (V)"], [t, sign * 1e3 * first, sign * 1e3 * second]
-    )
-    write_toml(
-        folder,
-        recorders=ONE,
-        incident=gauge("inc (V)"),
-        transmission=gauge("tra (V)"),
-        corrections="punching = false, dispersion = false",
-        waves=waves,
-        more=more,
-    )
-    if baseline is not None:
-        path = folder / "shot.toml"
-        path.write_text(path.read_text().replace('["0 us", "80 us"]', baseline))
-    return load_waves(folder)
+def shot(folder, columns, **parts):
+    """The test of a folder whose dispersion is left alone."""
+    off = "punching = false, dispersion = false"
+    return load_waves(bar_shot(folder, columns=columns, corrections=off, **{"more": DECLARED, **parts}))
 
 
 @pytest.fixture(scope="module")
@@ -87,18 +65,9 @@ def moved(given, name, step):
 INPUTS = [
     "specimen, diameter",
     "specimen, length",
-    *(
-        f"{side} {what}"
-        for side in ("incident", "transmission")
-        for what in (
-            "gauge, strain per volt",
-            "gauge, distance",
-            "bar, wave speed",
-            "bar, density",
-            "bar, diameter",
-        )
-    ),
-]
+    *(f"{side} {what}" for side in ("incident", "transmission") for what in ("gauge, strain per volt",
+     "gauge, distance", "bar, wave speed", "bar, density", "bar, diameter")),
+]  # fmt: skip
 
 
 def test_all_four_values_are_quoted_and_right(made):
@@ -133,10 +102,10 @@ def test_where_a_baseline_ends_does_not_matter_much(tmp_path):
     wander = 4e-6 * np.sin(2 * np.pi * t / 260e-6)
     found = []
     for number, end in enumerate((80, 65)):
-        given = shot(
-            tmp_path / f"{number}", (t, first + wander, second + wander), baseline=f'["0 us", "{end} us"]'
+        columns, ends = (t, first + wander, second + wander), f'["0 us", "{end} us"]'
+        found.append(
+            analyse(shot(tmp_path / f"{number}", columns, baseline=ends)).budget.results["peak stress"]
         )
-        found.append(analyse(given).budget.results["peak stress"])
     (one, u_one, _), (other, u_other, _) = found
     assert 0.4 < u_one / u_other < 2.5
     assert abs(one - other) < 2.0 * np.hypot(u_one, u_other)
@@ -163,9 +132,9 @@ def test_pulses_at_impossible_times_are_remarked(tmp_path, options, words):
 
 def test_tension_whose_balance_begins_after_the_stress_has_fallen(tmp_path):
     """The forces meet only at the end, at half of the largest stress; a balance of 30 % is taken."""
-    given = shot(tmp_path / "a", strains(soft=0.6), sign=1.0, waves='load = "compression"\nbalance = "30 %"')
+    given = shot(tmp_path / "a", strains(soft=0.6), waves='load = "compression"\nbalance = "30 %"')
     assert given.allowance == 0.3
-    pulled = shot(tmp_path / "b", strains(soft=0.6), sign=-1.0, waves='load = "tension"\nbalance = "30 %"')
+    pulled = shot(tmp_path / "b", strains(soft=0.6), factor=-1e3, waves='load = "tension"\nbalance = "30 %"')
     for one in (given, pulled):
         found = analyse(one)
         assert found.budget.results["peak stress"][0] == pytest.approx(250e6, rel=0.2)
@@ -180,4 +149,3 @@ def test_no_mean_without_a_plateau(tmp_path):
 
 def test_the_declared_share_of_the_pulse_is_taken(tmp_path):
     assert shot(tmp_path / "a", strains(), waves='plateau = "95 %"').plateau == 0.95
-    assert bar_shot(tmp_path / "b").exists()

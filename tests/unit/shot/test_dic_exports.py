@@ -13,12 +13,7 @@ from dic.surfaces.surface_history import centre_line
 from kolsky.base.errors import InputError
 from kolsky.readers.dic_export import LAYOUTS, PointState, matching, read
 from kolsky.shot.load import load_shot
-from kolsky.shot.surface import (
-    cylinder_placement,
-    declared_placement,
-    flyer_motion,
-    surface_history,
-)
+from kolsky.shot.surface import cylinder_placement, declared_placement, flyer_motion, surface_history
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 FRAMES, ROWS, COLUMNS, RADIUS = 4, 12, 9, 4.75e-3
@@ -283,26 +278,17 @@ def test_a_shot_with_a_surface_has_the_outline_of_its_points(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (
-            'program = "vic3d"',
-            'program = "paint"',
-            'surface.program = "paint" is not known; it must be one of "vic3d"',
-        ),
+        ('program = "vic3d"', 'program = "paint"',
+         'surface.program = "paint" is not known; it must be one of "vic3d"'),
         ('Z = "+Z"', 'Z = "-Y"', 'surface.Z = "-Y" is the axis of y too'),
         ('half_width = "1.2 mm"', 'half_width = "-1 mm"', "surface.half_width"),
-        (
-            'origin = ["0 mm", "3 mm", "-20 mm"]',
-            'origin = ["0 mm", "3 mm", "20 mm"]',
-            "surface.* does not fit its points",
-        ),
+        ('origin = ["0 mm", "3 mm", "-20 mm"]', 'origin = ["0 mm", "3 mm", "20 mm"]',
+         "surface.* does not fit its points"),
         ('pattern = "dic_*.csv"', 'pattern = "vic_*.csv"', "matches no file"),
-        (
-            'sigma = "4 um"',
-            'sigma = "4 um"\nflyer = { pattern = "f_*.csv", sigma = "1 um" }',
-            "flyer .*is given twice",
-        ),
+        ('sigma = "4 um"', 'sigma = "4 um"\nflyer = { pattern = "f_*.csv", sigma = "1 um" }',
+         "flyer .*is given twice"),
     ],
-)
+)  # fmt: skip
 def test_bad_surfaces_are_told_with_their_key(old, new, words, tmp_path):
     shot = surface_shot(tmp_path)
     path = shot / "shot.toml"

@@ -330,17 +330,13 @@ def test_stress_of_the_curve_at_a_strain() -> None:
 @pytest.mark.parametrize(
     ("stress", "kind"),
     [
-        (STRESS, ""),
-        (0.99 * (10.0 * STRESS + 3.0 * 4e3), ""),
-        (1.01 * (10.0 * STRESS + 3.0 * 4e3), "warning"),
-        (0.99 * (30.0 * STRESS + 3.0 * 4e3), "warning"),
-        (1.01 * (30.0 * STRESS + 3.0 * 4e3), "refused"),
-        (1.01 * STRESS / 5.0, ""),
-        (0.99 * STRESS / 5.0, "warning"),
-        (1.01 * STRESS / 30.0, "warning"),
+        (STRESS, ""), (0.99 * (10.0 * STRESS + 3.0 * 4e3), ""),
+        (1.01 * (10.0 * STRESS + 3.0 * 4e3), "warning"), (0.99 * (30.0 * STRESS + 3.0 * 4e3), "warning"),
+        (1.01 * (30.0 * STRESS + 3.0 * 4e3), "refused"), (1.01 * STRESS / 5.0, ""),
+        (0.99 * STRESS / 5.0, "warning"), (1.01 * STRESS / 30.0, "warning"),
         (0.99 * STRESS / 30.0, "refused"),
     ],
-)
+)  # fmt: skip
 def test_force_over_area_is_the_curves_stress(stress: float, kind: str) -> None:
     evidence = stressed(stress)
     assert bool(words(evidence)) == (kind == "refused")
@@ -424,40 +420,24 @@ MILLISECONDS = both(
     *(scaled(n, c, 1e3) for n, c in {"frames.csv": 1, "flyer.csv": 1, "centreline.csv": 1}.items())
 )
 WRONG: dict[str, tuple[Mutation, list[str]]] = {
-    "curve 1000 times too soft": (
-        scaled("quasi_static.csv", 1, 1e-3),
-        ["curve.stress", "0.358 kPa", "24.09 N", 'curve.stress.unit = "kPa" in place of "Pa" would fit'],
-    ),
-    "radius for diameter": (
-        toml('"9.5 mm"', '"4.75 mm"', 2),
-        ["specimen.diameter", 'specimen.diameter = "9.5 mm" would fit: was the radius given?'],
-    ),
+    "curve 1000 times too soft": (scaled("quasi_static.csv", 1, 1e-3),
+     ["curve.stress", "0.358 kPa", "24.09 N", 'curve.stress.unit = "kPa" in place of "Pa" would fit']),
+    "radius for diameter": (toml('"9.5 mm"', '"4.75 mm"', 2),
+     ["specimen.diameter", 'specimen.diameter = "9.5 mm" would fit: was the radius given?']),
     "g/cm^3": (toml("870 kg", "0.87 kg", 2), ['specimen.density = "870 kg/m^3" would fit']),
-    "milliseconds of all as seconds": (
-        both(MILLISECONDS, scaled("scope.csv", 0, 1e3)),
-        ['frames.time.unit = "ms" in place of "s" would fit'],
-    ),
-    "milliseconds of the frames as seconds": (
-        MILLISECONDS,
-        ['frames.time.unit = "ms" in place of "s" would fit'],
-    ),
-    "milliseconds of the force as seconds": (
-        scaled("scope.csv", 0, 1e3),
-        ['Cure: force.time.unit = "ms" in place of "s" would fit'],
-    ),
-    "volts for millivolts": (
-        toml('"0.0112 V/N"', '"0.0112 mV/N"'),
-        ['Cure: force.sensitivity = "0.0112 V/N" would fit'],
-    ),
-    "micrometres for millimetres": (
-        scaled("flyer.csv", 2, 1e3),
-        ['Cure: flyer.displacement.unit = "um" in place of "mm" would fit'],
-    ),
-    "per cent for ratios": (
-        scaled("quasi_static.csv", 0, 100.0),
-        ['Then write curve.strain.unit = "%": the largest is 0.64'],
-    ),
-}
+    "milliseconds of all as seconds": (both(MILLISECONDS, scaled("scope.csv", 0, 1e3)),
+     ['frames.time.unit = "ms" in place of "s" would fit']),
+    "milliseconds of the frames as seconds": (MILLISECONDS,
+     ['frames.time.unit = "ms" in place of "s" would fit']),
+    "milliseconds of the force as seconds": (scaled("scope.csv", 0, 1e3),
+     ['Cure: force.time.unit = "ms" in place of "s" would fit']),
+    "volts for millivolts": (toml('"0.0112 V/N"', '"0.0112 mV/N"'),
+     ['Cure: force.sensitivity = "0.0112 V/N" would fit']),
+    "micrometres for millimetres": (scaled("flyer.csv", 2, 1e3),
+     ['Cure: flyer.displacement.unit = "um" in place of "mm" would fit']),
+    "per cent for ratios": (scaled("quasi_static.csv", 0, 100.0),
+     ['Then write curve.strain.unit = "%": the largest is 0.64']),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", WRONG)

@@ -75,38 +75,24 @@ def damaged(path, change):
 
 CHANGES = {
     "missing": (lambda f: f.__delitem__("entry/specimen/u"), "u"),
-    "shape": (
-        lambda f: (f.__delitem__("entry/t"), f["entry"].create_dataset("t", data=np.zeros(3))),
-        "size 3 along 'frames'|expected 3|in None",
-    ),
-    "link": (
-        lambda f: (f.__delitem__("entry/t"), f["entry"].__setitem__("t", h5py.SoftLink("/entry/specimen/t"))),
-        "/entry/t: a SoftLink",
-    ),
-    "type": (
-        lambda f: (f.__delitem__("entry/t"), f["entry"].create_dataset("t", data=np.zeros(40, dtype="<f4"))),
-        "/entry/t: type float32",
-    ),
-    "no values": (
-        lambda f: (
-            f.__delitem__("entry/strain/gauge"),
-            f["entry/strain"].create_dataset("gauge", data=h5py.Empty("<f8")),
-        ),
-        "/entry/strain/gauge: holds nothing",
-    ),
-    "8 TB of nothing": (
-        lambda f: (
-            f.__delitem__("entry/remark_names"),
-            f["entry"].create_dataset("remark_names", shape=(2**40,), dtype="S8", chunks=(1024,)),
-        ),
-        "remark_names: the file unpacks to more than",
-    ),
+    "shape": (lambda f: (f.__delitem__("entry/t"), f["entry"].create_dataset("t", data=np.zeros(3))),
+     "size 3 along 'frames'|expected 3|in None"),
+    "link": (lambda f: (f.__delitem__("entry/t"),
+     f["entry"].__setitem__("t", h5py.SoftLink("/entry/specimen/t"))), "/entry/t: a SoftLink"),
+    "type": (lambda f: (f.__delitem__("entry/t"),
+     f["entry"].create_dataset("t", data=np.zeros(40, dtype="<f4"))), "/entry/t: type float32"),
+    "no values": (lambda f: (f.__delitem__("entry/strain/gauge"),
+     f["entry/strain"].create_dataset("gauge", data=h5py.Empty("<f8"))),
+     "/entry/strain/gauge: holds nothing"),
+    "8 TB of nothing": (lambda f: (f.__delitem__("entry/remark_names"),
+     f["entry"].create_dataset("remark_names", shape=(2**40,), dtype="S8", chunks=(1024,))),
+     "remark_names: the file unpacks to more than"),
     "unit": (lambda f: f["entry/t"].attrs.__setitem__("units", "ms"), "must be in 's'"),
     "version": (lambda f: f.attrs.__setitem__("format_version", 99), "99"),
     "outcome": (lambda f: f["entry/specimen/outcome"].__setitem__((0, 0), 77), "outcome 77"),
     "facts": (lambda f: f["entry/facts"].__setitem__((), b"{"), "facts: not JSON"),
     "camera": (lambda f: f["entry/cameras/0/fx"].__setitem__((), -1.0), "focal"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CHANGES)

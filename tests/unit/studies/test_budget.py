@@ -280,17 +280,8 @@ def test_the_command_says_sources_and_shares_as_one_object(tmp_path: Path) -> No
     path = tmp_path / "SPEC.toml"
     path.write_text('format = 1\n[motion]\ncompression = "12 %"\n[truth]\nmesh = [8, 11]\n')
     words = [
-        "budget",
-        str(path),
-        "--mesh",
-        "6x8",
-        "--refined-mesh",
-        "8x11",
-        "--draws",
-        "4",
-        "--together",
-        "4",
-    ]
+        "budget", str(path), "--mesh", "6x8", "--refined-mesh", "8x11", "--draws", "4", "--together", "4",
+    ]  # fmt: skip
     words += ["--size", "imperfections.length=0.5 %", "--free", "stiffness_factor", "--json"]
     done = run_kolsky(*words, "--out", tmp_path / "out")
     (answer,) = json.loads(done.stdout)["budgets"]

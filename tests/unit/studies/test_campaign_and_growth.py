@@ -27,15 +27,9 @@ from populations.converged_shots import FLAT, converged, radius_at
 def entry(**changed: Any) -> dict[str, Any]:
     """A measurement of two workers that identified four shots in two minutes."""
     known = {
-        "device": "cpu",
-        "gpus": 0,
-        "workers": 2,
-        "each": 2.0,
-        "hold": [],
-        "mesh": "4x6",
-        "refined": "6x8",
+        "device": "cpu", "gpus": 0, "workers": 2, "each": 2.0, "hold": [], "mesh": "4x6", "refined": "6x8",
         "where": "a",
-    }
+    }  # fmt: skip
     found = {"identifications": 4, "seconds": 120.0, "answers": {"1": "0x1p+0", "2": "0x1.8p+0"}}
     return {**known, **found, **changed}
 
@@ -265,18 +259,10 @@ def rate(factor: float, m: float, damping: float, cost: float) -> Rate:
 def plan() -> Plan:
     grid = ObservationGrid(np.array([0.0, 1e-3]), np.array([5e-4]), np.array([3e-3]))
     slopes = LocalSensitivity(
-        names=("stiffness_factor", "damping"),
-        point=np.array([1.2, 2e-5]),
-        scale=np.array([0.1, 1e-5]),
-        reach=0.1,
-        grid=grid,
-        force=np.array([50.0]),
-        radius=np.array([[5e-3]]),
-        force_slope=np.zeros((2, 1)),
-        radius_slope=np.zeros((2, 1, 1)),
-        force_left=np.zeros((2, 1)),
-        radius_left=np.zeros((2, 1, 1)),
-    )
+        names=("stiffness_factor", "damping"), point=np.array([1.2, 2e-5]), scale=np.array([0.1, 1e-5]),
+        reach=0.1, grid=grid, force=np.array([50.0]), radius=np.array([[5e-3]]), force_slope=np.zeros((2, 1)),
+        radius_slope=np.zeros((2, 1, 1)), force_left=np.zeros((2, 1)), radius_left=np.zeros((2, 1, 1)),
+    )  # fmt: skip
     information: Any = SimpleNamespace(sensitivity=slopes)
     return Plan(
         shot="made-up",

@@ -303,17 +303,13 @@ def test_files_hold_the_map(planned):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--free", "friction=0:1"], "a plan has no bounds"),
-        (["--frame-rate", "0 kHz"], "--frame-rate"),
-        (["--outline-sigma", "4 N"], "--outline-sigma: '4 N'"),
-        (["--window", "1 ms"], "START:END"),
-        (["--rates", "fast"], "--rates 'fast' cannot be read"),
-        (["--heights", "0"], "whole numbers from 1"),
-        (["--discrepancy", "some"], "--discrepancy"),
-        (["--free", "friction"], "no friction coefficient"),
+        (["--free", "friction=0:1"], "a plan has no bounds"), (["--frame-rate", "0 kHz"], "--frame-rate"),
+        (["--outline-sigma", "4 N"], "--outline-sigma: '4 N'"), (["--window", "1 ms"], "START:END"),
+        (["--rates", "fast"], "--rates 'fast' cannot be read"), (["--heights", "0"], "whole numbers from 1"),
+        (["--discrepancy", "some"], "--discrepancy"), (["--free", "friction"], "no friction coefficient"),
         (["--rates", "-1", "--mesh", "4x4"], "a rate must be finite and > 0"),
     ],
-)
+)  # fmt: skip
 def test_bad_options_are_one_line_and_exit_code_2(options, message, tmp_path: Path):
     result = run_kolsky("plan", OPEN_01, "--out", tmp_path, *options, code=2)
     assert message in result.stderr
@@ -324,15 +320,8 @@ def test_wishes_replace_what_the_shot_has(tmp_path: Path):
     options = ["--mesh", "4x6", "--rates", "1", "--heights", "1", "--discrepancy", "none", "--json"]
     options += ["--figures", "", "--threads", "1"]
     wishes = [
-        "--outline-sigma",
-        "8 um",
-        "--frame-rate",
-        "60 kHz",
-        "--points",
-        "2 1/mm",
-        "--clearance",
-        "1 mm",
-    ]
+        "--outline-sigma", "8 um", "--frame-rate", "60 kHz", "--points", "2 1/mm", "--clearance", "1 mm",
+    ]  # fmt: skip
     window = ["--window", "0.05 ms:1.0 ms", "--force-sigma", "0.2 N", "--free", "damping"]
     result = run_kolsky("plan", OPEN_01, "--out", tmp_path, *options, *wishes, *window)
     said = json.loads(result.stdout)

@@ -183,15 +183,11 @@ def test_every_pose_is_in_both_views(kind):
 @pytest.mark.parametrize(
     ("table", "key", "value"),
     [
-        ("cameras", "picture", [2048, 64]),
-        ("cameras", "picture", [256, 256]),
-        ("cameras", "distortion_0", [0.1]),
-        ("cameras", "flyer_share", "90 %"),
-        ("optics", "white", 0.01),
-        ("speckle", "coverage", 1.2),
-        ("calibration", "tilt", "80 deg"),
+        ("cameras", "picture", [2048, 64]), ("cameras", "picture", [256, 256]),
+        ("cameras", "distortion_0", [0.1]), ("cameras", "flyer_share", "90 %"), ("optics", "white", 0.01),
+        ("speckle", "coverage", 1.2), ("calibration", "tilt", "80 deg"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_is_refused(table, key, value):
     base = {"cameras": dict(SMALL), table: {**(SMALL if table == "cameras" else {}), key: value}}
     with pytest.raises(ValueError, match=rf"{key}|{table}"):

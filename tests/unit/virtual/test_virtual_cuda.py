@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import warp as wp
 
 import explicit
-from explicit.device import select_device
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.studies.budget.realisation import Realisations, factors_of
 from kolsky.virtual.make import make
@@ -24,14 +22,6 @@ from kolsky.virtual.truth import SurfaceHistory, Truth, simulate_truths
 TINY = {"truth": {"mesh": [8, 11]}, "motion": {"compression": "12 %"}, "frames": {"rate": "60 kHz"}}
 APART = 1e-6
 """Sums are made in another order: round-off, 1e-16, amplified by some thousand steps and contacts."""
-
-
-@pytest.fixture(scope="module")
-def cuda() -> str:
-    select_device("cpu")
-    if not wp.is_cuda_available():
-        pytest.skip("no CUDA device")
-    return "cuda"
 
 
 def specification(**tables: dict[str, Any]) -> Specification:
