@@ -9,7 +9,7 @@ OPEN_01 = ROOT / "runs" / "open-01"
 OPEN_02 = ROOT / "tests" / "data" / "open-02"
 FILES = ["shot.toml", "scope.csv", "frames.csv", "flyer.csv", "centreline.csv", "quasi_static.csv"]
 TINY = ["--mesh", "8x11"]
-QUICK = [*TINY, "--free", "stiffness_factor", "--refined-mesh", "16x22", "--replicates", "2"]
+QUICK = [*TINY, "--free", "stiffness_factor", "--refined-mesh", "12x16", "--replicates", "2"]
 
 
 def shot_in(folder: Path) -> Path:

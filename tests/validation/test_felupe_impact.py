@@ -192,7 +192,7 @@ def test_force_and_outline_are_those_of_this_packages_solver():
         assert rms(part(fine) - part(expected)) < 2.0**-LOWEST * rms(part(coarse) - part(expected))
 
 
-@pytest.mark.slow
+@pytest.mark.long  # more than a minute of one core
 def test_force_and_outline_are_those_of_dolfinx():
     """The same elements, steps and landings: the forces differ by the ends of the iterations.
 

@@ -385,7 +385,7 @@ def test_meshes_of_two_specimens_are_refused() -> None:
 
 @pytest.mark.slow
 def test_every_mesh_and_ratio() -> None:
-    for mesh, nu in product(MESHES[:-1], TARGETS):  # the page has the finest too
+    for mesh, nu in [*product(MESHES[:2], TARGETS), (MESHES[2], NU)]:  # the page has the costliest too
         one = correction(mesh, nu)
         hold(one)
         if nu == NU:
