@@ -2,10 +2,10 @@
 
 DOLFINx simulates experiments of `populations.coverage_problem` with nu = 0.49998, one of each group
 (`populations.other_program`). The shot declares nu = 0.499 as a first guess. It is identified with default
-options, with the incompressible limit as the model, and with nu held on the other side of the limit. In all
-of them m and the damping are free. The study counts how often the k = 2 interval contains the true m, and
-how much m depends on the held ratio. The folder stores every answer, so an interrupted study can be
-continued.
+options, with the incompressible limit as the model, and with nu held on its other side (`--ask`).
+In all of them m and the damping are free. The study counts how often the k = 2 interval contains the true m,
+and how much m depends on the held ratio. The folder stores every answer and the summary, so an interrupted
+study can be continued.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -17,10 +17,9 @@ import numpy as np
 from kolsky.base.apparatus import INCOMPRESSIBLE
 from kolsky.identification import identify
 from populations.coverage_problem import BONDED, GROUP, Setup, Truth, drawn, experiment
-from populations.driver import RESULTS, add_meshes, answers, command, hold, numbers, settings, write
+from populations.driver import add_meshes, answers, command, hold, numbers, settings, write
 from populations.other_program import simulate_elsewhere
 
-FILE = RESULTS / "incompressible_shots.json"
 M = "stiffness_factor"
 DECLARED = 0.499
 """Poisson's ratio in the shot, a first guess [-]."""
@@ -114,6 +113,7 @@ def main() -> None:
     parser = command(__doc__, seed=36187)
     add_meshes(parser)
     parser.add_argument("--shots", type=numbers, default=list(range(4)), help="FIRST:STOP")
+    parser.add_argument("--ask", nargs="+", choices=HELD, default=list(HELD), help="what is asked for")
     parser.add_argument("--python", default="/usr/bin/python3", help="an interpreter that has DOLFINx 0.5")
     parser.add_argument("--truths", action="store_true", help="make the truths, identify nothing")
     given = parser.parse_args()
@@ -125,13 +125,17 @@ def main() -> None:
         if not exact.exists():
             simulate_elsewhere(exact, *incompressible(number, study.seed), given.python)
             print(exact.stem, flush=True)
-        jobs |= {given.out / f"{number:02d}-{a}.json": (study, exact, number, a) for a in HELD}
+        jobs |= {given.out / f"{number:02d}-{a}.json": (study, exact, number, a) for a in given.ask}
     if given.truths:
         return
     each = answers(answer, jobs, workers=given.workers, line=line)
     print(table(each))
     print(counts(each))
-    write(FILE, {"study": asdict(study), "counts": counts(each), "each": each}, indent=1)
+    write(
+        given.out / "summary.json",
+        {"study": asdict(study), "counts": counts(each), "each": each},
+        indent=1,
+    )
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ def judged(
         lost_meshes=sources.mesh.lost,
     )
     noted = (*(shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()), *shot.notes)
-    limit = poisson_limit(runner, fine)
+    limit = poisson_limit(runner, fine, found.valley)
     if limit is not None:
         warnings = (*warnings, limit.sentence)
         result = replace(result, surrogate={**result.surrogate, "least_poisson": limit.least})
