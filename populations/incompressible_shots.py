@@ -63,6 +63,7 @@ def answer(study: Study, truth_file: Path, number: int, asked: str) -> dict[str,
         "poisson": {**found.fixed, **free}["poisson"],
         "value": found.estimates[M].value,
         "sigma": found.estimates[M].sigma,
+        "limit rise": found.surrogate.get("limit_rise"),
         "verdict": found.estimates[M].outcome.value,
         "of poisson": [
             f"{e.outcome.value}, ± {2.0 * e.sigma:.2g}"

@@ -27,7 +27,7 @@ from kolsky.inverse.coarse_search import (
 )
 from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.gauss_newton import search_by_gauss_newton
-from kolsky.inverse.incompressible import AT_LIMIT, rise_at_limit
+from kolsky.inverse.incompressible import AT_LIMIT, COUNTED, rise_at_limit
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.problem import InverseProblem, rough
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
@@ -71,10 +71,12 @@ class Search:
     designs: RunTable | None = None
     """The runs of designs over the whole range, used for the paper's cost; None if all runs are used."""
     valley_margin: float = np.inf
-    """-2 ln L of the next valley of Poisson's ratio, or of the incompressible limit, minus that of this one
-    [-]."""
+    """-2 ln L of the next valley of Poisson's ratio minus that of this one [-]. The incompressible limit is
+    such a valley; `COUNTED` of its rise counts."""
     valley: float = np.inf
     """Poisson's ratio of the deepest valley [-]; infinite if the ratio was not held at the limit instead."""
+    limit_rise: float = np.inf
+    """See `kolsky.inverse.incompressible.rise_at_limit`; infinite if the limit was not compared."""
 
     @property
     def problem(self) -> InverseProblem:
@@ -122,7 +124,7 @@ def search_shot(problem: InverseProblem, work: Work) -> Search:
 
     ``work``: notified of the stages. Raises ValueError if too few runs complete.
     """
-    valley = np.inf
+    valley = rise = np.inf
     while True:
         compile_for(problem, work)
         runner = Runner.of(problem, work)
@@ -130,11 +132,11 @@ def search_shot(problem: InverseProblem, work: Work) -> Search:
             return _search_rough(runner)
         search = _search_one(runner) if problem.box.dimension == 1 else _search_several(runner)
         if isinstance(search, Search):
-            return replace(search, valley=valley)
+            return replace(search, valley=valley, limit_rise=min(search.limit_rise, rise))
         limit = {}
         if search.reasons.get(VALLEY) == AT_LIMIT:
             limit = {VALLEY: INCOMPRESSIBLE}
-            valley = float(search.x[problem.box.names.index(VALLEY)])
+            valley, rise = float(search.x[problem.box.names.index(VALLEY)]), search.limit_rise
         problem = problem.holding(search.reasons, limit)
 
 
@@ -175,6 +177,8 @@ class NotIdentifiable:
     """The reason for each of them."""
     x: FloatArray
     """The optimum with all of them free, shape [d]."""
+    limit_rise: float
+    """See `Search`."""
 
 
 def _search_several(runner: Runner) -> Search | NotIdentifiable:
@@ -189,20 +193,20 @@ def _search_several(runner: Runner) -> Search | NotIdentifiable:
     coarse = meshes.optima[problem.numerics.mesh]
     lost = not_identifiable(box, coarse.x, coarse.least_sigma)
     rise = rise_at_limit(runner, coarse.x, meshes.front.noise.patterns)
-    if rise < LEAST_MARGIN:
+    if COUNTED * rise < LEAST_MARGIN:
         lost[VALLEY] = AT_LIMIT
     if by_default and lost:
-        return NotIdentifiable(lost, coarse.x)
+        return NotIdentifiable(lost, coarse.x, rise)
     runner = runner.under(meshes.front)
     optimum, fine = search_by_gauss_newton(runner, meshes.optima)
     lost = not_identifiable(box, fine.x, fine.sigma)
     if by_default and lost:
-        return NotIdentifiable(lost, fine.x)
+        return NotIdentifiable(lost, fine.x, rise)
     if held is not None:
         runner.table.take(held.runner.table, held.values)
     runner = runner.under(fine.front, fine.offsets)
-    margin = min(meshes.valley_margin, rise)
-    return Search(runner, optimum, fine, meshes.replicates, held, valley_margin=margin)
+    margin = min(meshes.valley_margin, COUNTED * rise)
+    return Search(runner, optimum, fine, meshes.replicates, held, valley_margin=margin, limit_rise=rise)
 
 
 def _search_held(runner: Runner) -> HeldSearch:

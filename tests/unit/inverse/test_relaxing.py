@@ -365,7 +365,7 @@ def test_a_limit_that_cannot_be_compared_is_not_used(monkeypatch: pytest.MonkeyP
     assert rise(monkeypatch, INCOMPRESSIBLE, [1.1, 0.49985], lost=True) == np.inf
 
 
-@pytest.mark.parametrize(("above", "margin"), [(24.9, 24.9), (25.1, 25.1), (70.0, 60.0)])
+@pytest.mark.parametrize(("above", "margin"), [(249.0, 24.9), (251.0, 25.1), (700.0, 60.0)])
 @pytest.mark.parametrize("by_default", [True, False])
 def test_the_limit_is_one_more_valley(
     monkeypatch: pytest.MonkeyPatch, above: float, margin: float, by_default: bool
@@ -400,12 +400,13 @@ def test_the_limit_is_one_more_valley(
     runner.under = lambda front, offsets=None: runner
     result = search._search_several(runner)
     assert compared == [(x, "patterns")]
-    if by_default and above < 25.0:
+    if by_default and margin < 25.0:
         assert isinstance(result, search.NotIdentifiable)
         assert result.reasons == {"poisson": AT_LIMIT}
+        assert result.limit_rise == above
     else:
         assert isinstance(result, search.Search)
-        assert result.valley_margin == margin
+        assert (result.valley_margin, result.limit_rise) == (pytest.approx(margin), above)
 
 
 def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
