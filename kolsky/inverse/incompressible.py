@@ -41,8 +41,8 @@ STEP = 1e-3
 
 
 COUNTED = 0.1
-"""Share of a rise of -2 ln L at the limit that counts [-]. The error of the coarse mesh is a smooth field. The
-patterns at another valley explain a part of it. Three shots made at 0.49998 by another program have rises
+"""Share of a rise of -2 ln L at the limit that counts [-]. The error of the coarse mesh is a smooth field.
+The patterns at another valley explain a part of it. Three shots made at 0.49998 by another program have rises
 of -79 to 107. Four made at 0.4990 to 0.4996 have 442 to 939 (docs/validation/coverage.md)."""
 
 

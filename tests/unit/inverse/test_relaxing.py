@@ -412,7 +412,8 @@ def test_the_limit_is_one_more_valley(
 def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
     def one(asked: str, value: float, poisson: float, verdict: str = "identified") -> dict[str, Any]:
         said = {"number": 0, "asked": asked, "true": 1.0, "speed": 2.0, "verdict": verdict, "warnings": []}
-        return {**said, "value": value, "sigma": 0.01, "poisson": poisson, "of poisson": []}
+        found = {"value": value, "sigma": 0.01, "poisson": poisson, "of poisson": [], "limit rise": 7.4}
+        return {**said, **found}
 
     rows = [
         one("nothing", 1.0, INCOMPRESSIBLE, "identified by the outline alone"),
@@ -426,7 +427,7 @@ def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
         "held at the limit": 1,
         "largest change over sigma": pytest.approx(2.1),
     }
-    assert "+2.10 ± 2.00 | no |" in line(rows[2])
+    assert "| 7 | 0.49999 | +2.10 ± 2.00 | no |" in line(rows[2])
 
 
 def test_a_shot_file_may_ask_for_the_limit(tmp_path: Path) -> None:
