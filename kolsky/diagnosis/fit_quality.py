@@ -29,7 +29,7 @@ from kolsky.inverse.result import (
     Identification,
     Verdict,
 )
-from kolsky.inverse.valleys import VALLEY
+from kolsky.inverse.valleys import LEAST_MARGIN, VALLEY
 from kolsky.uncertainty.budgets import Sources
 from kolsky.uncertainty.input_changes import in_quadrature
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, MeshChange
@@ -293,10 +293,6 @@ ROUTES = {FORCE: "force only", OUTLINE: "shape only"}
 """The route of each single channel."""
 WITHHELD = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE, Verdict.CONDITIONAL)
 """Verdicts that a poor fit may replace. The other verdicts are already negative."""
-LEAST_MARGIN = 25.0
-"""Smallest rise of -2 ln L at the next valley of Poisson's ratio [-]. If the ringing is weak, the error of a
-coarse mesh can be as large. Of 18 synthetic tests, the one with a wrong valley has 18, the others have 61 to
-690 (docs/validation/coverage.md)."""
 EDGE = 1e-4
 """A value lies at the end of the searched range if its distance is below this share of the range."""
 UNITS = {"N": (1.0, "N"), "m": (1e6, "um"), "1": (1.0, "sigma")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 
 from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.causes import (
@@ -72,8 +73,10 @@ def judged(
         lost_meshes=sources.mesh.lost,
     )
     noted = (*(shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()), *shot.notes)
-    limit = poisson_limit(runner, fine)
+    limit = poisson_limit(runner, fine, found.valley)
     if limit is not None:
         warnings = (*warnings, limit.sentence)
         result = replace(result, surrogate={**result.surrogate, "least_poisson": limit.least})
+    if isfinite(found.limit_rise):
+        result = replace(result, surrogate={**result.surrogate, "limit_rise": found.limit_rise})
     return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *problem.freed.said(shot)))

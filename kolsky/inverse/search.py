@@ -9,7 +9,7 @@ jumps (`kolsky.inverse.refined_search`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from kolsky.inverse.coarse_search import (
 )
 from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.gauss_newton import search_by_gauss_newton
-from kolsky.inverse.incompressible import AT_LIMIT, is_at_limit
+from kolsky.inverse.incompressible import AT_LIMIT, COUNTED, rise_at_limit
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.problem import InverseProblem, rough
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
@@ -35,7 +35,7 @@ from kolsky.inverse.result import Route
 from kolsky.inverse.run_table import Replicates, RunTable
 from kolsky.inverse.runner import Runner, compile_for
 from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
-from kolsky.inverse.valleys import VALLEY
+from kolsky.inverse.valleys import LEAST_MARGIN, VALLEY
 from kolsky.inverse.work import Work
 
 LEAST_RESOLUTION = 4.0
@@ -71,7 +71,12 @@ class Search:
     designs: RunTable | None = None
     """The runs of designs over the whole range, used for the paper's cost; None if all runs are used."""
     valley_margin: float = np.inf
-    """-2 ln L of the next valley of Poisson's ratio minus that of this one [-]."""
+    """-2 ln L of the next valley of Poisson's ratio minus that of this one [-]. The incompressible limit is
+    such a valley; `COUNTED` of its rise counts."""
+    valley: float = np.inf
+    """Poisson's ratio of the deepest valley [-]; infinite if the ratio was not held at the limit instead."""
+    limit_rise: float = np.inf
+    """See `kolsky.inverse.incompressible.rise_at_limit`; infinite if the limit was not compared."""
 
     @property
     def problem(self) -> InverseProblem:
@@ -119,18 +124,20 @@ def search_shot(problem: InverseProblem, work: Work) -> Search:
 
     ``work``: notified of the stages. Raises ValueError if too few runs complete.
     """
+    valley = rise = np.inf
     while True:
         compile_for(problem, work)
         runner = Runner.of(problem, work)
         if rough(problem.shot, [*problem.freed.free, *problem.settings.held]):
             return _search_rough(runner)
-        if problem.box.dimension == 1:
-            return _search_one(runner)
-        search = _search_several(runner)
+        search = _search_one(runner) if problem.box.dimension == 1 else _search_several(runner)
         if isinstance(search, Search):
-            return search
-        limit = {VALLEY: INCOMPRESSIBLE} if search.get(VALLEY) == AT_LIMIT else {}
-        problem = problem.holding(search, limit)
+            return replace(search, valley=valley, limit_rise=min(search.limit_rise, rise))
+        limit = {}
+        if search.reasons.get(VALLEY) == AT_LIMIT:
+            limit = {VALLEY: INCOMPRESSIBLE}
+            valley, rise = float(search.x[problem.box.names.index(VALLEY)]), search.limit_rise
+        problem = problem.holding(search.reasons, limit)
 
 
 def _search_rough(runner: Runner) -> Search:
@@ -162,8 +169,20 @@ def _designs_so_far(runner: Runner) -> RunTable:
     return designs
 
 
-def _search_several(runner: Runner) -> Search | dict[str, str]:
-    """Search several smooth parameters, or return why some of them must be held (by default)."""
+@dataclass(frozen=True)
+class NotIdentifiable:
+    """Parameters that must be held."""
+
+    reasons: dict[str, str]
+    """The reason for each of them."""
+    x: FloatArray
+    """The optimum with all of them free, shape [d]."""
+    limit_rise: float
+    """See `Search`."""
+
+
+def _search_several(runner: Runner) -> Search | NotIdentifiable:
+    """Search several smooth parameters, or return those that must be held (by default)."""
     problem = runner.problem
     box, by_default = problem.box, problem.freed.by_default
     held = _search_held(runner) if MOVED in box.names else None
@@ -173,19 +192,21 @@ def _search_several(runner: Runner) -> Search | dict[str, str]:
     meshes = search_meshes(runner, np.clip(start, box.lower, box.upper))
     coarse = meshes.optima[problem.numerics.mesh]
     lost = not_identifiable(box, coarse.x, coarse.least_sigma)
-    if by_default and is_at_limit(runner, coarse.x):
+    rise = rise_at_limit(runner, coarse.x, meshes.front.noise.patterns)
+    if COUNTED * rise < LEAST_MARGIN:
         lost[VALLEY] = AT_LIMIT
     if by_default and lost:
-        return lost
+        return NotIdentifiable(lost, coarse.x, rise)
     runner = runner.under(meshes.front)
     optimum, fine = search_by_gauss_newton(runner, meshes.optima)
     lost = not_identifiable(box, fine.x, fine.sigma)
     if by_default and lost:
-        return lost
+        return NotIdentifiable(lost, fine.x, rise)
     if held is not None:
         runner.table.take(held.runner.table, held.values)
     runner = runner.under(fine.front, fine.offsets)
-    return Search(runner, optimum, fine, meshes.replicates, held, valley_margin=meshes.valley_margin)
+    margin = min(meshes.valley_margin, COUNTED * rise)
+    return Search(runner, optimum, fine, meshes.replicates, held, valley_margin=margin, limit_rise=rise)
 
 
 def _search_held(runner: Runner) -> HeldSearch:

@@ -138,6 +138,7 @@ QUALITY = {
     "branch_share": ("share of the remaining misfit that it explains", 1.0, ""),
     "branch_aic": ("Akaike’s criterion with it minus that without", 1.0, ""),
     "valley_margin": ("next valley of Poisson’s ratio, −2 ln L above this one", 1.0, ""),
+    "limit_rise": ("incompressible limit, −2 ln L above this one", 1.0, ""),
     "front_moved": ("front face’s path moved by, over its noise, rms", 1.0, ""),
 }
 """Words, factor and unit of the entries of `Identification.surrogate`."""

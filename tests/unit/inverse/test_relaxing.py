@@ -15,9 +15,16 @@ from doe import Box
 from explicit.arguments import nodal_mass
 from explicit.relaxation import BergstromBoyce, PronySeries
 from kolsky.base.apparatus import INCOMPRESSIBLE, NETWORK_CONSTANTS, Relaxation, prony_names
-from kolsky.inverse import incompressible
+from kolsky.inverse import incompressible, search
 from kolsky.inverse.forward import Forward
-from kolsky.inverse.incompressible import LEAST_POISSON, RISE, is_at_limit, limit_of, profiled_rise
+from kolsky.inverse.incompressible import (
+    AT_LIMIT,
+    LEAST_POISSON,
+    RISE,
+    limit_of,
+    profiled_rise,
+    rise_at_limit,
+)
 from kolsky.inverse.parameters import (
     PARAMETERS,
     parsed_kind,
@@ -29,7 +36,7 @@ from kolsky.inverse.parameters import (
 )
 from kolsky.inverse.problem import choose, prepare_shot
 from kolsky.inverse.settings import Numerics, Settings
-from kolsky.inverse.valleys import from_search, search_box, to_search
+from kolsky.inverse.valleys import LEAST_MARGIN, from_search, search_box, to_search
 from kolsky.schema.material import RelaxationSection, declared_relaxation
 from kolsky.shot.load import load_shot
 from kolsky.virtual.schema import Specification
@@ -242,6 +249,12 @@ def test_the_least_ratio_that_is_not_rejected() -> None:
         found.sentence
         == "nu is held at 0.49998: nu >= 0.49850 at 95 %, not distinguished from incompressible"
     )
+    # A valley that was not distinguished from the limit is not rejected either.
+    curve = RISE * (kappa**2 - kappa[0] ** 2) / 0.003**2
+    assert [limit_of(0.49998, kappa, curve, valley).least for valley in (0.4952, 0.4997)] == [
+        0.4952,
+        found.least,
+    ]
     # A second valley that the data allow counts, whatever lies between.
     rise = RISE * kappa / 0.001
     rise[15] = 1.0
@@ -262,12 +275,16 @@ def test_a_ratio_that_the_data_prefer_is_named() -> None:
 
 
 class Linear:
-    """Data 1 + t m + 1e4 t^2 (1 - 2 nu), noise 0.1, with the weights of that noise alone."""
+    """Data 1 + t m + 1e4 t^2 (1 - 2 nu), noise 0.1, with the weights of that noise alone.
+
+    With patterns of the flyer's noise, the noise is `sigma`.
+    """
 
     t = np.linspace(-1.0, 1.0, 40)
+    prior = None
 
-    def __init__(self, kappa: float) -> None:
-        self.data = self.of(1.1, kappa)
+    def __init__(self, kappa: float, sigma: float = 0.1) -> None:
+        self.kappa, self.sigma, self.data = kappa, sigma, self.of(1.1, kappa)
 
     def of(self, m: float, kappa: float) -> np.ndarray:
         return 1.0 + self.t * m + 1e4 * self.t**2 * kappa
@@ -278,26 +295,36 @@ class Linear:
     def with_discrepancy(self, vector: np.ndarray) -> "Linear":
         return self
 
-    prior = None
+    def replaced(self, prior: None = None, balanced: bool = False, front: Any = None) -> "Linear":
+        return self if front is None or front.patterns is None else Linear(self.kappa, front.patterns)
 
     def gain(self, slopes: np.ndarray) -> np.ndarray:
         return np.linalg.pinv(slopes)
 
     def balanced_deviance(self, vectors: np.ndarray) -> np.ndarray:
-        return (((vectors - self.data) / 0.1) ** 2).sum(axis=1)
+        return (((vectors - self.data) / self.sigma) ** 2).sum(axis=1)
 
 
-def at_limit(monkeypatch: pytest.MonkeyPatch, true: float, x: list[float], **uncertainty: float) -> bool:
+def rise(
+    monkeypatch: pytest.MonkeyPatch,
+    true: float,
+    x: list[float],
+    patterns: Any = None,
+    *,
+    lost: bool = False,
+    **uncertainty: float,
+) -> float:
     box = Box.of({"stiffness_factor": (0.5, 2.5), "poisson": (0.49, 0.4999)})
     lines = Linear(1.0 - 2.0 * true)
 
     def run(points: Any, numerics: Any) -> Any:
-        return SimpleNamespace(completed=np.ones(len(points), bool), points=points)
+        assert numerics == "the surrogate's mesh"
+        return SimpleNamespace(completed=np.arange(len(points)) != (1 if lost else 9), points=points)
 
     problem = SimpleNamespace(
         box=box,
         shot=SimpleNamespace(uncertainty=uncertainty),
-        numerics=None,
+        numerics="the surrogate's mesh",
         observations=None,
         point=lambda points: points,
     )
@@ -308,26 +335,85 @@ def at_limit(monkeypatch: pytest.MonkeyPatch, true: float, x: list[float], **unc
     monkeypatch.setattr(
         incompressible, "predict", lambda r, _: seen(points=r.points, inside=np.ones((len(r.points), 3)))
     )
-    monkeypatch.setattr(incompressible, "replace", lambda objective, prior: objective)
-    return is_at_limit(runner, np.array(x))
+    monkeypatch.setattr(incompressible, "replace", lambda objective, **given: objective.replaced(**given))
+    return rise_at_limit(runner, np.array(x), patterns)
 
 
-def test_the_limit_is_taken_where_the_data_do_not_reject_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Data at the limit, a search that ended at 0.49985 with a stiffness that makes up for nothing.
-    assert at_limit(monkeypatch, INCOMPRESSIBLE, [1.1, 0.49985])
-    # m is off by 0.3 at the limit's run: it follows there.
-    assert at_limit(monkeypatch, INCOMPRESSIBLE, [1.4, 0.49985])
-    # Data at 0.4998, found there: the limit is 36e-5 of 1e4 t^2 away, some hundred standard deviations.
-    assert not at_limit(monkeypatch, 0.4998, [1.1, 0.4998])
-    # Where the limit is as good it is not asked below 0.4996, nor against what the shot declares.
-    assert not at_limit(monkeypatch, INCOMPRESSIBLE, [1.1, 0.4995])
-    assert not at_limit(monkeypatch, INCOMPRESSIBLE, [1.1, 0.49985], poisson=1e-4)
+def test_the_rise_at_the_limit_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The data are a line in m and a parabola in kappa, and t and t^2 are orthogonal. m follows exactly, so
+    # that -2 ln L at the limit is (1e4 (kappa - kappa of the data) / 0.1)^2 sum t^4. At the optimum, m adds
+    # (dm / sigma)^2 sum t^2, with the patterns' sigma.
+    t, limit = Linear.t, 1.0 - 2.0 * INCOMPRESSIBLE
+
+    def expected(true: float, m: float, nu: float, sigma: float = 0.1) -> float:
+        kappa = 1.0 - 2.0 * true
+        at_limit = (1e4 * (limit - kappa) / 0.1) ** 2 * (t**4).sum()
+        own = (1e4 * (1.0 - 2.0 * nu - kappa)) ** 2 * (t**4).sum() + (m - 1.1) ** 2 * (t**2).sum()
+        return float(at_limit - own / sigma**2)
+
+    # Data at the limit, and an optimum far below the end of the range.
+    for true, m, nu in [(INCOMPRESSIBLE, 1.1, 0.49957), (0.4991, 1.1, 0.4991), (0.4998, 1.4, 0.49985)]:
+        assert rise(monkeypatch, true, [m, nu]) == pytest.approx(expected(true, m, nu), rel=1e-6)
+        # The patterns count at the optimum and not at the limit.
+        with_patterns = rise(monkeypatch, true, [m, nu], 0.2)
+        assert with_patterns == pytest.approx(expected(true, m, nu, 0.2), rel=1e-6)
+    assert expected(INCOMPRESSIBLE, 1.1, 0.49957) < 0.0 < LEAST_MARGIN < expected(0.4991, 1.1, 0.4991)
+
+
+def test_a_limit_that_cannot_be_compared_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert rise(monkeypatch, INCOMPRESSIBLE, [1.1, 0.49985], poisson=1e-4) == np.inf
+    assert rise(monkeypatch, INCOMPRESSIBLE, [1.1, 0.49985], lost=True) == np.inf
+
+
+@pytest.mark.parametrize(("above", "margin"), [(249.0, 24.9), (251.0, 25.1), (700.0, 60.0)])
+@pytest.mark.parametrize("by_default", [True, False])
+def test_the_limit_is_one_more_valley(
+    monkeypatch: pytest.MonkeyPatch, above: float, margin: float, by_default: bool
+) -> None:
+    """By default, Poisson's ratio is held there; where the user freed it, the margin counts it."""
+    x, numerics = np.array([1.1, 0.4993]), Numerics()
+    optimum = SimpleNamespace(x=x, sigma=np.full(2, 1e-6), least_sigma=np.full(2, 1e-6))
+    fine = SimpleNamespace(x=x, sigma=np.full(2, 1e-6), front=None, offsets={})
+    found = {
+        "_search_held": SimpleNamespace(
+            coarse=SimpleNamespace(x=x[:1]), runner=SimpleNamespace(table=None), values={}
+        ),
+        "search_meshes": SimpleNamespace(
+            optima={numerics.mesh: optimum},
+            front=SimpleNamespace(noise=SimpleNamespace(patterns="patterns")),
+            replicates=None,
+            valley_margin=60.0,
+        ),
+        "search_by_gauss_newton": (None, fine),
+    }
+    for name, value in found.items():
+        monkeypatch.setattr(search, name, lambda *given, value=value: value)
+    compared = []
+    monkeypatch.setattr(search, "rise_at_limit", lambda _, *given: compared.append(given) or above)
+    problem = SimpleNamespace(
+        box=Box.of({"stiffness_factor": (0.5, 2.5), "poisson": (0.49, 0.4999)}),
+        freed=SimpleNamespace(by_default=by_default),
+        declared=x.copy(),
+        numerics=numerics,
+    )
+    runner: Any = SimpleNamespace(problem=problem, table=SimpleNamespace(take=lambda table, values: None))
+    runner.under = lambda front, offsets=None: runner
+    result = search._search_several(runner)
+    assert compared == [(x, "patterns")]
+    if by_default and margin < 25.0:
+        assert isinstance(result, search.NotIdentifiable)
+        assert result.reasons == {"poisson": AT_LIMIT}
+        assert result.limit_rise == above
+    else:
+        assert isinstance(result, search.Search)
+        assert (result.valley_margin, result.limit_rise) == (pytest.approx(margin), above)
 
 
 def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
     def one(asked: str, value: float, poisson: float, verdict: str = "identified") -> dict[str, Any]:
         said = {"number": 0, "asked": asked, "true": 1.0, "speed": 2.0, "verdict": verdict, "warnings": []}
-        return {**said, "value": value, "sigma": 0.01, "poisson": poisson, "of poisson": []}
+        found = {"value": value, "sigma": 0.01, "poisson": poisson, "of poisson": [], "limit rise": 7.4}
+        return {**said, **found}
 
     rows = [
         one("nothing", 1.0, INCOMPRESSIBLE, "identified by the outline alone"),
@@ -341,7 +427,7 @@ def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
         "held at the limit": 1,
         "largest change over sigma": pytest.approx(2.1),
     }
-    assert "+2.10 ± 2.00 | no |" in line(rows[2])
+    assert "| 7 | 0.49999 | +2.10 ± 2.00 | no |" in line(rows[2])
 
 
 def test_a_shot_file_may_ask_for_the_limit(tmp_path: Path) -> None:
