@@ -318,7 +318,7 @@ def fit_edge(
             inverse = np.linalg.inv(C)
             quotient = inverse @ whole[k]
             total += share[k] * (np.sum(np.log(np.diag(L))) + 0.5 * np.trace(quotient))
-            slope += 0.5 * share[k] * np.einsum("rs,jrs->j", inverse - quotient @ inverse, slopes)
+            slope += 0.5 * share[k] * slopes.reshape(p.size, -1) @ (inverse - quotient @ inverse).ravel()
         return float(total), slope
 
     logs = [np.log(limits) for limits in (BLUR, LENGTH, LENGTH, CONTRAST, CONTRAST, NOISE, SHAPE)]
@@ -326,7 +326,8 @@ def fit_edge(
     bound = [wide, *((low, high) for low, high in logs), (0.0, 1.0)]
     begin = np.log([0.7, 1.8, 1.8, 1.0, 0.5, 0.05, 2.0])
     tried = np.arange(wide[0] + AT_END, wide[1], GRID)
-    likely = tried[int(np.argmin([cost(np.array([at, *begin, 0.5]))[0] for at in tried]))]
+    likely = float(tried[int(np.argmin([cost(np.array([at, *begin, 0.5]))[0] for at in tried]))])
+    # A start at the centre would end in the same place if the best trial is next to it.
     fits = [
         minimize(
             cost,
@@ -336,7 +337,7 @@ def fit_edge(
             bounds=bound,
             options={"maxiter": 60},
         )
-        for at in {0.0, float(likely)}
+        for at in ({likely} if abs(likely) <= GRID else {likely, 0.0})
     ]
     best = min(fits, key=lambda fit: fit.fun)
     if abs(best.x[0]) > reach - AT_END:

@@ -121,7 +121,8 @@ class _ReferenceUpdates:
         matched = current.attempt(rows, guess, template)
         self.references.renew(matched, current.template.take(matched))
         self.fresh[matched], self.hurried[matched] = np.nan, self.steps
-        current.propagate()
+        if len(matched):
+            current.propagate()
 
     def forward(self, current: FrameMatch, frame: int, carried: FloatArray, excess: FloatArray) -> None:
         """Use this frame as the reference of the points that need a new one."""

@@ -385,8 +385,8 @@ class FrameMatch:
             match.skipped[:] = False
             match.seed()
             match.propagate()
-        match.confirm()
-        match.propagate()
+        if match.confirm():
+            match.propagate()
         return match
 
     @property
@@ -435,8 +435,8 @@ class FrameMatch:
             fresh = np.zeros_like(fresh)
             fresh[matched] = True
 
-    def confirm(self) -> None:
-        """Reject points that disagree with both their neighbours and their prediction.
+    def confirm(self) -> bool:
+        """Reject points that disagree with both their neighbours and their prediction; True if there are any.
 
         In a picture of another scene a few subsets may correlate by chance, but at unexpected positions.
         """
@@ -447,6 +447,7 @@ class FrameMatch:
         crowded = np.sum(self.neighbours.exists[valid], axis=1) >= 3
         wrong = (votes < 2) & ((voters >= 3) | (crowded & surprising))
         self.outcome[valid[wrong]] = int(PointOutcome.LOW_CORRELATION)
+        return bool(wrong.any())
 
     def seed(self) -> None:
         """Search some of the points far from their predicted positions, by features and by windows."""

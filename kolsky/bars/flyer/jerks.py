@@ -112,9 +112,9 @@ def maximum_likelihood(
         raise ValueError(f"the smoothness of the flyer's motion could not be found: {problem}")
     added = np.zeros(x.size, dtype=bool)
     added[1:n_parts] = x[1:n_parts] < np.log(VANISHED)
-    if added.any():
+    if added.any() and (evidence(x, *data)[1][added] < 0.0).any():
         # For a vanished part, the likelihood is flat in its logarithm, even if more of that part would
-        # improve it.
+        # improve it. The sign of the slope shows whether it would.
         other, likelier, problem = _searched(np.where(added, np.log(BACK), x), data, bounds)
         x = other if likelier < value and not problem else x
     return x[:n_parts], x[n_parts:]

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PathCollection
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.text import Annotation
@@ -177,8 +178,14 @@ def label_text(text: str, most: int) -> str:
     return line.replace("$", r"\$")
 
 
+COLOURS = 64
+"""Number of colours of a colour bar. Each is a path of its own in a vector file."""
+
+
 def colour_bar(mapped: ScalarMappable, axes: Axes | list[Axes], label: str, **options: Any) -> None:
     """Add a colour bar drawn as vectors. Matplotlib would put a bitmap into the vector file."""
+    if not isinstance(mapped, ContourSet):
+        mapped.set_cmap(mapped.get_cmap().resampled(COLOURS))
     parent = (axes if isinstance(axes, Axes) else axes[0]).get_figure(root=True)
     assert parent is not None  # an axes of a report always lies in one
     bar = parent.colorbar(mapped, ax=axes, label=label, **options)

@@ -90,8 +90,9 @@ def draw_groups(
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them with numbers, for the templates.
 
-    The last figure is started first, because pages end with pictures of the mesh, which take longest.
-    Parallel processes finish at about the same time if their last figures are short.
+    The first and the last figures are started first. They take longest: pages begin with their largest figure
+    or end with pictures of the mesh. Parallel processes finish at about the same time if their last figures
+    are short.
 
     ``groups``: groups of figures in the order of the page. ``processes``: processes that draw; see
     `dic.processes.run_parallel`. ``mark``: suffix of the figures' ids, if a page has several figures of one
@@ -101,7 +102,9 @@ def draw_groups(
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
     with infrequent_gc():
         draw = [partial(_drawn, *one, name) for one, name in zip(figures, names, strict=True)]
-        pictures = run_parallel(draw[::-1], processes=processes)[::-1]
+        order = sorted(range(len(draw)), key=lambda k: min(k, len(draw) - 1 - k))
+        drawn = run_parallel([draw[k] for k in order], processes=processes)
+        pictures = [drawn[order.index(k)] for k in range(len(draw))]
     return [
         {
             "id": name,

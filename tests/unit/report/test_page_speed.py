@@ -59,7 +59,7 @@ def test_two_processes_draw_the_same_page(monkeypatch):
     assert render(RESULTS["one"], processes=2) == render(RESULTS["one"], processes=1)
 
 
-def test_groups_share_one_numbering_and_the_last_figure_is_begun_first(monkeypatch):
+def test_groups_share_one_numbering_and_the_outer_figures_are_begun_first(monkeypatch):
     begun = []
 
     def draw(kind, shown, name):
@@ -71,7 +71,7 @@ def test_groups_share_one_numbering_and_the_last_figure_is_begun_first(monkeypat
     first = rendering.FigureGroup([kinds["misfit"]], RESULTS["one"])
     second = rendering.FigureGroup([kinds["force"], kinds["energy"]], RESULTS["two"])
     drawn = rendering.draw_groups([first, second], first=4, mark="a")
-    assert begun == [("energy-a", RESULTS["two"]), ("force-a", RESULTS["two"]), ("misfit-a", RESULTS["one"])]
+    assert begun == [("misfit-a", RESULTS["one"]), ("energy-a", RESULTS["two"]), ("force-a", RESULTS["two"])]
     assert [(figure["id"], figure["number"]) for figure in drawn] == [
         ("misfit-a", 4),
         ("force-a", 5),
