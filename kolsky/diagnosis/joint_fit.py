@@ -567,5 +567,5 @@ def cause_sentence(causes: Sequence[ShotCause]) -> str:
     partly = ""
     if first.share < LEAST_SHARE:
         partly = f"; most of the misfit remains: identify {first.shot} alone, which tries every input"
-    words = " or ".join(one.words for one in alike)
+    words = "; or ".join(one.words for one in alike)
     return f"the likeliest cause is {words} ({numbers}){following}{partly}"

@@ -99,7 +99,7 @@ CAUSE_WORDS = {
     "lengths of the outline": "the lengths in the outline of {shot}, {factor:.4g} ± {both:.2g} times what "
     "all data predict: check its scale",
     "material": "the specimen or reference curve of {shot}, {factor:.4g} ± {both:.2g} times as stiff as the "
-    "others",
+    "others: check them, its length and the rate of its camera",
 }
 """Input of a shot -> its description, with k = 2."""
 

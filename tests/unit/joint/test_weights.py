@@ -520,7 +520,7 @@ def test_no_cause_is_named_that_explains_little() -> None:
     assert cause_sentence([partial, strong]).startswith(f"the likeliest cause is {strong.words} ")
     # Of two shots, one may be the stiffer or the other the softer: likelihoods within exp(5) are equal.
     pair = [replace(strong, key="material"), replace(strong, shot="b", key="material", gain=190.0)]
-    assert f"is {pair[0].words} or {pair[1].words} (explains 80 %" in cause_sentence(pair)
+    assert f"is {pair[0].words}; or {pair[1].words} (explains 80 %" in cause_sentence(pair)
     other = replace(pair[1], gain=189.9)
     assert f"; next: {other.words} (190)" in cause_sentence([pair[0], other])
     assert cause_sentence([strong, replace(weak, gain=16.0)]) == (

@@ -225,7 +225,7 @@ def test_the_weights_of_a_repeated_identification_follow_the_error() -> None:
     5^2 + 5^2 = 50, and the points have a sixth of the weight: -6 / 6 = -1. With the weights of the residuals
     before, 1/9 and 1/25, it would be -6 * 9 / 34.
     """
-    line = CentreLine(1e-4 * np.arange(10), np.arange(10), np.zeros(10), np.ones(10), np.full(10, 1e-3))
+    line = CentreLine(np.linspace(0.0, 9e-4, 10), np.arange(10), np.zeros(10), np.ones(10), np.full(10, 1e-3))
     history = ForceHistory(TIME, 0.0 * TIME, np.full(TIME.size, 1e-3))
     plain = Objective(observe(history, line, window=(0.0, 1e-3), bin_width=1e-4), np.ones(10, dtype=bool))
     vector = plain.data + np.repeat([3.0, 5.0], 10) * np.tile([1.0, -1.0], 10)
