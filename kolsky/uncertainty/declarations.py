@@ -12,7 +12,7 @@ from kolsky.inverse.runner import Runner
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import INPUTS
-from kolsky.uncertainty.input_changes import InputDirections, no_part, plain_amount
+from kolsky.uncertainty.input_changes import InputDirections, input_directions, no_part, plain_amount
 
 UNDECLARED = "not declared, counted as exact"
 VARIED = "varied"
@@ -33,7 +33,7 @@ def declarations(runner: Runner, directions: InputDirections) -> tuple[Declarati
     Raises
     ------
     ValueError
-        If a run with a changed input that is declared uncertain does not complete.
+        If a run with an input changed by its declared uncertainty does not complete.
     """
     shot, box = runner.problem.shot, runner.problem.box
     told = {
@@ -46,14 +46,16 @@ def declarations(runner: Runner, directions: InputDirections) -> tuple[Declarati
         )
         for key in IDENTIFY_KEYS
     }
-    declared = [key for key, sigma in shot.uncertainty.items() if sigma > 0.0 and not told.get(key)]
-    lost = [directions.absent[key] for key in declared if key in directions.absent]
-    if lost:
-        raise ValueError(f"{lost[0]}; a declared uncertainty cannot be left out: end the window earlier")
-    shifts = {
-        key: _by_name(directions.names, shot.uncertainty[key] / directions[key].step * directions.shift(key))
-        for key in declared
-    }
+    declared = {key: sigma for key, sigma in shot.uncertainty.items() if sigma > 0.0 and not told.get(key)}
+    shifts: dict[str, Mapping[str, float]] = {}
+    if declared:
+        moved = input_directions(
+            runner, directions.x, directions.objective, steps=declared, only=tuple(declared)
+        )
+        lost = [why for key, why in moved.absent.items() if key in declared]
+        if lost:
+            raise ValueError(f"{lost[0]}; a declared uncertainty cannot be left out: declare a smaller one")
+        shifts = {key: _by_name(moved.names, moved.shift(key)) for key in declared}
     return tuple(
         Declaration(
             key=key,

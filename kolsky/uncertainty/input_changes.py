@@ -485,13 +485,15 @@ def input_directions(
     x: FloatArray,
     objective: Objective,
     *,
+    steps: Mapping[str, float] | None = None,
     only: Collection[str] | None = None,
 ) -> InputDirections:
     """Change every input with an effect on the answer, and return the changes of the data vector.
 
     ``runner``: runs points of the identification's problem. ``x``: the optimum in SI, shape [d].
-    ``objective``: with the discrepancies of the optimum. ``only``: inputs to be changed; default: all. Raises
-    ValueError if the run at the optimum or a run for the Jacobian does not complete.
+    ``objective``: with the discrepancies of the optimum. ``steps``: key -> step that replaces the default
+    one, for example a declared uncertainty. ``only``: inputs to be changed; default: all. Raises ValueError
+    if the run at the optimum or a run for the Jacobian does not complete.
     """
     shot, box, held = runner.problem.shot, runner.problem.box, runner.problem.settings.held
     absent = {
@@ -501,7 +503,7 @@ def input_directions(
         and (why := no_part(key, free=box.names, held=held, shot=shot, seen=runner.problem.observations))
     }
     wanted = {
-        key: _step(one, shot, objective)
+        key: (steps or {}).get(key, _step(one, shot, objective))
         for key, one in INPUTS.items()
         if one.step and key not in absent and (only is None or key in only)
     }
