@@ -375,7 +375,7 @@ def _chord_steps(
         else:
             change, sigma = run.step.change, run.step.sigma
             step = -pace @ change
-            longer = np.linalg.norm(step / sigma) / np.linalg.norm(change / sigma)
+            longer = float(np.linalg.norm(step / sigma) / np.linalg.norm(change / sigma))
             step *= min(LONGER / longer, 1.0)
             found, x = run, np.clip(run.x + step, *_box_bounds(runner.problem.box))
     assert found is not None
