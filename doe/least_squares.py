@@ -282,6 +282,29 @@ def least_squares(
     return tuple(sorted((search.result() for search in searches), key=lambda found: found.deviance))
 
 
+def secant(
+    slopes: FloatArray,
+    before: FloatArray,
+    vector_before: FloatArray,
+    sigma: FloatArray,
+    x: FloatArray,
+    vector: FloatArray,
+) -> FloatArray:
+    """Broyden's update of the slopes from the change between two runs, [k, d].
+
+    The unknowns are in units of sigma.
+
+    ``slopes``: by the unknowns, shape [k, d]. ``before``, ``vector_before``: a point, shape [d], and its
+    data, shape [k]. ``sigma``: standard deviations of the unknowns, shape [d]. ``x``, ``vector``: another
+    point, and its data.
+    """
+    step = (x - before) / sigma
+    if not step.any():
+        return slopes
+    missed = vector - vector_before - slopes @ (x - before)
+    return slopes + np.outer(missed, step / sigma) / float(step @ step)
+
+
 def _sigma(jacobian: FloatArray) -> FloatArray:
     """Standard deviations in the unit box, shape [d]. Infinite for a direction that changes no entry."""
     _, singular, right = np.linalg.svd(jacobian, full_matrices=False)

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from doe import Box, from_points, latin_hypercube
+from doe.least_squares import secant
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jacobian, surrogate_kind
 from kolsky.inverse.objective import FrontNoise, Objective
@@ -103,6 +104,9 @@ class RefinedRun:
     """Step from the run to the estimated optimum."""
     missed: FloatArray
     """The run minus the linear prediction by the slopes, shape [k]."""
+    pace: FloatArray | None = None
+    """Change of the point over the change of the step, shape [d, d], estimated from the runs; None: minus
+    one."""
 
     @property
     def confirmed(self) -> bool:
@@ -264,6 +268,8 @@ WORSE_STEP = 4.0
 the coarser mesh lead to a point near the least misfit. There a good step may cause a smaller rise."""
 MOST_RUNS = 8
 """Maximum number of iterations on the refined mesh with the slopes of the coarser one."""
+LONGER = 3.0
+"""Largest length of a corrected step over that of the step itself [-]. The correction is about 1.5."""
 MISLED = 2
 """Number of steps with increasing misfit after which those slopes are replaced."""
 DIFFERENCE_STEP = 0.5
@@ -302,7 +308,7 @@ def search_by_gauss_newton(
     last, slope, front = follow_on_refined(runner, objective, slope, last, _search_on)
     if problem.halfway != problem.refined:
         under = replace(objective, front=front.noise)
-        last, slope = _search_on(runner.under(front), under, slope, last.x, problem.refined)
+        last, slope = _search_on(runner.under(front), under, slope, last.x, problem.refined, last.pace)
     runner = runner.under(front, {mesh: optimum.x - last.x for mesh, optimum in optima.items()})
     return _with_surrogate(runner, last, slope, centre, coarse)
 
@@ -313,9 +319,10 @@ def _search_on(
     slope: FloatArray,
     start: FloatArray,
     numerics: Numerics,
+    pace: FloatArray | None = None,
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d]."""
-    last = _chord_steps(runner, objective, slope, start, numerics)
+    last = _chord_steps(runner, objective, slope, start, numerics, pace)
     return (last, slope) if last.confirmed else descend(runner, objective, slope, last)
 
 
@@ -342,11 +349,22 @@ def _chord_steps(
     slope: FloatArray,
     start: FloatArray,
     numerics: Numerics,
+    pace: FloatArray | None = None,
 ) -> RefinedRun:
-    """Steps on a mesh until a run confirms the optimum."""
+    """Steps on a mesh until a run confirms the optimum.
+
+    With slopes of this mesh the step would change by minus the change of the point. Those of a coarser mesh
+    give shorter steps. Broyden's update of the ratio from the runs corrects them.
+
+    ``pace``: this ratio as estimated on another mesh, see `RefinedRun`.
+    """
     found, x, misled = None, start, 0
+    pace = -np.eye(len(start)) if pace is None else pace
     for _ in range(MOST_RUNS):
         run = judge_run(runner, objective, slope, x, numerics, found)
+        if found is not None:
+            pace = secant(pace, found.step.change, found.x, run.step.sigma, run.step.change, x)
+        run = replace(run, pace=pace)
         if run.confirmed:
             return run
         if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
@@ -355,7 +373,11 @@ def _chord_steps(
                 break
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
-            found, x = run, np.clip(run.x + run.step.change, *_box_bounds(runner.problem.box))
+            change, sigma = run.step.change, run.step.sigma
+            step = -pace @ change
+            longer = float(np.linalg.norm(step / sigma) / np.linalg.norm(change / sigma))
+            step *= min(LONGER / longer, 1.0)
+            found, x = run, np.clip(run.x + step, *_box_bounds(runner.problem.box))
     assert found is not None
     return found
 

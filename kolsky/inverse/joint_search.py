@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, stdtrit
 
-from doe.least_squares import Whitening, bounded_step
+from doe.least_squares import Whitening, bounded_step, secant
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import coarser_graded
@@ -240,29 +240,6 @@ def _judge_run(
     step = width * bounded_step(scaled, whitening.apply(residual), (lower - x) / width, (upper - x) / width)
     sigma = np.sqrt(np.diag(np.linalg.inv(information(rows, width))))
     return _RefinedRun(x, vector, cost, step, sigma)
-
-
-def secant(
-    slopes: FloatArray,
-    before: FloatArray,
-    vector_before: FloatArray,
-    sigma: FloatArray,
-    x: FloatArray,
-    vector: FloatArray,
-) -> FloatArray:
-    """Broyden's update of the slopes from the change between two runs, [k, d].
-
-    The unknowns are in units of sigma.
-
-    ``slopes``: by the unknowns, shape [k, d]. ``before``, ``vector_before``: a point, shape [d], and its
-    data, shape [k]. ``sigma``: standard deviations of the unknowns, shape [d]. ``x``, ``vector``: another
-    point, and its data.
-    """
-    step = (x - before) / sigma
-    if not step.any():
-        return slopes
-    missed = vector - vector_before - slopes @ (x - before)
-    return slopes + np.outer(missed, step / sigma) / float(step @ step)
 
 
 def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:

@@ -194,14 +194,42 @@ def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
     rise: float, taken_back: bool
 ) -> None:
     """With the discrepancy |x| of each of n = 10 bins -2 ln L is n ln x^2 + n. A slope of 1 / (1 + q) leads
-    from -10 to 10 q, where it is higher by 20 ln q; from there to -10 q^2, if that is not too much."""
+    from -10 to 10 q, where it is higher by 20 ln q; from there to 0, if that is not too much."""
     made: Any = Bins()
     q = np.exp(rise / 20.0)
     slope = np.full((10, 1), 1.0 / (1.0 + q))
     one = objective(np.zeros(10), np.empty(0))
     _chord_steps(made, one, slope, np.array([-10.0]), made.problem.refined)
-    third = 0.5 * (-10.0 + 10.0 * q) if taken_back else -10.0 * q**2
-    assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6)
+    third = 0.5 * (-10.0 + 10.0 * q) if taken_back else 0.0  # Broyden's update of a linear force is exact
+    assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6, abs=1e-6)
+
+
+def test_steps_learn_from_the_runs_and_another_mesh_continues_with_it() -> None:
+    """A slope of 1.5 for a force x of slope 1: the step is -x / 1.5, so the point changes 1.5 times as much
+    as the step."""
+    made: Any = Bins()
+    slope, one = np.full((10, 1), 1.5), objective(np.zeros(10), np.empty(0))
+    found = _chord_steps(made, one, slope, np.array([-9.0]), made.problem.refined)
+    assert made.visited == pytest.approx([-9.0, -3.0, 0.0], abs=1e-6)
+    assert found.confirmed
+    assert found.pace == pytest.approx(np.array([[-1.5]]), rel=1e-6)
+    made.visited = []
+    _chord_steps(made, one, slope, np.array([-9.0]), made.problem.refined, found.pace)
+    assert made.visited == pytest.approx([-9.0, 0.0], abs=1e-6)
+
+
+def test_a_corrected_step_is_three_times_as_long_at_most() -> None:
+    """A slope of 10 for a force of slope 1 would need a step ten times as long: from -9 by 0.9 to -8.1, then
+    by 3 * 0.81."""
+    made: Any = Bins()
+    _chord_steps(
+        made,
+        objective(np.zeros(10), np.empty(0)),
+        np.full((10, 1), 10.0),
+        np.array([-9.0]),
+        made.problem.refined,
+    )
+    assert made.visited[:3] == pytest.approx([-9.0, -8.1, -8.1 + 3.0 * 0.81], rel=1e-6)
 
 
 def test_a_run_confirms_when_no_step_is_longer_than_a_fifth_of_sigma() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doe.least_squares import Whitening
+from doe.least_squares import Whitening, secant
 from kolsky.base.apparatus import Interface
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse import joint_search
@@ -18,7 +18,6 @@ from kolsky.inverse.joint_search import (
     WORSE_STEP,
     Optimum,
     refined_optimum,
-    secant,
     with_refined_patterns,
 )
 from kolsky.inverse.settings import JointSettings, Numerics
