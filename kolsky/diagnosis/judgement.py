@@ -15,7 +15,7 @@ from kolsky.diagnosis.causes import (
 )
 from kolsky.diagnosis.fit_quality import explained, fit_warnings, with_verdicts
 from kolsky.diagnosis.relaxation import branch_figures, branch_fit, rate_advice, shot_branch_test
-from kolsky.inverse.incompressible import poisson_limit
+from kolsky.inverse.incompressible import limit_warning, poisson_limit
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import Identification
 from kolsky.inverse.search import Search
@@ -77,6 +77,8 @@ def judged(
     if limit is not None:
         warnings = (*warnings, limit.sentence)
         result = replace(result, surrogate={**result.surrogate, "least_poisson": limit.least})
+    elif (undistinguished := limit_warning(found.limit_rise)) is not None:
+        warnings = (*warnings, undistinguished)
     if isfinite(found.limit_rise):
         result = replace(result, surrogate={**result.surrogate, "limit_rise": found.limit_rise})
     return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *problem.freed.said(shot)))

@@ -27,7 +27,7 @@ from kolsky.inverse.coarse_search import (
 )
 from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.gauss_newton import search_by_gauss_newton
-from kolsky.inverse.incompressible import AT_LIMIT, COUNTED, rise_at_limit
+from kolsky.inverse.incompressible import AT_LIMIT, COUNTED, NEAR_LIMIT, is_distinguished, rise_at_limit
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.problem import InverseProblem, rough
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
@@ -35,7 +35,7 @@ from kolsky.inverse.result import Route
 from kolsky.inverse.run_table import Replicates, RunTable
 from kolsky.inverse.runner import Runner, compile_for
 from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
-from kolsky.inverse.valleys import LEAST_MARGIN, VALLEY
+from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Work
 
 LEAST_RESOLUTION = 4.0
@@ -193,7 +193,7 @@ def _search_several(runner: Runner) -> Search | NotIdentifiable:
     coarse = meshes.optima[problem.numerics.mesh]
     lost = not_identifiable(box, coarse.x, coarse.least_sigma)
     rise = rise_at_limit(runner, coarse.x, meshes.front.noise.patterns)
-    if COUNTED * rise < LEAST_MARGIN:
+    if not is_distinguished(rise) and coarse.x[box.names.index(VALLEY)] >= NEAR_LIMIT:
         lost[VALLEY] = AT_LIMIT
     if by_default and lost:
         return NotIdentifiable(lost, coarse.x, rise)
