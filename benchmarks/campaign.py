@@ -180,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if o.gpus:
         os.environ["CUDA_VISIBLE_DEVICES"] = ",".join(map(str, range(o.gpus)))
     entries = json.loads(o.json.read_text("utf-8")) if o.json.exists() else []
-    mesh, refined = (tuple(int(part) for part in text.split("x")) for text in (o.mesh, o.refined))
+    mesh, refined = ((int(a), int(b)) for a, b in (text.split("x") for text in (o.mesh, o.refined)))
     for workers in o.workers:
         count = o.total or (o.each or 4) * workers
         known = {"device": o.device, "gpus": o.gpus, "workers": workers, "each": count / workers,

@@ -6,7 +6,7 @@ sum is taken over the whole window and over its thirds. The table also gives the
 eight of the runs.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +66,9 @@ def optima(prepared: PreparedShot, beta: float) -> dict[str, float]:
 
 def main() -> None:
     """Print one line for each measure."""
-    shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else OPEN_01)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("shot", nargs="?", default=OPEN_01, metavar="SHOT")
+    shot = load_shot(parser.parse_args().shot)
     prepared, beta = prepare_shot(shot), shot.model.damping
     own, more = optima(prepared, beta), optima(prepared, 4.0 * beta)
     for name, m in own.items():

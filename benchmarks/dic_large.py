@@ -68,8 +68,8 @@ class PlaneSeries:
 
     def __post_init__(self) -> None:
         rng = np.random.default_rng(0)
-        self.texture = cv2.GaussianBlur(rng.standard_normal((4096, 4096)).astype(np.float32), (0, 0), 2.2)
-        self.texture = 120.0 + 45.0 * self.texture / float(self.texture.std())
+        grain = cv2.GaussianBlur(rng.standard_normal((4096, 4096)).astype(np.float32), (0, 0), 2.2)
+        self.texture = np.asarray(120.0 + 45.0 * grain / float(grain.std()), np.float32)
 
     @property
     def shape(self) -> tuple[int, int]:

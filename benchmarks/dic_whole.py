@@ -10,7 +10,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -60,7 +60,7 @@ class Whole:
     """Wall time of the run [s]."""
     processor: float
     """Processor time of all threads and of the other processes of the run [s]."""
-    stages: dict[str, float]
+    stages: Mapping[str, float]
     """Wall time of the stages of the correlation and of the other parts [s]; the stages of the correlation
     overlap."""
 

@@ -20,7 +20,7 @@ from kolsky.virtual.truth import SurfaceHistory
 
 def surface(frames: int, q: Specification) -> SurfaceHistory:
     """A specimen at rest for 12 frames, then compressed at constant speed to half its length; 129 nodes."""
-    time = (np.arange(frames) - 11.0) / q.frames.rate
+    time = (np.arange(frames, dtype=np.float64) - 11.0) / q.frames.rate
     d = np.clip(time / time[-1], 0.0, 1.0) * 0.5 * q.specimen.length
     share = np.linspace(0.0, 1.0, 129)
     stretch = 1.0 - d[:, None] / q.specimen.length

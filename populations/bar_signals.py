@@ -42,7 +42,7 @@ def band_of(bar: Bar) -> float:
     return 0.6 * bar.wave_speed / bar.diameter
 
 
-def drawn(seed: int) -> dict[str, object]:
+def drawn(seed: int) -> dict[str, Any]:
     """One synthetic test: strains at the faces of a specimen with a flow stress, and the records of the
     gauges."""
     rng = np.random.default_rng(seed)
@@ -143,8 +143,11 @@ def plateaus(seed: int) -> dict[str, float]:
     made = drawn(seed)
     names = ("incident", "reflected", "transmitted")
     rng, noise = made["rng"], made["noise"]
-    waves = [made[name] + noise * rng.standard_normal(made["time"].size) for name in names]
-    faces = FaceWaves(made["time"], *waves, dict.fromkeys(names, noise), made["bar"], made["bar"])
+    waves = {name: made[name] + noise * rng.standard_normal(made["time"].size) for name in names}
+    sigma = dict.fromkeys(names, noise)
+    faces = FaceWaves(
+        made["time"], **waves, sigma=sigma, incident_bar=made["bar"], transmission_bar=made["bar"]
+    )
     reduction = reduce(faces, made["specimen"])
     found = judge_plateau(reduction, faces)
     return {"change": made["change"], "quoted": float(found.stress_fault is None and found.span is not None)}

@@ -20,7 +20,7 @@ from explicit.materials import LAWS, AnyLaw
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.material.end_friction.correct import correct_friction
-from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, FrictionCorrection
+from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
 from kolsky.material.fits.homogeneous import Mode, incompressible_stress
 from kolsky.material.uniaxial import CurveBand, mean_of_repeats
 from populations.driver import RESULTS, command, results, write
@@ -33,6 +33,8 @@ SHOWN = (0.1, 0.2, 0.3, 0.4, 0.5)
 """Compressions in the tables."""
 SPECIMENS, SCATTER, NOISE = 5, 0.02, 0.005
 """Number of specimens of a draw, relative scatter of their stiffness and of a sample [-]."""
+SAMPLE = "sample"
+"""Name of the modes of 1 of ln S at one strain; the corrected modes are the derivative of the correction."""
 MATERIALS: dict[str, tuple[float, float, dict[str, float]]] = {
     "neo_hookean": (9.5e-3, 6.5e-3, {"mu": 80e3 / 2.99}),
     "yeoh": (9.5e-3, 6.5e-3, {"C10": 14e3, "C20": 2e3, "C30": 500.0}),
@@ -94,11 +96,14 @@ def case(name: str, ends: str, program: str, draws: int) -> dict[str, Any]:
     strain, force = measured(name, ends)
     stress = force / size.area
     true = -incompressible_stress(law_of(name), Mode.UNIAXIAL, 1.0 - strain)
-    band = CurveBand(strain, stress, np.zeros_like(stress), np.empty((0, strain.size)), ())
+    band = CurveBand(strain, stress, np.zeros_like(stress), np.diag(stress), (SAMPLE,) * strain.size)
     held = EndFriction("bonded") if ends == "bonded" else EndFriction("coulomb", float(ends))
     started = process_time()
     found = correct_friction(band, size, held, numerics=CorrectionNumerics(poisson=POISSON))
-    error, twice = found.band.stress / true - 1.0, 2.0 * found.band.sigma / true
+    relative, samples = found.band.modes / found.band.stress, np.array(found.band.names) == SAMPLE
+    response, own = relative[samples].T, relative[~samples]
+    ratio = found.band.stress / true
+    error, twice = ratio - 1.0, 2.0 * ratio * np.sqrt((own**2).sum(axis=0))
     inside = strain <= 0.5 + 1e-9
     return {
         "specimen": name,
@@ -112,20 +117,21 @@ def case(name: str, ends: str, program: str, draws: int) -> dict[str, Any]:
         "misfit": found.misfit,
         "ratio": [float(found.ratio.min()), float(found.ratio.max())],
         "laws": [[m.name, m.weight, m.misfit, m.reason] for m in found.models],
-        "coverage": coverage(found, band, true, draws),
+        "coverage": coverage(ratio, response, own, band, draws),
         "draws": draws,
         "seconds": process_time() - started,
     }
 
 
 def coverage(
-    found: FrictionCorrection, band: CurveBand, true: FloatArray, draws: int, seed: int = 23
+    ratio: FloatArray, response: FloatArray, own: FloatArray, band: CurveBand, draws: int, seed: int = 23
 ) -> float:
-    """Share of strains (up to 50 %) and draws at which the k = 2 band contains the true value."""
+    """Share of strains (up to 50 %) and draws at which the k = 2 band contains the true value.
+
+    ``ratio``: corrected stress over the true one. ``response``: change of its logarithm by that of the
+    stress at each strain, shape [n, n]. ``own``: relative modes of the correction, shape [n_modes, n].
+    """
     rng = np.random.default_rng(seed)
-    kept = [k for k, name in enumerate(found.band.names)]
-    own = (found.band.modes / found.band.stress)[kept]
-    places = np.searchsorted(band.strain, found.places)
     inside = band.strain <= 0.5 + 1e-9
     held = []
     for _ in range(draws):
@@ -133,10 +139,9 @@ def coverage(
             1.0 + NOISE * rng.standard_normal((SPECIMENS, band.strain.size))
         )
         drawn = mean_of_repeats(band.strain, band.stress * factor)
-        logs = np.log(found.band.stress) + found.response @ np.log(drawn.stress / band.stress)[places]
-        modes = np.vstack([own, (found.response @ (drawn.modes / drawn.stress)[:, places].T).T])
-        sigma = np.sqrt((modes**2).sum(axis=0))
-        held.append(np.abs(np.exp(logs) / true - 1.0)[inside] <= 2.0 * sigma[inside])
+        off = ratio * np.exp(response @ np.log(drawn.stress / band.stress)) - 1.0
+        modes = np.vstack([own, drawn.modes / drawn.stress @ response.T])
+        held.append(np.abs(off)[inside] <= 2.0 * np.sqrt((modes**2).sum(axis=0))[inside])
     return float(np.mean(held))
 
 

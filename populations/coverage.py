@@ -117,8 +117,8 @@ def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> F
         result = identify(shot, asked)
     except ValueError as error:
         parts: dict[str, dict[str, float]] = {name: {} for name in study.free}
-        lost = (nothing, nothing, nothing, parts, {}, {}, str(error), [], {})
-        return Found(number, true, *lost, time.perf_counter() - started)
+        spent = time.perf_counter() - started
+        return Found(number, true, nothing, nothing, nothing, parts, {}, {}, str(error), [], {}, spent)
     e = result.estimates
     return Found(
         number=number,

@@ -15,7 +15,9 @@ import numpy as np
 
 from dic.bodies.follow import TrackedBody
 from dic.chain.outliers import gate_epipolar, gate_residual, gate_surface
+from dic.chain.test_frame import RestState
 from dic.outcome import PointOutcome
+from dic.result import Placement
 from dic.surfaces.cylinder import SpecimenFrame
 from populations.driver import markdown, picture_study
 from populations.outlier_scenes import RADIUS, drawn, followed, rig
@@ -51,9 +53,8 @@ def counted(population: str, seed: int, device: str = "cpu") -> Count:
     X = RenderedCylinder(RADIUS).hit(rig(scene.angle).cameras[0], body.points)
     truth = np.array([scene.place(X, k) for k in range(scene.n_frames)])
     frame = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
-    rest: Any = SimpleNamespace(
-        rest=list(range(scene.n_static)), placement=SimpleNamespace(frame=frame, radius=RADIUS)
-    )
+    exact = Placement(frame, RADIUS, radius_sigma=0.0, rms=0.0, chi2_per_dof=0.0, n_points=0)
+    rest = RestState(exact, frames=list(range(scene.n_static)), edges=0)
     inputs: Any = SimpleNamespace(rig=rig(scene.angle))
     gated = gate_surface(gate_residual(gate_epipolar(inputs, body, rest)), rest)
     tracked, before, _ = _off(body, truth)

@@ -5,7 +5,7 @@ docs/validation/cameras.md.
 population 0 and tested on population 1.
 """
 
-import sys
+import argparse
 from dataclasses import replace
 
 import numpy as np
@@ -80,7 +80,7 @@ def one(rng: np.random.Generator, pose: float, lens: float) -> tuple[bool, float
     wrong = turn_rig(true, pose * rng.standard_normal(5))
     first, second = (wrong_lens(camera, rng, lens) for camera in wrong.cameras)
     given = StereoRig((first, second))
-    found = refine(given, *pixels, np.full(POINTS, noise * np.sqrt(2.0)))
+    found = refine(given, pixels[0], pixels[1], np.full(POINTS, noise * np.sqrt(2.0)))
     errors = [shape_error(cameras, pixels, X) for cameras in (given, found.rig)]
     return found.helps, errors[0], errors[1], found.before, found.after
 
@@ -107,4 +107,8 @@ def rows(population: int, rigs: int = RIGS) -> list[str]:
 
 
 if __name__ == "__main__":
-    print("\n".join(rows(int(sys.argv[1]) if len(sys.argv) > 1 else 1)))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument(
+        "population", type=int, nargs="?", default=1, metavar="SEED", help="of the population"
+    )
+    print("\n".join(rows(parser.parse_args().population)))

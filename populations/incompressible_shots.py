@@ -151,7 +151,7 @@ def main() -> None:
     given = parser.parse_args()
     study = LimitStudy.of(given)
     hold(study, given.out)
-    jobs = {}
+    jobs: dict[Path, tuple[Any, ...]] = {}
     for number in given.shots:
         exact = given.out / f"truth-{number:02d}.npz"
         if not exact.exists():

@@ -133,8 +133,9 @@ def main() -> None:
     """Compare the shots and print the result."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("shots", nargs="+", help="open-01 to open-04")
+    given = parser.parse_args()
     print("| shot | model | m | nu | beta (us) |\n| --- | --- | --- | --- | --- |")
-    for name in parser.parse_args().shots:
+    for name in given.shots:
         for what, (m, nu, beta) in compared(name).items():
             print(f"| {name} | {what} | {m:+.4f} | {nu:+.1e} | {1e6 * beta:+.2f} |", flush=True)
 

@@ -5,6 +5,7 @@ simulated its compression by 10 mm between plates with f = 0.7 (`tests/reference
 forces are the test data. The constants are identified by inverse finite elements.
 """
 
+import argparse
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ def fitted(program: str) -> dict[str, Any]:
 
 def main() -> None:
     """Fit both programs' forces, write and print the result."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter).parse_args()
     found = {program: fitted(program) for program in TABLES}
     write(FILE, found, indent=1)
     for program, one in found.items():

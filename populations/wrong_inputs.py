@@ -14,7 +14,7 @@ import json
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +60,11 @@ def run(job: Job) -> dict[str, Any]:
     truth = json.loads((job.shot / "truth.json").read_text("utf-8"))
     said: dict[str, Any] = {"row": row.name, "shot": job.shot.name, "truth": truth["m"]}
     started = time.perf_counter()
-    numerics, more = Numerics(device=job.device, threads=job.threads), {}
+    numerics = Numerics(device=job.device, threads=job.threads)
+    settings = Settings(free=None if row.free else dict.fromkeys(MODEL), numerics=numerics)
     if job.meshes is not None:
-        numerics, more = numerics.with_mesh(job.meshes[0]), {"refined_mesh": job.meshes[1]}
-    free = None if row.free else dict.fromkeys(MODEL)
-    settings = Settings(free=free, numerics=numerics, **more)
+        coarse, fine = job.meshes
+        settings = replace(settings, numerics=numerics.with_mesh(coarse), refined_mesh=fine)
     try:
         found = identify(row.wrong(job.shot), settings)
     except (InputError, ValueError) as error:

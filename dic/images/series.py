@@ -6,7 +6,7 @@ significant bit first: four values of 10 bits in five bytes, two of 12 bits in t
 """
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -187,7 +187,7 @@ class PicturesInMemory:
     value is not finite.
     """
 
-    pictures: Sequence[NDArray[np.generic]]
+    pictures: Sequence[NDArray[np.generic]] | NDArray[np.generic]
     """Grey values, 8 or 16-bit whole numbers or floating-point ones, each of shape [rows, columns]."""
     bits: int = 0
     """Bits that carry the grey value; 0: those of the arrays' type."""
@@ -226,7 +226,7 @@ class PicturesInMemory:
         return checked_frame(self.path, index, array, self.shape, self.bits)
 
 
-def whole_numbers(pictures: Sequence[NDArray[np.generic]]) -> tuple[Words, ...]:
+def whole_numbers(pictures: Iterable[NDArray[np.generic]]) -> tuple[Words, ...]:
     """Floating-point pictures as 16-bit whole numbers by the rule of `PicturesInMemory`.
 
     Raises ValueError if a value is not finite.

@@ -1,6 +1,9 @@
 """The tables that pages make of a study's results."""
 
 import json
+import re
+import runpy
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -9,14 +12,66 @@ import pytest
 from module_files import module_at
 
 from benchmarks import equilibrium_table
-from populations import answers, scatter
+from populations import answers, incompressible_shots, scatter
 
-TABLES = Path(__file__).parents[3] / "docs" / "_ext" / "made_tables.py"
+ROOT = Path(__file__).parents[3]
+TABLES = ROOT / "docs" / "_ext" / "made_tables.py"
 
 
 @pytest.fixture(scope="module")
 def tables() -> ModuleType:
     return module_at(TABLES, "made_tables_of_studies")
+
+
+def test_every_study_and_benchmark_has_a_help(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`python -m` of each with `--help` prints the options and runs nothing."""
+    started = []
+    for path in sorted([*ROOT.glob("populations/*.py"), *ROOT.glob("benchmarks/*.py")]):
+        if '__name__ == "__main__"' not in path.read_text("utf-8"):
+            continue
+        monkeypatch.setattr("sys.argv", [path.name, "--help"])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(path), run_name="__main__")
+        assert ended.value.code == 0, path
+        assert capsys.readouterr().out.startswith("usage: "), path
+        started.append(path.stem)
+    assert {"coverage", "thesis_cylinder", "damping_and_stiffness"} <= set(started)
+
+
+def test_every_committed_result_is_read(tables: ModuleType) -> None:
+    """By the table that a page requests, or else by that of its study: with a number at least."""
+    asked = {
+        name: kind
+        for page in (ROOT / "docs").rglob("*.md")
+        for kind, name in tables.LINE.findall(page.read_text("utf-8"))
+    }
+    bars = module_at(ROOT / "tests" / "validation" / "bars_page.py")
+    elsewhere: dict[str, Callable[[Any], str]] = {
+        "bar_signals": lambda _: bars.made_text(),
+        "incompressible_shots": lambda made: incompressible_shots.table(made["each"]),
+        "right_second": lambda made: scatter.table(made["answers"]),
+    }
+    kinds = {"coverage": "coverage", "forty": "drawn"}  # files of a kind that no page requests
+    in_words = {"mesh_windows", "truth_meshes"}  # their pages quote single numbers
+    in_baseline = {"baseline_specimens", "bonded_cylinders", "thesis_cylinder"}
+    for path in sorted((ROOT / "populations" / "results").glob("*.json")):
+        name = path.stem
+        made = json.loads(path.read_text("utf-8"))
+        if name in in_words | in_baseline:
+            continue
+        if name in elsewhere:
+            text = elsewhere[name](made)
+        else:
+            text = tables.TABLES[asked.get(name) or kinds[name.split("_")[0]]](name)
+        assert re.search(r"\d", text), name
+
+
+def test_the_page_of_corrected_specimens_is_made_of_its_results() -> None:
+    """`docs/validation/baseline.md` is what `tests/validation/baseline_page.py` writes."""
+    page = module_at(ROOT / "tests" / "validation" / "baseline_page.py").page()
+    assert page == (ROOT / "docs" / "validation" / "baseline.md").read_text("utf-8")
 
 
 def test_budget_of_the_paper(tables: ModuleType) -> None:
