@@ -202,7 +202,7 @@ def bounded_step(
 
     ``jacobian``: shape [k, d]. ``residual``: prediction minus data, shape [k]. ``low`` <= 0 <= ``high``:
     bounds of the step. ``damping``: of Marquardt, added to the normal equations, times their diagonal [-].
-    Elements of the diagonal below `FLAT`^2 of the largest are damped like that value.
+    Elements of the diagonal below the largest times the square of `FLAT` are damped like that value.
     """
     right = -residual
     if damping:
