@@ -101,6 +101,7 @@ def synchronise(
     rest: float,
     travel: float,
     sigma_zero: float = 0.0,
+    reach: float = REACH,
 ) -> Synchronisation:
     """Lag between the cameras and a transducer behind a mass on the flyer.
 
@@ -112,7 +113,8 @@ def synchronise(
     ``force``: force at the transducer [N], compression positive, baseline removed. ``mass``: mass between its
     sensing plane and the specimen [kg]. ``rest``: a time on the signal's clock before the wave arrives [s];
     integration begins there. ``travel``: displacement up to which frames are used [m], about 5 % of the
-    specimen's length. ``sigma_zero``: standard uncertainty of the force's zero [N].
+    specimen's length. ``sigma_zero``: standard uncertainty of the force's zero [N]. ``reach``: largest lag in
+    the search, in either direction [s].
     """
     if not mass > 0.0:
         raise ValueError(f"the mass before the transducer is {mass:g} kg, must be > 0 kg")
@@ -123,7 +125,7 @@ def synchronise(
     twice = cumulative_trapezoid(once, t, initial=0.0)
     curves = np.stack([x, once, twice, 0.5 * (t - t[0]) ** 2 / mass])
     free = np.inf
-    return _Fit(motion, t, curves, np.array([free, free, free, sigma_zero]), travel).solve()
+    return _Fit(motion, t, curves, np.array([free, free, free, sigma_zero]), travel, reach).solve()
 
 
 class _Fit:
@@ -136,9 +138,10 @@ class _Fit:
         curves: FloatArray,
         prior: FloatArray,
         travel: float,
+        reach: float,
     ) -> None:
-        if not travel > 0.0:
-            raise ValueError(f"travel must be > 0 m, got {travel:g} m")
+        if not travel > 0.0 or not reach > 0.0:
+            raise ValueError(f"travel and reach must be > 0, got {travel:g} m and {reach:g} s")
         moved = motion.displacement - motion.displacement[:3].mean()
         beyond = np.flatnonzero(moved > travel)
         last = int(beyond[0]) if beyond.size else moved.size
@@ -151,12 +154,12 @@ class _Fit:
         self.t, self.y, self.sigma = (
             array[:last] for array in (motion.time, motion.displacement, motion.sigma)
         )
-        if not self.t[-1] + REACH <= time[-1]:
+        if not self.t[-1] + reach <= time[-1]:
             raise ValueError(
                 f"the signal ends at {time[-1]:.9g} s, the frames used at {self.t[-1]:.9g} s and may lag by"
-                f" {REACH:.3g} s; shorten travel"
+                f" {reach:.3g} s; shorten reach or travel"
             )
-        self.time = time
+        self.time, self.reach = time, reach
         scale = np.abs(curves).max(axis=1)
         self.curves, self.scale = curves / scale[:, None], scale
         self.known = np.isfinite(prior)
@@ -186,7 +189,7 @@ class _Fit:
     def solve(self) -> Synchronisation:
         """The best lag with its uncertainty."""
         step = 0.25 * self.interval
-        grid = step * np.arange(-int(REACH / step), int(REACH / step) + 1)
+        grid = step * np.arange(-int(self.reach / step), int(self.reach / step) + 1)
         best = int(np.argmin([self.chi2(lag) for lag in grid]))
         at_edge = best in (0, grid.size - 1)
         lag = float(grid[best])
