@@ -269,8 +269,8 @@ the coarser mesh lead to a point near the least misfit. There a good step may ca
 MOST_RUNS = 8
 """Maximum number of iterations on the refined mesh with the slopes of the coarser one."""
 LONGER = 3.0
-"""Largest length of a corrected step over that of the step itself [-]. In `runs/open-05` a step leaves a third
-of the distance, and the correction is 1.5."""
+"""Largest length of a corrected step over that of the step itself [-]. In `runs/open-05` a step leaves a
+third of the distance, and the correction is 1.5."""
 MISLED = 2
 """Number of steps with increasing misfit after which those slopes are replaced."""
 DIFFERENCE_STEP = 0.5
