@@ -323,11 +323,11 @@ def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]
     """
     values = _within_bounds([(c, u) for c in candidates for u in c.scan])
     trials = _trials(search, [(c, u) for c, u in values if leaves_length(search.runner, c.changed(u))])
-    basins = _best_tried(search, [t for t in trials if t.candidate.finer > 0.0])
+    basins = best_tried(search, [t for t in trials if t.candidate.finer > 0.0])
     steps = range(-FINER, FINER + 1)
     about = _within_bounds([(t.candidate, t.u + n * t.candidate.finer) for t in basins for n in steps])
     found = [t for t in trials if not t.candidate.finer > 0.0]
-    return _best_tried(search, found) + _best_tried(search, _trials(search, about))
+    return best_tried(search, found) + best_tried(search, _trials(search, about))
 
 
 def _within_bounds(tried: Sequence[Value]) -> list[Value]:
@@ -346,7 +346,7 @@ def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
     return found
 
 
-def _best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
+def best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
     """The two best local minima of each candidate. Ringing causes several minima."""
     trials: dict[str, list[Trial]] = {}
     for t in tried:

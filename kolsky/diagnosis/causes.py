@@ -16,13 +16,23 @@ from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.cause_fit import chance, evidence, explained_share, holm
-from kolsky.diagnosis.cause_inputs import can_be_tried, declared_sigma, declared_span, held_value, start_of
+from kolsky.diagnosis.cause_inputs import (
+    can_be_tried,
+    changed_vector,
+    declared_sigma,
+    declared_span,
+    held_value,
+    radii,
+    start_of,
+    stretched,
+)
 from kolsky.diagnosis.cause_model import CauseModel, Point, expected_residual
 from kolsky.diagnosis.cause_search import (
     FOLLOWED,
     KEPT,
     CauseSearch,
     Trial,
+    best_tried,
     scan_inputs,
 )
 from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
@@ -30,8 +40,8 @@ from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import COVERAGE, CauseFinding
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.valleys import VALLEY
-from kolsky.shot.input_records import SHOWN, Cause
-from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, POISSON, SENSITIVITY, causes
+from kolsky.shot.input_records import SHOWN, UNCHANGED, Cause, Change
+from kolsky.shot.inputs import CURVE_SCALE, DAMPING, DENSITY, FRAME_RATE, POISSON, SENSITIVITY, causes
 
 LEVEL = 0.01
 """A change is significant if its probability is below this. The probability is adjusted for all inputs
@@ -79,7 +89,9 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
     order = in_groups(search, [row[0] for row in likely])
     likely.sort(key=lambda row: order.index(row[0].candidate.key))
     rest = [row for row in rows if not row[-1]]
-    rest = [rest[i] for i in by_evidence([row[0].candidate.key for row in rest], [row[2] for row in rest])]
+    losses = [search.loss(row[0].misfits) for row in rest]
+    keys = [row[0].candidate.key for row in rest]
+    rest = [rest[i] for i in by_evidence(keys, [row[2] for row in rest], losses)]
     if not likely and rest and _explains_all(rest[0], refuted) and not _within(search, rest[0][0]):
         likely, rest = [(*rest[0][:-1], True)], rest[1:]
         groups = [row[0] for row in (*likely, *rest) if not row[0].lost]
@@ -103,15 +115,15 @@ def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) ->
     return pair and not t.lost and gain > ALIKE and probability < LEVEL
 
 
-def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
-    """Order of inputs by decreasing evidence.
+def by_evidence(keys: Sequence[str], evidences: Sequence[float], losses: Sequence[float]) -> list[int]:
+    """Order of inputs by decreasing evidence, and by increasing loss if it is equal.
 
     Among indistinguishable inputs, assumptions come first.
 
     Inputs with `ASSUMED` in their key were not measured on the specimen. They are more likely to be wrong
     than a measured length. Inputs with evidence that differs by less than `ALIKE` cannot be distinguished.
     """
-    left, order = sorted(range(len(keys)), key=lambda i: -evidences[i]), []
+    left, order = sorted(range(len(keys)), key=lambda i: (-evidences[i], losses[i])), []
     while left:
         first = evidences[left[0]]
         group = [i for i in left if first > ALIKE and first - evidences[i] < ALIKE] or left[:1]
@@ -410,16 +422,18 @@ CONTENDERS = 4
 def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
     """Inputs with an order that the mesh error could change.
 
-    They are strong, and within `KEPT` of the best.
+    They are strong, and their evidence is within `KEPT` of the largest.
 
     With a changed input, the correction by the run at the answer is less accurate. Far beyond the bound of
-    the stiffness, the meshes have another phase difference.
+    the stiffness, and for a stretched run, the meshes have another phase difference.
     """
     strong = [one for one in trials if not one.seen.lost and judge.gain(one.seen.misfits) >= EVIDENCE]
     strong.sort(key=lambda one: judge.loss(one.seen.misfits))
-    near = [one for one in strong if judge.loss(one.seen.misfits) - judge.loss(strong[0].seen.misfits) < KEPT]
+    most = max((judge.gain(one.seen.misfits) for one in strong), default=0.0)
+    near = [one for one in strong if most - judge.gain(one.seen.misfits) < KEPT]
     found = near[:CONTENDERS] if len(near) > 1 else []
-    return found + [one for one in strong if one.seen.candidate.key == CURVE_SCALE and one not in found]
+    far = [one for one in strong if one.seen.candidate.key == CURVE_SCALE or one.seen.fit is None]
+    return found + [one for one in far if one not in found]
 
 
 def _findings(
@@ -503,6 +517,7 @@ def best_trials(
     starts = [t for t in tangents if not t.lost] + scan_inputs(search, candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
     followed = search.followed([*starts, *_same_force_starts(search, starts)])
+    followed += _stretched_runs(search, candidates)
     best = {t.candidate.key: t for t in tangents}
     for t in sorted(followed, key=lambda t: -search.loss(t.misfits)):
         if search.gain(t.misfits) > 0.0:  # otherwise the linear step is better
@@ -523,6 +538,37 @@ def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Tri
     x[names.index("stiffness_factor")] *= gains[0].u
     x = np.clip(x, search.model.lower, search.model.upper)
     return [replace(gains[0], candidate=density, x=x, u=gains[0].u - 1.0)]
+
+
+STRETCHES = 2000
+"""Number of factors on the times of all frames that are tried by stretching one run. Over the range of the
+factor, this step is 0.001: a phase of 0.06 periods at the end of a test with sixty."""
+
+
+def _stretched_runs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
+    """The two best factors on the times of all frames by the run at the answer, stretched in time.
+
+    A run with all times multiplied by s, all stresses and forces by 1 / s^2, and the damping by s is the run
+    with the frames' times multiplied by s at the stiffness factor m / s^2. Its outline in the frames is
+    unchanged. If the rate is wrong, the answer follows the film, not the force's clock. No linear step leads
+    from there to the right phase of the force, but this one does.
+    """
+    model, names = search.model, search.problem.box.names
+    rate = [c for c in candidates if c.key == FRAME_RATE]
+    if not rate or model.first is not None or MOVED not in names:
+        return []
+    run, seen, found = model.refined, radii(UNCHANGED, model.refined, model.observations), []
+    for s in np.geomspace(1.0 + rate[0].lowest, 1.0 + rate[0].highest, STRETCHES):
+        x = search.x.copy()
+        for i, name in enumerate(names):
+            x[i] *= {MOVED: s**-2, "damping": s}.get(name, 1.0)
+        if (x < model.lower).any() or (x > model.upper).any():
+            continue
+        vector = changed_vector(Change(film=s), stretched(run, s), model.observations, known=seen)
+        residual = search.residual(vector if model.offset is None else vector - model.offset)
+        found.append(Trial(rate[0], x, s - 1.0, search.expected.misfits(residual), residual))
+    relieved = [(t, search.relieved(t.residual, t.candidate)) for t in best_tried(search, found)]
+    return [replace(t, residual=left, misfits=search.expected.misfits(left)) for t, left in relieved]
 
 
 SURE = 1e-6

@@ -110,7 +110,7 @@ def _of_curve(name: str, *, key: str, words: str, check: str, form: str, **tried
 
 SENSITIVITY, DENSITY = "force.sensitivity", "specimen.density"
 POISSON, DAMPING = "model.poisson", "model.damping"
-CURVE_SCALE = "curve.stress, its scale"
+CURVE_SCALE, FRAME_RATE = "curve.stress, its scale", "frames.time"
 
 INPUTS: dict[str, Input] = {
     one.key: one
@@ -437,7 +437,7 @@ INPUTS: dict[str, Input] = {
             relative=True,
             applied=with_film,
             cause=Cause(
-                key="frames.time",
+                key=FRAME_RATE,
                 words="a factor on the times of all frames",
                 check="check the camera's rate: frames.time, and its unit",
                 changed=lambda u: Change(film=1.0 + u),

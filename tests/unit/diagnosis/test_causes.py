@@ -1,5 +1,6 @@
 """The tried inputs, the order in which they are named, and their texts."""
 
+from dataclasses import replace
 from math import inf, isfinite, nan
 from types import SimpleNamespace
 from typing import Any
@@ -140,8 +141,8 @@ def test_change_is_value_less_what_is_declared() -> None:
 KEYS = ["specimen.length", "model.damping", "force.sensitivity", "model.mass_damping", "specimen.diameter"]
 
 
-def order(*evidences: float) -> list[str]:
-    return [KEYS[i] for i in by_evidence(KEYS, evidences)]
+def order(*evidences: float, losses: tuple[float, ...] = (0.0,) * len(KEYS)) -> list[str]:
+    return [KEYS[i] for i in by_evidence(KEYS, evidences, losses)]
 
 
 def test_the_most_evidence_first() -> None:
@@ -170,6 +171,16 @@ def test_of_what_cannot_be_told_apart_what_nobody_measured() -> None:
 def test_weak_evidence_is_not_regrouped() -> None:
     assert order(ALIKE, 9.0, 8.0, 7.0, 0.0)[:2] == ["specimen.length", "model.damping"]
     assert order(9.0, 1.0, 8.0, 7.0, 0.0) == [KEYS[0], KEYS[2], KEYS[3], KEYS[1], KEYS[4]]
+
+
+def test_of_equal_evidence_the_least_loss_comes_first() -> None:
+    assert order(77.8, 0.0, 77.8, 0.0, 77.8, losses=(-20.0, 0.0, -39.0, 0.0, -125.0)) == [
+        "specimen.diameter",
+        "force.sensitivity",
+        "specimen.length",
+        "model.damping",
+        "model.mass_damping",
+    ]
 
 
 def strange(key: str, value: float, sigma: float = 0.0) -> float:
@@ -238,8 +249,10 @@ def test_an_input_is_suspected_where_the_data_are_sure_and_the_answer_leaves_its
 def test_inputs_that_the_meshes_could_turn_round_are_compared_by_runs_of_their_own() -> None:
     """Strong ones within `KEPT` of the best, if there are two at least, and no more than `CONTENDERS`."""
 
-    def best(key: str, loss: float) -> Best:
-        one = trial(key, 1.1, loss)
+    fitted: Any = SimpleNamespace()
+
+    def best(key: str, loss: float, fit: Any = fitted) -> Best:
+        one = replace(trial(key, 1.1, loss), fit=fit)
         return Best(one, one, SimpleNamespace())  # type: ignore[arg-type]
 
     judge: Any = search()
@@ -251,6 +264,21 @@ def test_inputs_that_the_meshes_could_turn_round_are_compared_by_runs_of_their_o
     assert _contenders(judge, far) == []
     weak = [best(SENSITIVITY, 90.0), best(DENSITY, 101.0)]
     assert _contenders(judge, weak) == []
+    # A stretched run has no slopes: its point is always run, however far the others are.
+    alone = [best(SENSITIVITY, 61.0), best("frames.time", 0.0, None)]
+    assert [b.own.candidate.key for b in _contenders(judge, alone)] == ["frames.time"]
+
+
+def test_inputs_that_explain_all_are_compared_by_runs_of_their_own() -> None:
+    """Evidence ends at the residual of a correct model. Its loss does not: there the meshes decide."""
+    fitted: Any = SimpleNamespace()
+    tried = [
+        replace(trial(key, 1.1, loss), fit=fitted) for key, loss in ((SENSITIVITY, -90.0), (DENSITY, -5.0))
+    ]
+    judge: Any = search()
+    judge.gain = lambda misfits: 200.0 - max(float(np.log(misfits[0])), 0.0)
+    both = [Best(t, t, SimpleNamespace()) for t in tried]  # type: ignore[arg-type]
+    assert _contenders(judge, both) == both
 
 
 def test_of_an_answer_that_is_withheld_the_leading_inputs_are_named() -> None:
