@@ -154,6 +154,11 @@ SWITCHES: dict[str, Switch] = {
         ((f"{DIAGNOSIS}.causes._same_force_starts", lambda *_: []),),
         diagnosis=True,
     ),
+    "stretched": Switch(
+        "the answer's run, stretched, for the camera's rate",
+        ((f"{DIAGNOSIS}.causes._stretched_runs", lambda *_: []),),
+        diagnosis=True,
+    ),
     "contenders": Switch(
         "runs on the refined mesh for inputs that are alike",
         ((f"{DIAGNOSIS}.causes._contenders", lambda *_: []),),

@@ -90,7 +90,9 @@ class CauseSearch:
 
     ``runner``: of the identification. ``model``: data vectors from its runs. ``expected``: residual of a
     correct model. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``: inputs
-    that are tried or may be wrong. ``start``: start of the search; by default the point of the model.
+    that are tried or may be wrong. ``start``: start of the search; by default the point of the model. Its
+    residual is zero at an outline point that its run does not reach. Raises ValueError if that run does not
+    complete.
     """
 
     def __init__(
@@ -110,7 +112,9 @@ class CauseSearch:
         steps = {c.key: (c, start_of(c, problem)) for c in candidates if np.isfinite(start_of(c, problem))}
         beside = [Point(x, c.changed(_inside(c, u + c.step))) for c, u in steps.values()]
         vectors = model.vectors([Point(x), *slopes, *beside])
-        self.vector = vectors[0]
+        if not np.isfinite(vectors[0][: self.n_force]).all():
+            raise ValueError("the run at the start of the search for a wrong input did not complete")
+        self.vector = np.where(np.isfinite(vectors[0]), vectors[0], model.data)
         self.slope = self._columns(vectors, model.steps(x))
         self.columns: dict[str, FloatArray] = {}
         """Change of the prediction per unit of each candidate's coordinate, shape [k].

@@ -254,3 +254,30 @@ def test_a_value_within_its_declared_uncertainty_is_not_named_with_its_pair() ->
     assert not any(f.named for f in found)
     assert found[0].key == DAMPING
     assert found[0].within
+
+
+class Short(LinearModel):
+    """A model whose runs away from x = 1 lose the last entries of the data."""
+
+    lost = 1
+
+    def vectors(self, points: Any) -> FloatArray:
+        found = super().vectors(points)
+        for row, p in zip(found, points, strict=True):
+            row[len(row) - self.lost :] = np.where(
+                abs(p.x[0] - 1.0) > 0.1, np.nan, row[len(row) - self.lost :]
+            )
+        return found
+
+
+def test_a_start_that_does_not_reach_a_point_has_no_residual_there_and_one_that_ends_early_is_said() -> None:
+    data = np.linspace(1.0, 2.0, K)
+    model: Any = Short({"m": np.ones(K)}, data)
+    model.observations.n_force = K - 1
+    whole = np.ones(K, dtype=bool)
+    one = CauseSearch(runner(), model, expected(), whole, [], start=np.full(1, 2.0))
+    assert one.residual(one.vector) == pytest.approx(np.append(1.0 - data[:-1], 0.0))
+    assert np.isfinite(one.before).all()
+    model.lost = 2
+    with pytest.raises(ValueError, match="the run at the start of the search for a wrong input did not"):
+        CauseSearch(runner(), model, expected(), whole, [], start=np.full(1, 2.0))
