@@ -59,10 +59,12 @@ def read_lines(
     ]
     if others:
         first["without numbers"] = ", ".join(others)
+    table = signal_table(sheet, layout)
     return Contents(
         path=path,
         sha256=sha256,
-        channels=signal_table(sheet, layout).channels(),
+        channels=table.channels(),
+        times=table.time_channels(),
         facts={**facts, **dialect.facts, **found.facts, **first},
         metadata={key: ", ".join(fields) for key, fields in metadata.items()},
     )

@@ -277,10 +277,10 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
         )
 
     def columns(wanted: tuple[str, ...]) -> FloatArray:
-        return np.stack([sheet.values(sheet.column(name, "column"), gaps=True) for name in wanted], axis=-1)
+        return np.stack([sheet.numbers(sheet.column(name), gaps=True) for name in wanted], axis=-1)
 
     def lengths(wanted: tuple[str, ...]) -> FloatArray:
-        headings = [table.names[sheet.column(name, "column")] for name in wanted]
+        headings = [table.names[sheet.column(name)] for name in wanted]
         return columns(wanted) * [UNITS[_length_unit(path, heading, unit)] for heading in headings]
 
     coordinates, displacements = lengths(chosen.coordinates), lengths(chosen.displacements)

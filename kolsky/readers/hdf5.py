@@ -68,8 +68,8 @@ def array_lines(path: Path, arrays: Sequence[NamedArray]) -> list[str]:
 
 def array_channels(
     path: Path, arrays: list[NamedArray], scalars: Mapping[str, float], layout: Layout
-) -> tuple[Channel, ...]:
-    """The arrays that are not times, each with its clock.
+) -> dict[str, tuple[Channel, ...]]:
+    """The arrays as fields `channels` and `times` of `Contents`, each signal with its clock.
 
     The clock comes from the layout, from keys such as "dt" and "t0", or from an array of times. This is the
     declared array, or an array of the same length named "t" or "time".
@@ -117,17 +117,14 @@ def array_channels(
 
     for signal in signals:
         check_samples(path, signal.name, signal.samples)
-    return tuple(
-        Channel(
-            name=signal.name,
-            number=number,
-            unit=signal.unit,
-            samples=signal.samples,
-            values=signal.values,
-            clock=lambda signal=signal: clock_of(signal),  # type: ignore[misc]
-        )
-        for number, signal in enumerate(signals, start=1)
-    )
+
+    def channel(array: NamedArray, number: int) -> Channel:
+        return Channel(array.name, number, array.unit, array.samples, array.values, lambda: clock_of(array))
+
+    return {
+        "channels": tuple(channel(signal, number) for number, signal in enumerate(signals, start=1)),
+        "times": tuple(channel(by_name[name], len(signals) + 1) for name in dict.fromkeys(times)),
+    }
 
 
 def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: HeaderClock) -> Clock:
@@ -215,7 +212,7 @@ def read(path: Path, layout: Layout) -> Contents:
     return Contents(
         path=path,
         sha256=sha256,
-        channels=array_channels(path, arrays, scalars, layout),
+        **array_channels(path, arrays, scalars, layout),
         facts={"format": "hdf5", **({"without numbers": ", ".join(others[:20])} if others else {})},
         metadata=metadata,
     )

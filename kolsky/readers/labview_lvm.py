@@ -70,7 +70,7 @@ def read(path: Path, layout: Layout) -> Contents:
         path=path,
         dialect=Dialect(separator, decimal, len(names), (*times, *columns)),
         rows=rows,
-        first=ends[1] + 3,
+        first_line=ends[1] + 3,
         names=names,
         units=tuple(units[columns.index(i)] if i in columns else "s" for i in range(len(names))),
         metadata={key: fields for key, fields in metadata.items() if key not in ("Time", "Date")},

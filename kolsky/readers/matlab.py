@@ -51,7 +51,7 @@ def read(path: Path, layout: Layout) -> Contents:
     return Contents(
         path=path,
         sha256=sha256,
-        channels=array_channels(path, arrays, scalars, layout),
+        **array_channels(path, arrays, scalars, layout),
         facts={
             "format": "matlab",
             "version": version,

@@ -18,6 +18,7 @@ from kolsky.readers.contents import (
     check_samples,
     column_clock,
     column_digits,
+    find_column,
     stated_clock,
 )
 from kolsky.readers.header import (
@@ -38,7 +39,7 @@ from kolsky.readers.text import COMMA, Dialect, cure_of, find_dialect, full_matc
 
 @dataclass(frozen=True)
 class Sheet:
-    """Lines divided into fields. Line i of `rows` is line `first + i` of the file."""
+    """Lines divided into fields. Line i of `rows` is line `first_line + i` of the file."""
 
     path: Path
     """The file."""
@@ -46,7 +47,7 @@ class Sheet:
     """Division of its lines into fields."""
     rows: Sequence[str]
     """The lines of samples."""
-    first: int
+    first_line: int
     """Line number of the first row, counted from 1."""
     names: tuple[str, ...]
     """Column names. Without a header they are "1", "2", ..."""
@@ -61,7 +62,7 @@ class Sheet:
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
     """It is not empty after the fields of all rows have been counted."""
 
-    def values(self, column: int, *, gaps: bool = False) -> FloatArray:
+    def numbers(self, column: int, *, gaps: bool = False) -> FloatArray:
         """The numbers of a column in the unit of the file, shape [n].
 
         ``column``: index of the column, counted from 0. ``gaps``: True if NaN is allowed, as in tables with
@@ -98,38 +99,19 @@ class Sheet:
         text = self.dialect.split(self.rows[row])[column]
         return text.replace(",", ".") if self.dialect.decimal == "," else text
 
-    def column(self, wanted: ColumnId, what: str) -> int:
-        """The index of a column, counted from 0, by its name or, without such a name, by its number.
-
-        Raises InputError if no column, or more than one, has the name.
-        """
-        found = [i for i, name in enumerate(self.names) if name == wanted]
-        if len(found) > 1:
-            numbers = ", ".join(str(i + 1) for i in found)
-            raise InputError(
-                self.path,
-                f"has {len(found)} columns '{wanted}'",
-                cure=f"give the number of one: {numbers}",
-            )
-        if found:
-            return found[0]
-        number = int(wanted) if str(wanted).isdecimal() else 0
-        if 1 <= number <= len(self.names):
-            return number - 1
-        names = ", ".join(f"'{name}'" for name in self.names)
-        raise InputError(
-            self.path,
-            f"{what} '{wanted}' is missing; the columns are {names}",
-            line=max(1, self.first - 1) if self.word == "line" else None,
-            cure="correct its name, or give its number; `kolsky channels FILE` lists them",
+    def column(self, wanted: ColumnId, what: str = "column") -> int:
+        """The index of a column, see `find_column`."""
+        line = max(1, self.first_line - 1) if self.word == "line" else None
+        return find_column(
+            self.path, self.names, wanted, what, numbers=range(1, len(self.names) + 1), line=line
         )
 
-    def error(self, message: str, row: int | None, cure: str | None) -> InputError:
+    def error(self, message: str, row: int | None = None, cure: str | None = None) -> InputError:
         """An error about this file.
 
         `row` counts rows of samples from 0.
         """
-        line = None if row is None else self.first + row
+        line = None if row is None else self.first_line + row
         if self.word != "line" and line is not None:
             return InputError(self.path, f"{self.word} {line}: {message}", cure=cure)
         return InputError(self.path, message, line=line, cure=cure)
@@ -428,6 +410,10 @@ class SignalTable:
         check_samples(sheet.path, sheet.names[columns[0]], len(sheet.rows))
         return tuple(self._channel(column, order, len(columns)) for order, column in enumerate(columns))
 
+    def time_channels(self) -> tuple[Channel, ...]:
+        """The time columns, as signals."""
+        return tuple(self._channel(column, 0, 1) for column in self.times)
+
     @property
     def counts(self) -> tuple[int, ...]:
         """Columns of sample counts, such as Rigol's with the unit "Sequence"."""
@@ -440,9 +426,9 @@ class SignalTable:
             number=column + 1,
             unit=sheet.units[column],
             samples=len(sheet.rows),
-            values=lambda: sheet.values(column),
+            values=lambda: sheet.numbers(column),
             clock=lambda: self._clock(column, order, count),
-            place=lambda sample: sheet.first + sample,
+            place=lambda sample: sheet.first_line + sample,
         )
 
     def _clock(self, column: int, order: int, count: int) -> Clock:
@@ -487,7 +473,7 @@ class SignalTable:
         sheet = self.sheet
         if header.start is None or header.interval is None or not self.counts:
             return header.start
-        count = sheet.values(self.counts[0])
+        count = sheet.numbers(self.counts[0])
         steps = np.flatnonzero(np.diff(count) != 1.0)
         if steps.size:
             row = int(steps[0]) + 1
@@ -521,7 +507,7 @@ class SignalTable:
         sheet = self.sheet
         what = f"the time column '{sheet.names[number]}'"
         factor = time_factor(sheet.path, self._time_unit(number), what)
-        values = sheet.values(number)
+        values = sheet.numbers(number)
         digits = column_digits(values, lambda row: sheet.field(number, row))
         # Division by 1e6 rounds once, multiplication by 1e-6 rounds twice: 25 us is 2.5e-5 s.
         inverse = round(1.0 / factor)

@@ -120,7 +120,7 @@ def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
 
 def _modes(table: Table, section: ModeColumns) -> FloatArray:
     """All columns of common uncertainties (names with one prefix), shape [n_modes, n]."""
-    names = [name for name in table.header if name.startswith(section.prefix)]
+    names = [name for name in table.names if name.startswith(section.prefix)]
     if not 1 <= len(names) <= MOST_MODES:
         raise InputError(
             table.path,

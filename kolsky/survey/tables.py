@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -11,15 +12,12 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import read_bytes
 from kolsky.base.units import dimension_of, unit_factor
-from kolsky.readers.contents import Contents
+from kolsky.readers.contents import Channel
 from kolsky.readers.header import likely_unit
-from kolsky.readers.layout import Layout
 from kolsky.readers.measured_tables import QUANTITIES
 from kolsky.readers.recordings import read_contents
-from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text
+from kolsky.readers.text import ENCODINGS, declared_delimiter
 from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
 
 _FRAME = re.compile(r"(frame|bild|image|img|picture|photo|trame|fotograma)(?![a-z]*zeit)", re.IGNORECASE)
@@ -259,50 +257,34 @@ def microseconds(seconds: float) -> str:
 def read_entry(path: Path) -> TableEntry:
     """A file, read with its detected layout. Raises InputError if the file cannot be read."""
     contents = read_contents(path)
-    form = contents.facts.get("format")
-    if form not in ("delimited", *WORKBOOKS):
-        return _recorder(path, contents)
-    layout = {} if form in WORKBOOKS else dict(_layout(contents.facts))
-    table = read_table(path, layout=Layout(**layout) if layout else None)  # type: ignore[arg-type]
-    units = _units_below(path, table.sheet.dialect.split, layout)
-    if form in WORKBOOKS:
-        stated = {channel.name: channel.unit or "" for channel in contents.channels}
-        units = [stated.get(name, "") for name in table.header]
+    facts = contents.facts
+    if facts["format"] not in ("delimited", *WORKBOOKS):
+        columns = [
+            ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0))
+            for c in contents.channels
+        ]
+        return TableEntry(path, tuple(columns), {"format": facts["format"]}, _clock(contents.channels[0]))
     columns = []
-    for i, name in enumerate(table.header):
+    for channel in sorted((*contents.channels, *contents.times), key=lambda channel: channel.number):
         try:
-            values = table.sheet.values(i)
+            values = channel.values()
         except InputError:
             continue  # a column of words
-        unit = likely_unit(name) or (units[i] if i < len(units) else "")
-        columns.append(ColumnEntry(name, unit, dimension_of(unit), values))
+        below = channel.unit if "units" in facts or facts["format"] in WORKBOOKS else None
+        unit = likely_unit(channel.name) or below or ""
+        columns.append(ColumnEntry(channel.name, unit, dimension_of(unit), values))
+    layout = {} if facts["format"] in WORKBOOKS else dict(_layout(facts))
     entry = TableEntry(path, tuple(columns), layout)
-    return entry if entry.time is not None else replace(entry, clock=_header_clock(contents))
+    if entry.time is None:
+        with suppress(InputError, IndexError):  # a rate or an interval in the header may give the clock
+            return replace(entry, clock=_clock(contents.channels[0]))
+    return entry
 
 
-def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
-    """First and last time [s] and number of samples, from a rate or interval in the header.
-
-    None without a rate or interval.
-    """
-    try:
-        first = contents.channels[0]
-        clock = first.clock()
-    except (InputError, IndexError):
-        return None
-    return clock.start, clock.start + clock.interval * (first.samples - 1), first.samples
-
-
-def _recorder(path: Path, contents: Contents) -> TableEntry:
-    """A file in a recorder's format. Its channels, and the clock of the first channel."""
-    channels = tuple(
-        ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0)) for c in contents.channels
-    )
-    first = contents.channels[0]
-    clock = first.clock()
-    last = clock.start + clock.interval * (first.samples - 1)
-    layout = {"format": contents.facts["format"]}
-    return TableEntry(path, channels, layout, (clock.start, last, first.samples))
+def _clock(channel: Channel) -> tuple[float, float, int]:
+    """First and last time [s] and number of samples of a channel."""
+    clock = channel.clock()
+    return clock.start, clock.start + clock.interval * (channel.samples - 1), channel.samples
 
 
 def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
@@ -323,12 +305,3 @@ def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
     above = max(header, int(facts.get("units", 0)))
     if int(facts["first samples"]) != above + 1:
         yield "first_line", int(facts["first samples"])
-
-
-def _units_below(path: Path, split, layout: Mapping[str, str | int]) -> list[str]:  # type: ignore[no-untyped-def]
-    """The units of the columns, if they are on a separate line."""
-    if "units_line" not in layout:
-        return []
-    said = layout.get("encoding")
-    text, _ = decode_text(path, read_bytes(path), None if said is None else str(said))
-    return [cell.strip("()[] ") for cell in split(text.split("\n")[int(layout["units_line"]) - 1].strip())]
