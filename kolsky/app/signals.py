@@ -158,9 +158,9 @@ def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
 
 def assigned(part: str, table: TableEntry) -> dict[str, str | None]:
     """Values of a table of the shot file, found in the data file: file name, layout and columns."""
-    from kolsky.survey.new_file import values_of
+    from kolsky.survey.new_file import table_findings
 
-    found = values_of(Survey({part: table}, {}))
+    found = table_findings(Survey({part: table}, {})).values
     return {key: value for key, value in found.items() if key.startswith(f"{part}.")}
 
 

@@ -281,11 +281,7 @@ Fault = Callable[[str, int | None, str], InputError]
 
 
 def _printed_digits(fields: Sequence[str]) -> FloatArray:
-    """The last printed digit of each number, in its unit, shape [n].
-
-    Some programs print a fixed number of decimals, others a fixed number of significant figures. Many drop
-    trailing zeros. Numbers of one decade and one notation therefore get the finest digit among them.
-    """
+    """The last printed digit of each number; the finest one among numbers of one decade and notation."""
     numbers = [_printed(field) for field in fields]
     kinds = [
         (number.adjusted() if number else None, "e" in field.lower())
@@ -414,19 +410,13 @@ def array_clock(
 
 
 def _printed(field: str) -> Decimal:
-    """A number as it was printed.
-
-    A binary number has 15 decimal figures. Further figures come from its representation.
-    """
+    """A number as it was printed; figures after the 15th come from its binary representation."""
     number = Decimal(field)
     return number if len(number.as_tuple().digits) <= 15 else number.normalize(_FIFTEEN)
 
 
 def _without_noise(interval: float, doubt: float) -> float:
-    """The interval without round-off in its last bits.
-
-    It is rounded to 1/1000 of its uncertainty by digits.
-    """
+    """The interval rounded to 1/1000 of its uncertainty by digits, without round-off in its last bits."""
     figures = 15 if doubt <= 0.0 else int(np.ceil(np.log10(interval / doubt))) + 4
     return float(f"{interval:.{min(15, figures)}g}")
 

@@ -301,10 +301,7 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
 
 
 def _length_unit(path: Path, heading: str, declared: str | None) -> str:
-    """Unit of a column of lengths: that of its heading, otherwise the declared one, otherwise mm.
-
-    Raises InputError if both are present and differ.
-    """
+    """Unit of a column of lengths: that of its heading, otherwise the declared one, otherwise mm."""
     stated = _stated_unit(heading)
     if not stated:
         return declared or "mm"

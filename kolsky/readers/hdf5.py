@@ -202,13 +202,7 @@ def read(path: Path, layout: Layout) -> Contents:
     another file.
     """
     sha256 = file_hash(path)
-    arrays, scalars, metadata, others = inside(path)
-    if not arrays:
-        raise InputError(
-            path,
-            "holds no array of numbers" + (f", but {', '.join(others[:8])}" if others else ""),
-            cure="save the signals as plain arrays of numbers",
-        )
+    arrays, scalars, metadata, others = _some_arrays(path)
     return Contents(
         path=path,
         sha256=sha256,
@@ -221,12 +215,19 @@ def read(path: Path, layout: Layout) -> Contents:
 def table_lines(path: Path, _sheet: str | None) -> list[str]:
     """The vectors of equal length as tab-separated lines. Raises InputError as `read`."""
     file_hash(path)
-    arrays, _, _, others = inside(path)
-    if not arrays and others:
+    return array_lines(path, _some_arrays(path)[0])
+
+
+def _some_arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str], list[str]]:
+    """As `inside`, with at least one vector."""
+    found = arrays, _, _, others = inside(path)
+    if not arrays:
         raise InputError(
-            path, f"holds no array of numbers, but {', '.join(others[:8])}", cure="save numbers as arrays"
+            path,
+            "holds no array of numbers" + (f", but {', '.join(others[:8])}" if others else ""),
+            cure="save the signals as plain arrays of numbers",
         )
-    return array_lines(path, arrays)
+    return found
 
 
 def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str], list[str]]:

@@ -220,20 +220,24 @@ class HeaderClock:
     doubt: str = ""
     """Reason why a declaration of the clock cannot be used. Empty if all can be used."""
 
-    def check_declared(self, path: Path, interval: float) -> None:
-        """Check a declared interval [s] against the header.
+    def declared(self, path: Path, layout: Layout) -> "HeaderClock":
+        """This clock with the interval and the start of a layout, which take precedence.
 
-        Raises InputError if they differ by more than the header's printed digits, at most by 1 %.
+        Raises InputError if the intervals differ by more than the header's printed digits, at most by 1 %.
         """
-        if self.interval is None:
-            return
-        if abs(interval - self.interval) > min(self.interval_digit, _AGREE * self.interval) + 1e-9 * interval:
+        start = self.start if layout.start is None else layout.start
+        interval = layout.interval
+        if interval is None:
+            return replace(self, start=start)
+        known = interval if self.interval is None else self.interval
+        if abs(interval - known) > min(self.interval_digit, _AGREE * known) + 1e-9 * interval:
             raise InputError(
                 path,
-                f"is declared with the interval {interval:.9g} s, its header states {self.interval:.9g} s"
+                f"is declared with the interval {interval:.9g} s, its header states {known:.9g} s"
                 f" ({self.source})",
                 cure="leave interval out, or correct it; where the header is wrong, correct it in the file",
             )
+        return HeaderClock(interval, 0.0, start, "stated", self.doubt)
 
 
 def bare_key(text: str) -> str:
@@ -350,12 +354,8 @@ def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -
     InputError if an interval is not positive.
     """
     stated = header_clock(path, {name.rsplit("/", 1)[-1]: [repr(value)] for name, value in numbers.items()})
-    interval, source = stated.interval, stated.source.removeprefix("header: ")
-    if layout.interval is not None:
-        stated.check_declared(path, layout.interval)
-        interval, source = layout.interval, "stated"
-    start = layout.start if layout.start is not None else stated.start
-    return HeaderClock(interval, 0.0, start, source, stated.doubt)
+    found = stated.declared(path, layout)
+    return replace(found, interval_digit=0.0, source=found.source.removeprefix("header: "))
 
 
 def time_unit(metadata: Mapping[str, Sequence[str]]) -> str | None:

@@ -436,11 +436,10 @@ class SignalTable:
         header = header_clock(
             sheet.path, sheet.metadata, channel=order, channels=count, decimal=sheet.dialect.decimal
         )
-        start = layout.start if layout.start is not None else self._first_time(header)
-        interval, tolerance, source = header.interval, header.interval_digit, header.source
-        if layout.interval is not None:
-            header.check_declared(sheet.path, layout.interval)
-            interval, tolerance, source = layout.interval, 0.0, "stated"
+        if layout.start is None:
+            header = replace(header, start=self._first_time(header))
+        header = header.declared(sheet.path, layout)
+        interval, start = header.interval, header.start
         number = self._time_column(column)
         if number is not None and interval is not None and start is not None and not self._time_unit(number):
             number = None  # the header has all data, and the unit of the column is unknown
@@ -452,7 +451,7 @@ class SignalTable:
                     None,
                     'give in the layout time = "NAME", or interval = "100 ns"',
                 )
-            return stated_clock(interval, start, source)
+            return stated_clock(interval, start, header.source)
         values, digit = self._times(number)
         return column_clock(
             values,
@@ -460,9 +459,9 @@ class SignalTable:
             name=sheet.names[number],
             fault=sheet.error,
             interval=interval,
-            tolerance=tolerance,
+            tolerance=header.interval_digit,
             start=start,
-            source=source,
+            source=header.source,
         )
 
     def _first_time(self, header: HeaderClock) -> float | None:

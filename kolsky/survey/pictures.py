@@ -7,14 +7,14 @@ of pictures. The cameras are numbered by the order of the names. A remark states
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from kolsky.survey.new_file import BLANK
-from kolsky.survey.signals import quiet_stretch
+from kolsky.survey.signals import Findings, quiet_stretch
 from kolsky.survey.tables import Survey, quoted
 
 ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
@@ -76,10 +76,7 @@ def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
 
 
 def _pair(series: list[SeriesEntry]) -> tuple[SeriesEntry, ...]:
-    """The two series of two cameras.
-
-    Empty unless there are exactly two, equal in number and size of pictures.
-    """
+    """The series of two cameras; empty unless there are exactly two, equal in number and size of pictures."""
     alike = len(series) == 2 and len({(one.count, one.shape) for one in series}) == 1
     return tuple(series) if alike else ()
 
@@ -145,9 +142,8 @@ def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
     return None if quiet is None else (quiet.count + 1, series.name)
 
 
-def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
-    """Dotted key -> value of a shot file, for all values that follow unambiguously from the pictures."""
-    values: dict[str, str | None] = {}
+def picture_findings(pictures: PictureSurvey, shown: Findings) -> None:
+    """Add all values that follow unambiguously from the pictures. Remarks give the order of the cameras."""
     whole = {one.shape for one in pictures.target}
     for camera, one in enumerate(pictures.test):
         crop = '["", ""]'
@@ -155,20 +151,12 @@ def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
             crop = f"[{one.crop[0]:g}, {one.crop[1]:g}]"
         elif {one.shape} == whole:
             crop = "[0, 0]"  # the test's pictures are as large as the target's: no crop
-        values[f"pictures.camera_{camera}"] = f"{{ {one.key} = {quoted(one.name)}, crop_offset = {crop} }}"
-    if pictures.target:
-        values["calibration.file"] = None
-        values |= {f"calibration.camera_{camera}": quoted(s.name) for camera, s in enumerate(pictures.target)}
-        facts = ("distortion", "target.kind", "target.columns", "target.rows")
-        values |= {f"calibration.{fact}": BLANK for fact in facts}
-    return values
-
-
-def picture_notes(pictures: PictureSurvey) -> Mapping[str, str]:
-    """Dotted key -> remark on the order of the cameras and on the crop of the pictures."""
-    notes = {}
-    for camera, one in enumerate(pictures.test):
-        notes[f"pictures.camera_{camera}"] = f"{one.said}; camera {camera} by the order of the names"
+        value = f"{{ {one.key} = {quoted(one.name)}, crop_offset = {crop} }}"
+        note = f"{one.said}; camera {camera} by the order of the names"
+        shown.add(f"pictures.camera_{camera}", value, note)
     for camera, one in enumerate(pictures.target):
-        notes[f"calibration.camera_{camera}"] = f"{one.said}; crop_offset counts from their top left pixel"
-    return notes
+        note = f"{one.said}; crop_offset counts from their top left pixel"
+        shown.add(f"calibration.camera_{camera}", quoted(one.name), note)
+    if pictures.target:
+        facts = ("distortion", "target.kind", "target.columns", "target.rows")
+        shown.values |= {"calibration.file": None, **{f"calibration.{fact}": BLANK for fact in facts}}

@@ -21,6 +21,8 @@ from kolsky.readers.text import ENCODINGS, declared_delimiter
 from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
 
 _FRAME = re.compile(r"(frame|bild|image|img|picture|photo|trame|fotograma)(?![a-z]*zeit)", re.IGNORECASE)
+SIGMA = "(sigma|σ|std|uncert|unsich|incert|écart)"
+"""Words that identify a column of standard deviations."""
 _TIME = re.compile(r"(time|zeit|temps|tiempo|t)\b", re.IGNORECASE)
 
 
@@ -78,12 +80,42 @@ class TableEntry:
         """Its columns with this SI unit."""
         return [c for c in self.columns if c.dimension == dimension]
 
-    def only(self, pattern: str, dimension: str) -> ColumnEntry | None:
-        """The only column of a kind with a name that begins with the pattern.
+    def only(self, named: str, *dimensions: str, unlike: str = "$.") -> ColumnEntry | None:
+        """The only column of a kind with one name and without another.
 
         None if there is not exactly one.
+
+        ``named``, ``unlike``: patterns of the name. ``dimensions``: its SI unit, one of these.
         """
-        return _single([c for c in self.of(dimension) if re.match(pattern, c.name, re.IGNORECASE)])
+        return _single(
+            [
+                c
+                for c in self.columns
+                if c.dimension in dimensions
+                and re.search(named, c.name, re.IGNORECASE)
+                and not re.search(unlike, c.name, re.IGNORECASE)
+            ]
+        )
+
+    @property
+    def strain(self) -> ColumnEntry | None:
+        """Its column of strains."""
+        return self.only(QUANTITIES["strain"][1].pattern, "1", "")
+
+    @property
+    def stress(self) -> ColumnEntry | None:
+        """Its column of stresses."""
+        return self.only(QUANTITIES["stress"][1].pattern, "Pa", "", unlike=f"^{SIGMA}")
+
+    @property
+    def voltage(self) -> ColumnEntry | None:
+        """The transmitted force's column: the only one in volts, or the only such one with its name."""
+        return self.only("", "V") or self.only("transm|ausgang|output|sortie", "V")
+
+    @property
+    def displacement(self) -> ColumnEntry | None:
+        """The flyer's displacement: the only column of lengths that is not a standard deviation."""
+        return self.only("", "m", unlike=SIGMA)
 
     def toml_layout(self) -> str:
         """Its layout in the syntax of a shot file. Empty if it needs none."""
@@ -120,8 +152,6 @@ SUFFIXES = (
 WORKBOOKS = ("excel", "excel 97")
 """Formats with sheets that may be tables or recordings."""
 SHIFT = "on the file's clock"
-_SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
-_TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
 _SCOPE_ROWS = 200
 """Smallest number of samples with which a table without a column in volts is a recording of the force."""
 
@@ -192,53 +222,12 @@ def _part_of(table: TableEntry) -> str | None:
         if lengths:
             return "flyer"
         return "frames" if table.time is not None else None
-    if strain_of(table) is not None and stress_of(table) is not None:
+    if table.strain is not None and table.stress is not None:
         return "curve"
     if table.of("V") or table.clock is not None:
         return "force"
     long = table.time is not None and table.time.values.size >= _SCOPE_ROWS
     return "force" if long and len(table.columns) > 1 and not table.of("Pa") and not lengths else None
-
-
-def strain_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of strains. None if there are none or several."""
-    return _single(
-        [c for c in table.columns if QUANTITIES["strain"][1].search(c.name) and c.dimension in ("1", "")]
-    )
-
-
-def stress_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of stresses. None if there are none or several."""
-    return _single(
-        [
-            c
-            for c in table.columns
-            if QUANTITIES["stress"][1].search(c.name)
-            and not _SIGMA.match(c.name)
-            and c.dimension in ("Pa", "")
-        ]
-    )
-
-
-def sigma_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of standard deviations of lengths. None if there are none or several."""
-    return _single([c for c in table.of("m") if _SIGMA.search(c.name)])
-
-
-def voltage_of(table: TableEntry) -> ColumnEntry | None:
-    """The transmitted force's column.
-
-    It is the only one in volts, or the only one in volts with such a name.
-    """
-    volts = table.of("V")
-    named = [c for c in volts if _TRANSMITTED.search(c.name)]
-    return volts[0] if len(volts) == 1 else (named[0] if len(named) == 1 else None)
-
-
-def displacement_of(table: TableEntry) -> ColumnEntry | None:
-    """The flyer's displacement. It is the only column of lengths that is not a standard deviation."""
-    lengths = [c for c in table.of("m") if not _SIGMA.search(c.name)]
-    return lengths[0] if len(lengths) == 1 else None
 
 
 def clock_text(table: TableEntry) -> str:
