@@ -203,10 +203,7 @@ def _solve(
 
 
 def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
-    """Pictures without a partner, in words.
-
-    This is used if it is more informative than the ranges of numbers.
-    """
+    """Pictures without a partner, in words, if some pictures have one."""
     said = [
         f"camera {1 - camera} has none numbered {', '.join(map(str, alone[:6]))}"
         + (f" and {len(alone) - 6} more" if len(alone) > 6 else "")
@@ -217,10 +214,7 @@ def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
 
 
 def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence[Sequence[Any]]) -> None:
-    """Reject a series if its first picture differs in size from most others.
-
-    The first picture defines the size.
-    """
+    """Reject a series if its first picture, which defines the size, differs from most others."""
     for name, pictures, own in zip(CAMERAS, series, views, strict=True):
         other = sum(isinstance(view, PictureSizeError) for view in own)
         same = sum(not isinstance(view, PictureError) for view in own)

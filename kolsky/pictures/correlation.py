@@ -194,10 +194,7 @@ def _chain_settings(
     device: str = "cpu",
     length_sigma: float = 0.0,
 ) -> ChainSettings:
-    """The settings of `dic.chain` in a shot file.
-
-    They include the specimen's end [px] and the standard deviation of its length [m].
-    """
+    """The settings of `dic.chain`, with the specimen's end [px] and the sigma of its length [m]."""
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )

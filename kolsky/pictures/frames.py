@@ -59,10 +59,7 @@ def stray_frames(
 
 
 def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) -> BoolArray:
-    """Find outliers among static frames.
-
-    They are displacements that vanish in later static frames, because a flyer does not return.
-    """
+    """Find outliers among static frames: displacements that vanish in later ones, as no flyer returns."""
     off = np.abs(displacement - np.median(displacement)) > limit * sigma
     if off[-LAST_AT_REST:].any() or off.sum() > MOST_AT_REST * off.size:
         return np.zeros(off.size, dtype=bool)
@@ -72,10 +69,7 @@ def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) ->
 def _distance_to_neighbours(
     time: FloatArray, displacement: FloatArray, sound: np.ndarray, row: int
 ) -> tuple[float, float]:
-    """A displacement minus the cubic fit of the nearest frames without outliers [m].
-
-    The standard deviation of this difference, for displacements with standard deviation 1, is also returned.
-    """
+    """A displacement minus the cubic fit of its neighbours [m], and the sigma of this per unit sigma."""
     others = sound[sound != row]
     first = int(
         np.clip(np.searchsorted(others, row) - STRAY_NEIGHBOURS // 2, 0, others.size - STRAY_NEIGHBOURS)
@@ -191,10 +185,7 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
 
 
 def _time_cure(time: FloatArray, expected: FloatArray) -> str:
-    """Remedy for times [s], shape [n], that differ from those of the frames.
-
-    It proposes another unit, a shift of the clock, or another column.
-    """
+    """Remedy for times [s] that differ from those of the frames: another unit, clock or column."""
     spans = float(np.ptp(time)), float(np.ptp(expected))
     ratio = spans[0] / spans[1] if min(spans) > 0.0 else 1.0
     power = round(float(np.log10(ratio)) / 3.0)

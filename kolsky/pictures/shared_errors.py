@@ -143,10 +143,7 @@ def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: Picture
 
 
 def _share_left_in_mean(body: Body, frame: int, length: float) -> float:
-    """Variance of the mean of an error with variance 1, over a body's points in a frame.
-
-    The cameras that see any point are averaged. The variance is 1 if no point is visible.
-    """
+    """Variance of the mean of an error with variance 1 over a body's points in a frame; 1 without points."""
     seen = [np.isfinite(pixels[frame]).all(axis=1) for pixels in body.pixels]
     means = [variance_of_mean(body.points[one], length) for one in seen if one.any()]
     return sum(means) / len(means) ** 2 if means else 1.0

@@ -88,12 +88,7 @@ def split_unit(heading: str) -> tuple[str, str | None]:
 
 
 def _unit_places(heading: str) -> list[tuple[str, str]]:
-    """Candidate names and units of a heading, the longest unit first.
-
-    They are found by brackets. Without brackets, they are found by slashes and by the end of the heading.
-
-    "Speed in m/s" is a speed in m/s, not a time in s.
-    """
+    """Candidate names and units of a heading, by brackets or by slashes and its end; the longest first."""
     match = full_match(_BRACKETED, heading)
     if match is not None:
         return [(match.group(1).strip(), match.group(2))]
@@ -108,10 +103,7 @@ def _unit_places(heading: str) -> list[tuple[str, str]]:
 
 
 def _name_and_unit(heading: str, kinds: Iterable[str]) -> tuple[str, str | None]:
-    """Name of a heading, and its unit of one of the given kinds, at any position.
-
-    None if there is no such unit.
-    """
+    """Name of a heading, and its unit of one of the given kinds, or None."""
     for name, text in _unit_places(heading):
         unit = "1" if text == "-" else text
         if dimension_of(unit, kinds):
@@ -273,10 +265,7 @@ def clock_unit(text: str) -> tuple[str, float] | None:
 
 
 def _clock_key(text: str) -> tuple[str, str | None]:
-    """The bare key of a line of the header, and the unit of the clock at the end of the key.
-
-    "dt [ms]", "Sampling Frequency (kHz)", "dt/ms", "fs_kHz", "Sample interval in us".
-    """
+    """The bare key of a header line, and the clock's unit at its end: "dt [ms]", "dt/ms", "fs_kHz"."""
     key = text.strip().rstrip(":=").strip()
     for pattern in (_BRACKETS, _SLASH, _KEY_TAIL):
         match = full_match(pattern, key)
@@ -430,10 +419,7 @@ def _of_channel(
 
 
 def _number(field: str, decimal: str) -> _Stated | None:
-    """Number, last printed digit and following word of a field such as "4.0E-10", "20 ns" or "2,5 us".
-
-    The digit is NaN if "1,000" or "1.000" can mean a thousand or one.
-    """
+    """Number, last digit (NaN for an ambiguous "1,000") and following word of a field such as "20 ns"."""
     match = full_match(_NUMBER, field.strip())
     if match is None:
         endless = field.strip().lower().lstrip("+-") in ("inf", "nan")  # of a binary file; refused as a clock

@@ -161,10 +161,7 @@ class Sheet:
         )
 
     def _first_bad_number(self, column: int, fallback: str) -> InputError:
-        """The error for the first bad number, found line by line.
-
-        It is slow and used only if the fast method fails.
-        """
+        """The error for the first bad number, found line by line after the fast method failed."""
         for row in range(len(self.rows)):
             text = self.dialect.split(self.rows[row])[column]
             if not self.dialect.is_number(text):
@@ -260,10 +257,7 @@ def _fits(dialect: Dialect, line: str) -> bool:
 
 
 def _fits_mostly(dialect: Dialect, line: str) -> bool:
-    """True if the line above the samples names most numeric columns.
-
-    Merged cells name only their first column.
-    """
+    """True if the line above the samples names most numeric columns; merged cells name only the first."""
     cells = dialect.split(line)
     if len(cells) < dialect.fields or any(dialect.is_number(cells[i]) for i in dialect.numeric):
         return False
@@ -465,10 +459,7 @@ class SignalTable:
         )
 
     def _first_time(self, header: HeaderClock) -> float | None:
-        """Time of the first sample [s]. It is the header's start, or the time of the first sample count.
-
-        A count that begins at 1 numbers the samples. Any other first count is the number of missing samples.
-        """
+        """Time of the first sample [s]; a count that does not begin at 1 is the number of missing samples."""
         sheet = self.sheet
         if header.start is None or header.interval is None or not self.counts:
             return header.start
@@ -484,10 +475,7 @@ class SignalTable:
         return header.start + (0.0 if count[0] == 1.0 else float(count[0])) * header.interval
 
     def _time_column(self, column: int) -> int | None:
-        """The time column of a signal.
-
-        The declared one, otherwise the nearest one to its left, otherwise the first.
-        """
+        """The time column of a signal: the declared one, else the nearest to its left, else the first."""
         stated = self.layout.time
         if isinstance(stated, Mapping):
             for channel, time in stated.items():
@@ -515,10 +503,7 @@ class SignalTable:
         return self._read[number]
 
     def _time_unit(self, number: int) -> str | None:
-        """The unit of a time column.
-
-        The unit is declared, given in the header, or part of the column's name ("seconds").
-        """
+        """The unit of a time column: declared, in the header, or part of its name ("seconds")."""
         name = self.sheet.names[number]
         named = name if len(name) > 1 and si_unit(name) == ("s", 1.0) else None
         said = self.layout.time_unit or self.sheet.units[number] or named or time_unit(self.sheet.metadata)

@@ -196,10 +196,7 @@ class Table(Sheet):
         )
 
     def _check_no_points(self, column: Column, index: int) -> None:
-        """Check that there are no points.
-
-        With decimal commas, a point could only separate thousands.
-        """
+        """Check that there are no points, which could only separate thousands beside decimal commas."""
         for row, text in enumerate(self.rows):
             if "." in text and "." in (written := self.dialect.split(text)[index]):
                 raise self.error(
@@ -332,10 +329,7 @@ def _dialect(path: Path, layout: Layout) -> Dialect:
 
 
 def _names_of_rows(names: tuple[str, ...], rows: Sequence[str], dialect: Dialect) -> tuple[str, ...]:
-    """Names without the last one if it is empty.
-
-    It is empty if only the names or only the rows end with a delimiter.
-    """
+    """Names without an empty last one: only the names or only the rows may end with a delimiter."""
     if dialect.delimiter == BLANKS.character or not names:
         return names
     ends = [row.rstrip().endswith(dialect.delimiter) for row in rows]

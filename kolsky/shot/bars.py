@@ -51,11 +51,7 @@ def _gauges_of(declared: BarsShotFile) -> dict[str, GaugeSection]:
 def _recordings_of(
     file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
 ) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
-    """The channels of all stations, and the hashes of their files.
-
-    A unit declared in the shot file takes precedence over the unit in the recorder's file. If the two differ,
-    `_recording_notes` reports it.
-    """
+    """The channels of all stations in their declared or stated units, and the hashes of their files."""
     found, hashes = {}, {}
     for key, gauge in gauges.items():
         wanted = "1" if gauge.strain else "V"
@@ -81,11 +77,7 @@ def _recordings_of(
 def _with_reflected(
     file: TomlFile, declared: BarsShotFile, gauge: GaugeSection, incident: Recording
 ) -> Recording:
-    """One record of a gauge with separate exports of the incident and the reflected pulse.
-
-    Between the pulses the record has its zero value. Raises InputError if the start of the reflected pulse
-    is missing, if the pulses would overlap, or if their units differ.
-    """
+    """One record of a gauge from exports of incident and reflected pulse, at its zero between them."""
     assert gauge.reflected is not None  # checked by the caller
     key, start = "gauges.incident.reflected", gauge.reflected.start
     bar = declared.bars.incident

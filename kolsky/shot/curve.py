@@ -189,10 +189,7 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
 
 
 def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
-    """The advice for strains that are too large.
-
-    If their size fits per cent, it proposes per cent, otherwise another column.
-    """
+    """The advice for strains that are too large: per cent if their size fits, otherwise another column."""
     largest = float(np.abs(strain).max())
     percent = section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN
     return (

@@ -71,10 +71,7 @@ def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
 
 
 def _size(unit: str, kind: str) -> float | None:
-    """Value of a unit in SI, as instruments write it ("Volts" and "-" too).
-
-    None for a unit of another quantity.
-    """
+    """Value of a unit in SI, as instruments write it ("Volts" and "-" too); None for another quantity."""
     try:
         return unit_factor("1" if unit == "-" else unit, kind)
     except UnitError:

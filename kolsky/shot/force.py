@@ -59,11 +59,7 @@ def _channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
 
 
 def _force_recording(path: Path, section: ForceSection) -> Recording:
-    """Read the channel that `section` names, in volts.
-
-    Without a layout the file is a table that `kolsky.readers.table` reads, and its time column is used
-    unchanged.
-    """
+    """The channel of `section` in volts; a plain table without a layout keeps its printed times."""
     if section.layout is None:
         assert section.time is not None  # the section has a layout or a time column
         return read_scope(path, time=section.time.as_column(), voltage=section.voltage.as_column())

@@ -526,10 +526,7 @@ def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]
 
 
 def _fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: bool) -> BarsTogether:
-    """Fit wave speed and gain over the pulse up to its first echo.
-
-    The fit is repeated once, because the fitted speed changes the time of the echo.
-    """
+    """Fit wave speed and gain over the pulse up to its first echo, whose time depends on the fitted speed."""
     speed = incident.bar.wave_speed
     for _ in range(2):
         arrival = incident_arrival(incident, tension=tension)
