@@ -1,6 +1,4 @@
-"""Correlation of a shot's pictures as declared in its file.
-
-Regions, settings, and the call of `dic.chain`.
+"""Correlation of a shot's pictures as declared in its file: regions, settings, and the call of `dic.chain`.
 
 Before the correlation, the declared length of the specimen is compared with the scale of the calibrated
 pictures.
@@ -17,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dic.bodies.region import FoundRegions, Region, find_regions, polygon_mask
+from dic.bodies.region import Region, find_regions, polygon_mask
 from dic.camera import Camera, StereoRig
 from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, measure
 from dic.correlation import Correlation, Shape, load_kernels
@@ -30,7 +28,7 @@ from kolsky.base.errors import InputError
 from kolsky.pictures.picture_set import PictureSet
 from kolsky.pictures.rig import Calibrated, calibrate, refine_rig
 from kolsky.schema.apparatus import SpecimenSection
-from kolsky.schema.pictures import DicSection, RegionSection
+from kolsky.schema.pictures import DicSection
 from kolsky.schema.shot_file import ShotToml
 
 LEAST_SHARE = 0.2
@@ -148,17 +146,14 @@ class Places:
 
 
 def places_of(pictures: PictureSet) -> Places:
-    """The regions declared in the shot file.
-
-    Undeclared regions are detected in the pictures.
+    """The regions declared in the shot file, or else detected in the pictures.
 
     Raises InputError if a region is neither declared nor found.
     """
     section = pictures.toml.declared.dic
     assert section is not None  # shots with pictures have it
-    missing = tuple(
-        key for key in ("specimen", "flyer", "transmission_edge") if getattr(section, key) is None
-    )
+    places = {key: getattr(section, key) for key in ("specimen", "flyer", "transmission_edge")}
+    missing = tuple(key for key, place in places.items() if place is None)
     found = None
     if missing:
         static = np.arange(pictures.time.size) < pictures.toml.declared.frames.static
@@ -172,19 +167,12 @@ def places_of(pictures: PictureSet) -> Places:
                 cure="draw them over camera 0's pictures: "
                 f"`kolsky dic {pictures.toml.path.parent} --regions`, or offline with --grid",
             ) from error
-    specimen, flyer, edge = section.specimen, section.flyer, section.transmission_edge
-    return Places(
-        specimen=_region(specimen) if specimen is not None else _detected_regions(found).specimen,
-        flyer=_region(flyer) if flyer is not None else _detected_regions(found).flyer,
-        edge=edge if edge is not None else _detected_regions(found).edge,
-        found=missing,
-        why="" if found is None else found.why,
+        detected = {"specimen": found.specimen, "flyer": found.flyer, "transmission_edge": found.edge}
+        places |= {key: detected[key] for key in missing}
+    specimen, flyer = (
+        Region(corners=place.corners, frame=place.frame) for place in (places["specimen"], places["flyer"])
     )
-
-
-def _detected_regions(found: FoundRegions | None) -> FoundRegions:
-    assert found is not None  # something was missing
-    return found
+    return Places(specimen, flyer, places["transmission_edge"], missing, "" if found is None else found.why)
 
 
 def _chain_settings(
@@ -312,7 +300,3 @@ def _no_surface(toml: ShotToml, error: ChainError) -> InputError:
         f"its pictures give no surface: {error}",
         cure="look at them with `kolsky dic --regions`: are specimen and cameras right?",
     )
-
-
-def _region(section: RegionSection) -> Region:
-    return Region(corners=section.corners, frame=section.frame)

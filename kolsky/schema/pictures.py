@@ -1,7 +1,7 @@
 """The tables about pictures: [pictures], [calibration], [dic], [reporting]; also dic.toml without a shot."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -25,9 +25,10 @@ class SeriesSection(Section):
         return self
 
     @property
-    def source(self) -> tuple[str, str]:
-        """Key and text of the path of the pictures."""
-        return ("file", self.file) if self.file is not None else ("pattern", str(self.pattern))
+    def source(self) -> tuple[str, Any]:
+        """Key and value of the path of the pictures."""
+        key = next(key for key in ("file", "pattern", "files") if getattr(self, key, None) is not None)
+        return key, getattr(self, key)
 
 
 class PicturesSection(Section):
@@ -223,11 +224,9 @@ class MeasurementSection(Section):
         return self
 
 
-class MeasuredSeries(Section):
+class MeasuredSeries(SeriesSection):
     """The pictures of one camera. Without `crop_offset` they show the whole sensor."""
 
-    file: f.FileName | None = None
-    pattern: f.FilePattern | None = None
     files: Annotated[list[f.FileName], Field(min_length=1)] | None = None
     crop_offset: f.Pixel = (0.0, 0.0)
 
@@ -239,12 +238,6 @@ class MeasuredSeries(Section):
             'files = ["a.png", "b.png"] in their order',
         )
         return self
-
-    @property
-    def source(self) -> tuple[str, str | list[str]]:
-        """Key and value of the path of the pictures."""
-        key = next(key for key in ("file", "pattern", "files") if getattr(self, key) is not None)
-        return key, getattr(self, key)
 
 
 class MeasurementPictures(Section):

@@ -38,7 +38,7 @@ from kolsky.readers.recordings import read_recordings
 from kolsky.schema.apparatus import REDUCTION_KEYS
 from kolsky.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 from kolsky.schema.shot_file import Source, parsed
-from kolsky.shot.evidence import Evidence
+from kolsky.shot.evidence import Evidence, entries
 from kolsky.shot.plausibility import gate
 
 
@@ -209,9 +209,9 @@ def load_waves(source: Source) -> WavesInput:
     """
     file = parsed(source)
     declared = file.validated(WavesShotFile)
-    bars, stations, hashes, notes = _record(file, declared)
+    given = _waves_input(file, declared)
     specimen = Specimen(**declared.specimen.model_dump())
-    _narrower(file, bars, specimen)
+    _narrower(file, given.bars, specimen)
     waves = declared.waves
     windows = None
     if waves.incident is not None:
@@ -220,28 +220,22 @@ def load_waves(source: Source) -> WavesInput:
         windows = Windows(waves.incident, waves.reflected, waves.transmitted, source="shot file")
     uncertainty = declared.uncertainty.for_waves()
     alike = bool(uncertainty.pop("bars_alike"))
-    return WavesInput(
-        name=declared.name or file.path.parent.resolve().name,
+    return replace(
+        given,
         specimen=specimen,
-        bars=bars,
-        stations=stations,
         polymers={
             side: PronyModulus(prony.long_term, tuple(prony.moduli), tuple(prony.times))
             for side in SIDES
             if (prony := getattr(declared.bars, side).prony) is not None
         },
-        load=waves.load,
         windows=windows,
         analysis=waves.analysis,
         allowance=waves.balance,
         plateau=waves.plateau,
         share=waves.share,
-        switches=_switches(file, waves.corrections, FAR in stations),
+        switches=_switches(file, waves.corrections, FAR in given.stations),
         uncertainty=uncertainty,
         alike=alike,
-        inputs={file.path.name: file.sha256, **hashes},
-        settings=declared_settings(file.content),
-        notes=notes,
     )
 
 
@@ -272,25 +266,11 @@ def load_bars(source: Source) -> WavesInput:
     Raises InputError as `load_waves`.
     """
     file = parsed(source)
-    declared = file.validated(BarsShotFile)
-    bars, stations, hashes, notes = _record(file, declared)
-    return WavesInput(
-        name=declared.name or file.path.parent.resolve().name,
-        specimen=NOTHING,
-        bars=bars,
-        stations=stations,
-        load=declared.waves.load,
-        switches=Switches(declared.waves.corrections),
-        inputs={file.path.name: file.sha256, **hashes},
-        settings=declared_settings(file.content),
-        notes=notes,
-    )
+    return _waves_input(file, file.validated(BarsShotFile))
 
 
-def _record(
-    file: TomlFile, declared: BarsShotFile
-) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str], tuple[str, ...]]:
-    """Bars, stations, the hashes of the stations' files, and notes on these files."""
+def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
+    """Bars, stations and their files, which are checked, with default settings of the reduction."""
     folder = file.path.parent
     gauges = _gauges_of(declared)
     _all_there(file, declared, gauges, folder)
@@ -311,7 +291,17 @@ def _record(
             stations[key] = _gauge_station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
         except ValueError as error:
             raise file.error(f"{_shot_file_table(key)}.bridge", str(error)) from error
-    return bars, stations, hashes, _recording_notes(declared, recordings)
+    return WavesInput(
+        name=declared.name or folder.resolve().name,
+        specimen=NOTHING,
+        bars=bars,
+        stations=stations,
+        load=declared.waves.load,
+        switches=Switches(declared.waves.corrections),
+        inputs={file.path.name: file.sha256, **hashes},
+        settings=declared_settings(file.content),
+        notes=_recording_notes(declared, recordings),
+    )
 
 
 def _bar(section: WaveBarSection) -> Bar:
@@ -383,32 +373,16 @@ def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> No
 
 def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:
     """The declared values by key, as written in the file, and the software versions."""
-    kept = (
-        "specimen",
-        "bars",
-        "recorders",
-        "gauges",
-        "force",
-        "incident_force",
-        "flyer",
-        "waves",
-        "uncertainty",
-    )
-    said = dict(_flat({name: content[name] for name in kept if name in content}))
+    of_bars, of_flyer = ("bars", "recorders", "gauges"), ("force", "incident_force", "flyer")
+    kept = ("specimen", *of_bars, *of_flyer, "waves", "uncertainty")
+    kept_tables = {name: content[name] for name in kept if name in content}
+    said = {key: str(value) for key, value in entries(kept_tables) if not isinstance(value, Mapping)}
     for package in ("kolsky", "numpy", "scipy"):
         try:
             said[package] = version(package)
         except PackageNotFoundError:
             said[package] = "not installed"
     return {**said, "python": platform.python_version()}
-
-
-def _flat(table: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
-    rows: list[tuple[str, str]] = []
-    for key, value in table.items():
-        name = f"{above}.{key}" if above else key
-        rows += _flat(value, name) if isinstance(value, Mapping) else [(name, str(value))]
-    return rows
 
 
 WAVES = ("incident", "reflected", "transmitted")

@@ -1,7 +1,7 @@
 """Evidence on a shot's inputs for the plausibility rules, and units or factors that would correct them."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -63,6 +63,15 @@ class Evidence:
     ) -> "Finding":
         """The finding of a rule at a key."""
         return Finding(self.file.error(key, problem, allowed=allowed, cure=cure), contradiction)
+
+
+def entries(content: Mapping[str, Any], key: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted key and value of every table and key of a TOML file, as written."""
+    for name, value in content.items():
+        dotted = f"{key}.{name}" if key else name
+        yield dotted, value
+        if isinstance(value, Mapping):
+            yield from entries(value, dotted)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.pictures.picture_set import open_source
 from kolsky.survey.new_file import BLANK
 from kolsky.survey.signals import Findings, quiet_stretch
 from kolsky.survey.tables import Survey, quoted
@@ -83,7 +84,7 @@ def _pair(series: list[SeriesEntry]) -> tuple[SeriesEntry, ...]:
 
 def _series(folder: Path) -> Iterator[SeriesEntry]:
     """Every series in a folder and its subfolders. Files that cannot be opened are left out."""
-    from dic.images import PictureError, open_pictures
+    from dic.images import PictureError
 
     numbered: dict[str, list[Path]] = {}
     below = (p for p in sorted(folder.iterdir()) if p.is_dir() and p.name != "results")
@@ -96,7 +97,7 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
             if path.suffix.lower() not in ONE_FILE:
                 continue
             try:
-                pictures = open_pictures(path)
+                pictures = open_source(folder, "file", name)
             except (PictureError, OSError):
                 continue
             if pictures.n_frames >= FEWEST:
@@ -106,7 +107,7 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
         if len(files) < FEWEST:
             continue
         try:
-            pictures = open_pictures((folder / pattern).parent, pattern=Path(pattern).name)
+            pictures = open_source(folder, "pattern", pattern)
         except (PictureError, OSError):
             continue
         yield SeriesEntry(pattern, "pattern", pictures.n_frames, pictures.shape, None)
@@ -120,18 +121,13 @@ def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
     The measure is the mean absolute difference from the first picture, as shown in the report of `kolsky
     check`. Only the first `EARLY` pictures are searched.
     """
-    from dic.images import PictureError, open_pictures
+    from dic.images import PictureError
 
     if not survey.test:
         return None
     series = survey.test[0]
-    path = folder / series.name
     try:
-        pictures = (
-            open_pictures(path)
-            if series.key == "file"
-            else open_pictures(path.parent, pattern=Path(series.name).name)
-        )
+        pictures = open_source(folder, series.key, series.name)
         first = pictures.frame(0).astype(np.float64)
         change = [
             float(np.abs(pictures.frame(k) - first).mean()) for k in range(1, min(pictures.n_frames, EARLY))
