@@ -35,9 +35,8 @@ SLENDERNESS = (0.02, 10.0)
 def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
     """Check the unit in a column's heading, or in a line of units below it, against the declared unit."""
     for key, section in entries(e.file.content):
-        heading, declared = (
-            section.get(k) if isinstance(section, dict) else None for k in ("column", "unit")
-        )
+        column = section if isinstance(section, dict) else {}
+        heading, declared = column.get("column"), column.get("unit")
         if not isinstance(heading, str) or not isinstance(declared, str):
             continue
         stated = heading_unit(heading) or split_unit(heading)[1] or _unit_in_file(e, key, heading)

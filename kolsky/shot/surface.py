@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,13 +24,11 @@ from kolsky.schema.shot_file import ShotToml
 if TYPE_CHECKING:
     from dic.surfaces.surface_history import SurfaceHistory
 
-OUTCOMES = MappingProxyType(
-    {
-        PointState.VALID: PointOutcome.VALID,
-        PointState.REJECTED: PointOutcome.LOW_CORRELATION,
-        PointState.MISSING: PointOutcome.NOT_CONVERGED,
-    }
-)
+OUTCOMES = {
+    PointState.VALID: PointOutcome.VALID,
+    PointState.REJECTED: PointOutcome.LOW_CORRELATION,
+    PointState.MISSING: PointOutcome.NOT_CONVERGED,
+}
 """Outcome of a point by its state in an export. An export does not give the reason for a missing point."""
 WIDEST_ANGLE = 30.0
 """Largest angle between the axis of a fitted cylinder and the declared one [degrees]."""
