@@ -28,7 +28,7 @@ from kolsky.base.errors import InputError
 from kolsky.pictures.picture_set import PictureSet
 from kolsky.pictures.rig import Calibrated, calibrate, refine_rig
 from kolsky.schema.apparatus import SpecimenSection
-from kolsky.schema.pictures import DicSection
+from kolsky.schema.pictures import DicSection, RegionSection
 from kolsky.schema.shot_file import ShotToml
 
 LEAST_SHARE = 0.2
@@ -152,7 +152,12 @@ def places_of(pictures: PictureSet) -> Places:
     """
     section = pictures.toml.declared.dic
     assert section is not None  # shots with pictures have it
-    places = {key: getattr(section, key) for key in ("specimen", "flyer", "transmission_edge")}
+    specimen, flyer, edge = section.specimen, section.flyer, section.transmission_edge
+    places: dict[str, Any] = {
+        "specimen": specimen and region_of(specimen),
+        "flyer": flyer and region_of(flyer),
+        "transmission_edge": edge,
+    }
     missing = tuple(key for key, place in places.items() if place is None)
     found = None
     if missing:
@@ -169,10 +174,12 @@ def places_of(pictures: PictureSet) -> Places:
             ) from error
         detected = {"specimen": found.specimen, "flyer": found.flyer, "transmission_edge": found.edge}
         places |= {key: detected[key] for key in missing}
-    specimen, flyer = (
-        Region(corners=place.corners, frame=place.frame) for place in (places["specimen"], places["flyer"])
-    )
-    return Places(specimen, flyer, places["transmission_edge"], missing, "" if found is None else found.why)
+    return Places(*places.values(), missing, "" if found is None else found.why)
+
+
+def region_of(section: RegionSection) -> Region:
+    """A declared region as the correlation needs it."""
+    return Region(corners=section.corners, frame=section.frame)
 
 
 def _chain_settings(

@@ -4,13 +4,14 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from dic.bodies.region import Region
 from kolsky.base.errors import InputError
 from kolsky.base.files import usable_folder
 from kolsky.base.toml import read_toml
-from kolsky.pictures.correlation import places_of
+from kolsky.pictures.correlation import places_of, region_of
 from kolsky.pictures.measurement import read_measurement
 from kolsky.pictures.picture_set import PictureSet
-from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Drawn, Session, drawables_of_measurement
+from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Session, drawables_of_measurement
 from kolsky.schema.pictures import MeasurementFile, find_measurement_file
 from kolsky.schema.shot_file import shot_toml
 from kolsky.shot.load import load_pictures
@@ -62,7 +63,7 @@ def open_region_session(source: Path) -> Session:
         measurement = read_measurement(path)
         dic = measurement.declared.dic
         shapes = {"region": [dic.region], "exclude": dic.exclude}
-        drawn = {key: [Drawn(s.corners, dic.reference) for s in some if s] for key, some in shapes.items()}
+        drawn = {key: [Region(s.corners, dic.reference) for s in some if s] for key, some in shapes.items()}
         wanted, series = drawables_of_measurement(dic.reference), measurement.series[0]
         check: Callable[[Path], object] = partial(read_toml, schema=MeasurementFile)
     else:
@@ -70,23 +71,23 @@ def open_region_session(source: Path) -> Session:
         section = pictures.toml.declared.dic
         assert section is not None  # shots with pictures have it
         bodies = {"specimen": section.specimen, "flyer": section.flyer}
-        drawn = {key: [Drawn(one.corners, one.frame)] for key, one in bodies.items() if one is not None}
+        drawn = {key: [region_of(one)] for key, one in bodies.items() if one is not None}
         if section.transmission_edge is not None:
-            drawn["transmission_edge"] = [Drawn((section.transmission_edge,), 0)]
+            drawn["transmission_edge"] = [Region((section.transmission_edge,))]
         path, wanted, series, check = pictures.toml.path, DRAWABLES_OF_SHOT, pictures.series[0], shot_toml
     return Session(path, series, wanted, check, {key: shapes for key, shapes in drawn.items() if shapes})
 
 
-def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Drawn]], str]:
+def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Region]], str]:
     """Regions that the shot file does not declare, detected in the pictures, and the method of detection.
 
     Raises InputError if one of them cannot be detected.
     """
     places = places_of(pictures)
     drawn = {
-        "specimen": Drawn(places.specimen.corners, places.specimen.frame),
-        "flyer": Drawn(places.flyer.corners, places.flyer.frame),
-        "transmission_edge": Drawn((places.edge,), 0),
+        "specimen": places.specimen,
+        "flyer": places.flyer,
+        "transmission_edge": Region((places.edge,)),
     }
     return {key: [drawn[key]] for key in places.found}, places.why
 
