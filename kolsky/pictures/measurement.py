@@ -173,10 +173,7 @@ def _settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSett
 
 
 def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
-    """Pixels of the measurement: in the region, white in the mask, and not excluded.
-
-    Shape [rows, columns].
-    """
+    """Pixels in the region, white in the mask, and not excluded, shape [rows, columns]."""
     toml, section = measurement.toml, measurement.declared.dic
     shape = measurement.series[0].shape
     mask = np.ones(shape, dtype=bool)

@@ -319,10 +319,7 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
 
 
 def grid_step(longest: int) -> int:
-    """Distance of the lines [px].
-
-    It is 1, 2 or 5 times a power of ten, for about `LINES` lines across the longer side.
-    """
+    """Distance of about `LINES` lines across the longer side [px]: 1, 2 or 5 times a power of ten."""
     for power in range(6):
         for digit in (1, 2, 5):
             if digit * 10**power * LINES >= longest:
@@ -331,10 +328,7 @@ def grid_step(longest: int) -> int:
 
 
 def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture enlarged, with lines and numbers at round pixel coordinates, shape [rows, columns, 3].
-
-    A line passes through the centres of the pixels with its coordinate.
-    """
+    """A picture enlarged, with lines and numbers at round pixel centres, shape [rows, columns, 3]."""
     rows, columns = picture.shape
     factor = max(1, -(-LEAST_SIDE // max(rows, columns)))
     large = cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)

@@ -174,10 +174,7 @@ class Sheet:
 
 
 def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
-    """Index of the first line of samples.
-
-    Raises InputError if the declared line is outside the file, or if no line has the form of samples.
-    """
+    """Index of the first line of samples: the declared one, else the first that has their form."""
     if layout.first_line is not None:
         if not 1 <= layout.first_line <= len(lines):
             raise InputError(
@@ -198,11 +195,8 @@ def names_and_units(
 ) -> tuple[tuple[str, ...], tuple[str | None, ...], dict[str, str], set[int]]:
     """Names and units of the columns, their source, and the indices of their lines (from 0).
 
-    The header is the last line above the samples with the same number of fields. If that line has only units
-    ("(ms)", "Volt"), the names are on such a line above it.
-
-    Raises InputError if a declared line does not fit, or if the line above the samples is a damaged line of
-    samples.
+    The names are on the last line above the samples with as many fields, or above it if it has only units.
+    Raises InputError if a declared line does not fit, or if the line is a damaged line of samples.
     """
     fitting = [i for i in range(first) if _fits(dialect, lines[i])]
     if not fitting and first:
@@ -530,9 +524,7 @@ class SignalTable:
 
 
 def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
-    """Find the time columns.
-
-    They are the declared ones, otherwise columns named time or with a unit of time.
+    """A table with its declared time columns, otherwise those named time or with a unit of time.
 
     Raises InputError if a declared time column is missing.
     """

@@ -5,7 +5,6 @@ may clearly have another layout: other delimiter, decimal commas, lines above th
 detected, and `kolsky check` reports it.
 """
 
-import csv
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +31,6 @@ from kolsky.readers.text import (
     declared_decimal,
     declared_delimiter,
     decode_text,
-    delimiter_of,
     lines_of,
 )
 
@@ -46,14 +44,18 @@ def detect_layout(path: Path, data: bytes) -> Layout:
     """The detected layout of a table. It is `PLAIN` if the table is plain or no better layout is found."""
     try:
         text, encoding = decode_text(path, data)
-        return _layout_of(path, lines_of(path, text), encoding)
+        lines = lines_of(path, text)
     except InputError:
         return PLAIN  # the strict reader reports the error and its line
+    return _layout_of(path, lines, encoding)
 
 
-def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
-    """The layout of lines. Raises InputError if none is found."""
-    table = find_table(path, lines, Layout())
+def _layout_of(path: Path, lines: list[str], encoding: str = "utf-8") -> Layout:
+    """The layout of lines; `PLAIN` if none is found, because the strict reader reports the error."""
+    try:
+        table = find_table(path, lines, Layout())
+    except InputError:
+        return PLAIN
     dialect, facts = table.dialect, table.facts
     if not facts["header"].isdecimal():
         return PLAIN
@@ -74,9 +76,7 @@ def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
 
 
 def layout_in_words(path: Path) -> str:
-    """The detected layout of a table without a declared one, in words.
-
-    Empty for plain or binary files.
+    """The detected layout of a table in words; empty for plain or binary files.
 
     Raises InputError if the file cannot be read.
     """
@@ -84,7 +84,7 @@ def layout_in_words(path: Path) -> str:
     if found is PLAIN:
         return ""
     words = [
-        _plural(str(found.delimiter)),
+        Dialect(declared_delimiter(path, str(found.delimiter)), ".", 0, ()).sign.plural,
         "decimal commas" if found.decimal == "," else "decimal points",
     ]
     words += [found.encoding] if found.encoding is not None else []
@@ -212,9 +212,7 @@ class Table(Sheet):
 
 
 def read_table(path: Path, *, layout: Layout | None = None) -> Table:
-    """Read a table.
-
-    It is text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
+    """Read a text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
 
     A text is UTF-8 with commas, decimal points and one header line, unless another layout is declared or
     detected.
@@ -230,7 +228,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         named = layout or Layout()
         lines = source.table_lines(path, named.sheet)
         sha256 = file_hash(path)
-        found = _sheet_layout(path, lines) if named == Layout(sheet=named.sheet) else named
+        found = _layout_of(path, lines) if named == Layout(sheet=named.sheet) else named
         layout = replace(found, encoding=None, delimiter="tab", decimal=".")
     else:
         if layout is not None and layout.sheet is not None:
@@ -257,7 +255,8 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         raise InputError(path, "has a header but no data", cure="export it again")
     if header_line:
         heading = lines[header_line - 1]
-        names = _names(uncommented(heading, layout.comment) if layout.comment else heading, dialect.delimiter)
+        heading = uncommented(heading, layout.comment) if layout.comment else heading
+        names = tuple(replace(dialect, quoted=True).split(heading))
     else:
         names = tuple(str(i + 1) for i in range(len(dialect.split(rows[0]))))
     names = _names_of_rows(names, rows, dialect)
@@ -267,7 +266,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     word, start = ("line" if source is None else "row"), first
     if source in (matlab, hdf5):
         word, start = "entry", 1  # arrays have no line of names
-    division = f"columns are separated by {_plural(dialect.delimiter)}; a layout may declare others"
+    division = f"columns are separated by {dialect.sign.plural}; a layout may declare others"
     if source in (EXCEL, EXCEL_97):
         division = f"names were taken from row {header_line}; header_line and sheet in a layout change that"
     elif source is not None:
@@ -302,19 +301,6 @@ def _source(path: Path) -> Any:
     return next((form for form in (EXCEL, EXCEL_97, matlab, hdf5) if form.sniff(path)), None)
 
 
-def _sheet_layout(path: Path, lines: list[str]) -> Layout:
-    try:
-        return _layout_of(path, lines, "utf-8")
-    except InputError:
-        return PLAIN
-
-
-def _plural(delimiter: str) -> str:
-    found = delimiter_of(delimiter)
-    assert found is not None  # only known ones are read
-    return found.plural
-
-
 def _dialect(path: Path, layout: Layout) -> Dialect:
     """The declared delimiter and decimal sign, without columns. Quotes are handled only with a layout."""
     delimiter = declared_delimiter(path, layout.delimiter or "comma")
@@ -338,12 +324,3 @@ def _names_of_rows(names: tuple[str, ...], rows: Sequence[str], dialect: Dialect
     if len(names) > 1 and not names[-1] and all(len(dialect.split(row)) == len(names) - 1 for row in rows):
         return names[:-1]
     return names
-
-
-def _names(line: str, delimiter: str) -> tuple[str, ...]:
-    if delimiter == " ":
-        return tuple(line.replace('"', "").split())
-    try:
-        return tuple(name.strip() for name in next(csv.reader([line], delimiter=delimiter), []))
-    except csv.Error:  # a name of more than 131 072 characters
-        return tuple(name.strip() for name in line.split(delimiter))

@@ -184,12 +184,6 @@ DELIMITERS = (
     BLANKS,
 )
 """All delimiters, in the order of their trials. Add a new delimiter here."""
-_CHARACTERS = tuple(delimiter.character for delimiter in DELIMITERS)
-
-
-def delimiter_of(text: str) -> Delimiter | None:
-    """The delimiter with a name or a character; None if unknown."""
-    return next((d for d in DELIMITERS if text in (d.name, d.character)), None)
 
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
@@ -301,11 +295,14 @@ class Dialect:
         return all(self.is_number(parts[i]) for i in self.numeric)
 
     @property
+    def sign(self) -> Delimiter:
+        """The delimiter with its names."""
+        return next(d for d in DELIMITERS if d.character == self.delimiter)
+
+    @property
     def facts(self) -> dict[str, str]:
         """Delimiter and decimal sign in words."""
-        found = delimiter_of(self.delimiter)
-        assert found is not None  # only known ones are tried
-        return {"delimiter": found.name, "decimal": self.decimal}
+        return {"delimiter": self.sign.name, "decimal": self.decimal}
 
 
 def find_dialect(
@@ -322,7 +319,8 @@ def find_dialect(
     None: detected. ``word``: name of a line in messages. Raises InputError if a declared value is not
     allowed, or if no column is numeric.
     """
-    characters = _CHARACTERS if delimiter is None else (declared_delimiter(path, delimiter),)
+    every = tuple(d.character for d in DELIMITERS)
+    characters = every if delimiter is None else (declared_delimiter(path, delimiter),)
     decimals = (".", ",") if decimal is None else (declared_decimal(path, decimal),)
     filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
     dialects: list[Dialect] = []
@@ -468,7 +466,7 @@ def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequen
 
 def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
     """The dialect of the lines with another delimiter than the declared one."""
-    for character in _CHARACTERS:
+    for character in (d.character for d in DELIMITERS):
         for decimal in (".", ","):
             if character not in (stated, decimal):
                 dialect = _columns(lines, character, decimal)
@@ -478,15 +476,10 @@ def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
 
 
 def declared_delimiter(path: Path, value: str) -> str:
-    """The character of a declared delimiter.
-
-    A layout declares it by name or by character.
-
-    Raises InputError if it is unknown.
-    """
-    found = delimiter_of(value)
+    """The character of a delimiter declared by name or by character. Raises InputError if it is unknown."""
+    found = next((d for d in DELIMITERS if value in (d.name, d.character)), None)
     if found is None:
-        allowed = [d.name for d in DELIMITERS] + [c for c in _CHARACTERS if c.strip()]
+        allowed = [d.name for d in DELIMITERS] + [d.character for d in DELIMITERS if d.character.strip()]
         names = ", ".join(f'"{name}"' for name in allowed)
         raise InputError(path, f"is declared to have the delimiter {value!r}", allowed=f"one of {names}")
     return found.character

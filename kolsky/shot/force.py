@@ -101,9 +101,7 @@ def check_range(scope: Recording, section: ForceSection, key: str = "force") -> 
 
 
 def check_signal(scope: Recording, toml: ShotToml) -> None:
-    """Raise InputError if every sample exceeds the previous one. Such a channel is a clock; a signal has
-    noise.
-    """
+    """Raise InputError if every sample exceeds the previous one, as in a clock without noise."""
     if scope.value.size > SMALLEST_BASELINE and (np.diff(scope.value) > 0.0).all():
         raise toml.error(
             "force.voltage",

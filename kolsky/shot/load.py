@@ -430,11 +430,10 @@ def driven_by_waves(
 
 
 def load_bar_driven(source: Source) -> Shot:
-    """Reduce the gauges of a shot and prepare it for `identify`.
+    """A shot from the gauges of its bars, without a centre line, identified from the force only.
 
-    ``source``: the shot's folder with its shot.toml, the path of such a file, or the parsed file. Returns: a
-    shot without a centre line, identified from the force only. Raises InputError if a file is missing or
-    damaged, if a declaration is impossible, or if the signals are not those of such a test.
+    Raises InputError if a file is missing or damaged, if a declaration is impossible, or if the signals are
+    not those of such a test.
     """
     from kolsky.bars.reduction.analyse import analyse  # imports scipy.stats
 

@@ -40,10 +40,7 @@ def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> Flye
 
 
 def second_impact_time(motion: FlyerMotion, start: float) -> float | None:
-    """Time one frame and two sigmas before the second impact [s].
-
-    None if the displacements show no second impact.
-    """
+    """Time one frame and two sigmas before the second impact [s]; None if no second impact is visible."""
     moving = motion.time > start
     if int(moving.sum()) < FEWEST_MOVING_FRAMES or int((~moving).sum()) < 1:
         return None

@@ -205,12 +205,9 @@ UNJUDGED = (
 def analyse_flyer(
     given: FlyerInput, *, progress: Callable[[str, int, int], None] = lambda stage, done, total: None
 ) -> FlyerResult:
-    """Forces, strain, stress, events, and the validity window.
+    """Forces, strain, stress, events, and the window in which stress and strain are a material curve.
 
-    In this window, stress and strain are a material curve.
-
-    Raises ValueError if the shot has no flyer motion, or if the signals are not those of such a test: see
-    `kolsky.bars`.
+    Raises ValueError if the shot has no flyer motion, or if the signals are not those of such a test.
     """
     shot, motion = given.shot, given.shot.flyer
     if not isinstance(motion, FlyerMotion) or not isinstance(shot.force, ForceChannel):

@@ -227,10 +227,7 @@ def new_text(
     pictures: PictureSurvey | None = None,
     last: str | None = None,
 ) -> str:
-    """The text of the new shot file.
-
-    It is the blank one or the last shot's, completed with values from the files.
-    """
+    """The text of the new shot file: the blank one or the last shot's, completed from the files."""
     shown = table_findings(contents)
     if last is not None:
         return with_notes(next_of_series(last, folder, contents), shown.notes)
@@ -252,10 +249,7 @@ def new_text(
 
 
 def with_surface(text: str, found: SurfaceSurvey) -> str:
-    """The blank file with [surface] instead of [centre_line].
-
-    If the exports contain the flyer, [surface] also replaces [flyer].
-    """
+    """The blank file with [surface] instead of [centre_line], and of [flyer] if exports show the flyer."""
     if found.specimen is None:
         return text
     text = text[: text.index("[centre_line]")] + text[text.index("# [surface]") + 2 :]

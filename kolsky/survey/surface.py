@@ -212,10 +212,7 @@ def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
 
 
 def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | None:
-    """The program's axis toward the cameras and the evidence for it.
-
-    The visible side is convex toward the cameras.
-    """
+    """The program's axis toward the cameras, to which the side is convex, and the evidence for it."""
     motion = series.motion
     across = [k for k in range(3) if _AXES[k] != y[1]]
     way = motion[int(np.argmax(np.abs(motion[:, _AXES.index(y[1])])))][across]
@@ -228,10 +225,7 @@ def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | No
 
 
 def quiet_frames(series: SeriesOfExports) -> QuietStretch | None:
-    """The frames before a series moves, with the reference. None if they are not clear.
-
-    The rest ends when the first component of the mean motion departs from it.
-    """
+    """The frames before the mean motion of a series, with the reference; None if they are not clear."""
     # The reference has no displacement and no noise.
     rests = [quiet_stretch(component[1:], fewest=FEWEST) for component in series.motion.T]
     first = min((quiet for quiet in rests if quiet), key=lambda quiet: quiet.count, default=None)
@@ -239,12 +233,7 @@ def quiet_frames(series: SeriesOfExports) -> QuietStretch | None:
 
 
 def scatter_at_rest(series: SeriesOfExports, count: int) -> float | None:
-    """Standard deviation of a point's position in its noisiest component [m]; None without noise.
-
-    It comes from the differences of neighbouring frames at rest.
-
-    ``count``: number of static frames, with the reference.
-    """
+    """Noise of a point's noisiest component [m] by differences of ``count`` static frames, or None."""
     steps = np.diff(series.export.u[1:count], axis=0)
     if steps.shape[0] < 2:
         return None
@@ -333,10 +322,7 @@ def surface_values(survey: SurfaceSurvey, shown: Findings) -> None:
 def first_motion(survey: SurfaceSurvey) -> tuple[int, str] | None:
     """Number of the first frame in which specimen or flyer moves, and the files that show it.
 
-    None if it is not clear.
-
-    The specimen is at rest until the flyer moves. The earlier of both frames is therefore safe. None without
-    a clear rest of the specimen.
+    The earlier of both is safe, because the specimen rests until the flyer moves. None if it is not clear.
     """
     if survey.specimen is None or quiet_frames(survey.specimen) is None:
         return None
