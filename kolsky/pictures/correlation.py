@@ -7,7 +7,7 @@ pictures.
 import hashlib
 import json
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from time import perf_counter
@@ -26,7 +26,7 @@ from dic.tracking import Tracking
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.pictures.picture_set import PictureSet
-from kolsky.pictures.rig import Calibrated, calibrate, refine_rig
+from kolsky.pictures.rig import Calibrated, calibrate_in_background, refine_rig
 from kolsky.schema.apparatus import SpecimenSection
 from kolsky.schema.pictures import DicSection, RegionSection
 from kolsky.schema.shot_file import ShotToml
@@ -254,7 +254,8 @@ def correlate(
     except ChainError as error:
         raise _no_surface(toml, error) from error
     started = perf_counter()
-    found = calibrate(pictures, progress) if cameras is None else cameras(progress)
+    with calibrate_in_background(pictures) if cameras is None else nullcontext(cameras) as solved:
+        found = solved(progress)
     calibrating = perf_counter() - started
     sizes = (pictures.series[0].shape, pictures.series[1].shape)
     seen = visible_lengths(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)

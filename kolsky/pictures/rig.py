@@ -34,24 +34,14 @@ class Calibrated:
     """One sentence on its source and its residuals."""
 
 
-def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
-    """The rig for a shot's pictures.
-
-    Raises InputError if the file does not contain two cameras, or if a crop lies outside the calibrated
-    sensor. The same error is raised if the target is not found or does not determine the cameras.
-    """
-    with calibrate_in_background(pictures) as cameras:
-        return cameras(progress)
-
-
 @contextmanager
 def calibrate_in_background(pictures: PictureSet) -> Iterator[Callable[[Progress], Calibrated]]:
-    """Start the detection of the target in other processes, if possible.
+    """Start the detection of the target in other processes, if possible; this process continues meanwhile.
 
-    This process continues meanwhile.
-
-    Yields: a function that returns the result of `calibrate` or raises its errors. Raises InputError if the
-    target's pictures cannot be opened or do not match, or if the target is impossible.
+    Yields: a function that returns the rig for a shot's pictures. Both raise InputError: at once if the
+    target's pictures cannot be opened or do not match, or if the target is impossible; then if the file does
+    not contain two cameras, if a crop lies outside the calibrated sensor, or if the target is not found or
+    does not determine the cameras.
     """
     toml, section = pictures.toml, pictures.toml.declared.calibration
     assert section is not None  # shots with pictures have it

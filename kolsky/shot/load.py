@@ -393,7 +393,6 @@ def driven_by_waves(
     reduction: Reduction,
     waves: FaceWaves,
     *,
-    sigma_zero: float = 0.0,
     centre_line: CentreLine | None = None,
     end: float | None = None,
 ) -> Shot:
@@ -401,7 +400,7 @@ def driven_by_waves(
 
     All times are on the shot's clock, even if a transducer measures the transmitted force (`base.force`).
     """
-    motion = front_velocity(reduction, waves, sigma_zero=sigma_zero)
+    motion = front_velocity(reduction, waves)
     path = front_path(motion)
     last = path.end if end is None else end
     first = float(motion.time[0])

@@ -17,6 +17,7 @@ from kolsky.readers.recordings import read_contents
 from kolsky.survey.new_file import fill_in, next_of_series, table_findings, with_notes, with_recordings
 from kolsky.survey.pictures import PictureSurvey, first_change, picture_findings
 from kolsky.survey.signals import (
+    FEWEST_SAMPLES,
     Findings,
     QuietStretch,
     common_sign,
@@ -29,9 +30,6 @@ from kolsky.survey.signals import (
 from kolsky.survey.surface import SurfaceSurvey, first_motion, surface_values
 from kolsky.survey.tables import SHIFT, Survey, TableEntry, clock_text, microseconds
 
-FEWEST_SAMPLES = 20
-"""Smallest number of samples of a baseline. The standard deviation of its mean is then a quarter of the
-noise."""
 SPARE = 0.9
 """Used share of the quiet part of a record. Motion and force may begin below the noise."""
 FEWEST_STATIC = 3
@@ -129,16 +127,6 @@ def _volts(table: TableEntry) -> FloatArray | None:
     return np.asarray(values * unit_factor(column.unit, "V"))
 
 
-def _times(table: TableEntry, count: int) -> FloatArray | None:
-    """Times of the samples on the file's clock [s]."""
-    if table.clock is not None:
-        return np.linspace(table.clock[0], table.clock[1], table.clock[2])
-    time = table.time
-    if time is None or not time.unit or time.values.size != count:
-        return None
-    return np.asarray(time.values * unit_factor(time.unit, "s"))
-
-
 def _force(table: TableEntry, last_static: float | None, shown: Findings) -> None:
     """Add clock, baseline, sign and range of the transmitted force."""
     span = clock_text(table)
@@ -158,7 +146,8 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
             f'"{largest:g} V"',
             f"largest sample {np.abs(volts).max():.4g} V, not clipped; write the recorder's range if known",
         )
-    times, quiet = _times(table, volts.size), quiet_stretch(volts, fewest=FEWEST_SAMPLES)
+    times, quiet = table.times, quiet_stretch(volts, fewest=FEWEST_SAMPLES)
+    times = None if times is None or times.size != volts.size else times
     if times is not None and quiet is None:
         example = f'["{_time(times[0], later=True)}", "{_time(times[times.size // 10])}"]'
         shown.notes["force.baseline"] = f"no clear quiet stretch at the beginning; write it, e.g. {example}"

@@ -9,14 +9,11 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
-
 from kolsky.base.errors import InputError
-from kolsky.base.units import unit_factor
 from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_contents
-from kolsky.survey.signals import Findings
+from kolsky.survey.signals import FEWEST_SAMPLES, Findings, quiet_stretch
 from kolsky.survey.tables import (
     SHIFT,
     SIGMA,
@@ -114,13 +111,11 @@ def table_findings(survey: Survey) -> Findings:
     if "curve" in parts:
         chosen |= {"curve.strain": parts["curve"].strain, "curve.stress": parts["curve"].stress}
     values |= {key: column.toml() for key, column in chosen.items() if column is not None}
-    if frames is not None and frames.time is not None and frames.time.unit:
-        before = int((frames.time.values * unit_factor(frames.time.unit, "s") <= 0.0).sum())
-        notes["frames.static"] = f"{before} frames of {frames.time.values.size} have times up to 0 {SHIFT}"
+    if frames is not None and (times := frames.times) is not None:
+        notes["frames.static"] = f"{(times <= 0.0).sum()} frames of {times.size} have times up to 0 {SHIFT}"
     if force is not None:
-        first = float(force.seconds()[0])
-        if np.isfinite(first):
-            notes["force.baseline"] = f"the record begins at {microseconds(first)} {SHIFT}"
+        if force.times is not None:
+            notes["force.baseline"] = f"the record begins at {microseconds(force.times[0])} {SHIFT}"
         if force.voltage is None:
             columns = (c.toml() for c in force.columns[:9] if c != force.time)
             notes["force.voltage"] = f"one of {', '.join(columns)}"
@@ -151,11 +146,6 @@ SIDES = {
     "transmission": re.compile(r"(?<![a-z])(tra(?!in|ck|ce)|out|ausgang|sortie)", re.IGNORECASE),
 }
 """Beginnings of words that identify a bar in a channel's name."""
-REST_SHARE = 0.05
-"""Share of a record at its beginning that is the rest level for the detection of a signal's onset."""
-ONSET_SIGMAS = 8.0
-"""Threshold of the onset in standard deviations of the rest level. Five successive samples must exceed it."""
-
 Signal = tuple[str, Channel]
 """Name of a recorder, and a channel of its file."""
 
@@ -254,11 +244,7 @@ def _chosen(table: str, channels: list[Signal], text: str) -> dict[str, str | No
 def _leaves_rest(channel: Channel) -> float | None:
     """Time at which a signal leaves its rest level, on the file's clock [s]; None if unknown."""
     try:
-        values, clock = channel.values(), channel.clock()
+        quiet, clock = quiet_stretch(channel.values(), fewest=FEWEST_SAMPLES), channel.clock()
     except InputError:
         return None
-    beginning = values[: max(20, int(REST_SHARE * values.size))]
-    scatter = max(float(beginning.std()), float(np.ptp(values)) * 1e-4)
-    away = np.abs(values - beginning.mean()) > ONSET_SIGMAS * scatter
-    run = np.flatnonzero(np.convolve(away, np.ones(5), "valid") > 4.5)
-    return clock.start + clock.interval * int(run[0]) if run.size else None
+    return None if quiet is None else clock.start + clock.interval * quiet.count

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.pictures.picture_set import open_source
+from kolsky.pictures.picture_set import MOST_COMPARED, open_source, picture_changes
 from kolsky.survey.new_file import BLANK
 from kolsky.survey.signals import Findings, quiet_stretch
 from kolsky.survey.tables import Survey, quoted
@@ -22,8 +22,6 @@ ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
 """Endings of files that may contain a whole series."""
 NUMBERED = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """Endings of pictures of a numbered series."""
-EARLY = 500
-"""Number of pictures in which the first motion is searched. More pictures would take minutes."""
 FEWEST = 3
 """Smallest number of pictures of a test or calibration series."""
 _NUMBER = re.compile(r"(.*?)(\d{1,18})(\D*)", re.DOTALL)
@@ -114,12 +112,9 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
 
 
 def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
-    """Index of the first picture of camera 0 that clearly differs from the previous ones.
+    """Index of the first picture of camera 0 that clearly differs from the previous ones, and its series.
 
-    The series' name is also returned. None if there is no such picture.
-
-    The measure is the mean absolute difference from the first picture, as shown in the report of `kolsky
-    check`. Only the first `EARLY` pictures are searched.
+    None if there is no such picture. Only the first `MOST_COMPARED` pictures are searched.
     """
     from dic.images import PictureError
 
@@ -128,13 +123,10 @@ def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
     series = survey.test[0]
     try:
         pictures = open_source(folder, series.key, series.name)
-        first = pictures.frame(0).astype(np.float64)
-        change = [
-            float(np.abs(pictures.frame(k) - first).mean()) for k in range(1, min(pictures.n_frames, EARLY))
-        ]
     except (PictureError, OSError):
         return None
-    quiet = quiet_stretch(np.array(change), fewest=FEWEST)
+    frames = np.arange(min(pictures.n_frames, MOST_COMPARED), dtype=np.float64)
+    quiet = quiet_stretch(picture_changes([pictures], frames, 1).change[0, 1:], fewest=FEWEST)
     return None if quiet is None else (quiet.count + 1, series.name)
 
 

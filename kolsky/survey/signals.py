@@ -45,6 +45,11 @@ MOST_POINTS = 2000
 %."""
 
 
+FEWEST_SAMPLES = 20
+"""Smallest number of samples of a baseline. The standard deviation of its mean is then a quarter of the
+noise."""
+
+
 @dataclass(frozen=True)
 class QuietStretch:
     """The beginning of a record, before anything moves."""

@@ -122,16 +122,13 @@ class TableEntry:
         said = (f"{k} = {v if isinstance(v, int) else quoted(v)}" for k, v in self.layout.items())
         return f"{{ {', '.join(said)} }}" if self.layout else ""
 
-    def seconds(self) -> FloatArray:
-        """First time, last time and median step [s], shape [3]; NaN if unknown."""
-        time = self.time
+    @property
+    def times(self) -> FloatArray | None:
+        """Its times on the file's clock [s], shape [n]; None if unknown."""
         if self.clock is not None:
-            first, last, count = self.clock
-            return np.array([first, last, (last - first) / max(count - 1, 1)])
-        if time is None or not time.unit or time.values.size < 2:
-            return np.full(3, np.nan)
-        t = time.values * unit_factor(time.unit, "s")
-        return np.array([t[0], t[-1], np.median(np.diff(np.unique(t)))])
+            return np.linspace(*self.clock)
+        time = self.time
+        return None if time is None or not time.unit else time.values * unit_factor(time.unit, "s")
 
 
 def _single(columns: list[ColumnEntry]) -> ColumnEntry | None:
@@ -232,10 +229,11 @@ def _part_of(table: TableEntry) -> str | None:
 
 def clock_text(table: TableEntry) -> str:
     """First time, last time and step of a file, in words; empty if not known."""
-    first, last, step = table.seconds().tolist()
-    if not np.isfinite([first, last, step]).all():
+    times = table.times
+    if times is None or times.size < 2 or not np.isfinite(times).all():
         return ""
-    return f"{microseconds(first)} to {microseconds(last)}, every {microseconds(step)}, {SHIFT}"
+    step = float(np.median(np.diff(np.unique(times))))
+    return f"{microseconds(times[0])} to {microseconds(times[-1])}, every {microseconds(step)}, {SHIFT}"
 
 
 def microseconds(seconds: float) -> str:
