@@ -15,7 +15,7 @@ from dic.images import PictureError, Pictures
 from dic.images.series import PictureSizeError
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile, read_toml
-from kolsky.pictures.picture_set import CAMERAS, open_source
+from kolsky.pictures.picture_set import CAMERAS, Progress, open_source
 from kolsky.schema.fields import Section
 from kolsky.schema.pictures import CalibrationSection, TargetSection
 from kolsky.schema.shot_file import shot_toml
@@ -87,7 +87,6 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
         raise toml.error(key, f"is impossible: {error}") from None
 
 
-Progress = Callable[[str, int, int], None]
 LARGEST_RMS = 1.0
 """Largest accepted residual of a calibration [px]. Even a blurred target gives only a tenth of it."""
 

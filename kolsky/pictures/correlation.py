@@ -25,7 +25,7 @@ from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.pictures.picture_set import PictureSet
+from kolsky.pictures.picture_set import PictureSet, Progress
 from kolsky.pictures.rig import Calibrated, calibrate_in_background, refine_rig
 from kolsky.schema.apparatus import SpecimenSection
 from kolsky.schema.pictures import DicSection, RegionSection
@@ -94,9 +94,6 @@ def check_length(toml: ShotToml, seen: tuple[float, float] | None) -> None:
             allowed=f"{seen[0] / LARGEST_SHARE * 1e3:.4g} to {seen[1] / LEAST_SHARE * 1e3:.4g} mm",
             cure="is the unit of specimen.length right, and that of the calibration target?",
         )
-
-
-Progress = Callable[[str, int, int], None]
 
 
 def key_of(pictures: PictureSet) -> str:

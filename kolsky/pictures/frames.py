@@ -6,6 +6,7 @@ Impossible displacements of a flyer (exchanged frames, lost digits) are detected
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from kolsky.base.records import FlyerMotion
 from kolsky.base.units import in_us
 from kolsky.readers.measured_tables import FrameTable, read_frame_table
 from kolsky.readers.table import Column
-from kolsky.schema.measured import FlyerSection
+from kolsky.schema.measured import CentreLineSection, FlyerSection, FramesSection
 from kolsky.schema.shot_file import ShotToml
 
 STRAY_SIGMAS = 20.0
@@ -91,20 +92,31 @@ def read_frames(toml: ShotToml) -> FrameTable:
 
     Raises InputError if the file cannot be read, or if all frames are static.
     """
-    section = toml.declared.frames
-    frames = read_frame_table(
-        toml.path.parent / section.file,
-        frame=Column(section.frame),
-        time=section.time.as_column(),
-        clock=True,
-        layout=None if section.layout is None else section.layout.as_layout(),
-    )
-    _some_motion_frames(frames, toml)
+    frames = read_section(toml, toml.declared.frames, clock=True)
+    if toml.declared.frames.static >= frames.frame.size:
+        raise toml.error(
+            "frames.static",
+            "is not allowed",
+            allowed=f"smaller than the {frames.frame.size} frames in {frames.path.name}",
+            cure="count the frames before the flyer moves",
+        )
     return frames
 
 
+def read_section(
+    toml: ShotToml, section: FramesSection | FlyerSection | CentreLineSection, **more: Any
+) -> FrameTable:
+    """The table of a section with frame numbers. ``more``: further arguments of `read_frame_table`."""
+    return read_frame_table(
+        toml.path.parent / section.file,
+        frame=Column(section.frame),
+        time=None if section.time is None else section.time.as_column(),
+        layout=None if section.layout is None else section.layout.as_layout(),
+        **more,
+    )
+
+
 def flyer_motion(
-    folder: Path,
     frames: FrameTable,
     section: FlyerSection,
     toml: ShotToml,
@@ -116,13 +128,7 @@ def flyer_motion(
     ``check``: called with the motion before its rest and travel are checked. Raises InputError if the file
     cannot be read, if its frames and times differ from those of [frames], or if the flyer does not move.
     """
-    table = read_frame_table(
-        folder / section.file,
-        frame=Column(section.frame),
-        time=None if section.time is None else section.time.as_column(),
-        columns={"displacement": section.displacement.as_column()},
-        layout=None if section.layout is None else section.layout.as_layout(),
-    )
+    table = read_section(toml, section, columns={"displacement": section.displacement.as_column()})
     frames_agree(table, frames)
     flyer_covers(table, frames, toml)
     sign = 1.0 if section.positive == "toward specimen" else -1.0
@@ -136,19 +142,16 @@ def flyer_motion(
     flyer = replace(
         flyer,
         sigma=np.where(stray, np.abs(off), flyer.sigma),
-        notes=tuple(_stray_note(table, int(row), off[row]) for row in np.flatnonzero(stray)),
+        notes=tuple(
+            f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
+            f" {off[row] * 1e3:+.3g} mm off the frames around it; it was given no weight: look at it, or"
+            " correct the export"
+            for row in np.flatnonzero(stray).tolist()
+        ),
     )
     check(flyer)
     flyer_moves(table, flyer, section.sigma, toml, stray=stray)
     return flyer, table.sha256
-
-
-def _stray_note(table: FrameTable, row: int, off: float) -> str:
-    return (
-        f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
-        f" {off * 1e3:+.3g} mm off the frames around it; it was given no weight: look at it, or"
-        " correct the export"
-    )
 
 
 def frames_agree(table: FrameTable, frames: FrameTable) -> None:
@@ -199,17 +202,6 @@ def _time_cure(time: FloatArray, expected: FloatArray) -> str:
             "column of this table out if the frame numbers are right"
         )
     return "both files must come from the same test and clock; are two columns swapped?"
-
-
-def _some_motion_frames(frames: FrameTable, toml: ShotToml) -> None:
-    """Check that not all frames are static."""
-    if toml.declared.frames.static >= frames.frame.size:
-        raise toml.error(
-            "frames.static",
-            "is not allowed",
-            allowed=f"smaller than the {frames.frame.size} frames in {frames.path.name}",
-            cure="count the frames before the flyer moves",
-        )
 
 
 def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:

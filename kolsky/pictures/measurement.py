@@ -1,6 +1,5 @@
 """A measurement by image correlation only: from dic.toml to a `dic.full_field` result."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,12 @@ from dic.tracking import Tracking
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.toml import TomlFile, parse_toml
-from kolsky.pictures.picture_set import CAMERAS, digests, open_source
+from kolsky.pictures.picture_set import CAMERAS, Progress, digests, open_source
 from kolsky.pictures.rig import Calibrated, cropped, refine_rig, rig_of
 from kolsky.schema.pictures import MeasuredSeries, MeasurementFile
 
 FLYER_TEST = "flyer test"
 """A kind of measurement that must be declared in a shot.toml."""
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

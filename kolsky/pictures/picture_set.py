@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -79,6 +79,8 @@ def _relative(pictures: Pictures, frame: int) -> NDArray[np.float64] | None:
         return None
 
 
+Progress = Callable[[str, int, int], None]
+"""Receives the name of a stage, and the numbers of steps done and in all."""
 CAMERAS = ("camera_0", "camera_1")
 SERIES_CURE = "export one picture for each line of the frames' file"
 

@@ -16,8 +16,8 @@ from dic.images import PictureError, Pictures
 from dic.processes import background, cores, may_fork
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile
-from kolsky.pictures.calibration import Progress, calibration_in_background, calibration_of
-from kolsky.pictures.picture_set import CAMERAS, PictureSet
+from kolsky.pictures.calibration import calibration_in_background, calibration_of
+from kolsky.pictures.picture_set import CAMERAS, PictureSet, Progress
 from kolsky.schema.pictures import CalibrationSection
 
 if TYPE_CHECKING:

@@ -4,7 +4,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -312,30 +311,16 @@ LONGEST_HEADER = 5000
 """Maximum number of lines above the samples."""
 
 
-@dataclass(frozen=True)
-class FoundTable:
+@dataclass(frozen=True, kw_only=True)
+class FoundTable(Sheet):
     """Lines of unknown origin, recognized as a table."""
 
-    dialect: Dialect
-    """Division of the lines into fields."""
-    lines: list[str]
-    """All lines. If blanks are the delimiter, lines have no outer blanks."""
-    first: int
-    """Index of the first line of samples."""
     above: list[str]
-    """The lines above it, without comment signs."""
-    names: tuple[str, ...]
-    """Column names."""
-    units: tuple[str | None, ...]
-    """Units as written, or None."""
+    """The lines above the samples, without comment signs."""
     facts: dict[str, str]
     """Lines of names and units, counted from 1, in words."""
     headings: set[int]
     """Indices of the lines with names and units."""
-
-    def sheet(self, path: Path, names: tuple[str, ...], units: tuple[str | None, ...], **more: Any) -> Sheet:
-        """Its samples under these names and units. ``more``: further fields of the sheet."""
-        return Sheet(path, self.dialect, self.lines[self.first :], self.first + 1, names, units, **more)
 
 
 def find_table(
@@ -359,7 +344,19 @@ def find_table(
             cure="is it the right file? if so, export the samples alone",
         )
     above = [uncommented(line, layout.comment) for line in lines[:first]]
-    return FoundTable(dialect, lines, first, above, *names_and_units(path, above, first, dialect, layout))
+    names, units, facts, headings = names_and_units(path, above, first, dialect, layout)
+    return FoundTable(
+        path=path,
+        dialect=dialect,
+        rows=lines[first:],
+        first_line=first + 1,
+        names=names,
+        units=units,
+        word=word,
+        above=above,
+        facts=facts,
+        headings=headings,
+    )
 
 
 _TIME_NAME = re.compile(

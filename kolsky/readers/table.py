@@ -71,7 +71,7 @@ def _layout_of(path: Path, lines: list[str], encoding: str = "utf-8") -> Layout:
         decimal=dialect.decimal,
         header_line=header,
         units_line=units,
-        first_line=table.first + 1,
+        first_line=table.first_line,
     )
 
 

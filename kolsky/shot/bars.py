@@ -28,7 +28,7 @@ from kolsky.bars.reduction.windows import (
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.bridge import Bridge, Calibration, Linear, Shunt, with_shunt
 from kolsky.base.apparatus import Bar, Specimen
-from kolsky.base.errors import InputError, refuse, refused
+from kolsky.base.errors import refuse, refused
 from kolsky.base.records import Recording
 from kolsky.base.toml import TomlFile
 from kolsky.base.units import in_us
@@ -38,7 +38,7 @@ from kolsky.readers.recordings import read_recordings
 from kolsky.schema.apparatus import REDUCTION_KEYS
 from kolsky.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 from kolsky.schema.shot_file import Source, parsed
-from kolsky.shot.evidence import Evidence, entries
+from kolsky.shot.evidence import Evidence, entries, missing_files
 from kolsky.shot.plausibility import gate
 
 
@@ -273,7 +273,18 @@ def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
     """Bars, stations and their files, which are checked, with default settings of the reduction."""
     folder = file.path.parent
     gauges = _gauges_of(declared)
-    _all_there(file, declared, gauges, folder)
+    unknown = [
+        file.error(
+            f"{_shot_file_table(key)}.recorder",
+            f"names no recorder; there are {', '.join(declared.recorders)}",
+            cure=f"add a table [recorders.{name}], or correct the name",
+        )
+        for key, gauge in gauges.items()
+        for name in dict.fromkeys(gauge.recorders)
+        if name not in declared.recorders
+    ]
+    files = {f"recorders.{name}.file": recorder.file for name, recorder in declared.recorders.items()}
+    refuse([*unknown, *missing_files(file, files)])
     gate(Evidence(file=file, declared=declared))
     bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
     _on_its_bar(file, gauges, bars)
@@ -313,32 +324,6 @@ def _bar(section: WaveBarSection) -> Bar:
         poisson=section.poisson,
         yield_strength=section.yield_strength,
     )
-
-
-def _all_there(
-    file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
-) -> None:
-    """Raise one error that lists all unknown recorders and missing files."""
-    problems: list[InputError] = [
-        file.error(
-            f"{_shot_file_table(key)}.recorder",
-            f"names no recorder; there are {', '.join(declared.recorders)}",
-            cure=f"add a table [recorders.{name}], or correct the name",
-        )
-        for key, gauge in gauges.items()
-        for name in dict.fromkeys(gauge.recorders)
-        if name not in declared.recorders
-    ]
-    problems += [
-        file.error(
-            f"recorders.{name}.file",
-            f"names a missing file: {folder / recorder.file}",
-            cure="put it there or correct its name",
-        )
-        for name, recorder in declared.recorders.items()
-        if not (folder / recorder.file).exists()
-    ]
-    refuse(problems)
 
 
 def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mapping[str, Bar]) -> None:

@@ -10,12 +10,12 @@ from kolsky.base.files import usable_folder
 from kolsky.base.toml import read_toml
 from kolsky.pictures.correlation import places_of, region_of
 from kolsky.pictures.measurement import read_measurement
-from kolsky.pictures.picture_set import PictureSet
+from kolsky.pictures.picture_set import PictureSet, Progress
 from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Session, drawables_of_measurement
 from kolsky.schema.pictures import MeasurementFile, find_measurement_file
 from kolsky.schema.shot_file import shot_toml
 from kolsky.shot.load import load_pictures
-from kolsky.shot.optical_data import Progress, Surfaces, surfaces
+from kolsky.shot.optical_data import Surfaces, surfaces
 
 __all__ = ["dic"]
 

@@ -74,6 +74,16 @@ def entries(content: Mapping[str, Any], key: str = "") -> Iterator[tuple[str, An
             yield from entries(value, dotted)
 
 
+def missing_files(file: TomlFile, names: Mapping[str, str]) -> list[InputError]:
+    """An error for every file that does not exist. ``names``: dotted key -> file name."""
+    places = {key: file.path.parent / name for key, name in names.items()}
+    return [
+        file.error(key, f"names a missing file: {place}", cure="put it there or correct its name")
+        for key, place in places.items()
+        if not place.exists()
+    ]
+
+
 @dataclass(frozen=True)
 class Finding:
     """A finding of a rule: a contradiction or a warning."""

@@ -6,7 +6,6 @@ first recording that ends.
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +32,7 @@ from kolsky.schema.shot_file import (
     shot_toml,
 )
 from kolsky.shot.curve import shot_fields
-from kolsky.shot.evidence import Evidence
+from kolsky.shot.evidence import Evidence, missing_files
 from kolsky.shot.force import check_sign, force_channel, incident_to_compare
 from kolsky.shot.plausibility import gate, travel_of, with_warnings
 from kolsky.shot.records import ForceChannel, OpticalData, PicturedShot, Shot, ShotBase, fields_of
@@ -157,15 +156,14 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
         return _with_pictures(toml, frames, rest, measure)
     if flyer is None:
         assert declared.flyer is not None  # checked by the schema
-        flyer, inputs[declared.flyer.file] = flyer_motion(
-            folder, frames, declared.flyer, toml, check=_moves(toml, rest)
-        )
+        check = _moves(toml, rest)
+        flyer, inputs[declared.flyer.file] = flyer_motion(frames, declared.flyer, toml, check=check)
     else:
         _moves(toml, rest)(flyer)
         body_moves(flyer, rest, source_of_line, toml)
     if surface is None:
         assert declared.centre_line is not None
-        centre_line, table = read_outline(folder, frames, declared.centre_line, toml)
+        centre_line, table = read_outline(frames, declared.centre_line, toml)
         source_of_line, inputs[declared.centre_line.file] = table.path, table.sha256
     base = _base(toml, frames, inputs)
     span = _compared_span(toml, frames, base["force"], flyer)
@@ -320,7 +318,7 @@ def _compared_span(
 def _open(source: Source) -> tuple[ShotToml, FrameTable]:
     """The shot file and the frame times."""
     toml = shot_toml(source)
-    _all_there(toml, toml.path.parent)
+    refuse(missing_files(toml, toml.declared.data_files()))
     gate(Evidence(file=toml, declared=toml.declared))
     calibration = toml.declared.calibration
     if calibration is not None and calibration.target is not None:
@@ -366,17 +364,6 @@ def _elastic(declared: ShotFile, bar: Bar | None) -> dict[str, Any]:
     if body is not None and body.model != "rigid":
         found["flyer_body"] = elastic_body(body, body.model, seen_at=body.seen_at or 0.0)
     return found
-
-
-def _all_there(toml: ShotToml, folder: Path) -> None:
-    """Check that every declared file exists."""
-    missing = {key: name for key, name in toml.declared.data_files().items() if not (folder / name).exists()}
-    refuse(
-        [
-            toml.error(key, f"names a missing file: {folder / name}", cure="put it there or correct its name")
-            for key, name in missing.items()
-        ]
-    )
 
 
 REACH = 0.9

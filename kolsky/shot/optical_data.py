@@ -18,9 +18,9 @@ from kolsky.base.files import filling
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.pictures import summary
-from kolsky.pictures.correlation import Progress, correlate, key_of, length_in_pictures_of, length_sigma_of
+from kolsky.pictures.correlation import correlate, key_of, length_in_pictures_of, length_sigma_of
 from kolsky.pictures.dic_file import read_stereo_result, stored_key, write_stereo_result
-from kolsky.pictures.picture_set import PictureSet
+from kolsky.pictures.picture_set import PictureSet, Progress
 from kolsky.pictures.rig import Calibrated
 from kolsky.pictures.shared_errors import (
     outline_offsets,
