@@ -1,7 +1,4 @@
-"""[frames] and [flyer]: times of the frames and displacement of the flyer, read and checked.
-
-Impossible displacements of a flyer (exchanged frames, lost digits) are detected.
-"""
+"""[frames] and [flyer]: times of frames and displacements, read and checked for impossible values."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -155,10 +152,7 @@ def flyer_motion(
 
 
 def frames_agree(table: FrameTable, frames: FrameTable) -> None:
-    """Check that every frame number exists in [frames], with the same time.
-
-    Times agree if they differ by no more than half of the last printed digit of each file.
-    """
+    """Check that every frame is in [frames], with a time equal within half the last digits of both files."""
     index = np.searchsorted(frames.frame, table.frame).clip(max=frames.frame.size - 1)
     unknown = np.flatnonzero(frames.frame[index] != table.frame)
     if unknown.size:
@@ -234,10 +228,7 @@ def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
 def flyer_moves(
     table: FrameTable, flyer: FlyerMotion, sigma: float, toml: ShotToml, *, stray: BoolArray | None = None
 ) -> None:
-    """Check the flyer's motion, without outliers.
-
-    It is at rest in the static frames, then moves toward the specimen by less than the specimen's length.
-    """
+    """Check the flyer's motion: first at rest, then toward the specimen by less than its length."""
     n_static = toml.declared.frames.static
     length = toml.declared.specimen.length
     sound = np.ones(flyer.time.size, dtype=bool) if stray is None or stray[:n_static].all() else ~stray

@@ -268,10 +268,7 @@ class Session:
 
 
 def png_of(pictures: Pictures, frame: int) -> bytes | str:
-    """A frame as an 8-bit PNG, or the reason why there is none.
-
-    The middle 99 % of the grey values are stretched to the full range.
-    """
+    """A frame as an 8-bit PNG with the middle 99 % of its grey values, or the reason why there is none."""
     try:
         picture = np.asarray(pictures.frame(frame), dtype=np.float64)
     except (PictureError, IndexError) as error:

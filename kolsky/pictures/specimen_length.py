@@ -105,10 +105,7 @@ def rim_of(
 
 
 def calibration_variance(result: StereoResult, length: float) -> float:
-    """Variance of a length along the specimen's side by the calibration's covariance [m²].
-
-    It is 0 for a rig without covariance, e.g. from another program.
-    """
+    """Variance of a length along the specimen's side by the calibration [m²]; 0 without its covariance."""
     from dic.stereo.reconstruction import calibration_slopes  # for shots with pictures only
 
     rig, frame = result.rig, result.placement.frame

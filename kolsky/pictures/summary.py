@@ -1,7 +1,4 @@
-"""A stereo result in words and numbers for terminal, JSON and report.
-
-The reason for a missing flyer displacement is also given.
-"""
+"""A stereo result in words and numbers, and the reason for a missing displacement of the flyer."""
 
 from collections.abc import Mapping
 from typing import Any

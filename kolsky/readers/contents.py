@@ -114,10 +114,7 @@ class Contents:
     """Its time columns, as signals."""
 
     def without_numbers(self) -> str:
-        """The columns or variables without numbers, in words for a message.
-
-        Empty if there are none.
-        """
+        """The columns or variables without numbers, in words for a message; empty if there are none."""
         others = self.facts.get("without numbers")
         return f"; without numbers are {others}" if others else ""
 

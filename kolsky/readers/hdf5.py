@@ -1,7 +1,4 @@
-"""HDF5 files, and channels from the named arrays of MATLAB and HDF5 files.
-
-The clock comes from attributes, scalars or a dataset of times.
-"""
+"""HDF5 files, and channels with clocks from the named arrays of MATLAB and HDF5 files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -50,12 +50,7 @@ _MECHANICAL = re.compile(r"(?:kgf|gf|kp|lbf|kip|psi|ksi|m?bar)\b|da?N\b|[kmc]?N\
 
 
 def si_unit(text: str) -> tuple[str, float] | None:
-    """The SI unit and factor of a unit in the notation of instruments.
-
-    None for an unknown unit.
-
-    "mV" is ("V", 1e-3), "Volts" ("V", 1.0), "µs" ("s", 1e-6), "kgf/cm2" ("Pa", 98066.5).
-    """
+    """SI unit and factor of a unit as instruments write it, e.g. ("V", 1e-3) for "mV"; None if unknown."""
     plain = text.strip().strip("()[]").strip()
     plain = _WORDS.get(plain.lower(), plain)
     if plain in _PLAIN:
@@ -233,12 +228,7 @@ class HeaderClock:
 
 
 def bare_key(text: str) -> str:
-    """A key without case, blanks, signs and unit.
-
-    "Sample Interval:" becomes "sampleinterval".
-
-    A text longer than `LONGEST_PAIR` is not a key and gives an empty string.
-    """
+    """A key without case, blanks, signs and unit: "sampleinterval"; empty for a text that is too long."""
     if len(text) > LONGEST_PAIR:
         return ""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*?[)\]]", "", text.lower()))

@@ -106,10 +106,7 @@ class Sheet:
         )
 
     def error(self, message: str, row: int | None = None, cure: str | None = None) -> InputError:
-        """An error about this file.
-
-        `row` counts rows of samples from 0.
-        """
+        """An error about this file. `row` counts rows of samples from 0."""
         line = None if row is None else self.first_line + row
         if self.word != "line" and line is not None:
             return InputError(self.path, f"{self.word} {line}: {message}", cure=cure)

@@ -156,10 +156,7 @@ class Table(Sheet):
         return numbers.astype(np.int64)
 
     def printed_digit(self, column: Column) -> float:
-        """The last printed digit of a column, in SI units, e.g. 1e-11 for "-1.9950000e-04" s.
-
-        With an exponent, the last digit depends on the size of the number. The coarsest digit is returned.
-        """
+        """The coarsest last printed digit of a column, in SI units, e.g. 1e-11 for "-1.9950000e-04" s."""
         index, last = self.index(column), len(self.rows) - 1
         step = max(1, (last + 1) // 1000)
         fields = [self.field(index, row) for row in (*range(0, last + 1, step), last)]

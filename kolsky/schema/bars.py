@@ -25,9 +25,7 @@ class PronySection(Section):
 
 
 class WaveBarSection(Section):
-    """[bars.incident] or [bars.transmission]: a round bar with its modulus, its measured wave speed or
-    (polymer) its Prony series.
-    """
+    """[bars.incident] or [bars.transmission]: a round bar with its modulus, wave speed or Prony series."""
 
     diameter: f.Length
     length: f.Length
@@ -49,9 +47,7 @@ class WaveBarSection(Section):
 
     @property
     def modulus(self) -> float:
-        """Young's modulus [Pa]. It is computed from the wave speed or the speed of the fastest wave, if one
-        is declared.
-        """
+        """Young's modulus [Pa], by the wave speed if declared, or by the fastest wave of a Prony series."""
         if self.prony is not None:
             return self.prony.long_term + sum(self.prony.moduli)
         if self.youngs_modulus is not None:

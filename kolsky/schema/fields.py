@@ -401,9 +401,7 @@ class RatioColumn(ColumnSection):
 
 
 class ModeColumns(Section):
-    """All columns with names that start with one prefix. Each is a standard uncertainty common to all
-    points.
-    """
+    """All columns with one prefix, each a standard uncertainty common to all points."""
 
     prefix: Annotated[str, Field(min_length=1)]
     unit: StressUnit

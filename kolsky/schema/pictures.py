@@ -32,9 +32,7 @@ class SeriesSection(Section):
 
 
 class PicturesSection(Section):
-    """[pictures]: two series of pictures. Picture k of each series was taken at the frame in row k of
-    [frames].
-    """
+    """[pictures]: two series; picture k of each was taken at the frame in row k of [frames]."""
 
     camera_0: SeriesSection
     camera_1: SeriesSection
@@ -289,10 +287,7 @@ MEASUREMENT_FILE = "dic.toml"
 
 
 def find_measurement_file(source: Path) -> Path | None:
-    """The dic.toml at this path, or the parsed dic.toml; None if `source` is something else.
-
-    A folder that also has a shot.toml is a shot.
-    """
+    """The dic.toml at this path; None for anything else, and for a folder that also has a shot.toml."""
     path = Path(source)
     if path.is_dir():
         here = path / MEASUREMENT_FILE

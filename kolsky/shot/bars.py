@@ -467,10 +467,7 @@ def _switch_words(given: WavesInput, key: str) -> str:
 
 
 def undeclared(shot: CheckedBars) -> list[str]:
-    """Keys of [uncertainty] that are not declared. Their inputs are taken as exact.
-
-    Modulus or wave speed is enough; both are not needed.
-    """
+    """Keys of [uncertainty] that are taken as exact; of modulus and wave speed, one is enough."""
     stated = {key for key, value in shot.given.uncertainty.items() if value > 0.0}
     other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}
     return [key for key in REDUCTION_KEYS if key not in stated and other.get(key) not in stated]

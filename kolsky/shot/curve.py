@@ -1,7 +1,4 @@
-"""The declared specimen of a shot and its quasi-static curves with their bands.
-
-There is a curve of the first pull and, if declared, one of the conditioned material.
-"""
+"""The declared specimen of a shot, and its quasi-static curves (first pull, conditioned) with their bands."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -106,10 +106,7 @@ def power_of_1000(ratio: float) -> float:
 
 
 def fitting_unit(written: str, si: str, factor: float) -> str | None:
-    """The unit `factor` times as large as a written one.
-
-    For example "MPa" for "kPa" and 1000; None if there is none.
-    """
+    """The unit `factor` times as large as a written one, e.g. "MPa" for "kPa" and 1000; None if unknown."""
     try:
         wanted = factor * unit_factor(written, si)
     except UnitError:

@@ -78,10 +78,7 @@ def _force_recording(path: Path, section: ForceSection) -> Recording:
 
 
 def check_range(scope: Recording, section: ForceSection, key: str = "force") -> None:
-    """Check that no sample reaches the recorder's full scale.
-
-    With `bits`, the full scale is its first or last code.
-    """
+    """Check that no sample reaches the recorder's full scale or, with `bits`, its first or last code."""
     limit = section.full_scale
     if section.bits is not None:
         # Codes run from -2^(b-1) to 2^(b-1) - 1. Half a code is subtracted, because printed volts are

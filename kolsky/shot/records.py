@@ -1,7 +1,4 @@
-"""A shot in SI on one clock: one test, its apparatus and its measurements.
-
-It also gives the smooth path of the front face.
-"""
+"""A shot in SI on one clock: one test, its apparatus, its measurements, and the path of the front face."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace

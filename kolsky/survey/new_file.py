@@ -1,7 +1,4 @@
-"""A new shot file.
-
-The blank file is completed from the folder's files and recordings, or the file is the next of a series.
-"""
+"""A new shot file: the blank one completed from a folder's files, or the next of a series."""
 
 from __future__ import annotations
 

@@ -60,9 +60,7 @@ class SeriesOfExports:
 
     @property
     def motion(self) -> FloatArray:
-        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]. 0 without
-        such points.
-        """
+        """Mean displacement of the points valid in every frame [m], shape [n_frames, 3]; 0 without any."""
         if not self._complete.any():
             return np.zeros((len(self.export.u), 3))
         return np.asarray(self.export.u[:, self._complete].mean(axis=1))
