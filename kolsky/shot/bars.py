@@ -36,16 +36,10 @@ from kolsky.readers.contents import clock_words
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_recordings
 from kolsky.schema.apparatus import REDUCTION_KEYS
-from kolsky.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
+from kolsky.schema.bars import BarsShotFile, GaugeSection, WavesShotFile
 from kolsky.schema.shot_file import Source, parsed
 from kolsky.shot.evidence import Evidence, entries, missing_files
 from kolsky.shot.plausibility import gate
-
-
-def _gauges_of(declared: BarsShotFile) -> dict[str, GaugeSection]:
-    """The declared strain-gauge stations, by their keys in the reduction."""
-    found = {side: getattr(declared.gauges, side) for side in SIDES}
-    return found if declared.gauges.incident_far is None else found | {FAR: declared.gauges.incident_far}
 
 
 def _recordings_of(
@@ -272,7 +266,8 @@ def load_bars(source: Source) -> WavesInput:
 def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
     """Bars, stations and their files, which are checked, with default settings of the reduction."""
     folder = file.path.parent
-    gauges = _gauges_of(declared)
+    gauges = {side: getattr(declared.gauges, side) for side in SIDES}
+    gauges |= {} if declared.gauges.incident_far is None else {FAR: declared.gauges.incident_far}
     unknown = [
         file.error(
             f"{_shot_file_table(key)}.recorder",
@@ -286,7 +281,11 @@ def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
     files = {f"recorders.{name}.file": recorder.file for name, recorder in declared.recorders.items()}
     refuse([*unknown, *missing_files(file, files)])
     gate(Evidence(file=file, declared=declared))
-    bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
+    bars = {}
+    for side in SIDES:
+        section = getattr(declared.bars, side)
+        given = section.model_dump(exclude={"youngs_modulus", "wave_speed", "prony"})
+        bars[side] = Bar(youngs_modulus=section.modulus, **given)
     _on_its_bar(file, gauges, bars)
     recordings, hashes = _recordings_of(file, declared, gauges, folder)
     clocks = {
@@ -312,17 +311,6 @@ def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
         inputs={file.path.name: file.sha256, **hashes},
         settings=declared_settings(file.content),
         notes=_recording_notes(declared, recordings),
-    )
-
-
-def _bar(section: WaveBarSection) -> Bar:
-    return Bar(
-        diameter=section.diameter,
-        length=section.length,
-        youngs_modulus=section.modulus,
-        density=section.density,
-        poisson=section.poisson,
-        yield_strength=section.yield_strength,
     )
 
 
@@ -447,8 +435,16 @@ def bar_rows(shot: CheckedBars) -> list[Row]:
         ("specimen", "length", given.specimen.length, "m"),
         ("specimen", "density", given.specimen.density, "kg/m^3"),
     ]
-    for side in SIDES:
-        rows += _bar_rows(f"bars.{side}", given.bars[side])
+    for side, bar in given.bars.items():
+        section = f"bars.{side}"
+        rows += [
+            (section, "diameter", bar.diameter, "m"),
+            (section, "length", bar.length, "m"),
+            (section, "density", bar.density, "kg/m^3"),
+            (section, "wave speed", bar.wave_speed, "m/s"),
+            (section, "modulus", bar.youngs_modulus, "Pa"),
+            (section, "poisson", bar.poisson, ""),
+        ]
     for key, station in given.stations.items():
         signal = {"incident": shot.incident, "transmission": shot.transmission}.get(key)
         rows += _gauge_rows(f"gauges.{key.replace(' ', '_')}", station, signal)
@@ -471,17 +467,6 @@ def undeclared(shot: CheckedBars) -> list[str]:
     stated = {key for key, value in shot.given.uncertainty.items() if value > 0.0}
     other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}
     return [key for key in REDUCTION_KEYS if key not in stated and other.get(key) not in stated]
-
-
-def _bar_rows(section: str, bar: Bar) -> list[Row]:
-    return [
-        (section, "diameter", bar.diameter, "m"),
-        (section, "length", bar.length, "m"),
-        (section, "density", bar.density, "kg/m^3"),
-        (section, "wave speed", bar.wave_speed, "m/s"),
-        (section, "modulus", bar.youngs_modulus, "Pa"),
-        (section, "poisson", bar.poisson, ""),
-    ]
 
 
 def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -> list[Row]:
