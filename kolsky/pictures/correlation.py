@@ -171,7 +171,8 @@ def places_of(pictures: PictureSet) -> Places:
             ) from error
         detected = {"specimen": found.specimen, "flyer": found.flyer, "transmission_edge": found.edge}
         places |= {key: detected[key] for key in missing}
-    return Places(*places.values(), missing, "" if found is None else found.why)
+    edge = places["transmission_edge"]
+    return Places(places["specimen"], places["flyer"], edge, missing, "" if found is None else found.why)
 
 
 def region_of(section: RegionSection) -> Region:

@@ -62,8 +62,10 @@ def open_region_session(source: Path) -> Session:
     if path is not None:
         measurement = read_measurement(path)
         dic = measurement.declared.dic
-        shapes = {"region": [dic.region], "exclude": dic.exclude}
-        drawn = {key: [Region(s.corners, dic.reference) for s in some if s] for key, some in shapes.items()}
+        drawn = {
+            "region": [] if dic.region is None else [Region(dic.region.corners, dic.reference)],
+            "exclude": [Region(one.corners, dic.reference) for one in dic.exclude],
+        }
         wanted, series = drawables_of_measurement(dic.reference), measurement.series[0]
         check: Callable[[Path], object] = partial(read_toml, schema=MeasurementFile)
     else:
