@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from dic.images import PictureError, Pictures, open_pictures
+from dic.images import PictureError, Pictures
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.units import quantity, unit_factor
-from kolsky.pictures.picture_set import CAMERAS, PictureChanges, picture_changes
+from kolsky.pictures.picture_set import CAMERAS, PictureChanges, open_source, picture_changes
 from kolsky.readers.recordings import read_contents
 from kolsky.survey.pictures import SeriesEntry, survey_pictures
 from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
@@ -124,14 +124,9 @@ def declared_series(folder: Path, content: Mapping[str, Any]) -> list[Pictures]:
         section = content.get("pictures", {}).get(camera)
         if not isinstance(section, dict):
             return []
-        name = str(section.get("file") or section.get("pattern") or "")
-        place = folder / name
+        kind = "file" if section.get("file") else "pattern"
         try:
-            found.append(
-                open_pictures(place)
-                if section.get("file")
-                else open_pictures(place.parent, pattern=place.name)
-            )
+            found.append(open_source(folder, kind, str(section.get(kind) or "")))
         except (PictureError, OSError, ValueError):
             return []
     return found
@@ -158,9 +153,9 @@ def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
 
 def assigned(part: str, table: TableEntry) -> dict[str, str | None]:
     """Values of a table of the shot file, found in the data file: file name, layout and columns."""
-    from kolsky.survey.new_file import values_of
+    from kolsky.survey.new_file import table_findings
 
-    found = values_of(Survey({part: table}, {}))
+    found = table_findings(Survey({part: table}, {})).values
     return {key: value for key, value in found.items() if key.startswith(f"{part}.")}
 
 

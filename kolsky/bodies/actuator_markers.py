@@ -223,7 +223,7 @@ def _read_markers(spec: ActuatorSpec) -> tuple[dict[str, dict[float, FloatArray]
     numbers = table.integers(Column(section.marker))
     pressures = table.values(section.pressure.as_column())
     named = Column(section.gravity)
-    names = [table.field(named, row).strip() for row in range(len(numbers))]
+    names = [table.field(table.index(named), row).strip() for row in range(len(numbers))]
     x, z = table.values(section.x.as_column()), table.values(section.z.as_column())
     declared = spec.pressures
     markers: dict[str, dict[float, FloatArray]] = {}

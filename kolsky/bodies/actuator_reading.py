@@ -19,7 +19,7 @@ from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.model import Fixed, RigidSurface, SelfContact, unit
 from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solid import Isotropic, Solid, bulk
-from kolsky.readers.meshes import read_body
+from kolsky.readers.meshes import read_mesh
 from kolsky.schema import fields as f
 from kolsky.schema.fields import LengthColumn, Section, StressColumn, TextLayoutSection
 
@@ -490,7 +490,7 @@ def _solid(
 def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> Mesh:
     assert section.mesh is not None  # called only if declared
     assert section.mesh_unit is not None  # checked by the schema
-    raw = read_body(toml.path.parent / section.mesh)
+    raw = read_mesh(toml.path.parent / section.mesh, dimension=3)
     inputs[section.mesh] = raw.sha256
     mesh = Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups, raw.numbers)
     with toml.refusing("geometry.mesh", "has a bad cell", cure="mesh the body again"):

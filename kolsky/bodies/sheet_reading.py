@@ -27,7 +27,7 @@ from kolsky.bodies.specimen_studies import Expected, plan
 from kolsky.equilibrium.elements import ELEMENTS, element
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.solid import Solid
-from kolsky.readers.meshes import GmshMesh, read_gmsh
+from kolsky.readers.meshes import MeshFile, read_mesh
 from kolsky.readers.table import Column, read_table
 
 KINDS = {one.n_nodes: one.name for one in ELEMENTS.values() if one.dimension == 2}
@@ -59,7 +59,7 @@ def read_field(spec: Specification) -> MeasuredField:
     section, toml = spec.declared.field, spec.toml
     assert section is not None  # checked by the caller
     folder = toml.path.parent
-    raw = read_gmsh(folder / section.mesh)
+    raw = read_mesh(folder / section.mesh, dimension=2)
     sheet, constants = _sheet(toml, section, spec.constants, raw)
     hashes: dict[str, str] = {}
     hashes[section.mesh] = raw.sha256
@@ -151,10 +151,10 @@ def keeping(measured: MeasuredField, left_out: BoolArray) -> MeasuredField:
 
 
 def _sheet(
-    toml: TomlFile, section: FieldSection, constants: Constants, raw: GmshMesh
+    toml: TomlFile, section: FieldSection, constants: Constants, raw: MeshFile
 ) -> tuple[Sheet, Constants]:
     """The sheet, and the constants with those of its other regions."""
-    groups, curves = raw.cell_groups, raw.point_groups
+    groups, curves = raw.cell_groups, raw.groups
     sets = {}
     for key, names in (("moving", section.moving), ("fixed", section.fixed)):
         for name in names:

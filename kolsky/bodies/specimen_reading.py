@@ -18,7 +18,7 @@ from kolsky.bodies.specimen_schema import SpecimenFile, TestSection
 from kolsky.equilibrium.meshes import SIDES, Mesh
 from kolsky.equilibrium.points import geometry
 from kolsky.equilibrium.solution import Solution
-from kolsky.readers.meshes import read_body
+from kolsky.readers.meshes import read_mesh
 from kolsky.readers.table import read_table
 
 FEWEST = 4
@@ -116,7 +116,7 @@ def _body(toml: TomlFile, key: str, section: TestSection, inputs: dict[str, str]
     """The mesh of a test with its two ends as sets. A side's name means that side of the bounding box."""
     assert section.mesh is not None  # checked by the schema
     assert section.mesh_unit is not None
-    raw = read_body(toml.path.parent / section.mesh)
+    raw = read_mesh(toml.path.parent / section.mesh, dimension=3)
     inputs[section.mesh] = raw.sha256
     points = section.mesh_unit * raw.points
     low, high = points.min(axis=0), points.max(axis=0)

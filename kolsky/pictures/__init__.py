@@ -1,4 +1,1 @@
-"""Pictures of a shot.
-
-Reading, calibration, correlation, storage in dic.h5, frame times, regions drawn by hand.
-"""
+"""Pictures of a shot: reading, calibration, correlation, dic.h5, frame times, regions drawn by hand."""

@@ -1,7 +1,4 @@
-"""Calibration of the cameras from pictures of a target.
-
-Declared target, solution, tables and JSON output.
-"""
+"""Calibration of the cameras from pictures of a target: declared target, solution, tables and JSON output."""
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +15,7 @@ from dic.images import PictureError, Pictures
 from dic.images.series import PictureSizeError
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile, read_toml
-from kolsky.pictures.picture_set import CAMERAS
+from kolsky.pictures.picture_set import CAMERAS, Progress, open_source
 from kolsky.schema.fields import Section
 from kolsky.schema.pictures import CalibrationSection, TargetSection
 from kolsky.schema.shot_file import shot_toml
@@ -90,7 +87,6 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
         raise toml.error(key, f"is impossible: {error}") from None
 
 
-Progress = Callable[[str, int, int], None]
 LARGEST_RMS = 1.0
 """Largest accepted residual of a calibration [px]. Even a blurred target gives only a tenth of it."""
 
@@ -203,10 +199,7 @@ def _solve(
 
 
 def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
-    """Pictures without a partner, in words.
-
-    This is used if it is more informative than the ranges of numbers.
-    """
+    """Pictures without a partner, in words, if some pictures have one."""
     said = [
         f"camera {1 - camera} has none numbered {', '.join(map(str, alone[:6]))}"
         + (f" and {len(alone) - 6} more" if len(alone) > 6 else "")
@@ -217,10 +210,7 @@ def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
 
 
 def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence[Sequence[Any]]) -> None:
-    """Reject a series if its first picture differs in size from most others.
-
-    The first picture defines the size.
-    """
+    """Reject a series if its first picture, which defines the size, differs from most others."""
     for name, pictures, own in zip(CAMERAS, series, views, strict=True):
         other = sum(isinstance(view, PictureSizeError) for view in own)
         same = sum(not isinstance(view, PictureError) for view in own)
@@ -235,17 +225,13 @@ def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence
 
 def calibration_pictures(toml: TomlFile, section: CalibrationSection) -> list[Pictures]:
     """The pictures of the target by camera. Raises InputError if a series cannot be opened."""
-    return [_series(toml, name, getattr(section, name)) for name in CAMERAS]
-
-
-def _series(toml: TomlFile, name: str, pattern: str) -> Pictures:
-    from dic.images import open_pictures
-
-    place = toml.path.parent / pattern
-    try:
-        return open_pictures(place.parent, pattern=place.name)
-    except (PictureError, OSError) as error:
-        raise toml.error(f"calibration.{name}", f"cannot be used: {error}") from None
+    found = []
+    for name in CAMERAS:
+        try:
+            found.append(open_source(toml.path.parent, "pattern", getattr(section, name)))
+        except (PictureError, OSError) as error:
+            raise toml.error(f"calibration.{name}", f"cannot be used: {error}") from None
+    return found
 
 
 CALIBRATION_FILE_NAMES = ("calibration.toml", "shot.toml")
@@ -339,24 +325,13 @@ def write_calibration_points(path: Path, found: Calibration) -> None:
     """Write every point of every picture as one row of a table."""
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
-        table.writerow(
-            [
-                "pair",
-                "camera",
-                "point",
-                "x (px)",
-                "y (px)",
-                "sigma (px)",
-                "residual x (px)",
-                "residual y (px)",
-                "used",
-            ]
-        )
+        numbers = ("x", "y", "sigma", "residual x", "residual y")
+        table.writerow(["pair", "camera", "point", *(f"{name} (px)" for name in numbers), "used"])
         for pair in found.pairs:
             for camera, view in enumerate(pair.views):
                 if view is None:
                     continue
                 rows = zip(view.ids, view.pixels, view.sigma, view.residual, view.used, strict=True)
                 for point, (x, y), sigma, (dx, dy), used in rows:
-                    numbers = [f"{value:.5f}" for value in (x, y, sigma, dx, dy)]
-                    table.writerow([text_cell(pair.name), camera, int(point), *numbers, int(used)])
+                    values = [f"{value:.5f}" for value in (x, y, sigma, dx, dy)]
+                    table.writerow([text_cell(pair.name), camera, int(point), *values, int(used)])

@@ -1,6 +1,4 @@
-"""Correlation of a shot's pictures as declared in its file.
-
-Regions, settings, and the call of `dic.chain`.
+"""Correlation of a shot's pictures as declared in its file: regions, settings, and the call of `dic.chain`.
 
 Before the correlation, the declared length of the specimen is compared with the scale of the calibrated
 pictures.
@@ -9,7 +7,7 @@ pictures.
 import hashlib
 import json
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from time import perf_counter
@@ -17,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dic.bodies.region import FoundRegions, Region, find_regions, polygon_mask
+from dic.bodies.region import Region, find_regions, polygon_mask
 from dic.camera import Camera, StereoRig
 from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, measure
 from dic.correlation import Correlation, Shape, load_kernels
@@ -27,8 +25,8 @@ from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.pictures.picture_set import PictureSet
-from kolsky.pictures.rig import Calibrated, calibrate, refine_rig
+from kolsky.pictures.picture_set import PictureSet, Progress
+from kolsky.pictures.rig import Calibrated, calibrate_in_background, refine_rig
 from kolsky.schema.apparatus import SpecimenSection
 from kolsky.schema.pictures import DicSection, RegionSection
 from kolsky.schema.shot_file import ShotToml
@@ -98,9 +96,6 @@ def check_length(toml: ShotToml, seen: tuple[float, float] | None) -> None:
         )
 
 
-Progress = Callable[[str, int, int], None]
-
-
 def key_of(pictures: PictureSet) -> str:
     """Key of a stereo result: SHA-256 of inputs, declarations and the version of the analysis."""
     declared = pictures.toml.declared
@@ -148,17 +143,19 @@ class Places:
 
 
 def places_of(pictures: PictureSet) -> Places:
-    """The regions declared in the shot file.
-
-    Undeclared regions are detected in the pictures.
+    """The regions declared in the shot file, or else detected in the pictures.
 
     Raises InputError if a region is neither declared nor found.
     """
     section = pictures.toml.declared.dic
     assert section is not None  # shots with pictures have it
-    missing = tuple(
-        key for key in ("specimen", "flyer", "transmission_edge") if getattr(section, key) is None
-    )
+    specimen, flyer, edge = section.specimen, section.flyer, section.transmission_edge
+    places: dict[str, Any] = {
+        "specimen": specimen and region_of(specimen),
+        "flyer": flyer and region_of(flyer),
+        "transmission_edge": edge,
+    }
+    missing = tuple(key for key, place in places.items() if place is None)
     found = None
     if missing:
         static = np.arange(pictures.time.size) < pictures.toml.declared.frames.static
@@ -172,19 +169,15 @@ def places_of(pictures: PictureSet) -> Places:
                 cure="draw them over camera 0's pictures: "
                 f"`kolsky dic {pictures.toml.path.parent} --regions`, or offline with --grid",
             ) from error
-    specimen, flyer, edge = section.specimen, section.flyer, section.transmission_edge
-    return Places(
-        specimen=_region(specimen) if specimen is not None else _detected_regions(found).specimen,
-        flyer=_region(flyer) if flyer is not None else _detected_regions(found).flyer,
-        edge=edge if edge is not None else _detected_regions(found).edge,
-        found=missing,
-        why="" if found is None else found.why,
-    )
+        detected = {"specimen": found.specimen, "flyer": found.flyer, "transmission_edge": found.edge}
+        places |= {key: detected[key] for key in missing}
+    edge = places["transmission_edge"]
+    return Places(places["specimen"], places["flyer"], edge, missing, "" if found is None else found.why)
 
 
-def _detected_regions(found: FoundRegions | None) -> FoundRegions:
-    assert found is not None  # something was missing
-    return found
+def region_of(section: RegionSection) -> Region:
+    """A declared region as the correlation needs it."""
+    return Region(corners=section.corners, frame=section.frame)
 
 
 def _chain_settings(
@@ -194,10 +187,7 @@ def _chain_settings(
     device: str = "cpu",
     length_sigma: float = 0.0,
 ) -> ChainSettings:
-    """The settings of `dic.chain` in a shot file.
-
-    They include the specimen's end [px] and the standard deviation of its length [m].
-    """
+    """The settings of `dic.chain`, with the specimen's end [px] and the sigma of its length [m]."""
     subset = Correlation(
         subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
     )
@@ -262,7 +252,8 @@ def correlate(
     except ChainError as error:
         raise _no_surface(toml, error) from error
     started = perf_counter()
-    found = calibrate(pictures, progress) if cameras is None else cameras(progress)
+    with calibrate_in_background(pictures) if cameras is None else nullcontext(cameras) as solved:
+        found = solved(progress)
     calibrating = perf_counter() - started
     sizes = (pictures.series[0].shape, pictures.series[1].shape)
     seen = visible_lengths(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
@@ -315,7 +306,3 @@ def _no_surface(toml: ShotToml, error: ChainError) -> InputError:
         f"its pictures give no surface: {error}",
         cure="look at them with `kolsky dic --regions`: are specimen and cameras right?",
     )
-
-
-def _region(section: RegionSection) -> Region:
-    return Region(corners=section.corners, frame=section.frame)

@@ -1,11 +1,9 @@
-"""[frames] and [flyer]: times of the frames and displacement of the flyer, read and checked.
-
-Impossible displacements of a flyer (exchanged frames, lost digits) are detected.
-"""
+"""[frames] and [flyer]: times of frames and displacements, read and checked for impossible values."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +13,7 @@ from kolsky.base.records import FlyerMotion
 from kolsky.base.units import in_us
 from kolsky.readers.measured_tables import FrameTable, read_frame_table
 from kolsky.readers.table import Column
-from kolsky.schema.measured import FlyerSection
+from kolsky.schema.measured import CentreLineSection, FlyerSection, FramesSection
 from kolsky.schema.shot_file import ShotToml
 
 STRAY_SIGMAS = 20.0
@@ -59,10 +57,7 @@ def stray_frames(
 
 
 def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) -> BoolArray:
-    """Find outliers among static frames.
-
-    They are displacements that vanish in later static frames, because a flyer does not return.
-    """
+    """Find outliers among static frames: displacements that vanish in later ones, as no flyer returns."""
     off = np.abs(displacement - np.median(displacement)) > limit * sigma
     if off[-LAST_AT_REST:].any() or off.sum() > MOST_AT_REST * off.size:
         return np.zeros(off.size, dtype=bool)
@@ -72,10 +67,7 @@ def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) ->
 def _distance_to_neighbours(
     time: FloatArray, displacement: FloatArray, sound: np.ndarray, row: int
 ) -> tuple[float, float]:
-    """A displacement minus the cubic fit of the nearest frames without outliers [m].
-
-    The standard deviation of this difference, for displacements with standard deviation 1, is also returned.
-    """
+    """A displacement minus the cubic fit of its neighbours [m], and the sigma of this per unit sigma."""
     others = sound[sound != row]
     first = int(
         np.clip(np.searchsorted(others, row) - STRAY_NEIGHBOURS // 2, 0, others.size - STRAY_NEIGHBOURS)
@@ -97,20 +89,31 @@ def read_frames(toml: ShotToml) -> FrameTable:
 
     Raises InputError if the file cannot be read, or if all frames are static.
     """
-    section = toml.declared.frames
-    frames = read_frame_table(
-        toml.path.parent / section.file,
-        frame=Column(section.frame),
-        time=section.time.as_column(),
-        clock=True,
-        layout=None if section.layout is None else section.layout.as_layout(),
-    )
-    _some_motion_frames(frames, toml)
+    frames = read_section(toml, toml.declared.frames, clock=True)
+    if toml.declared.frames.static >= frames.frame.size:
+        raise toml.error(
+            "frames.static",
+            "is not allowed",
+            allowed=f"smaller than the {frames.frame.size} frames in {frames.path.name}",
+            cure="count the frames before the flyer moves",
+        )
     return frames
 
 
+def read_section(
+    toml: ShotToml, section: FramesSection | FlyerSection | CentreLineSection, **more: Any
+) -> FrameTable:
+    """The table of a section with frame numbers. ``more``: further arguments of `read_frame_table`."""
+    return read_frame_table(
+        toml.path.parent / section.file,
+        frame=Column(section.frame),
+        time=None if section.time is None else section.time.as_column(),
+        layout=None if section.layout is None else section.layout.as_layout(),
+        **more,
+    )
+
+
 def flyer_motion(
-    folder: Path,
     frames: FrameTable,
     section: FlyerSection,
     toml: ShotToml,
@@ -122,13 +125,7 @@ def flyer_motion(
     ``check``: called with the motion before its rest and travel are checked. Raises InputError if the file
     cannot be read, if its frames and times differ from those of [frames], or if the flyer does not move.
     """
-    table = read_frame_table(
-        folder / section.file,
-        frame=Column(section.frame),
-        time=None if section.time is None else section.time.as_column(),
-        columns={"displacement": section.displacement.as_column()},
-        layout=None if section.layout is None else section.layout.as_layout(),
-    )
+    table = read_section(toml, section, columns={"displacement": section.displacement.as_column()})
     frames_agree(table, frames)
     flyer_covers(table, frames, toml)
     sign = 1.0 if section.positive == "toward specimen" else -1.0
@@ -142,26 +139,20 @@ def flyer_motion(
     flyer = replace(
         flyer,
         sigma=np.where(stray, np.abs(off), flyer.sigma),
-        notes=tuple(_stray_note(table, int(row), off[row]) for row in np.flatnonzero(stray)),
+        notes=tuple(
+            f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
+            f" {off[row] * 1e3:+.3g} mm off the frames around it; it was given no weight: look at it, or"
+            " correct the export"
+            for row in np.flatnonzero(stray).tolist()
+        ),
     )
     check(flyer)
     flyer_moves(table, flyer, section.sigma, toml, stray=stray)
     return flyer, table.sha256
 
 
-def _stray_note(table: FrameTable, row: int, off: float) -> str:
-    return (
-        f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
-        f" {off * 1e3:+.3g} mm off the frames around it; it was given no weight: look at it, or"
-        " correct the export"
-    )
-
-
 def frames_agree(table: FrameTable, frames: FrameTable) -> None:
-    """Check that every frame number exists in [frames], with the same time.
-
-    Times agree if they differ by no more than half of the last printed digit of each file.
-    """
+    """Check that every frame is in [frames], with a time equal within half the last digits of both files."""
     index = np.searchsorted(frames.frame, table.frame).clip(max=frames.frame.size - 1)
     unknown = np.flatnonzero(frames.frame[index] != table.frame)
     if unknown.size:
@@ -191,10 +182,7 @@ def frames_agree(table: FrameTable, frames: FrameTable) -> None:
 
 
 def _time_cure(time: FloatArray, expected: FloatArray) -> str:
-    """Remedy for times [s], shape [n], that differ from those of the frames.
-
-    It proposes another unit, a shift of the clock, or another column.
-    """
+    """Remedy for times [s] that differ from those of the frames: another unit, clock or column."""
     spans = float(np.ptp(time)), float(np.ptp(expected))
     ratio = spans[0] / spans[1] if min(spans) > 0.0 else 1.0
     power = round(float(np.log10(ratio)) / 3.0)
@@ -208,17 +196,6 @@ def _time_cure(time: FloatArray, expected: FloatArray) -> str:
             "column of this table out if the frame numbers are right"
         )
     return "both files must come from the same test and clock; are two columns swapped?"
-
-
-def _some_motion_frames(frames: FrameTable, toml: ShotToml) -> None:
-    """Check that not all frames are static."""
-    if toml.declared.frames.static >= frames.frame.size:
-        raise toml.error(
-            "frames.static",
-            "is not allowed",
-            allowed=f"smaller than the {frames.frame.size} frames in {frames.path.name}",
-            cure="count the frames before the flyer moves",
-        )
 
 
 def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
@@ -251,10 +228,7 @@ def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
 def flyer_moves(
     table: FrameTable, flyer: FlyerMotion, sigma: float, toml: ShotToml, *, stray: BoolArray | None = None
 ) -> None:
-    """Check the flyer's motion, without outliers.
-
-    It is at rest in the static frames, then moves toward the specimen by less than the specimen's length.
-    """
+    """Check the flyer's motion: first at rest, then toward the specimen by less than its length."""
     n_static = toml.declared.frames.static
     length = toml.declared.specimen.length
     sound = np.ones(flyer.time.size, dtype=bool) if stray is None or stray[:n_static].all() else ~stray

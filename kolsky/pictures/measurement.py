@@ -1,6 +1,5 @@
 """A measurement by image correlation only: from dic.toml to a `dic.full_field` result."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.bodies.region import polygon_mask
-from dic.camera import StereoRig
 from dic.correlation import Correlation, Shape
 from dic.files import regular
 from dic.full_field.measure import Extensometer, FullFieldSettings
@@ -19,13 +17,12 @@ from dic.tracking import Tracking
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.toml import TomlFile, parse_toml
-from kolsky.pictures.picture_set import CAMERAS, digest, fits_sensor, matching
-from kolsky.pictures.rig import refine_rig, rig_of
+from kolsky.pictures.picture_set import CAMERAS, Progress, digests, open_source
+from kolsky.pictures.rig import Calibrated, cropped, refine_rig, rig_of
 from kolsky.schema.pictures import MeasuredSeries, MeasurementFile
 
 FLYER_TEST = "flyer test"
 """A kind of measurement that must be declared in a shot.toml."""
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -72,34 +69,22 @@ def read_measurement(path: Path) -> Measurement:
     if len({own.n_frames for own in series}) > 1:
         counts = " and ".join(str(own.n_frames) for own in series)
         raise toml.error("pictures", f"has {counts} pictures", cure="export both series frame by frame")
-    folder = path.parent
-    inputs: dict[str, str] = {}
     sources: list[tuple[str, Any]] = [section.source for _, section, _ in opened]
     if declared.calibration is not None and declared.calibration.file is not None:
         sources.append(("file", declared.calibration.file))
     if declared.dic.mask is not None:
         sources.append(("file", declared.dic.mask))
-    for kind, name in sources:
-        if kind == "files":
-            inputs |= {one: digest([folder / one]) for one in name}
-        else:
-            inputs[name] = digest([folder / name] if kind == "file" else matching(folder, name))
-    return Measurement(toml, declared, series, {toml.path.name: toml.sha256, **inputs})
+    inputs = {toml.path.name: toml.sha256, **digests(path.parent, sources)}
+    return Measurement(toml, declared, series, inputs)
 
 
 def _open(toml: TomlFile, name: str, section: MeasuredSeries, bits: int | None) -> Pictures | InputError:
     """The series of a camera, or the reason why there is none."""
-    from dic.images import declared, open_pictures
+    from dic.images import declared
 
     kind, source = section.source
-    folder = toml.path.parent
     try:
-        if isinstance(source, list):
-            own = open_pictures([folder / one for one in source])
-        elif kind == "file":
-            own = open_pictures(folder / source)
-        else:
-            own = open_pictures((folder / source).parent, pattern=Path(source).name)
+        own = open_source(toml.path.parent, kind, source)
         offset = section.crop_offset
         if "crop_offset" not in section.model_fields_set and own.crop_offset != (0.0, 0.0):
             offset = own.crop_offset  # as stated in the file
@@ -120,17 +105,6 @@ def measure_file(
     frames done in each stage. Raises InputError if region, mask, calibration or settings do not match the
     pictures, or if nothing can be measured.
     """
-    result = _measure(measurement, device=device, progress=progress)
-    return replace(result, remarks=(*result.remarks, *of_colours(measurement.series)))
-
-
-def _measure(
-    measurement: Measurement,
-    *,
-    device: str,
-    progress: Progress,
-) -> FullField:
-    """As `measure_file`, without remarks on the pictures."""
     from dic.full_field.measure import measure_plane
     from dic.full_field.stereo import measure_cylinder, measure_surface
 
@@ -148,30 +122,33 @@ def _measure(
     settings = _settings_of(measurement, device)
     with single_threaded_libraries(), infrequent_gc():
         if section.kind != "plane":
-            rig, words = _rig(measurement, progress)
+            found = _rig(measurement, progress)
         try:
             if section.kind == "plane":
-                return measure_plane(measurement.series[0], settings, scale=section.scale, **shared)
-            pair = (measurement.series[0], measurement.series[1])
-            calibration = measurement.declared.calibration
-            assert calibration is not None  # the schema saw to it
-            rig, refinement = refine_rig(
-                calibration,
-                rig,
-                pair,
-                settings.reference,
-                shared["mask"],
-                settings.stereo,
-                step=settings.step,
-                noise=settings.noise,
-                device=device,
-            )
-            shared["facts"] = {"calibration": words, "refinement": refinement}
-            if section.kind == "surface":
-                return measure_surface(pair, rig, settings, **shared)
-            return measure_cylinder(pair, rig, settings, radius=section.radius, **shared)
+                result = measure_plane(measurement.series[0], settings, scale=section.scale, **shared)
+            else:
+                pair = (measurement.series[0], measurement.series[1])
+                calibration = measurement.declared.calibration
+                assert calibration is not None  # the schema saw to it
+                rig, refinement = refine_rig(
+                    calibration,
+                    found.rig,
+                    pair,
+                    settings.reference,
+                    shared["mask"],
+                    settings.stereo,
+                    step=settings.step,
+                    noise=settings.noise,
+                    device=device,
+                )
+                shared["facts"] = {"calibration": found.words, "refinement": refinement}
+                if section.kind == "surface":
+                    result = measure_surface(pair, rig, settings, **shared)
+                else:
+                    result = measure_cylinder(pair, rig, settings, radius=section.radius, **shared)
         except (PictureError, ValueError) as error:
             raise toml.error("dic", f"does not fit the pictures: {error}") from error
+    return replace(result, remarks=(*result.remarks, *of_colours(measurement.series)))
 
 
 def _settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSettings:
@@ -194,10 +171,7 @@ def _settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSett
 
 
 def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
-    """Pixels of the measurement: in the region, white in the mask, and not excluded.
-
-    Shape [rows, columns].
-    """
+    """Pixels in the region, white in the mask, and not excluded, shape [rows, columns]."""
     toml, section = measurement.toml, measurement.declared.dic
     shape = measurement.series[0].shape
     mask = np.ones(shape, dtype=bool)
@@ -234,28 +208,20 @@ def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
     return mask
 
 
-def _rig(measurement: Measurement, progress: Progress) -> tuple[StereoRig, str]:
-    """The cameras for the cropped pictures, and a sentence on their source."""
+def _rig(measurement: Measurement, progress: Progress) -> Calibrated:
+    """The cameras for the cropped pictures."""
     toml, declared = measurement.toml, measurement.declared
     assert declared.calibration is not None  # the schema saw to it
     found = rig_of(toml, declared.calibration, progress)
-    sections = (declared.pictures.camera_0, declared.pictures.camera_1)
-    for camera, own, section, name in zip(
-        found.rig.cameras, measurement.series, sections, CAMERAS, strict=True
-    ):
-        assert section is not None  # the schema saw to it
-        whole = camera.sensor is None or own.shape == (camera.sensor[1], camera.sensor[0])
-        stated = "crop_offset" in section.model_fields_set or own.crop_offset != (0.0, 0.0)
-        if not whole and not stated and camera.sensor is not None:
+    for camera, own, name in zip(found.rig.cameras, measurement.series, CAMERAS, strict=True):
+        stated = "crop_offset" in getattr(declared.pictures, name).model_fields_set
+        if camera.sensor is None or stated or own.crop_offset != (0.0, 0.0):
+            continue
+        if own.shape != camera.sensor[::-1]:
             raise toml.error(
                 f"pictures.{name}.crop_offset",
                 f"is missing: the pictures are {own.shape[1]} x {own.shape[0]} px of a sensor of "
                 f"{camera.sensor[0]} x {camera.sensor[1]} px",
                 cure="declare where the crop lies on the sensor",
             )
-        if problem := fits_sensor(own, camera.sensor):
-            raise toml.error(
-                f"pictures.{name}", f"crop_offset {problem}", cure="declare where the crop lies on the sensor"
-            )
-    first, second = (own.crop_offset for own in measurement.series)
-    return found.rig.cropped(first, second), found.words
+    return cropped(toml, found, measurement.series)

@@ -1,16 +1,13 @@
-"""The pictures of a shot.
-
-They are opened, counted, compared with the shot file, and searched for the first change.
-"""
+"""The pictures of a shot: opened, counted, compared with the shot file, and searched for the first change."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +19,7 @@ from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import read_errors
 from kolsky.pictures.frames import read_frames
 from kolsky.readers.measured_tables import FrameTable
-from kolsky.schema.pictures import PicturesSection, SeriesSection
+from kolsky.schema.pictures import SeriesSection
 from kolsky.schema.shot_file import ShotToml
 
 if TYPE_CHECKING:
@@ -82,6 +79,8 @@ def _relative(pictures: Pictures, frame: int) -> NDArray[np.float64] | None:
         return None
 
 
+Progress = Callable[[str, int, int], None]
+"""Receives the name of a stage, and the numbers of steps done and in all."""
 CAMERAS = ("camera_0", "camera_1")
 SERIES_CURE = "export one picture for each line of the frames' file"
 
@@ -125,10 +124,29 @@ class PictureSet:
         sources += [("file", calibration.file)] if calibration.file is not None else []
         patterns = (calibration.camera_0, calibration.camera_1)
         sources += [("pattern", pattern) for pattern in patterns if pattern is not None]
-        return {
-            name: digest([folder / name] if kind == "file" else matching(folder, name))
-            for kind, name in sources
-        }
+        return digests(folder, sources)
+
+
+def open_source(folder: Path, kind: str, source: str | list[str]) -> Pictures:
+    """The pictures of a "file", a "pattern" or a list of "files" in a folder. Raises as `dic.images`."""
+    from dic.images import open_pictures as open_series
+
+    if isinstance(source, list):
+        return open_series([folder / one for one in source])
+    place = folder / source
+    return open_series(place) if kind == "file" else open_series(place.parent, pattern=place.name)
+
+
+def digests(folder: Path, sources: Iterable[tuple[str, Any]]) -> dict[str, str]:
+    """SHA-256 by name or pattern. ``sources``: "file", "pattern" or "files", and names in the folder."""
+    found: dict[str, str] = {}
+    for kind, name in sources:
+        if kind == "pattern":
+            place = folder / name  # its folders are taken literally
+            found[name] = _digest(sorted(path for path in place.parent.glob(place.name) if path.is_file()))
+        else:
+            found |= {one: _digest([folder / one]) for one in ([name] if kind == "file" else name)}
+    return found
 
 
 def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
@@ -142,8 +160,7 @@ def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
     that of the frames. The same error is raised if a crop differs from that in its file, or if the cameras'
     pictures differ in size.
     """
-    from dic.images import PictureError
-    from dic.images import open_pictures as open_series
+    from dic.images import PictureError, declared
     from dic.images.series import decode_once
 
     section = toml.declared.pictures
@@ -153,13 +170,13 @@ def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
         key, source = series.source
         dotted = f"pictures.{camera}.{key}"
         try:
-            place = folder / source
-            pictures = open_series(place) if key == "file" else open_series(place.parent, pattern=place.name)
+            pictures = open_source(folder, key, source)
             problem = _miscounted(pictures, frames) or _moved(pictures, series)
             if problem:
                 problems.append(toml.error(dotted, problem, cure=SERIES_CURE))
                 continue
-            found.append(_declared(pictures, section, series, frames))
+            offset, count = series.crop_offset, frames.frame.size
+            found.append(declared(pictures, bits=section.bits, crop_offset=offset, n_frames=count))
         except PictureError as error:
             problems.append(toml.error(dotted, f"cannot be used: {error}"))
         except ValueError as error:
@@ -192,72 +209,40 @@ def check_frames(pictures: PictureSet) -> None:
     refuse(problems)
 
 
-def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
-    """Error text about a crop on a sensor with these columns and rows; None if it fits."""
-    if sensor is None:
-        return None
-    (x, y), (rows, columns) = pictures.crop_offset, pictures.shape
-    if x >= 0.0 and y >= 0.0 and x + columns <= sensor[0] and y + rows <= sensor[1]:
-        return None
-    return (
-        f"puts {columns} x {rows} px at ({x:g}, {y:g}) of the {sensor[0]} x {sensor[1]} px that the "
-        "calibration is for"
-    )
-
-
 def readable(pictures: Pictures) -> int:
-    """Number of pictures up to the last readable one.
-
-    It is smaller than the total only in a truncated file.
-    """
-    from dic.images import PictureError  # for shots with pictures only
-
-    count = pictures.n_frames
-    while count > 0:
-        try:
-            pictures.frame(count - 1)
-        except PictureError:
-            count -= 1
-        else:
-            break
-    return count
+    """Number of pictures up to the last readable one, smaller than the total in a truncated file."""
+    readable = (k + 1 for k in reversed(range(pictures.n_frames)) if not _lost(pictures, k))
+    return next(readable, 0)
 
 
-def matching(folder: Path, pattern: str) -> list[Path]:
-    """The files that match a pattern, by name. Its folders are taken literally."""
-    place = folder / pattern
-    return sorted(path for path in place.parent.glob(place.name) if path.is_file())
-
-
-def digest(files: list[Path]) -> str:
-    """SHA-256 of a file, or of the names and digests of several files.
-
-    Raises InputError if a file cannot be read.
-    """
-    digests = []
+def _digest(files: list[Path]) -> str:
+    """SHA-256 of a file, or of the names and digests of several files."""
+    found = []
     for path in files:
         with read_errors(path), regular(path).open("rb") as file:
-            digests.append(hashlib.file_digest(file, "sha256").hexdigest())
+            found.append(hashlib.file_digest(file, "sha256").hexdigest())
     if len(files) == 1:
-        return digests[0]
-    listed = "\n".join(f"{path.name} {value}" for path, value in zip(files, digests, strict=True))
+        return found[0]
+    listed = "\n".join(f"{path.name} {value}" for path, value in zip(files, found, strict=True))
     return hashlib.sha256(listed.encode("utf-8", errors="surrogateescape")).hexdigest()
 
 
 def _miscounted(pictures: Pictures, frames: FrameTable) -> str | None:
     """Error text about the number of pictures. A truncated file may have too few."""
     count = frames.frame.size
-    if pictures.n_frames == count or (pictures.n_frames < count and _cut_off(pictures)):
+    if pictures.n_frames == count:
+        return None
+    if pictures.n_frames < count and _lost(pictures, pictures.n_frames - 1):
         return None
     return f"holds {pictures.n_frames} pictures, {frames.path.name} lists {count} frames"
 
 
-def _cut_off(pictures: Pictures) -> bool:
-    """True if the last picture stated in the headers is missing."""
-    from dic.images import PictureError
+def _lost(pictures: Pictures, frame: int) -> bool:
+    """True if a picture stated in the headers is missing."""
+    from dic.images import PictureError  # for shots with pictures only
 
     try:
-        pictures.frame(pictures.n_frames - 1)
+        pictures.frame(frame)
     except PictureError:
         return True
     return False
@@ -271,14 +256,6 @@ def _moved(pictures: Pictures, series: SeriesSection) -> str | None:
     return (
         f"states a crop at ({own[0]:g}, {own[1]:g}) px of the sensor, declared is {list(series.crop_offset)}"
     )
-
-
-def _declared(
-    pictures: Pictures, section: PicturesSection, series: SeriesSection, frames: FrameTable
-) -> Pictures:
-    from dic.images import declared
-
-    return declared(pictures, bits=section.bits, crop_offset=series.crop_offset, n_frames=frames.frame.size)
 
 
 ALIVE = 0.5

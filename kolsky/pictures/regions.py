@@ -1,7 +1,4 @@
-"""Regions drawn by hand over pictures.
-
-Shapes, their checks, the session that saves them, and a grid picture.
-"""
+"""Regions drawn by hand over pictures: their checks, the session that saves them, and a grid picture."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.basics import cv2
-from dic.bodies.region import polygon_mask
+from dic.bodies.region import Region, polygon_mask
 from dic.files import replacing
 from dic.images import PictureError, Pictures
 from kolsky.base.errors import InputError
@@ -60,22 +57,12 @@ def drawables_of_measurement(reference: int) -> tuple[Drawable, ...]:
     )
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """One region or point."""
-
-    corners: tuple[tuple[float, float], ...]
-    """Corners (x, y), or the single point [px]."""
-    frame: int
-    """Frame in which it was drawn."""
-
-
-def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Drawn]]:
+def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Region]]:
     """Regions from the data of a page. A key without regions is left out."""
     if not isinstance(content, Mapping):
         raise ValueError("the regions are not a mapping of names to lists")
     known = {one.key: one for one in wanted}
-    found: dict[str, list[Drawn]] = {}
+    found: dict[str, list[Region]] = {}
     for key, shapes in content.items():
         if key not in known or not isinstance(shapes, list):
             raise ValueError(f"{key!r} is not one of {', '.join(known)}, or no list")
@@ -89,14 +76,14 @@ def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Draw
             fine = fine and all(type(v) in (int, float) for c in corners for v in c)
             if not fine or type(frame) is not int:
                 raise ValueError(f"{key} is not a list of at most {MOST_CORNERS} corners [x, y] with a frame")
-            drawn.append(Drawn(tuple((float(x), float(y)) for x, y in corners), frame))
+            drawn.append(Region(tuple((float(x), float(y)) for x, y in corners), frame))
         if drawn:
             found[key] = drawn
     return found
 
 
 def problems_of(
-    drawn: Mapping[str, Sequence[Drawn]],
+    drawn: Mapping[str, Sequence[Region]],
     wanted: Sequence[Drawable],
     *,
     shape: tuple[int, int],
@@ -120,13 +107,13 @@ def problems_of(
     return said
 
 
-def _point(drawn: Drawn, shape: tuple[int, int]) -> str:
+def _point(drawn: Region, shape: tuple[int, int]) -> str:
     if len(drawn.corners) != 1:
         return f"is one place, has {len(drawn.corners)}"
     return _outside_picture(drawn, shape)
 
 
-def _outside_picture(drawn: Drawn, shape: tuple[int, int]) -> str:
+def _outside_picture(drawn: Region, shape: tuple[int, int]) -> str:
     rows, columns = shape
     for x, y in drawn.corners:
         if not (np.isfinite(x) and np.isfinite(y)):
@@ -136,7 +123,7 @@ def _outside_picture(drawn: Drawn, shape: tuple[int, int]) -> str:
     return ""
 
 
-def _polygon(drawn: Drawn, shape: tuple[int, int]) -> str:
+def _polygon(drawn: Region, shape: tuple[int, int]) -> str:
     """Problem of a polygon, in words; empty if it has none."""
     if len(drawn.corners) < 3:
         return f"has {len(drawn.corners)} corners, needs three or more"
@@ -195,7 +182,7 @@ def _segments_meet(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -
     )
 
 
-def _as_toml(one: Drawable, drawn: Sequence[Drawn]) -> str:
+def _as_toml(one: Drawable, drawn: Sequence[Region]) -> str:
     """The value of a key as TOML."""
     if one.point:
         return _corner(drawn[0].corners[0])
@@ -222,7 +209,7 @@ class Session:
     """What can be drawn."""
     validate: Callable[[Path], object]
     """Reads a file of this kind. Raises InputError if it is not valid."""
-    drawn: dict[str, list[Drawn]] = field(default_factory=dict)
+    drawn: dict[str, list[Region]] = field(default_factory=dict)
     """Regions that the file declares already."""
     saved: tuple[str, ...] = ()
     """Keys saved in this session."""
@@ -238,7 +225,7 @@ class Session:
             return [str(error)]
         return problems_of(drawn, self.wanted, shape=self.pictures.shape, n_frames=self.pictures.n_frames)
 
-    def snippet(self, drawn: Mapping[str, Sequence[Drawn]]) -> dict[str, str]:
+    def snippet(self, drawn: Mapping[str, Sequence[Region]]) -> dict[str, str]:
         """Drawn regions as values of the table [dic]."""
         return {one.key: _as_toml(one, drawn[one.key]) for one in self.wanted if drawn.get(one.key)}
 
@@ -281,10 +268,7 @@ class Session:
 
 
 def png_of(pictures: Pictures, frame: int) -> bytes | str:
-    """A frame as an 8-bit PNG, or the reason why there is none.
-
-    The middle 99 % of the grey values are stretched to the full range.
-    """
+    """A frame as an 8-bit PNG with the middle 99 % of its grey values, or the reason why there is none."""
     try:
         picture = np.asarray(pictures.frame(frame), dtype=np.float64)
     except (PictureError, IndexError) as error:
@@ -332,10 +316,7 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
 
 
 def grid_step(longest: int) -> int:
-    """Distance of the lines [px].
-
-    It is 1, 2 or 5 times a power of ten, for about `LINES` lines across the longer side.
-    """
+    """Distance of about `LINES` lines across the longer side [px]: 1, 2 or 5 times a power of ten."""
     for power in range(6):
         for digit in (1, 2, 5):
             if digit * 10**power * LINES >= longest:
@@ -344,10 +325,7 @@ def grid_step(longest: int) -> int:
 
 
 def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture enlarged, with lines and numbers at round pixel coordinates, shape [rows, columns, 3].
-
-    A line passes through the centres of the pixels with its coordinate.
-    """
+    """A picture enlarged, with lines and numbers at round pixel centres, shape [rows, columns, 3]."""
     rows, columns = picture.shape
     factor = max(1, -(-LEAST_SIDE // max(rows, columns)))
     large = cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)

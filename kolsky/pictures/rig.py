@@ -1,11 +1,8 @@
-"""The cameras of a shot, from a calibration file or from pictures of a target.
-
-The speckles can refine them.
-"""
+"""The cameras of a shot, from a calibration file or pictures of a target; the speckles can refine them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +16,8 @@ from dic.images import PictureError, Pictures
 from dic.processes import background, cores, may_fork
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile
-from kolsky.pictures.calibration import Progress, calibration_in_background, calibration_of
-from kolsky.pictures.picture_set import CAMERAS, PictureSet, fits_sensor
+from kolsky.pictures.calibration import calibration_in_background, calibration_of
+from kolsky.pictures.picture_set import CAMERAS, PictureSet, Progress
 from kolsky.schema.pictures import CalibrationSection
 
 if TYPE_CHECKING:
@@ -37,40 +34,29 @@ class Calibrated:
     """One sentence on its source and its residuals."""
 
 
-def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
-    """The rig for a shot's pictures.
-
-    Raises InputError if the file does not contain two cameras, or if a crop lies outside the calibrated
-    sensor. The same error is raised if the target is not found or does not determine the cameras.
-    """
-    with calibrate_in_background(pictures) as cameras:
-        return cameras(progress)
-
-
 @contextmanager
 def calibrate_in_background(pictures: PictureSet) -> Iterator[Callable[[Progress], Calibrated]]:
-    """Start the detection of the target in other processes, if possible.
+    """Start the detection of the target in other processes, if possible; this process continues meanwhile.
 
-    This process continues meanwhile.
-
-    Yields: a function that returns the result of `calibrate` or raises its errors. Raises InputError if the
-    target's pictures cannot be opened or do not match, or if the target is impossible.
+    Yields: a function that returns the rig for a shot's pictures. Both raise InputError: at once if the
+    target's pictures cannot be opened or do not match, or if the target is impossible; then if the file does
+    not contain two cameras, if a crop lies outside the calibrated sensor, or if the target is not found or
+    does not determine the cameras.
     """
     toml, section = pictures.toml, pictures.toml.declared.calibration
     assert section is not None  # shots with pictures have it
     if section.file is not None:
-        yield lambda progress: _crop_to_pictures(pictures, Calibrated(*_from_file(toml, section)))
+        yield lambda progress: cropped(toml, _from_file(toml, section), pictures.series)
         return
     with calibration_in_background(toml, section, predict=False) as solved:
 
         def cameras(progress: Progress) -> Calibrated:
-            found = solved(progress)
-            return _crop_to_pictures(pictures, Calibrated(rig=found.rig, words=_words(found)))
+            return cropped(toml, _from_pictures(solved(progress)), pictures.series)
 
         if not may_fork() or cores() <= LEAST_CORES:
             yield cameras  # this process joins in
             return
-        with background(partial(cameras, _no_progress)) as later:
+        with background(partial(cameras, lambda stage, done, total: None)) as later:
             yield lambda progress: later()
 
 
@@ -79,22 +65,25 @@ LEAST_CORES = 3
 another process does this, and also solves for the cameras."""
 
 
-def _no_progress(stage: str, done: int, total: int) -> None:
-    """Progress of another process."""
+def cropped(toml: TomlFile, found: Calibrated, series: Sequence[Pictures]) -> Calibrated:
+    """The cameras of the whole sensors, adapted to the crop of some pictures.
 
-
-def _crop_to_pictures(pictures: PictureSet, found: Calibrated) -> Calibrated:
-    """The rig of the whole sensors, adapted to the crop of a shot's pictures."""
-    for camera, series, name in zip(found.rig.cameras, pictures.series, CAMERAS, strict=True):
-        problem = fits_sensor(series, camera.sensor)
-        if problem:
-            raise pictures.toml.error(
+    Raises InputError if a crop lies outside the calibrated sensor.
+    """
+    for camera, pictures, name in zip(found.rig.cameras, series, CAMERAS, strict=True):
+        if camera.sensor is None:
+            continue
+        (x, y), (rows, columns) = pictures.crop_offset, pictures.shape
+        width, height = camera.sensor
+        if not (x >= 0.0 and y >= 0.0 and x + columns <= width and y + rows <= height):
+            raise toml.error(
                 f"pictures.{name}",
-                f"crop_offset {problem}",
+                f"crop_offset puts {columns} x {rows} px at ({x:g}, {y:g}) of the {width} x {height} px that "
+                "the calibration is for",
                 cure="declare where the crop lies on the sensor, or calibrate with full pictures",
             )
-    offsets = [series.crop_offset for series in pictures.series]
-    return Calibrated(rig=found.rig.cropped(offsets[0], offsets[1]), words=found.words)
+    first, second = (pictures.crop_offset for pictures in series)
+    return replace(found, rig=found.rig.cropped(first, second))
 
 
 def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> Calibrated:
@@ -103,12 +92,11 @@ def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> C
     Raises InputError if the file does not contain two cameras, or for the reasons of `calibration_of`.
     """
     if section.file is not None:
-        return Calibrated(*_from_file(toml, section))
-    found = calibration_of(toml, section, progress, predict=False)
-    return Calibrated(rig=found.rig, words=_words(found))
+        return _from_file(toml, section)
+    return _from_pictures(calibration_of(toml, section, progress, predict=False))
 
 
-def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, str]:
+def _from_file(toml: TomlFile, section: CalibrationSection) -> Calibrated:
     from dic.camera_files import CameraFileError, read_rig
 
     assert section.file is not None
@@ -120,16 +108,15 @@ def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, 
             f"is not a calibration that can be read: {error}",
             cure="export the calibration again, in one of the formats of docs/howto/pictures",
         ) from None
-    return rig, f"from the file {section.file}"
+    return Calibrated(rig, f"from the file {section.file}")
 
 
-def _words(found: "Calibration") -> str:
+def _from_pictures(found: "Calibration") -> Calibrated:
     used = sum(pair.outcome.used for pair in found.pairs)
     rejected = "".join(f"; pair {pair.name} left out: {pair.reason}" for pair in found.rejected)
     missing = "".join(f"; pair {pair.name}: {pair.reason}" for pair in found.unusable)
-    return (
-        f"{used} of {len(found.pairs)} pairs of pictures, residual {found.rms:.3g} px rms{rejected}{missing}"
-    )
+    count = f"{used} of {len(found.pairs)} pairs of pictures"
+    return Calibrated(found.rig, f"{count}, residual {found.rms:.3g} px rms{rejected}{missing}")
 
 
 def refine_rig(

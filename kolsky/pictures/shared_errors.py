@@ -112,19 +112,13 @@ def picture_errors(result: StereoResult) -> PictureErrors | None:
 
 
 def variance_of_mean(places: FloatArray, length: float) -> float:
-    """Variance of the mean over positions of an error with variance 1 [-].
-
-    Its correlation is `exp(-(r / length)^2)`.
-    """
+    """Variance of the mean over places of a unit-variance error, correlated by `exp(-(r / length)^2)` [-]."""
     some = places[:: max(-(-len(places) // MOST_POINTS), 1)]
     return float(np.exp(-((cdist(some, some) / length) ** 2)).mean())
 
 
 def mean_over_time(n: int, memory: float) -> float:
-    """Variance of the mean of n successive values of an error with variance 1 [-].
-
-    The memory is given in frames.
-    """
+    """Variance of the mean of n successive values of a unit-variance error with a memory in frames [-]."""
     at = np.arange(n)
     return float(np.exp(-np.abs(at[:, None] - at) / memory).mean())
 
@@ -143,10 +137,7 @@ def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: Picture
 
 
 def _share_left_in_mean(body: Body, frame: int, length: float) -> float:
-    """Variance of the mean of an error with variance 1, over a body's points in a frame.
-
-    The cameras that see any point are averaged. The variance is 1 if no point is visible.
-    """
+    """Variance of the mean of an error with variance 1 over a body's points in a frame; 1 without points."""
     seen = [np.isfinite(pixels[frame]).all(axis=1) for pixels in body.pixels]
     means = [variance_of_mean(body.points[one], length) for one in seen if one.any()]
     return sum(means) / len(means) ** 2 if means else 1.0

@@ -1,6 +1,4 @@
-"""The specimen's length from its pictures.
-
-The declared length is conditioned on the flyer's rim at rest.
+"""The specimen's length from its pictures: the declared one, conditioned on the flyer's rim at rest.
 
 At rest the flyer's face lies on the specimen's upper end. The height of its rim above the specimen's lower
 end in the pictures is therefore another measurement of the length. Its difference from the declared length is
@@ -15,7 +13,7 @@ the same d in `dic.bodies.axial_displacement.combine_rest`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,10 +105,7 @@ def rim_of(
 
 
 def calibration_variance(result: StereoResult, length: float) -> float:
-    """Variance of a length along the specimen's side by the calibration's covariance [m²].
-
-    It is 0 for a rig without covariance, e.g. from another program.
-    """
+    """Variance of a length along the specimen's side by the calibration [m²]; 0 without its covariance."""
     from dic.stereo.reconstruction import calibration_slopes  # for shots with pictures only
 
     rig, frame = result.rig, result.placement.frame
@@ -144,11 +139,8 @@ def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma
     if sigma == 0.0 or abs(found.apart) > MOST_APART:
         return found
     whole = sigma**2 + found.pictures_sigma**2
-    return LengthByPictures(
-        declared=found.declared,
-        declared_sigma=found.declared_sigma,
-        pictures=found.pictures,
-        pictures_sigma=found.pictures_sigma,
+    return replace(
+        found,
         used=declared + sigma**2 / whole * rim.disagreement,
         used_sigma=sigma * found.pictures_sigma / float(np.sqrt(whole)),
         y_shift=-(y_sigma**2) / whole * rim.disagreement,
@@ -170,10 +162,7 @@ def length_words(found: LengthByPictures) -> str:
 
 
 def length_notes(found: LengthByPictures) -> tuple[str, ...]:
-    """Note on a declared length that contradicts the pictures.
-
-    It gives the length from the pictures and the remedy.
-    """
+    """Note on a declared length that contradicts the pictures, with the remedy."""
     if abs(found.apart) <= REPORTED_DISAGREEMENT:
         return ()
     used = f"{1e3 * found.used:.4f} mm was used" if found.conditioned else "the declared one was used"

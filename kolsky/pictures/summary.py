@@ -1,7 +1,4 @@
-"""A stereo result in words and numbers for terminal, JSON and report.
-
-The reason for a missing flyer displacement is also given.
-"""
+"""A stereo result in words and numbers, and the reason for a missing displacement of the flyer."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -223,10 +220,7 @@ def flyer_problem(
 
 
 def _smaller_subset(result: StereoResult, subset: int) -> str:
-    """The remedy for a region that is narrower than a subset, as the start of a sentence.
-
-    Empty if it is wide enough.
-    """
+    """The remedy for a region narrower than a subset, as the start of a sentence; empty if wide enough."""
     corners = np.array(result.facts.get("regions", {}).get("flyer", np.zeros((0, 2))), dtype=np.float64)
     if not corners.size:
         return ""

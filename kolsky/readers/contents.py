@@ -21,6 +21,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import check_size, read_errors, regular
 from kolsky.base.process import run_program
 from kolsky.base.units import LARGEST
+from kolsky.readers.layout import ColumnId
 
 
 @dataclass(frozen=True)
@@ -109,12 +110,11 @@ class Contents:
     """The detected layout: "format" and, for text, "encoding", "delimiter", "decimal", "header"."""
     metadata: Mapping[str, str] = field(default_factory=dict)
     """Other entries of the file, by the keys in the file."""
+    times: tuple[Channel, ...] = ()
+    """Its time columns, as signals."""
 
     def without_numbers(self) -> str:
-        """The columns or variables without numbers, in words for a message.
-
-        Empty if there are none.
-        """
+        """The columns or variables without numbers, in words for a message; empty if there are none."""
         others = self.facts.get("without numbers")
         return f"; without numbers are {others}" if others else ""
 
@@ -223,6 +223,45 @@ def check_samples(path: Path, name: str, samples: int) -> None:
         )
 
 
+def find_column(
+    path: Path,
+    names: Sequence[str],
+    wanted: ColumnId,
+    what: str = "column",
+    *,
+    numbers: Sequence[int] = (),
+    line: int | None = None,
+    listed: str | None = None,
+    purpose: str = "",
+    cure: str = "correct its name, or give its number; `kolsky channels FILE` lists them",
+) -> int:
+    """Index of a column by its name or, without such a name, by its number.
+
+    A path of HDF5 may lack its slash.
+
+    ``path``, ``line``, ``cure``: for messages. ``what``: the column's kind, e.g. "time column". ``numbers``:
+    numbers of the columns, if a number identifies one. ``listed``: the columns in words, if not their names.
+    ``purpose``: what it is for, e.g. " for the stress".
+    Raises InputError if no column, or more than one, has the name.
+    """
+    found = [i for i, name in enumerate(names) if name in (wanted, f"/{wanted}")]
+    if not found and str(wanted).isdecimal():
+        found = [i for i, number in enumerate(numbers) if number == int(wanted)]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        by_number = f"give the number of one: {', '.join(str(numbers[i]) for i in found)}" if numbers else ""
+        raise InputError(
+            path,
+            f"{what} '{wanted}' is there {len(found)} times",
+            line=line,
+            cure=by_number or "give each column a different name",
+        )
+    words = ", ".join(f"'{name}'" for name in names) if listed is None else listed
+    missing = f"{what} '{wanted}'{purpose} is missing; the {what.split()[-1]}s are {words}"
+    raise InputError(path, missing, line=line, cure=cure)
+
+
 LARGEST_JITTER = 0.1
 """Largest spread of the steps of a time column, relative to the step, at which it defines an interval [-]."""
 LARGEST_VARIATION = 0.05
@@ -239,11 +278,7 @@ Fault = Callable[[str, int | None, str], InputError]
 
 
 def _printed_digits(fields: Sequence[str]) -> FloatArray:
-    """The last printed digit of each number, in its unit, shape [n].
-
-    Some programs print a fixed number of decimals, others a fixed number of significant figures. Many drop
-    trailing zeros. Numbers of one decade and one notation therefore get the finest digit among them.
-    """
+    """The last printed digit of each number; the finest one among numbers of one decade and notation."""
     numbers = [_printed(field) for field in fields]
     kinds = [
         (number.adjusted() if number else None, "e" in field.lower())
@@ -303,11 +338,9 @@ def column_clock(
     """
     _sorted(time, name, fault)
     digit = np.maximum(digit, SINGLE * np.abs(time))
-    last = time.size - 1
-    shown = float(time[last] - time[0]) / last
-    doubt = 0.5 * float(digit[0] + digit[last]) / last
+    shown, doubt = _mean_step(time, digit)
     if interval is None:
-        varies = _uniform(time, digit, shown, doubt, name, fault)
+        varies = check_steps(time, digit, name=name, fault=fault)
         shown = _without_noise(shown, doubt)
         first = float(time[0]) if start is None else start
         return Clock(first, shown, f"column '{name}'", first + (time - time[0]) if varies else None)
@@ -374,19 +407,13 @@ def array_clock(
 
 
 def _printed(field: str) -> Decimal:
-    """A number as it was printed.
-
-    A binary number has 15 decimal figures. Further figures come from its representation.
-    """
+    """A number as it was printed; figures after the 15th come from its binary representation."""
     number = Decimal(field)
     return number if len(number.as_tuple().digits) <= 15 else number.normalize(_FIFTEEN)
 
 
 def _without_noise(interval: float, doubt: float) -> float:
-    """The interval without round-off in its last bits.
-
-    It is rounded to 1/1000 of its uncertainty by digits.
-    """
+    """The interval rounded to 1/1000 of its uncertainty by digits, without round-off in its last bits."""
     figures = 15 if doubt <= 0.0 else int(np.ceil(np.log10(interval / doubt))) + 4
     return float(f"{interval:.{min(15, figures)}g}")
 
@@ -408,13 +435,26 @@ def _sorted(time: FloatArray, name: str, fault: Fault) -> None:
         raise fault(f"column '{name}' has one time only, {time[0]:.9g} s", None, "is it the time column?")
 
 
-def _uniform(
-    time: FloatArray, digit: FloatArray, shown: float, doubt: float, name: str, fault: Fault
-) -> bool:
-    """True if the steps are uniform within the printed digits.
+def _mean_step(time: FloatArray, digit: FloatArray) -> tuple[float, float]:
+    """Mean step of a time column, and its uncertainty by the printed digits [s]."""
+    last = time.size - 1
+    return float(time[last] - time[0]) / last, 0.5 * float(digit[0] + digit[last]) / last
 
-    Raises an error for gaps, and for rounding that hides the interval.
+
+def check_steps(
+    time: FloatArray,
+    digit: FloatArray,
+    *,
+    name: str,
+    fault: Fault,
+    largest_variation: float = LARGEST_VARIATION,
+) -> bool:
+    """Check that a time column has equal steps within its printed digits. True if they vary slightly.
+
+    ``largest_variation``: largest accepted variation of single steps, relative to the step [-]. Other
+    arguments are those of `column_clock`. Raises InputError for gaps, and if rounding hides the interval.
     """
+    shown, doubt = _mean_step(time, digit)
     steps = np.diff(time)
     printed = 0.5 * (digit[1:] + digit[:-1])
     median = float(np.median(steps))
@@ -428,7 +468,7 @@ def _uniform(
     # step.
     beyond = excess - 1.001 * (printed + of_step) - 1e-9 * step - 4e-16 * np.abs(time).max()
     row = int(np.argmax(beyond))
-    if beyond[row] > 0.0 and float(excess.max()) <= LARGEST_VARIATION * step:
+    if beyond[row] > 0.0 and float(excess.max()) <= largest_variation * step:
         return True
     if beyond[row] > 0.0:
         raise fault(

@@ -1,6 +1,7 @@
 """Delimited text of any oscilloscope or recorder: metadata, names, units, samples."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from kolsky.readers.contents import Contents, head_of
@@ -52,17 +53,19 @@ def read_lines(
     metadata = key_lines(dialect, [line for i, line in enumerate(above) if i not in headings])
     metadata |= heading_keys(dialect, [above[i] for i in sorted(headings)])
     names, units = names_by_key(metadata, dialect.numeric, found.names, found.units)
-    sheet = found.sheet(path, names, units, metadata=metadata, word=word)
-    first = {"first samples": str(found.first + 1), "counted in": f"{word}s"}
+    sheet = replace(found, names=names, units=units, metadata=metadata)
+    first = {"first samples": str(found.first_line), "counted in": f"{word}s"}
     others = [
         f"'{name}'" for i, name in enumerate(names) if i not in dialect.numeric and not name.isdecimal()
     ]
     if others:
         first["without numbers"] = ", ".join(others)
+    table = signal_table(sheet, layout)
     return Contents(
         path=path,
         sha256=sha256,
-        channels=signal_table(sheet, layout).channels(),
+        channels=table.channels(),
+        times=table.time_channels(),
         facts={**facts, **dialect.facts, **found.facts, **first},
         metadata={key: ", ".join(fields) for key, fields in metadata.items()},
     )

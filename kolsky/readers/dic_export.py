@@ -6,7 +6,7 @@ The column names of each program are in `LAYOUTS`.
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from pathlib import Path
 
@@ -15,7 +15,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.readers.layout import Layout
-from kolsky.readers.sheet import FoundTable, Sheet, find_table
+from kolsky.readers.sheet import Sheet, find_table
 from kolsky.readers.text import LONGEST_FIELD, full_match, read_text
 
 
@@ -251,13 +251,13 @@ class _File:
     state: IntArray
 
 
-def _sheet(path: Path, declared: Layout) -> tuple[str, FoundTable, Sheet]:
+def _sheet(path: Path, declared: Layout) -> tuple[str, Sheet, Sheet]:
     """The hash of a file, its table, and its columns by their names without units."""
     sha256, lines, _ = read_text(path, declared)
     # Columns that are NaN or empty in most rows are still columns of numbers.
     table = find_table(path, lines, declared, sparse=True)
     names = tuple(_UNIT.sub("", name) if len(name) <= LONGEST_FIELD else name for name in table.names)
-    return sha256, table, table.sheet(path, names, ())
+    return sha256, table, replace(table, names=names)
 
 
 def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
@@ -272,15 +272,15 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
         raise InputError(
             path,
             f"lacks columns of '{layout}'; its columns are {', '.join(sheet.names)}",
-            line=table.first or None,
+            line=table.first_line - 1 or None,
             cure=f"export {forms}",
         )
 
     def columns(wanted: tuple[str, ...]) -> FloatArray:
-        return np.stack([sheet.values(sheet.column(name, "column"), gaps=True) for name in wanted], axis=-1)
+        return np.stack([sheet.numbers(sheet.column(name), gaps=True) for name in wanted], axis=-1)
 
     def lengths(wanted: tuple[str, ...]) -> FloatArray:
-        headings = [table.names[sheet.column(name, "column")] for name in wanted]
+        headings = [table.names[sheet.column(name)] for name in wanted]
         return columns(wanted) * [UNITS[_length_unit(path, heading, unit)] for heading in headings]
 
     coordinates, displacements = lengths(chosen.coordinates), lengths(chosen.displacements)
@@ -301,10 +301,7 @@ def _one(path: Path, layout: str, unit: str | None, declared: Layout) -> _File:
 
 
 def _length_unit(path: Path, heading: str, declared: str | None) -> str:
-    """Unit of a column of lengths: that of its heading, otherwise the declared one, otherwise mm.
-
-    Raises InputError if both are present and differ.
-    """
+    """Unit of a column of lengths: that of its heading, otherwise the declared one, otherwise mm."""
     stated = _stated_unit(heading)
     if not stated:
         return declared or "mm"

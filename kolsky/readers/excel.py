@@ -26,7 +26,6 @@ COLUMNS_LIMIT = 256
 ROWS_LIMIT = 1_048_576
 """Maximum number of rows of a sheet, as in Excel. A damaged file may declare any number."""
 
-_COMPOUND = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _DECLARATIONS = (b"<!DOCTYPE", b"<!ENTITY", "<!DOCTYPE".encode("utf-16-le"), "<!DOCTYPE".encode("utf-16-be"))
 
 
@@ -37,10 +36,16 @@ class Workbook:
     BINARY = True
     form: str
     """Its name in `kolsky.readers.recordings.FORMATS`."""
-    sniff: Callable[[Path], bool]
-    """True if a file looks like this format, by its ending and first bytes."""
+    suffixes: tuple[str, ...]
+    """Endings of its files. Some workbooks of Excel are misnamed .xls, and so are many text files."""
+    start: bytes
+    """First bytes of its files."""
     chosen: Callable[[Path, str | None], tuple[str, str, Sequence[Sequence[object]]]]
     """Hash of a file, and title and rows of the declared sheet or the only sheet with data."""
+
+    def sniff(self, path: Path) -> bool:
+        """True if a file looks like this format, by its ending and first bytes."""
+        return path.suffix.lower() in self.suffixes and head_of(path, len(self.start)) == self.start
 
     def read(self, path: Path, layout: Layout) -> Contents:
         """Read a sheet as a table with metadata, names, units and samples.
@@ -60,16 +65,6 @@ class Workbook:
         """The rows of a sheet as tab-separated lines. Raises InputError as `read`."""
         _, title, rows = self.chosen(path, wanted)
         return _lines(path, title, rows)
-
-
-def _is_excel(path: Path) -> bool:
-    """True if a file ends in .xlsx, .xlsm or, misnamed, .xls and is a zip archive."""
-    return path.suffix.lower() in (".xlsx", ".xlsm", ".xls") and head_of(path, 4) == b"PK\x03\x04"
-
-
-def _is_excel_97(path: Path) -> bool:
-    """True if a file ends in .xls and is a compound file. Many programs also use .xls for text files."""
-    return path.suffix.lower() == ".xls" and head_of(path, 8) == _COMPOUND
 
 
 def _lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str]:
@@ -205,5 +200,5 @@ def _damaged(path: Path, error: Exception | str) -> InputError:
     return InputError(path, f"is not a workbook that can be read ({error})", cure="save it again in Excel")
 
 
-EXCEL = Workbook("excel", _is_excel, _excel)
-EXCEL_97 = Workbook("excel 97", _is_excel_97, _excel_97)
+EXCEL = Workbook("excel", (".xlsx", ".xlsm", ".xls"), b"PK\x03\x04", _excel)
+EXCEL_97 = Workbook("excel 97", (".xls",), b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", _excel_97)

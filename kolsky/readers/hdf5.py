@@ -1,11 +1,10 @@
-"""HDF5 files, and channels from the named arrays of MATLAB and HDF5 files.
-
-The clock comes from attributes, scalars or a dataset of times.
-"""
+"""HDF5 files, and channels with clocks from the named arrays of MATLAB and HDF5 files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -68,8 +67,8 @@ def array_lines(path: Path, arrays: Sequence[NamedArray]) -> list[str]:
 
 def array_channels(
     path: Path, arrays: list[NamedArray], scalars: Mapping[str, float], layout: Layout
-) -> tuple[Channel, ...]:
-    """The arrays that are not times, each with its clock.
+) -> dict[str, tuple[Channel, ...]]:
+    """The arrays as fields `channels` and `times` of `Contents`, each signal with its clock.
 
     The clock comes from the layout, from keys such as "dt" and "t0", or from an array of times. This is the
     declared array, or an array of the same length named "t" or "time".
@@ -117,17 +116,14 @@ def array_channels(
 
     for signal in signals:
         check_samples(path, signal.name, signal.samples)
-    return tuple(
-        Channel(
-            name=signal.name,
-            number=number,
-            unit=signal.unit,
-            samples=signal.samples,
-            values=signal.values,
-            clock=lambda signal=signal: clock_of(signal),  # type: ignore[misc]
-        )
-        for number, signal in enumerate(signals, start=1)
-    )
+
+    def channel(array: NamedArray, number: int) -> Channel:
+        return Channel(array.name, number, array.unit, array.samples, array.values, lambda: clock_of(array))
+
+    return {
+        "channels": tuple(channel(signal, number) for number, signal in enumerate(signals, start=1)),
+        "times": tuple(channel(by_name[name], len(signals) + 1) for name in dict.fromkeys(times)),
+    }
 
 
 def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: HeaderClock) -> Clock:
@@ -187,10 +183,109 @@ def _last(name: str) -> str:
     return name.rsplit("/", 1)[-1].lower()
 
 
-BINARY = True
-
 _MOST = 2000
 """Maximum number of objects in a file."""
+
+
+@dataclass
+class Inside:
+    """The datasets and attributes of a file."""
+
+    path: Path
+    """The file."""
+    arrays: list[NamedArray] = field(default_factory=list)
+    """Its vectors."""
+    scalars: dict[str, float] = field(default_factory=dict)
+    """Its single numbers, by path."""
+    texts: dict[str, str] = field(default_factory=dict)
+    """Its attributes as texts, by path."""
+    others: list[str] = field(default_factory=list)
+    """Names and kinds of all other datasets."""
+
+    def group(self, group: Any, prefix: str = "", above: Mapping[str, float] = MappingProxyType({})) -> None:
+        """Collect a group. External links raise an error, and objects without numbers are listed."""
+        import h5py
+
+        keys = {**above, **self._attributes(prefix, group.attrs)}
+        if not prefix:
+            self.scalars |= keys
+        for name in group:
+            if not isinstance(name, str):
+                raise self._refused(f"has the name {name!r}, which is not a text", "export it again")
+            full = f"{prefix}/{name}"
+            if name.startswith("#"):  # MATLAB's store of references
+                continue
+            if len(self.arrays) + len(self.scalars) > _MOST or full.count("/") > 16:
+                raise self._refused(f"holds more than {_MOST} objects", "export the signals alone")
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise self._refused(f"'{full}' is a link", "save the signals themselves in one file")
+            item = group[name]
+            if isinstance(item, h5py.Group):
+                self.group(item, full, keys)
+            elif isinstance(item, h5py.Dataset):
+                self._dataset(item, full, keys)
+
+    def _dataset(self, item: Any, full: str, keys: Mapping[str, float]) -> None:
+        """Collect a dataset: its vectors, the fields of a table of records, or a single number."""
+        fields = item.dtype.names or ()
+        if item.shape is None or not (item.dtype.kind in "fiu" or (fields and len(item.shape) == 1)):
+            self.others.append(f"{full} ({'text' if item.dtype.kind in 'OSU' else item.dtype})"[:100])
+            return
+        if item.is_virtual or item.external:
+            raise self._refused(f"'{full}' lies in another file", "save the signals themselves in one file")
+        if fields:
+            for name in fields:
+                if item.dtype[name].kind not in "fiu" or item.dtype[name].shape:
+                    self.others.append(f"{full}/{name}")
+                    continue
+                check_samples(self.path, f"{full}/{name}", max(2, item.size))
+                values = partial(_values, self.path, full, None, {}, name)
+                self.arrays.append(NamedArray(f"{full}/{name}", item.size, values))
+            return
+        if item.size == 1:
+            self.scalars[full] = float(np.ravel(item[()])[0])
+            return
+        own = {**keys, **_numbers(item.attrs)}
+        units = (_unit_of_array(item.attrs.get(key)) for key in ("unit", "units", "Unit", "Units", "YUnits"))
+        unit = next(filter(None, units), None)
+        for name, samples, column in columns_of(full, item.shape):
+            if item.size > SAMPLES_LIMIT:
+                raise self._refused(
+                    f"'{full}' has {item.size} samples, more than the {SAMPLES_LIMIT} that are read",
+                    "export the time span of the test only",
+                )
+            values = partial(_values, self.path, full, column, own)
+            self.arrays.append(NamedArray(name, samples, values, unit, own))
+
+    def _attributes(self, place: str, attributes: Any) -> dict[str, float]:
+        """Collect the attributes of a group as texts; the numbers among them."""
+        for key in attributes:
+            value = attributes[key]
+            text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+            if len(text) <= 500:
+                self.texts[f"{place}/{key}"] = text
+        return _numbers(attributes)
+
+    def _refused(self, message: str, cure: str) -> InputError:
+        return InputError(self.path, message, cure=cure)
+
+
+def inside(path: Path) -> Inside:
+    """The datasets and attributes of a file. Raises InputError as `read`."""
+    import h5py
+
+    found = Inside(path)
+    try:
+        with h5py.File(regular(path), "r") as file:
+            found.group(file)
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise InputError(
+            path, f"is not an HDF5 file that can be read ({error})", cure="copy or export it again"
+        ) from None
+    return found
+
+
+BINARY = True
 
 
 def sniff(path: Path) -> bool:
@@ -205,146 +300,37 @@ def read(path: Path, layout: Layout) -> Contents:
     another file.
     """
     sha256 = file_hash(path)
-    arrays, scalars, metadata, others = inside(path)
-    if not arrays:
-        raise InputError(
-            path,
-            "holds no array of numbers" + (f", but {', '.join(others[:8])}" if others else ""),
-            cure="save the signals as plain arrays of numbers",
-        )
+    found = _some_arrays(path)
+    others = found.others
     return Contents(
         path=path,
         sha256=sha256,
-        channels=array_channels(path, arrays, scalars, layout),
-        facts={"format": "hdf5", **({"without numbers": ", ".join(others[:20])} if others else {})},
-        metadata=metadata,
+        **array_channels(path, found.arrays, found.scalars, layout),
+        facts={"format": "hdf5"} | ({"without numbers": ", ".join(others[:20])} if others else {}),
+        metadata=found.texts,
     )
 
 
 def table_lines(path: Path, _sheet: str | None) -> list[str]:
     """The vectors of equal length as tab-separated lines. Raises InputError as `read`."""
     file_hash(path)
-    arrays, _, _, others = inside(path)
-    if not arrays and others:
+    return array_lines(path, _some_arrays(path).arrays)
+
+
+def _some_arrays(path: Path) -> Inside:
+    """As `inside`, with at least one vector."""
+    found = inside(path)
+    if not found.arrays:
         raise InputError(
-            path, f"holds no array of numbers, but {', '.join(others[:8])}", cure="save numbers as arrays"
+            path,
+            "holds no array of numbers" + (f", but {', '.join(found.others[:8])}" if found.others else ""),
+            cure="save the signals as plain arrays of numbers",
         )
-    return array_lines(path, arrays)
-
-
-def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str], list[str]]:
-    """Vectors, single numbers and texts of a file.
-
-    Names and kinds of all other datasets are also returned.
-
-    Raises InputError as `read`.
-    """
-    import h5py
-
-    arrays: list[NamedArray] = []
-    scalars: dict[str, float] = {}
-    texts: dict[str, str] = {}
-    others: list[str] = []
-    try:
-        with h5py.File(regular(path), "r") as file:
-            _attributes("/", file.attrs, scalars, texts)
-            _walk(path, file, "", {}, arrays, scalars, texts, others)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise InputError(
-            path, f"is not an HDF5 file that can be read ({error})", cure="copy or export it again"
-        ) from None
-    return arrays, scalars, texts, others
-
-
-def _walk(
-    path: Path,
-    group: Any,
-    prefix: str,
-    above: dict[str, float],
-    arrays: list[NamedArray],
-    scalars: dict[str, float],
-    texts: dict[str, str],
-    others: list[str],
-) -> None:
-    """Collect a group. External links raise an error, and objects without numbers are listed."""
-    import h5py
-
-    keys = {**above, **_numbers(group.attrs)}
-    for name in group:
-        if not isinstance(name, str):
-            raise InputError(path, f"has the name {name!r}, which is not a text", cure="export it again")
-        full = f"{prefix}/{name}"
-        if name.startswith("#"):  # MATLAB's store of references
-            continue
-        if len(arrays) + len(scalars) > _MOST or full.count("/") > 16:
-            raise InputError(path, f"holds more than {_MOST} objects", cure="export the signals alone")
-        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            raise InputError(path, f"'{full}' is a link", cure="save the signals themselves in one file")
-        item = group[name]
-        if isinstance(item, h5py.Group):
-            _attributes(full, item.attrs, {}, texts)
-            _walk(path, item, full, keys, arrays, scalars, texts, others)
-        elif isinstance(item, h5py.Dataset):
-            _dataset(path, item, full, keys, arrays, scalars, others)
-
-
-def _dataset(
-    path: Path,
-    item: Any,
-    full: str,
-    keys: dict[str, float],
-    arrays: list[NamedArray],
-    scalars: dict[str, float],
-    others: list[str],
-) -> None:
-    """Collect a dataset: its vectors, the fields of a table of records, or a single number."""
-    fields = item.dtype.names or ()
-    if item.shape is None or not (item.dtype.kind in "fiu" or (fields and len(item.shape) == 1)):
-        others.append(f"{full} ({'text' if item.dtype.kind in 'OSU' else item.dtype})"[:100])
-        return
-    if item.is_virtual or item.external:
-        raise InputError(
-            path, f"'{full}' lies in another file", cure="save the signals themselves in one file"
-        )
-    if fields:
-        numeric = [name for name in fields if item.dtype[name].kind in "fiu" and not item.dtype[name].shape]
-        others += [f"{full}/{name}" for name in fields if name not in numeric]
-        for name in numeric:
-            check_samples(path, f"{full}/{name}", max(2, item.size))
-
-            def entries(full: str = full, name: str = name) -> FloatArray:
-                return _values(path, full, None, {}, name)
-
-            arrays.append(NamedArray(f"{full}/{name}", item.size, entries))
-        return
-    if item.size == 1:
-        scalars[full] = float(item[()].ravel()[0]) if item.shape else float(item[()])
-        return
-    own = {**keys, **_numbers(item.attrs)}
-    unit = next(
-        (
-            u
-            for key in ("unit", "units", "Unit", "Units", "YUnits")
-            if (u := _unit_of_array(item.attrs.get(key)))
-        ),
-        None,
-    )
-    for name, samples, column in columns_of(full, item.shape):
-        if item.size > SAMPLES_LIMIT:
-            raise InputError(
-                path,
-                f"'{full}' has {item.size} samples, more than the {SAMPLES_LIMIT} that are read",
-                cure="export the time span of the test only",
-            )
-
-        def values(full: str = full, column: int | None = column, own: dict[str, float] = own) -> FloatArray:
-            return _values(path, full, column, own)
-
-        arrays.append(NamedArray(name, samples, values, unit, own))
+    return found
 
 
 def _values(
-    path: Path, full: str, column: int | None, keys: dict[str, float], name: str | None = None
+    path: Path, full: str, column: int | None, keys: Mapping[str, float], name: str | None = None
 ) -> FloatArray:
     """A vector, a column of an array, or the field `name` of a table of records."""
     import h5py
@@ -367,12 +353,3 @@ def _numbers(attributes: Any) -> dict[str, float]:
         if np.ndim(value) == 0 and np.asarray(value).dtype.kind in "fiu":
             found[str(key)] = float(value)
     return found
-
-
-def _attributes(place: str, attributes: Any, scalars: dict[str, float], texts: dict[str, str]) -> None:
-    scalars.update(_numbers(attributes))
-    for key in attributes:
-        value = attributes[key]
-        text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-        if len(text) <= 500:
-            texts[f"{place.rstrip('/')}/{key}"] = text

@@ -50,12 +50,7 @@ _MECHANICAL = re.compile(r"(?:kgf|gf|kp|lbf|kip|psi|ksi|m?bar)\b|da?N\b|[kmc]?N\
 
 
 def si_unit(text: str) -> tuple[str, float] | None:
-    """The SI unit and factor of a unit in the notation of instruments.
-
-    None for an unknown unit.
-
-    "mV" is ("V", 1e-3), "Volts" ("V", 1.0), "µs" ("s", 1e-6), "kgf/cm2" ("Pa", 98066.5).
-    """
+    """SI unit and factor of a unit as instruments write it, e.g. ("V", 1e-3) for "mV"; None if unknown."""
     plain = text.strip().strip("()[]").strip()
     plain = _WORDS.get(plain.lower(), plain)
     if plain in _PLAIN:
@@ -88,12 +83,7 @@ def split_unit(heading: str) -> tuple[str, str | None]:
 
 
 def _unit_places(heading: str) -> list[tuple[str, str]]:
-    """Candidate names and units of a heading, the longest unit first.
-
-    They are found by brackets. Without brackets, they are found by slashes and by the end of the heading.
-
-    "Speed in m/s" is a speed in m/s, not a time in s.
-    """
+    """Candidate names and units of a heading, by brackets or by slashes and its end; the longest first."""
     match = full_match(_BRACKETED, heading)
     if match is not None:
         return [(match.group(1).strip(), match.group(2))]
@@ -108,10 +98,7 @@ def _unit_places(heading: str) -> list[tuple[str, str]]:
 
 
 def _name_and_unit(heading: str, kinds: Iterable[str]) -> tuple[str, str | None]:
-    """Name of a heading, and its unit of one of the given kinds, at any position.
-
-    None if there is no such unit.
-    """
+    """Name of a heading, and its unit of one of the given kinds, or None."""
     for name, text in _unit_places(heading):
         unit = "1" if text == "-" else text
         if dimension_of(unit, kinds):
@@ -220,29 +207,28 @@ class HeaderClock:
     doubt: str = ""
     """Reason why a declaration of the clock cannot be used. Empty if all can be used."""
 
-    def check_declared(self, path: Path, interval: float) -> None:
-        """Check a declared interval [s] against the header.
+    def declared(self, path: Path, layout: Layout) -> "HeaderClock":
+        """This clock with the interval and the start of a layout, which take precedence.
 
-        Raises InputError if they differ by more than the header's printed digits, at most by 1 %.
+        Raises InputError if the intervals differ by more than the header's printed digits, at most by 1 %.
         """
-        if self.interval is None:
-            return
-        if abs(interval - self.interval) > min(self.interval_digit, _AGREE * self.interval) + 1e-9 * interval:
+        start = self.start if layout.start is None else layout.start
+        interval = layout.interval
+        if interval is None:
+            return replace(self, start=start)
+        known = interval if self.interval is None else self.interval
+        if abs(interval - known) > min(self.interval_digit, _AGREE * known) + 1e-9 * interval:
             raise InputError(
                 path,
-                f"is declared with the interval {interval:.9g} s, its header states {self.interval:.9g} s"
+                f"is declared with the interval {interval:.9g} s, its header states {known:.9g} s"
                 f" ({self.source})",
                 cure="leave interval out, or correct it; where the header is wrong, correct it in the file",
             )
+        return HeaderClock(interval, 0.0, start, "stated", self.doubt)
 
 
 def bare_key(text: str) -> str:
-    """A key without case, blanks, signs and unit.
-
-    "Sample Interval:" becomes "sampleinterval".
-
-    A text longer than `LONGEST_PAIR` is not a key and gives an empty string.
-    """
+    """A key without case, blanks, signs and unit: "sampleinterval"; empty for a text that is too long."""
     if len(text) > LONGEST_PAIR:
         return ""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*?[)\]]", "", text.lower()))
@@ -269,10 +255,7 @@ def clock_unit(text: str) -> tuple[str, float] | None:
 
 
 def _clock_key(text: str) -> tuple[str, str | None]:
-    """The bare key of a line of the header, and the unit of the clock at the end of the key.
-
-    "dt [ms]", "Sampling Frequency (kHz)", "dt/ms", "fs_kHz", "Sample interval in us".
-    """
+    """The bare key of a header line, and the clock's unit at its end: "dt [ms]", "dt/ms", "fs_kHz"."""
     key = text.strip().rstrip(":=").strip()
     for pattern in (_BRACKETS, _SLASH, _KEY_TAIL):
         match = full_match(pattern, key)
@@ -350,12 +333,8 @@ def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -
     InputError if an interval is not positive.
     """
     stated = header_clock(path, {name.rsplit("/", 1)[-1]: [repr(value)] for name, value in numbers.items()})
-    interval, source = stated.interval, stated.source.removeprefix("header: ")
-    if layout.interval is not None:
-        stated.check_declared(path, layout.interval)
-        interval, source = layout.interval, "stated"
-    start = layout.start if layout.start is not None else stated.start
-    return HeaderClock(interval, 0.0, start, source, stated.doubt)
+    found = stated.declared(path, layout)
+    return replace(found, interval_digit=0.0, source=found.source.removeprefix("header: "))
 
 
 def time_unit(metadata: Mapping[str, Sequence[str]]) -> str | None:
@@ -430,10 +409,7 @@ def _of_channel(
 
 
 def _number(field: str, decimal: str) -> _Stated | None:
-    """Number, last printed digit and following word of a field such as "4.0E-10", "20 ns" or "2,5 us".
-
-    The digit is NaN if "1,000" or "1.000" can mean a thousand or one.
-    """
+    """Number, last digit (NaN for an ambiguous "1,000") and following word of a field such as "20 ns"."""
     match = full_match(_NUMBER, field.strip())
     if match is None:
         endless = field.strip().lower().lstrip("+-") in ("inf", "nan")  # of a binary file; refused as a clock

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, head_of
-from kolsky.readers.header import add_key
+from kolsky.readers.header import add_key, keys_beside
 from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
@@ -21,12 +21,8 @@ _END = "***End_of_Header***"
 
 def sniff(path: Path) -> bool:
     """True if a file begins with the words "LabVIEW Measurement". Its name has no effect."""
-    return (
-        head_of(path, 64)
-        .replace(b"\0", b"")
-        .lstrip(b"\xef\xbb\xbf\xff\xfe")
-        .startswith(b"LabVIEW Measurement")
-    )
+    head = head_of(path, 64).replace(b"\0", b"").lstrip(b"\xef\xbb\xbf\xff\xfe")
+    return head.startswith(b"LabVIEW Measurement")
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -53,8 +49,8 @@ def read(path: Path, layout: Layout) -> Contents:
         )
     separator = "," if "Separator,Comma" in (line.strip() for line in lines[: ends[0]]) else "\t"
     file_keys, segment_keys = (
-        _keys(lines[: ends[0]], separator),
-        _keys(lines[ends[0] + 1 : ends[1]], separator),
+        keys_beside([line.split(separator) for line in part])
+        for part in (lines[: ends[0]], lines[ends[0] + 1 : ends[1]])
     )
     count = len(segment_keys.get("Samples", segment_keys.get("X0", []))) or 1
     decimal = (file_keys.get("Decimal_Separator") or ["."])[0] or ","
@@ -62,7 +58,7 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError(path, "has a header but no data", line=len(lines), cure="export it again")
     names, columns, times = _columns(path, lines[ends[1] + 1], separator, file_keys, count, ends[1] + 2)
     rows = [_without_comment(line, separator, len(names)) for line in lines[ends[1] + 2 :]]
-    units = [_unit(segment_keys, "Y_Unit_Label", i) for i in range(count)]
+    units = [*segment_keys.get("Y_Unit_Label", []), *[None] * count]
     metadata = {**file_keys}
     for key, fields in segment_keys.items():
         add_key(metadata, key, fields)
@@ -70,7 +66,7 @@ def read(path: Path, layout: Layout) -> Contents:
         path=path,
         dialect=Dialect(separator, decimal, len(names), (*times, *columns)),
         rows=rows,
-        first=ends[1] + 3,
+        first_line=ends[1] + 3,
         names=names,
         units=tuple(units[columns.index(i)] if i in columns else "s" for i in range(len(names))),
         metadata={key: fields for key, fields in metadata.items() if key not in ("Time", "Date")},
@@ -91,15 +87,6 @@ def read(path: Path, layout: Layout) -> Contents:
         facts=facts,
         metadata={key: ", ".join(fields) for key, fields in metadata.items()},
     )
-
-
-def _keys(lines: list[str], separator: str) -> dict[str, list[str]]:
-    keys: dict[str, list[str]] = {}
-    for line in lines:
-        key, *fields = [part.strip() for part in line.split(separator)]
-        if key:
-            add_key(keys, key, [part for part in fields if part])
-    return keys
 
 
 def _columns(
@@ -136,8 +123,3 @@ def _without_comment(line: str, separator: str, width: int) -> str:
     if len(parts) == width + 1:
         parts = parts[:width]
     return separator.join(part.strip() for part in parts)
-
-
-def _unit(keys: dict[str, list[str]], name: str, channel: int) -> str | None:
-    fields = keys.get(name, [])
-    return fields[channel] if channel < len(fields) else None

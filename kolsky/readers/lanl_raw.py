@@ -74,9 +74,9 @@ def _channel(sheet: Sheet, table: list[list[str]], column: int, layout: Layout) 
         number=column + 1,
         unit="V",
         samples=len(sheet.rows),
-        values=lambda: sheet.values(column),
+        values=lambda: sheet.numbers(column),
         clock=clock,
-        place=lambda sample: sheet.first + sample,
+        place=lambda sample: sheet.first_line + sample,
     )
 
 

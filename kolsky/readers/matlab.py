@@ -9,12 +9,13 @@ bus error.
 """
 
 import re
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, file_hash, head_of, read_in_child
 from kolsky.readers.hdf5 import NamedArray, array_channels, array_lines, column_of, columns_of, inside
@@ -51,12 +52,9 @@ def read(path: Path, layout: Layout) -> Contents:
     return Contents(
         path=path,
         sha256=sha256,
-        channels=array_channels(path, arrays, scalars, layout),
-        facts={
-            "format": "matlab",
-            "version": version,
-            **({"without numbers": ", ".join(others)} if others else {}),
-        },
+        **array_channels(path, arrays, scalars, layout),
+        facts={"format": "matlab", "version": version}
+        | ({"without numbers": ", ".join(others)} if others else {}),
         metadata={name: f"{value:.12g}" for name, value in scalars.items()},
     )
 
@@ -71,13 +69,11 @@ def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], 
     """Arrays, scalars, other variables, and the version of a file."""
     head = head_of(path, _HDF5_OFFSET + 8)
     if head[_HDF5_OFFSET:].startswith(b"\x89HDF") or head.startswith(b"\x89HDF"):
-        arrays, scalars, _, others = inside(path)
-        arrays = [
-            NamedArray(a.name.removeprefix("/"), a.samples, a.values, a.unit, a.keys)
-            for a in arrays
-            if a.name.count("/") == 1
-        ]
-        scalars = {name.removeprefix("/"): value for name, value in scalars.items()}
+        found = inside(path)
+        plain = [array for array in found.arrays if array.name.count("/") == 1]
+        arrays = [replace(array, name=array.name.removeprefix("/")) for array in plain]
+        scalars = {name.removeprefix("/"): value for name, value in found.scalars.items()}
+        others = found.others
         version = "7.3"
     else:
         file_hash(path, limit=LIMIT)
@@ -97,7 +93,8 @@ def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], 
 
 def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
     """Arrays, scalars, and other variables with their classes, of a file before 7.3."""
-    arrays, scalars, others = [], {}, []
+    arrays: list[NamedArray] = []
+    scalars, others = {}, []
     with TemporaryDirectory() as folder:
         place = Path(folder, "arrays.npz")
         listed: list[tuple[str, str]] = read_in_child(path, "mat", place, _damaged)
@@ -112,15 +109,10 @@ def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
         if array.size == 1:
             scalars[name] = float(array.ravel()[0])
             continue
-        columns = list(columns_of(name, array.shape))
+        columns = columns_of(name, array.shape)
         if not columns:
             others.append(f"{name} (array of {' x '.join(map(str, array.shape))})")
-        for column_name, samples, column in columns:
-
-            def values(array: np.ndarray = array, column: int | None = column) -> FloatArray:
-                return column_of(array, column)
-
-            arrays.append(NamedArray(column_name, samples, values))
+        arrays += [NamedArray(full, samples, partial(column_of, array, i)) for full, samples, i in columns]
     return arrays, scalars, others
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.units import DIMENSIONS, UnitError, dimension_of, unit_factor
-from kolsky.readers.contents import Channel, Contents
+from kolsky.readers.contents import Channel, Contents, find_column
 from kolsky.readers.header import heading_unit, name_without_unit, si_unit, split_unit
 from kolsky.readers.layout import Layout
 from kolsky.readers.recordings import check_finite, read_contents
@@ -113,15 +113,7 @@ def read_columns(
     contents = read_contents(path, layout=layout)
     values: dict[str, FloatArray] = {}
     for quantity, one in wanted.items():
-        channel = _channel(contents, one.column) or _clock(contents, one.column, layout)
-        if channel is None:
-            raise InputError(
-                path,
-                f"column '{one.column}' for the {quantity} is missing; the columns of numbers are "
-                + ", ".join(_numbered(contents))
-                + contents.without_numbers(),
-                cure="correct its name, or give its number; `kolsky channels FILE` lists them",
-            )
+        channel = _channel(contents, one.column, quantity)
         values[quantity] = channel.values() * _factor(path, channel, one, quantity)
         check_finite(path, channel, values[quantity])
     return values, contents.sha256
@@ -181,33 +173,22 @@ def _numbered(contents: Contents) -> list[str]:
     return [f"'{column.name}' ({column.number})" for column in contents.channels[:20]]
 
 
-def _channel(contents: Contents, column: str) -> Channel | None:
+def _channel(contents: Contents, column: str, quantity: str) -> Channel:
     """The column with a heading, with a heading without its unit, or with a number."""
-    found = [c for c in contents.channels if c.name in (column, f"/{column}")]
-    for channel in () if found else contents.channels:
-        bare = name_without_unit(channel.name)
-        if column in (bare, f"{bare} ({channel.unit})", split_unit(channel.name)[0]):
-            found.append(channel)
-    if not found and column.isdecimal():
-        found = [c for c in contents.channels if c.number == int(column)]
-    if len(found) > 1:
-        raise InputError(
-            contents.path, f"column '{column}' is there {len(found)} times", cure="give its number"
+    channels = (*contents.channels, *contents.times)
+    names = [c.name for c in channels]
+    if column not in names and f"/{column}" not in names:
+        for i, channel in enumerate(channels):
+            bare = name_without_unit(channel.name)
+            if column in (bare, f"{bare} ({channel.unit})", split_unit(channel.name)[0]):
+                names[i] = column
+    words = ", ".join(_numbered(contents)) + contents.without_numbers()
+    numbers = [c.number for c in channels]
+    return channels[
+        find_column(
+            contents.path, names, column, numbers=numbers, listed=words, purpose=f" for the {quantity}"
         )
-    return found[0] if found else None
-
-
-def _clock(contents: Contents, column: str, layout: Layout) -> Channel | None:
-    """The column of times as a channel. To read it as a channel, another column is declared as the clock."""
-    if not contents.channels:
-        return None
-    first = contents.channels[0]
-    time = first.number if contents.facts.get("format") not in ("hdf5", "matlab") else first.name
-    other = Layout(header_line=layout.header_line, sheet=layout.sheet, time=time, time_unit="s")
-    try:
-        return _channel(read_contents(contents.path, layout=other), column)
-    except InputError:
-        return None  # there is no second column
+    ]
 
 
 def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -> float:

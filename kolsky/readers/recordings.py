@@ -24,19 +24,20 @@ from kolsky.readers import (
     tektronix_csv,
 )
 from kolsky.readers.contents import (
-    LARGEST_JITTER,
     LARGEST_SAMPLE,
     Channel,
     ChannelInfo,
     Clock,
     Contents,
     check_name,
+    check_steps,
+    find_column,
     head_of,
 )
 from kolsky.readers.excel import EXCEL, EXCEL_97
 from kolsky.readers.header import si_unit
 from kolsky.readers.layout import Layout
-from kolsky.readers.table import Column, Table, read_table
+from kolsky.readers.table import Column, read_table
 
 
 class RecorderFormat(Protocol):
@@ -185,7 +186,10 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
     table = read_table(path)
     t, volts = table.values(time), table.values(voltage)
     table.check_increasing(time, t)
-    _check_uniform(table, time, t)
+    if t.size < 3:
+        raise table.error("has fewer than 3 samples", cure="export the whole record")
+    digit = np.full(t.size, table.printed_digit(time))
+    check_steps(t, digit, name=time.name, fault=table.error, largest_variation=0.0)
     return Recording(
         time=t,
         value=volts,
@@ -253,22 +257,11 @@ def _check_layout(path: Path, layout: Layout) -> None:
 
 
 def _find(contents: Contents, wanted: str) -> Channel:
-    named = [channel for channel in contents.channels if channel.name in (wanted, f"/{wanted}")]
-    if not named and wanted.isdecimal():
-        named = [channel for channel in contents.channels if channel.number == int(wanted)]
-    if len(named) == 1:
-        return named[0]
-    if named:
-        numbers = ", ".join(str(channel.number) for channel in named)
-        raise InputError(
-            contents.path, f"has {len(named)} channels '{wanted}'", cure=f"ask by number: {numbers}"
-        )
-    names = ", ".join(f"'{channel.name}'" for channel in contents.channels[:20])
-    raise InputError(
-        contents.path,
-        f"channel '{wanted}' is missing; the channels are {names}{contents.without_numbers()}",
-        cure="correct the name, or give its number; `kolsky channels FILE` shows what was found",
-    )
+    names, numbers = [c.name for c in contents.channels], [c.number for c in contents.channels]
+    words = ", ".join(f"'{name}'" for name in names[:20]) + contents.without_numbers()
+    return contents.channels[
+        find_column(contents.path, names, wanted, "channel", numbers=numbers, listed=words)
+    ]
 
 
 def _recording(contents: Contents, channel: Channel, layout: Layout) -> Recording:
@@ -361,29 +354,3 @@ def _info(contents: Contents, channel: Channel) -> ChannelInfo:
         facts=contents.facts,
         metadata=contents.metadata,
     )
-
-
-def _check_uniform(table: Table, column: Column, time: FloatArray) -> None:
-    """Check that times have equal steps. Other steps indicate a gap or a rounded column."""
-    if time.size < 3:
-        raise table.error("has fewer than 3 samples", cure="export the whole record")
-    digit = table.printed_digit(column)
-    steps = np.diff(time)
-    step = float(np.median(steps))
-    # The error of a printed time is at most half a digit. That of a step is one digit (plus round-off).
-    worst = int(np.argmax(np.abs(steps - step)))
-    excess = abs(float(steps[worst]) - step)
-    if excess > 1.001 * digit + 1e-9 * step:
-        raise table.error(
-            f"column '{column.name}': the step is {steps[worst]:.6g} s where the others are {step:.6g} s,"
-            f" and the printed digit is only {digit:.0e} s",
-            row=worst + 1,
-            cure="export the record again without gaps",
-        )
-    if excess > LARGEST_JITTER * step:
-        raise table.error(
-            f"column '{column.name}' is rounded to {digit:.0e} s: steps between {steps.min():.6g} and"
-            f" {steps.max():.6g} s in a uniform record",
-            row=worst + 1,
-            cure="export the times with more digits",
-        )

@@ -143,10 +143,7 @@ def _check_count(path: Path, name: str, header: Any, samples: int) -> None:
 
 
 def _check_curve(path: Path) -> None:
-    """Check that the curve of an .isf file ("#510000..." and that many bytes) is complete.
-
-    The library does not check this.
-    """
+    """Check that the curve of an .isf file ("#510000..." and that many bytes) is complete."""
     if path.suffix.lower() != ".isf":
         return
     head = head_of(path, 4096)

@@ -4,7 +4,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from kolsky.readers.contents import (
     check_samples,
     column_clock,
     column_digits,
+    find_column,
     stated_clock,
 )
 from kolsky.readers.header import (
@@ -38,7 +38,7 @@ from kolsky.readers.text import COMMA, Dialect, cure_of, find_dialect, full_matc
 
 @dataclass(frozen=True)
 class Sheet:
-    """Lines divided into fields. Line i of `rows` is line `first + i` of the file."""
+    """Lines divided into fields. Line i of `rows` is line `first_line + i` of the file."""
 
     path: Path
     """The file."""
@@ -46,7 +46,7 @@ class Sheet:
     """Division of its lines into fields."""
     rows: Sequence[str]
     """The lines of samples."""
-    first: int
+    first_line: int
     """Line number of the first row, counted from 1."""
     names: tuple[str, ...]
     """Column names. Without a header they are "1", "2", ..."""
@@ -61,7 +61,7 @@ class Sheet:
     _checked: list[bool] = field(default_factory=list, compare=False, repr=False)
     """It is not empty after the fields of all rows have been counted."""
 
-    def values(self, column: int, *, gaps: bool = False) -> FloatArray:
+    def numbers(self, column: int, *, gaps: bool = False) -> FloatArray:
         """The numbers of a column in the unit of the file, shape [n].
 
         ``column``: index of the column, counted from 0. ``gaps``: True if NaN is allowed, as in tables with
@@ -98,38 +98,16 @@ class Sheet:
         text = self.dialect.split(self.rows[row])[column]
         return text.replace(",", ".") if self.dialect.decimal == "," else text
 
-    def column(self, wanted: ColumnId, what: str) -> int:
-        """The index of a column, counted from 0, by its name or, without such a name, by its number.
-
-        Raises InputError if no column, or more than one, has the name.
-        """
-        found = [i for i, name in enumerate(self.names) if name == wanted]
-        if len(found) > 1:
-            numbers = ", ".join(str(i + 1) for i in found)
-            raise InputError(
-                self.path,
-                f"has {len(found)} columns '{wanted}'",
-                cure=f"give the number of one: {numbers}",
-            )
-        if found:
-            return found[0]
-        number = int(wanted) if str(wanted).isdecimal() else 0
-        if 1 <= number <= len(self.names):
-            return number - 1
-        names = ", ".join(f"'{name}'" for name in self.names)
-        raise InputError(
-            self.path,
-            f"{what} '{wanted}' is missing; the columns are {names}",
-            line=max(1, self.first - 1) if self.word == "line" else None,
-            cure="correct its name, or give its number; `kolsky channels FILE` lists them",
+    def column(self, wanted: ColumnId, what: str = "column") -> int:
+        """The index of a column, see `find_column`."""
+        line = max(1, self.first_line - 1) if self.word == "line" else None
+        return find_column(
+            self.path, self.names, wanted, what, numbers=range(1, len(self.names) + 1), line=line
         )
 
-    def error(self, message: str, row: int | None, cure: str | None) -> InputError:
-        """An error about this file.
-
-        `row` counts rows of samples from 0.
-        """
-        line = None if row is None else self.first + row
+    def error(self, message: str, row: int | None = None, cure: str | None = None) -> InputError:
+        """An error about this file. `row` counts rows of samples from 0."""
+        line = None if row is None else self.first_line + row
         if self.word != "line" and line is not None:
             return InputError(self.path, f"{self.word} {line}: {message}", cure=cure)
         return InputError(self.path, message, line=line, cure=cure)
@@ -179,10 +157,7 @@ class Sheet:
         )
 
     def _first_bad_number(self, column: int, fallback: str) -> InputError:
-        """The error for the first bad number, found line by line.
-
-        It is slow and used only if the fast method fails.
-        """
+        """The error for the first bad number, found line by line after the fast method failed."""
         for row in range(len(self.rows)):
             text = self.dialect.split(self.rows[row])[column]
             if not self.dialect.is_number(text):
@@ -195,10 +170,7 @@ class Sheet:
 
 
 def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
-    """Index of the first line of samples.
-
-    Raises InputError if the declared line is outside the file, or if no line has the form of samples.
-    """
+    """Index of the first line of samples: the declared one, else the first that has their form."""
     if layout.first_line is not None:
         if not 1 <= layout.first_line <= len(lines):
             raise InputError(
@@ -219,11 +191,8 @@ def names_and_units(
 ) -> tuple[tuple[str, ...], tuple[str | None, ...], dict[str, str], set[int]]:
     """Names and units of the columns, their source, and the indices of their lines (from 0).
 
-    The header is the last line above the samples with the same number of fields. If that line has only units
-    ("(ms)", "Volt"), the names are on such a line above it.
-
-    Raises InputError if a declared line does not fit, or if the line above the samples is a damaged line of
-    samples.
+    The names are on the last line above the samples with as many fields, or above it if it has only units.
+    Raises InputError if a declared line does not fit, or if the line is a damaged line of samples.
     """
     fitting = [i for i in range(first) if _fits(dialect, lines[i])]
     if not fitting and first:
@@ -278,10 +247,7 @@ def _fits(dialect: Dialect, line: str) -> bool:
 
 
 def _fits_mostly(dialect: Dialect, line: str) -> bool:
-    """True if the line above the samples names most numeric columns.
-
-    Merged cells name only their first column.
-    """
+    """True if the line above the samples names most numeric columns; merged cells name only the first."""
     cells = dialect.split(line)
     if len(cells) < dialect.fields or any(dialect.is_number(cells[i]) for i in dialect.numeric):
         return False
@@ -342,30 +308,16 @@ LONGEST_HEADER = 5000
 """Maximum number of lines above the samples."""
 
 
-@dataclass(frozen=True)
-class FoundTable:
+@dataclass(frozen=True, kw_only=True)
+class FoundTable(Sheet):
     """Lines of unknown origin, recognized as a table."""
 
-    dialect: Dialect
-    """Division of the lines into fields."""
-    lines: list[str]
-    """All lines. If blanks are the delimiter, lines have no outer blanks."""
-    first: int
-    """Index of the first line of samples."""
     above: list[str]
-    """The lines above it, without comment signs."""
-    names: tuple[str, ...]
-    """Column names."""
-    units: tuple[str | None, ...]
-    """Units as written, or None."""
+    """The lines above the samples, without comment signs."""
     facts: dict[str, str]
     """Lines of names and units, counted from 1, in words."""
     headings: set[int]
     """Indices of the lines with names and units."""
-
-    def sheet(self, path: Path, names: tuple[str, ...], units: tuple[str | None, ...], **more: Any) -> Sheet:
-        """Its samples under these names and units. ``more``: further fields of the sheet."""
-        return Sheet(path, self.dialect, self.lines[self.first :], self.first + 1, names, units, **more)
 
 
 def find_table(
@@ -389,7 +341,19 @@ def find_table(
             cure="is it the right file? if so, export the samples alone",
         )
     above = [uncommented(line, layout.comment) for line in lines[:first]]
-    return FoundTable(dialect, lines, first, above, *names_and_units(path, above, first, dialect, layout))
+    names, units, facts, headings = names_and_units(path, above, first, dialect, layout)
+    return FoundTable(
+        path=path,
+        dialect=dialect,
+        rows=lines[first:],
+        first_line=first + 1,
+        names=names,
+        units=units,
+        word=word,
+        above=above,
+        facts=facts,
+        headings=headings,
+    )
 
 
 _TIME_NAME = re.compile(
@@ -428,6 +392,10 @@ class SignalTable:
         check_samples(sheet.path, sheet.names[columns[0]], len(sheet.rows))
         return tuple(self._channel(column, order, len(columns)) for order, column in enumerate(columns))
 
+    def time_channels(self) -> tuple[Channel, ...]:
+        """The time columns, as signals."""
+        return tuple(self._channel(column, 0, 1) for column in self.times)
+
     @property
     def counts(self) -> tuple[int, ...]:
         """Columns of sample counts, such as Rigol's with the unit "Sequence"."""
@@ -440,9 +408,9 @@ class SignalTable:
             number=column + 1,
             unit=sheet.units[column],
             samples=len(sheet.rows),
-            values=lambda: sheet.values(column),
+            values=lambda: sheet.numbers(column),
             clock=lambda: self._clock(column, order, count),
-            place=lambda sample: sheet.first + sample,
+            place=lambda sample: sheet.first_line + sample,
         )
 
     def _clock(self, column: int, order: int, count: int) -> Clock:
@@ -450,11 +418,10 @@ class SignalTable:
         header = header_clock(
             sheet.path, sheet.metadata, channel=order, channels=count, decimal=sheet.dialect.decimal
         )
-        start = layout.start if layout.start is not None else self._first_time(header)
-        interval, tolerance, source = header.interval, header.interval_digit, header.source
-        if layout.interval is not None:
-            header.check_declared(sheet.path, layout.interval)
-            interval, tolerance, source = layout.interval, 0.0, "stated"
+        if layout.start is None:
+            header = replace(header, start=self._first_time(header))
+        header = header.declared(sheet.path, layout)
+        interval, start = header.interval, header.start
         number = self._time_column(column)
         if number is not None and interval is not None and start is not None and not self._time_unit(number):
             number = None  # the header has all data, and the unit of the column is unknown
@@ -466,7 +433,7 @@ class SignalTable:
                     None,
                     'give in the layout time = "NAME", or interval = "100 ns"',
                 )
-            return stated_clock(interval, start, source)
+            return stated_clock(interval, start, header.source)
         values, digit = self._times(number)
         return column_clock(
             values,
@@ -474,20 +441,17 @@ class SignalTable:
             name=sheet.names[number],
             fault=sheet.error,
             interval=interval,
-            tolerance=tolerance,
+            tolerance=header.interval_digit,
             start=start,
-            source=source,
+            source=header.source,
         )
 
     def _first_time(self, header: HeaderClock) -> float | None:
-        """Time of the first sample [s]. It is the header's start, or the time of the first sample count.
-
-        A count that begins at 1 numbers the samples. Any other first count is the number of missing samples.
-        """
+        """Time of the first sample [s]; a count that does not begin at 1 is the number of missing samples."""
         sheet = self.sheet
         if header.start is None or header.interval is None or not self.counts:
             return header.start
-        count = sheet.values(self.counts[0])
+        count = sheet.numbers(self.counts[0])
         steps = np.flatnonzero(np.diff(count) != 1.0)
         if steps.size:
             row = int(steps[0]) + 1
@@ -499,10 +463,7 @@ class SignalTable:
         return header.start + (0.0 if count[0] == 1.0 else float(count[0])) * header.interval
 
     def _time_column(self, column: int) -> int | None:
-        """The time column of a signal.
-
-        The declared one, otherwise the nearest one to its left, otherwise the first.
-        """
+        """The time column of a signal: the declared one, else the nearest to its left, else the first."""
         stated = self.layout.time
         if isinstance(stated, Mapping):
             for channel, time in stated.items():
@@ -521,7 +482,7 @@ class SignalTable:
         sheet = self.sheet
         what = f"the time column '{sheet.names[number]}'"
         factor = time_factor(sheet.path, self._time_unit(number), what)
-        values = sheet.values(number)
+        values = sheet.numbers(number)
         digits = column_digits(values, lambda row: sheet.field(number, row))
         # Division by 1e6 rounds once, multiplication by 1e-6 rounds twice: 25 us is 2.5e-5 s.
         inverse = round(1.0 / factor)
@@ -530,10 +491,7 @@ class SignalTable:
         return self._read[number]
 
     def _time_unit(self, number: int) -> str | None:
-        """The unit of a time column.
-
-        The unit is declared, given in the header, or part of the column's name ("seconds").
-        """
+        """The unit of a time column: declared, in the header, or part of its name ("seconds")."""
         name = self.sheet.names[number]
         named = name if len(name) > 1 and si_unit(name) == ("s", 1.0) else None
         said = self.layout.time_unit or self.sheet.units[number] or named or time_unit(self.sheet.metadata)
@@ -560,9 +518,7 @@ class SignalTable:
 
 
 def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
-    """Find the time columns.
-
-    They are the declared ones, otherwise columns named time or with a unit of time.
+    """A table with its declared time columns, otherwise those named time or with a unit of time.
 
     Raises InputError if a declared time column is missing.
     """

@@ -5,7 +5,6 @@ may clearly have another layout: other delimiter, decimal commas, lines above th
 detected, and `kolsky check` reports it.
 """
 
-import csv
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +18,7 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import decode, read_bytes
 from kolsky.readers import delimited, hdf5, matlab
-from kolsky.readers.contents import check_name, file_hash
+from kolsky.readers.contents import check_name, file_hash, find_column
 from kolsky.readers.excel import EXCEL, EXCEL_97
 from kolsky.readers.header import uncommented
 from kolsky.readers.layout import Layout
@@ -32,7 +31,6 @@ from kolsky.readers.text import (
     declared_decimal,
     declared_delimiter,
     decode_text,
-    delimiter_of,
     lines_of,
 )
 
@@ -46,14 +44,18 @@ def detect_layout(path: Path, data: bytes) -> Layout:
     """The detected layout of a table. It is `PLAIN` if the table is plain or no better layout is found."""
     try:
         text, encoding = decode_text(path, data)
-        return _layout_of(path, lines_of(path, text), encoding)
+        lines = lines_of(path, text)
     except InputError:
         return PLAIN  # the strict reader reports the error and its line
+    return _layout_of(path, lines, encoding)
 
 
-def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
-    """The layout of lines. Raises InputError if none is found."""
-    table = find_table(path, lines, Layout())
+def _layout_of(path: Path, lines: list[str], encoding: str = "utf-8") -> Layout:
+    """The layout of lines; `PLAIN` if none is found, because the strict reader reports the error."""
+    try:
+        table = find_table(path, lines, Layout())
+    except InputError:
+        return PLAIN
     dialect, facts = table.dialect, table.facts
     if not facts["header"].isdecimal():
         return PLAIN
@@ -69,14 +71,12 @@ def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
         decimal=dialect.decimal,
         header_line=header,
         units_line=units,
-        first_line=table.first + 1,
+        first_line=table.first_line,
     )
 
 
 def layout_in_words(path: Path) -> str:
-    """The detected layout of a table without a declared one, in words.
-
-    Empty for plain or binary files.
+    """The detected layout of a table in words; empty for plain or binary files.
 
     Raises InputError if the file cannot be read.
     """
@@ -84,7 +84,7 @@ def layout_in_words(path: Path) -> str:
     if found is PLAIN:
         return ""
     words = [
-        _plural(str(found.delimiter)),
+        Dialect(declared_delimiter(path, str(found.delimiter)), ".", 0, ()).sign.plural,
         "decimal commas" if found.decimal == "," else "decimal points",
     ]
     words += [found.encoding] if found.encoding is not None else []
@@ -107,33 +107,16 @@ class Column:
     """Advice if a number is out of range."""
 
 
-@dataclass(frozen=True)
-class Table:
-    """A text file that was read."""
+@dataclass(frozen=True, kw_only=True)
+class Table(Sheet):
+    """A sheet with declared columns."""
 
-    sheet: Sheet
-    """Its lines of data, divided into fields."""
     sha256: str
-    """SHA-256 of its bytes, hex."""
+    """SHA-256 of its file, hex."""
     header_line: int | None
     """Line of the column names, counted from 1. None if the file has none."""
     division: str
     """Its division into columns, and the declaration that changes it, in words."""
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self.sheet.path
-
-    @property
-    def header(self) -> tuple[str, ...]:
-        """Column names. Without a header they are "1", "2", ..."""
-        return self.sheet.names
-
-    @property
-    def first_line(self) -> int:
-        """Line of the first row of data, counted from 1."""
-        return self.sheet.first
 
     def values(self, column: Column) -> FloatArray:
         """A column in SI units, shape [n_rows].
@@ -141,15 +124,15 @@ class Table:
         Raises InputError if the column is missing or its name is repeated, or if a value is not finite or
         is outside its bound.
         """
-        index = self._index(column)
-        if self.sheet.dialect.decimal == ",":
+        index = self.index(column)
+        if self.dialect.decimal == ",":
             self._check_no_points(column, index)
-        numbers = self.sheet.values(index)
+        numbers = self.numbers(index)
         least = float(numbers.min()) if column.bound else 1.0
         if least < 0.0 or (least == 0.0 and column.bound == "> 0"):
             row = int(np.argmin(numbers))
             raise self.error(
-                f"column '{column.name}' is '{self.field(column, row)}'; it must be {column.bound}",
+                f"column '{column.name}' is '{self.field(index, row)}'; it must be {column.bound}",
                 row=row,
                 cure=column.cure,
             )
@@ -166,24 +149,17 @@ class Table:
         if bad.size:
             row = int(bad[0])
             raise self.error(
-                f"column '{column.name}' is not a frame number: '{self.field(column, row)}'",
+                f"column '{column.name}' is not a frame number: '{self.field(self.index(column), row)}'",
                 row=row,
                 cure="frame numbers are whole; are two columns swapped?",
             )
         return numbers.astype(np.int64)
 
-    def field(self, column: Column, row: int) -> str:
-        """The text of one field, with a decimal point."""
-        return self.sheet.field(self._index(column), row)
-
     def printed_digit(self, column: Column) -> float:
-        """The last printed digit of a column, in SI units, e.g. 1e-11 for "-1.9950000e-04" s.
-
-        With an exponent, the last digit depends on the size of the number. The coarsest digit is returned.
-        """
-        index, last = self._index(column), len(self.sheet.rows) - 1
+        """The coarsest last printed digit of a column, in SI units, e.g. 1e-11 for "-1.9950000e-04" s."""
+        index, last = self.index(column), len(self.rows) - 1
         step = max(1, (last + 1) // 1000)
-        fields = [self.sheet.field(index, row) for row in (*range(0, last + 1, step), last)]
+        fields = [self.field(index, row) for row in (*range(0, last + 1, step), last)]
         decimals = [Decimal(field) for field in fields]
         nonzero = [d for d in decimals if d != 0]
         if nonzero and any("e" in field.lower() for field in fields):
@@ -202,12 +178,12 @@ class Table:
         bad = np.flatnonzero(steps <= 0)
         if not bad.size:
             return
-        row = int(bad[0]) + 1
+        row, index = int(bad[0]) + 1, self.index(column)
         word = "repeats" if steps[row - 1] == 0 else "is not sorted:"
         # A voltage or a displacement that was declared as time decreases often.
         swapped = bad.size > 0.05 * steps.size and bad.size > 2
         raise self.error(
-            f"column '{column.name}' {word} '{self.field(column, row)}' after '{self.field(column, row - 1)}'"
+            f"column '{column.name}' {word} '{self.field(index, row)}' after '{self.field(index, row - 1)}'"
             + (f" ({bad.size} such lines)" if bad.size > 1 else ""),
             row=row,
             cure="are two columns swapped? the shot file names each column"
@@ -216,51 +192,24 @@ class Table:
             "order",
         )
 
-    def error(self, message: str, *, row: int | None = None, cure: str | None = None) -> InputError:
-        """An error about this file.
-
-        `row` counts rows of data from 0.
-        """
-        return self.sheet.error(message, row, cure)
-
     def _check_no_points(self, column: Column, index: int) -> None:
-        """Check that there are no points.
-
-        With decimal commas, a point could only separate thousands.
-        """
-        for row, text in enumerate(self.sheet.rows):
-            if "." in text and "." in (written := self.sheet.dialect.split(text)[index]):
+        """Check that there are no points, which could only separate thousands beside decimal commas."""
+        for row, text in enumerate(self.rows):
+            if "." in text and "." in (written := self.dialect.split(text)[index]):
                 raise self.error(
                     f"column '{column.name}' is not a number: '{written[:60]}'",
                     row=row,
                     cure=cure_of(written),
                 )
 
-    def _index(self, column: Column) -> int:
-        names_of_array = (column.name, f"/{column.name}")  # a path of HDF5 begins with a slash
-        found = [i for i, name in enumerate(self.header) if name in names_of_array]
-        if len(found) == 1:
-            return found[0]
-        names = ", ".join(f"'{name}'" for name in self.header)
-        if found:
-            raise InputError(
-                self.path,
-                f"column '{column.name}' is there {len(found)} times",
-                line=self.header_line,
-                cure="give each column a different name",
-            )
-        raise InputError(
-            self.path,
-            f"column '{column.name}' is missing; the columns are {names}",
-            line=self.header_line,
-            cure=f"correct the column's name in the shot file ({self.division})",
-        )
+    def index(self, column: Column) -> int:
+        """The index of a column, see `find_column`."""
+        cure = f"correct the column's name in the shot file ({self.division})"
+        return find_column(self.path, self.names, column.name, line=self.header_line, cure=cure)
 
 
 def read_table(path: Path, *, layout: Layout | None = None) -> Table:
-    """Read a table.
-
-    It is text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
+    """Read a text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
 
     A text is UTF-8 with commas, decimal points and one header line, unless another layout is declared or
     detected.
@@ -276,7 +225,7 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         named = layout or Layout()
         lines = source.table_lines(path, named.sheet)
         sha256 = file_hash(path)
-        found = _sheet_layout(path, lines) if named == Layout(sheet=named.sheet) else named
+        found = _layout_of(path, lines) if named == Layout(sheet=named.sheet) else named
         layout = replace(found, encoding=None, delimiter="tab", decimal=".")
     else:
         if layout is not None and layout.sheet is not None:
@@ -303,32 +252,42 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
         raise InputError(path, "has a header but no data", cure="export it again")
     if header_line:
         heading = lines[header_line - 1]
-        names = _names(uncommented(heading, layout.comment) if layout.comment else heading, dialect.delimiter)
+        heading = uncommented(heading, layout.comment) if layout.comment else heading
+        names = tuple(replace(dialect, quoted=True).split(heading))
     else:
         names = tuple(str(i + 1) for i in range(len(dialect.split(rows[0]))))
     names = _names_of_rows(names, rows, dialect)
     if layout is PLAIN and len(names) == 1:
         check_one_column(path, lines)
-    dialect = Dialect(
-        dialect.delimiter, dialect.decimal, len(names), tuple(range(len(names))), quoted=dialect.quoted
-    )
-    said = "the header has" if header_line else "the first line has"
+    dialect = replace(dialect, fields=len(names), numeric=tuple(range(len(names))))
     word, start = ("line" if source is None else "row"), first
     if source in (matlab, hdf5):
         word, start = "entry", 1  # arrays have no line of names
-    sheet = Sheet(path, dialect, rows, start, names, (None,) * len(names), word=word, counted=said)
-    try:
-        sheet.check_fields()
-    except InputError:
-        if layout is PLAIN and len(names) == 1:
-            find_table(path, lines, Layout())  # the error names the dialect that the lines almost have
-        raise
-    division = f"columns are separated by {_plural(dialect.delimiter)}; a layout may declare others"
+    division = f"columns are separated by {dialect.sign.plural}; a layout may declare others"
     if source in (EXCEL, EXCEL_97):
         division = f"names were taken from row {header_line}; header_line and sheet in a layout change that"
     elif source is not None:
         division = "the arrays as long as the longest are its columns; `kolsky channels FILE` lists all"
-    return Table(sheet, sha256, header_line or None, division)
+    table = Table(
+        path=path,
+        dialect=dialect,
+        rows=rows,
+        first_line=start,
+        names=names,
+        units=(None,) * len(names),
+        word=word,
+        counted="the header has" if header_line else "the first line has",
+        sha256=sha256,
+        header_line=header_line or None,
+        division=division,
+    )
+    try:
+        table.check_fields()
+    except InputError:
+        if layout is PLAIN and len(names) == 1:
+            find_table(path, lines, Layout())  # the error names the dialect that the lines almost have
+        raise
+    return table
 
 
 def _source(path: Path) -> Any:
@@ -337,19 +296,6 @@ def _source(path: Path) -> Any:
         check_name(path)
         return None
     return next((form for form in (EXCEL, EXCEL_97, matlab, hdf5) if form.sniff(path)), None)
-
-
-def _sheet_layout(path: Path, lines: list[str]) -> Layout:
-    try:
-        return _layout_of(path, lines, "utf-8")
-    except InputError:
-        return PLAIN
-
-
-def _plural(delimiter: str) -> str:
-    found = delimiter_of(delimiter)
-    assert found is not None  # only known ones are read
-    return found.plural
 
 
 def _dialect(path: Path, layout: Layout) -> Dialect:
@@ -366,10 +312,7 @@ def _dialect(path: Path, layout: Layout) -> Dialect:
 
 
 def _names_of_rows(names: tuple[str, ...], rows: Sequence[str], dialect: Dialect) -> tuple[str, ...]:
-    """Names without the last one if it is empty.
-
-    It is empty if only the names or only the rows end with a delimiter.
-    """
+    """Names without an empty last one: only the names or only the rows may end with a delimiter."""
     if dialect.delimiter == BLANKS.character or not names:
         return names
     ends = [row.rstrip().endswith(dialect.delimiter) for row in rows]
@@ -378,12 +321,3 @@ def _names_of_rows(names: tuple[str, ...], rows: Sequence[str], dialect: Dialect
     if len(names) > 1 and not names[-1] and all(len(dialect.split(row)) == len(names) - 1 for row in rows):
         return names[:-1]
     return names
-
-
-def _names(line: str, delimiter: str) -> tuple[str, ...]:
-    if delimiter == " ":
-        return tuple(line.replace('"', "").split())
-    try:
-        return tuple(name.strip() for name in next(csv.reader([line], delimiter=delimiter), []))
-    except csv.Error:  # a name of more than 131 072 characters
-        return tuple(name.strip() for name in line.split(delimiter))

@@ -127,11 +127,7 @@ class _Waveform:
 
 
 def _waveforms(stream: BinaryIO) -> dict[str, list[_Waveform]]:
-    """The waveforms of each channel with a declared start time.
-
-    A segment may redefine the properties of a channel. npTDMS keeps only the last ones. A gap between two
-    waveforms would be lost.
-    """
+    """The waveforms of each channel with a declared start time; npTDMS keeps the last properties only."""
     from nptdms.common import ObjectPath
     from nptdms.reader import TdmsReader
 

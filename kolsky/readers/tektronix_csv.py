@@ -24,8 +24,9 @@ _KEYED = 40
 def sniff(path: Path) -> bool:
     """True if the first line has the key "Record Length" followed by time and volts."""
     line = head_of(path, 1024).split(b"\n")[0].decode("latin-1")
-    named = line.lower().lstrip('"').startswith("record length")
-    return named and line.count(",") >= _BLOCK - 1 and _pair(line)
+    cells = [part.strip() for part in line.split(",")]
+    named = line.lower().lstrip('"').startswith("record length") and len(cells) >= _BLOCK
+    return named and all(map(Dialect(",", ".", 0, ()).is_number, cells[3:5]))
 
 
 def read(path: Path, layout: Layout) -> Contents:
@@ -58,9 +59,3 @@ def read(path: Path, layout: Layout) -> Contents:
         "header": "beside samples",
     }
     return Contents(path=path, sha256=sha256, channels=tuple(channels), facts=facts, metadata=metadata)
-
-
-def _pair(line: str) -> bool:
-    """True if fields 4 and 5 are numbers."""
-    cells = [part.strip() for part in line.split(",")]
-    return all(Dialect(",", ".", 0, ()).is_number(cell) for cell in cells[3:5])

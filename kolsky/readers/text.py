@@ -127,13 +127,7 @@ def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
 
 
 def _quoted_commas_apart(lines: list[str]) -> list[str]:
-    """Replace commas between fields such as "0,12","3,5" by semicolons.
-
-    In such fields, commas are decimal signs.
-
-    This is done only if most of the last nonempty lines have commas inside and outside quotes and no other
-    delimiter. A line above them such as "dt: 1,25 ms" (comma between two digits, no quotes) does not change.
-    """
+    """Replace commas between fields such as "0,12","3,5" by semicolons, if most last lines have them."""
     filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
     apart = [
         _QUOTED_COMMA.search(line) is not None
@@ -157,12 +151,7 @@ def _semicolons(line: str) -> str:
 
 
 def _whole_lines_unquoted(lines: list[str]) -> list[str]:
-    """Remove quotes around whole lines.
-
-    A spreadsheet writes them if it stored each line in one cell.
-
-    This is done only if most nonempty lines are one quoted field that contains fields.
-    """
+    """Remove quotes around whole lines, which a spreadsheet writes if each line was in one cell."""
     filled = [line.strip() for line in lines if line.strip()]
     quoted = [line for line in filled if _QUOTED_LINE.fullmatch(line) and _DIVIDED.search(line)]
     if len(quoted) < _AGREEING_SHARE * len(filled):
@@ -195,11 +184,6 @@ DELIMITERS = (
     BLANKS,
 )
 """All delimiters, in the order of their trials. Add a new delimiter here."""
-
-
-def delimiter_of(text: str) -> Delimiter | None:
-    """The delimiter with a name or a character; None if unknown."""
-    return next((d for d in DELIMITERS if text in (d.name, d.character)), None)
 
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
@@ -311,11 +295,14 @@ class Dialect:
         return all(self.is_number(parts[i]) for i in self.numeric)
 
     @property
+    def sign(self) -> Delimiter:
+        """The delimiter with its names."""
+        return next(d for d in DELIMITERS if d.character == self.delimiter)
+
+    @property
     def facts(self) -> dict[str, str]:
         """Delimiter and decimal sign in words."""
-        found = delimiter_of(self.delimiter)
-        assert found is not None  # only known ones are tried
-        return {"delimiter": found.name, "decimal": self.decimal}
+        return {"delimiter": self.sign.name, "decimal": self.decimal}
 
 
 def find_dialect(
@@ -332,7 +319,8 @@ def find_dialect(
     None: detected. ``word``: name of a line in messages. Raises InputError if a declared value is not
     allowed, or if no column is numeric.
     """
-    characters = _characters() if delimiter is None else (declared_delimiter(path, delimiter),)
+    every = tuple(d.character for d in DELIMITERS)
+    characters = every if delimiter is None else (declared_delimiter(path, delimiter),)
     decimals = (".", ",") if decimal is None else (declared_decimal(path, decimal),)
     filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
     dialects: list[Dialect] = []
@@ -386,7 +374,7 @@ def _no_numbers(
     """The error for lines without a numeric column. It shows a field of the last such line."""
     line, text = _last_word(lines, characters, decimals)
     said = [
-        *([f"the delimiter {delimiter_name(characters[0])}"] if len(characters) == 1 else []),
+        *(f"the delimiter '{d.name}'" for d in DELIMITERS if (d.character,) == tuple(characters)),
         *([f"the decimal sign {decimals[0]!r}"] if len(decimals) == 1 else []),
     ]
     under = f" with {' and '.join(said)}" if said and word == "line" else ""
@@ -409,12 +397,6 @@ def _check_stronger_delimiter(path: Path, lines: Sequence[str], filled: Sequence
         numbers = [p for p in parts if len(p) > 1 and all(_ALMOST.fullmatch(cell.strip()) for cell in p)]
         if len(numbers) >= _AGREEING_SHARE * len(tail):
             raise _no_plain_numbers(path, delimiter, lines)
-
-
-def delimiter_name(character: str) -> str:
-    """The name of a delimiter's character."""
-    found = delimiter_of(character)
-    return repr(character) if found is None else f"'{found.name}'"
 
 
 def _share_of_numbers(dialect: Dialect) -> tuple[float, int]:
@@ -444,10 +426,7 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
 
 
 def _tabs_for_blanks(filled: Sequence[str], dialect: Dialect) -> Dialect:
-    """The dialect with tabs if tabs and blanks divide the samples in the same way.
-
-    Names may then contain blanks.
-    """
+    """The dialect with tabs if tabs and blanks divide the samples in the same way; names may have blanks."""
     tab = DELIMITERS[0].character
     samples = [line for line in filled if dialect.is_samples(line)]
     same = [
@@ -460,13 +439,7 @@ def _tabs_for_blanks(filled: Sequence[str], dialect: Dialect) -> Dialect:
 
 
 def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect) -> bool:
-    """True if two integers around a comma are the parts of one decimal number.
-
-    Example: "-0,128" below "Kraft [N]".
-
-    The evidence is a second part that is not an integer ("012", or after "-0"), or a line of names without a
-    comma. If the first parts count the lines, they are a separate column.
-    """
+    """True if two integers around a comma are one decimal number, such as "-0,128" below "Kraft [N]"."""
     if dialect.delimiter != COMMA.character or dialect.fields != 2 or len(dialect.numeric) != 2:
         return False
     rows = [dialect.split(line) for line in filled if dialect.is_samples(line)]
@@ -480,10 +453,7 @@ def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect
 
 
 def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str]) -> tuple[int, str]:
-    """The last line, counted from 1, with a field that is not a number.
-
-    That field and the best dialect are also returned.
-    """
+    """Number of the last line with a field that is not a number in the best dialect, and that field."""
     kinds = [Dialect(c, sign, 0, ()) for c in characters for sign in decimals if sign != c]
     tail = range(max(0, len(lines) - 4 * _LINES_COMPARED), len(lines))
     best = max(kinds, key=lambda kind: sum(kind.is_number(f) for i in tail for f in kind.split(lines[i])))
@@ -496,7 +466,7 @@ def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequen
 
 def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
     """The dialect of the lines with another delimiter than the declared one."""
-    for character in _characters():
+    for character in (d.character for d in DELIMITERS):
         for decimal in (".", ","):
             if character not in (stated, decimal):
                 dialect = _columns(lines, character, decimal)
@@ -505,20 +475,11 @@ def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
     return None
 
 
-def _characters() -> tuple[str, ...]:
-    return tuple(d.character for d in DELIMITERS)
-
-
 def declared_delimiter(path: Path, value: str) -> str:
-    """The character of a declared delimiter.
-
-    A layout declares it by name or by character.
-
-    Raises InputError if it is unknown.
-    """
-    found = delimiter_of(value)
+    """The character of a delimiter declared by name or by character. Raises InputError if it is unknown."""
+    found = next((d for d in DELIMITERS if value in (d.name, d.character)), None)
     if found is None:
-        allowed = [d.name for d in DELIMITERS] + [c for c in _characters() if c.strip()]
+        allowed = [d.name for d in DELIMITERS] + [d.character for d in DELIMITERS if d.character.strip()]
         names = ", ".join(f'"{name}"' for name in allowed)
         raise InputError(path, f"is declared to have the delimiter {value!r}", allowed=f"one of {names}")
     return found.character

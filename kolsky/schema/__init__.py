@@ -1,4 +1,1 @@
-"""TOML schemas of a shot (shot.toml) and of image correlation without a shot (dic.toml), in SI.
-
-Errors name the line and the remedy.
-"""
+"""TOML schemas of a shot and of image correlation without a shot, in SI; errors name line and remedy."""

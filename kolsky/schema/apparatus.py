@@ -1,6 +1,4 @@
-"""The tables of shot.toml about the test: [specimen], [interface], [transmission], [model], [window],
-[uncertainty].
-"""
+"""The tables of shot.toml about the test: [specimen], [interface], [transmission], [window], and so on."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -25,9 +25,7 @@ class PronySection(Section):
 
 
 class WaveBarSection(Section):
-    """[bars.incident] or [bars.transmission]: a round bar with its modulus, its measured wave speed or
-    (polymer) its Prony series.
-    """
+    """[bars.incident] or [bars.transmission]: a round bar with its modulus, wave speed or Prony series."""
 
     diameter: f.Length
     length: f.Length
@@ -49,9 +47,7 @@ class WaveBarSection(Section):
 
     @property
     def modulus(self) -> float:
-        """Young's modulus [Pa]. It is computed from the wave speed or the speed of the fastest wave, if one
-        is declared.
-        """
+        """Young's modulus [Pa], by the wave speed if declared, or by the fastest wave of a Prony series."""
         if self.prony is not None:
             return self.prony.long_term + sum(self.prony.moduli)
         if self.youngs_modulus is not None:
@@ -162,14 +158,6 @@ class GaugeSection(Section):
     full_scale: f.Voltage | None = None
     reflected: ReflectedSection | None = None
 
-    @model_validator(mode="after")
-    def _one_channel_where_pulses_were_cut(self) -> "GaugeSection":
-        if len(self.channels) > 1:
-            self.without(
-                ("reflected",), "two channels are opposed gauges", "average them before the pulses are cut"
-            )
-        return self
-
     @property
     def recorders(self) -> list[str]:
         """The recorder of each channel."""
@@ -184,16 +172,16 @@ class GaugeSection(Section):
         return tuple(1 if sign == "positive" else -1 for sign in stated)
 
     @model_validator(mode="after")
-    def _as_many_as_channels(self) -> "GaugeSection":
+    def _one_calibration_and_as_many_as_channels(self) -> "GaugeSection":
+        if len(self.channels) > 1:
+            self.without(
+                ("reflected",), "two channels are opposed gauges", "average them before the pulses are cut"
+            )
         self.alike(
             ("recorder", "compression"),
             "channels",
             "give one for both channels, or one for each of two opposed gauges",
         )
-        return self
-
-    @model_validator(mode="after")
-    def _one_calibration(self) -> "GaugeSection":
         self.exactly_one(
             ("strain_per_volt", "bridge", "strain"),
             'give one of strain_per_volt = "0.0005 1/V", a table bridge, or strain = true where the '

@@ -82,7 +82,7 @@ def length(text: object) -> float:
     return physical("m")(text)
 
 
-def _ratio(value: object, cure: str) -> float:
+def _poisson(value: object, cure: str = "write a number without quotes or unit") -> float:
     if isinstance(value, str):
         raise problem("is not a number", allowed=f"a number in [0, {LARGEST_POISSON}]", cure=cure)
     size = number(value)
@@ -91,14 +91,10 @@ def _ratio(value: object, cure: str) -> float:
     return size
 
 
-def _poisson(value: object) -> float:
-    return _ratio(value, "write a number without quotes or unit")
-
-
 def _specimen_poisson(value: object) -> float:
     if value == INCOMPRESSIBLE_WORD:
         return INCOMPRESSIBLE
-    return _ratio(
+    return _poisson(
         value,
         "write a number without quotes; the solver needs slight compressibility: 0.499 for a rubber-like "
         f'material, or "{INCOMPRESSIBLE_WORD}"',
@@ -405,9 +401,7 @@ class RatioColumn(ColumnSection):
 
 
 class ModeColumns(Section):
-    """All columns with names that start with one prefix. Each is a standard uncertainty common to all
-    points.
-    """
+    """All columns with one prefix, each a standard uncertainty common to all points."""
 
     prefix: Annotated[str, Field(min_length=1)]
     unit: StressUnit

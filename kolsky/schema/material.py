@@ -210,9 +210,7 @@ _Times = Annotated[
 
 
 class RelaxationSection(Section):
-    """[relaxation]: a Prony series or the network of Bergstrom and Boyce. Its constants are relative to the
-    long-term law.
-    """
+    """[relaxation]: a Prony series or the network of Bergstrom and Boyce, relative to the long-term law."""
 
     kind: Literal["prony", "bergstrom_boyce"]
     free: bool = False

@@ -1,7 +1,7 @@
 """The tables about pictures: [pictures], [calibration], [dic], [reporting]; also dic.toml without a shot."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -25,15 +25,14 @@ class SeriesSection(Section):
         return self
 
     @property
-    def source(self) -> tuple[str, str]:
-        """Key and text of the path of the pictures."""
-        return ("file", self.file) if self.file is not None else ("pattern", str(self.pattern))
+    def source(self) -> tuple[str, Any]:
+        """Key and value of the path of the pictures."""
+        key = next(key for key in ("file", "pattern", "files") if getattr(self, key, None) is not None)
+        return key, getattr(self, key)
 
 
 class PicturesSection(Section):
-    """[pictures]: two series of pictures. Picture k of each series was taken at the frame in row k of
-    [frames].
-    """
+    """[pictures]: two series; picture k of each was taken at the frame in row k of [frames]."""
 
     camera_0: SeriesSection
     camera_1: SeriesSection
@@ -223,11 +222,9 @@ class MeasurementSection(Section):
         return self
 
 
-class MeasuredSeries(Section):
+class MeasuredSeries(SeriesSection):
     """The pictures of one camera. Without `crop_offset` they show the whole sensor."""
 
-    file: f.FileName | None = None
-    pattern: f.FilePattern | None = None
     files: Annotated[list[f.FileName], Field(min_length=1)] | None = None
     crop_offset: f.Pixel = (0.0, 0.0)
 
@@ -239,12 +236,6 @@ class MeasuredSeries(Section):
             'files = ["a.png", "b.png"] in their order',
         )
         return self
-
-    @property
-    def source(self) -> tuple[str, str | list[str]]:
-        """Key and value of the path of the pictures."""
-        key = next(key for key in ("file", "pattern", "files") if getattr(self, key) is not None)
-        return key, getattr(self, key)
 
 
 class MeasurementPictures(Section):
@@ -296,10 +287,7 @@ MEASUREMENT_FILE = "dic.toml"
 
 
 def find_measurement_file(source: Path) -> Path | None:
-    """The dic.toml at this path, or the parsed dic.toml; None if `source` is something else.
-
-    A folder that also has a shot.toml is a shot.
-    """
+    """The dic.toml at this path; None for anything else, and for a folder that also has a shot.toml."""
     path = Path(source)
     if path.is_dir():
         here = path / MEASUREMENT_FILE

@@ -61,9 +61,7 @@ class CommonTables(Section):
 
 
 class BarDrivenShotFile(CommonTables):
-    """Tables for `identify` of a test with bars and gauges. [bars] and [gauges] are in
-    `kolsky.schema.bars`.
-    """
+    """Tables for `identify` of a test with bars and gauges, see `kolsky.schema.bars`."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 

@@ -28,7 +28,7 @@ from kolsky.bars.reduction.windows import (
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.bridge import Bridge, Calibration, Linear, Shunt, with_shunt
 from kolsky.base.apparatus import Bar, Specimen
-from kolsky.base.errors import InputError, refuse, refused
+from kolsky.base.errors import refuse, refused
 from kolsky.base.records import Recording
 from kolsky.base.toml import TomlFile
 from kolsky.base.units import in_us
@@ -36,26 +36,16 @@ from kolsky.readers.contents import clock_words
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_recordings
 from kolsky.schema.apparatus import REDUCTION_KEYS
-from kolsky.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
+from kolsky.schema.bars import BarsShotFile, GaugeSection, WavesShotFile
 from kolsky.schema.shot_file import Source, parsed
-from kolsky.shot.evidence import Evidence
+from kolsky.shot.evidence import Evidence, entries, missing_files
 from kolsky.shot.plausibility import gate
-
-
-def _gauges_of(declared: BarsShotFile) -> dict[str, GaugeSection]:
-    """The declared strain-gauge stations, by their keys in the reduction."""
-    found = {side: getattr(declared.gauges, side) for side in SIDES}
-    return found if declared.gauges.incident_far is None else found | {FAR: declared.gauges.incident_far}
 
 
 def _recordings_of(
     file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
 ) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
-    """The channels of all stations, and the hashes of their files.
-
-    A unit declared in the shot file takes precedence over the unit in the recorder's file. If the two differ,
-    `_recording_notes` reports it.
-    """
+    """The channels of all stations in their declared or stated units, and the hashes of their files."""
     found, hashes = {}, {}
     for key, gauge in gauges.items():
         wanted = "1" if gauge.strain else "V"
@@ -81,11 +71,7 @@ def _recordings_of(
 def _with_reflected(
     file: TomlFile, declared: BarsShotFile, gauge: GaugeSection, incident: Recording
 ) -> Recording:
-    """One record of a gauge with separate exports of the incident and the reflected pulse.
-
-    Between the pulses the record has its zero value. Raises InputError if the start of the reflected pulse
-    is missing, if the pulses would overlap, or if their units differ.
-    """
+    """One record of a gauge from exports of incident and reflected pulse, at its zero between them."""
     assert gauge.reflected is not None  # checked by the caller
     key, start = "gauges.incident.reflected", gauge.reflected.start
     bar = declared.bars.incident
@@ -217,9 +203,9 @@ def load_waves(source: Source) -> WavesInput:
     """
     file = parsed(source)
     declared = file.validated(WavesShotFile)
-    bars, stations, hashes, notes = _record(file, declared)
+    given = _waves_input(file, declared)
     specimen = Specimen(**declared.specimen.model_dump())
-    _narrower(file, bars, specimen)
+    _narrower(file, given.bars, specimen)
     waves = declared.waves
     windows = None
     if waves.incident is not None:
@@ -228,28 +214,22 @@ def load_waves(source: Source) -> WavesInput:
         windows = Windows(waves.incident, waves.reflected, waves.transmitted, source="shot file")
     uncertainty = declared.uncertainty.for_waves()
     alike = bool(uncertainty.pop("bars_alike"))
-    return WavesInput(
-        name=declared.name or file.path.parent.resolve().name,
+    return replace(
+        given,
         specimen=specimen,
-        bars=bars,
-        stations=stations,
         polymers={
             side: PronyModulus(prony.long_term, tuple(prony.moduli), tuple(prony.times))
             for side in SIDES
             if (prony := getattr(declared.bars, side).prony) is not None
         },
-        load=waves.load,
         windows=windows,
         analysis=waves.analysis,
         allowance=waves.balance,
         plateau=waves.plateau,
         share=waves.share,
-        switches=_switches(file, waves.corrections, FAR in stations),
+        switches=_switches(file, waves.corrections, FAR in given.stations),
         uncertainty=uncertainty,
         alike=alike,
-        inputs={file.path.name: file.sha256, **hashes},
-        settings=declared_settings(file.content),
-        notes=notes,
     )
 
 
@@ -280,30 +260,32 @@ def load_bars(source: Source) -> WavesInput:
     Raises InputError as `load_waves`.
     """
     file = parsed(source)
-    declared = file.validated(BarsShotFile)
-    bars, stations, hashes, notes = _record(file, declared)
-    return WavesInput(
-        name=declared.name or file.path.parent.resolve().name,
-        specimen=NOTHING,
-        bars=bars,
-        stations=stations,
-        load=declared.waves.load,
-        switches=Switches(declared.waves.corrections),
-        inputs={file.path.name: file.sha256, **hashes},
-        settings=declared_settings(file.content),
-        notes=notes,
-    )
+    return _waves_input(file, file.validated(BarsShotFile))
 
 
-def _record(
-    file: TomlFile, declared: BarsShotFile
-) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str], tuple[str, ...]]:
-    """Bars, stations, the hashes of the stations' files, and notes on these files."""
+def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
+    """Bars, stations and their files, which are checked, with default settings of the reduction."""
     folder = file.path.parent
-    gauges = _gauges_of(declared)
-    _all_there(file, declared, gauges, folder)
+    gauges = {side: getattr(declared.gauges, side) for side in SIDES}
+    gauges |= {} if declared.gauges.incident_far is None else {FAR: declared.gauges.incident_far}
+    unknown = [
+        file.error(
+            f"{_shot_file_table(key)}.recorder",
+            f"names no recorder; there are {', '.join(declared.recorders)}",
+            cure=f"add a table [recorders.{name}], or correct the name",
+        )
+        for key, gauge in gauges.items()
+        for name in dict.fromkeys(gauge.recorders)
+        if name not in declared.recorders
+    ]
+    files = {f"recorders.{name}.file": recorder.file for name, recorder in declared.recorders.items()}
+    refuse([*unknown, *missing_files(file, files)])
     gate(Evidence(file=file, declared=declared))
-    bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
+    bars = {}
+    for side in SIDES:
+        section = getattr(declared.bars, side)
+        given = section.model_dump(exclude={"youngs_modulus", "wave_speed", "prony"})
+        bars[side] = Bar(youngs_modulus=section.modulus, **given)
     _on_its_bar(file, gauges, bars)
     recordings, hashes = _recordings_of(file, declared, gauges, folder)
     clocks = {
@@ -319,44 +301,17 @@ def _record(
             stations[key] = _gauge_station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
         except ValueError as error:
             raise file.error(f"{_shot_file_table(key)}.bridge", str(error)) from error
-    return bars, stations, hashes, _recording_notes(declared, recordings)
-
-
-def _bar(section: WaveBarSection) -> Bar:
-    return Bar(
-        diameter=section.diameter,
-        length=section.length,
-        youngs_modulus=section.modulus,
-        density=section.density,
-        poisson=section.poisson,
-        yield_strength=section.yield_strength,
+    return WavesInput(
+        name=declared.name or folder.resolve().name,
+        specimen=NOTHING,
+        bars=bars,
+        stations=stations,
+        load=declared.waves.load,
+        switches=Switches(declared.waves.corrections),
+        inputs={file.path.name: file.sha256, **hashes},
+        settings=declared_settings(file.content),
+        notes=_recording_notes(declared, recordings),
     )
-
-
-def _all_there(
-    file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
-) -> None:
-    """Raise one error that lists all unknown recorders and missing files."""
-    problems: list[InputError] = [
-        file.error(
-            f"{_shot_file_table(key)}.recorder",
-            f"names no recorder; there are {', '.join(declared.recorders)}",
-            cure=f"add a table [recorders.{name}], or correct the name",
-        )
-        for key, gauge in gauges.items()
-        for name in dict.fromkeys(gauge.recorders)
-        if name not in declared.recorders
-    ]
-    problems += [
-        file.error(
-            f"recorders.{name}.file",
-            f"names a missing file: {folder / recorder.file}",
-            cure="put it there or correct its name",
-        )
-        for name, recorder in declared.recorders.items()
-        if not (folder / recorder.file).exists()
-    ]
-    refuse(problems)
 
 
 def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mapping[str, Bar]) -> None:
@@ -391,32 +346,16 @@ def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> No
 
 def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:
     """The declared values by key, as written in the file, and the software versions."""
-    kept = (
-        "specimen",
-        "bars",
-        "recorders",
-        "gauges",
-        "force",
-        "incident_force",
-        "flyer",
-        "waves",
-        "uncertainty",
-    )
-    said = dict(_flat({name: content[name] for name in kept if name in content}))
+    of_bars, of_flyer = ("bars", "recorders", "gauges"), ("force", "incident_force", "flyer")
+    kept = ("specimen", *of_bars, *of_flyer, "waves", "uncertainty")
+    kept_tables = {name: content[name] for name in kept if name in content}
+    said = {key: str(value) for key, value in entries(kept_tables) if not isinstance(value, Mapping)}
     for package in ("kolsky", "numpy", "scipy"):
         try:
             said[package] = version(package)
         except PackageNotFoundError:
             said[package] = "not installed"
     return {**said, "python": platform.python_version()}
-
-
-def _flat(table: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
-    rows: list[tuple[str, str]] = []
-    for key, value in table.items():
-        name = f"{above}.{key}" if above else key
-        rows += _flat(value, name) if isinstance(value, Mapping) else [(name, str(value))]
-    return rows
 
 
 WAVES = ("incident", "reflected", "transmitted")
@@ -496,8 +435,16 @@ def bar_rows(shot: CheckedBars) -> list[Row]:
         ("specimen", "length", given.specimen.length, "m"),
         ("specimen", "density", given.specimen.density, "kg/m^3"),
     ]
-    for side in SIDES:
-        rows += _bar_rows(f"bars.{side}", given.bars[side])
+    for side, bar in given.bars.items():
+        section = f"bars.{side}"
+        rows += [
+            (section, "diameter", bar.diameter, "m"),
+            (section, "length", bar.length, "m"),
+            (section, "density", bar.density, "kg/m^3"),
+            (section, "wave speed", bar.wave_speed, "m/s"),
+            (section, "modulus", bar.youngs_modulus, "Pa"),
+            (section, "poisson", bar.poisson, ""),
+        ]
     for key, station in given.stations.items():
         signal = {"incident": shot.incident, "transmission": shot.transmission}.get(key)
         rows += _gauge_rows(f"gauges.{key.replace(' ', '_')}", station, signal)
@@ -516,24 +463,10 @@ def _switch_words(given: WavesInput, key: str) -> str:
 
 
 def undeclared(shot: CheckedBars) -> list[str]:
-    """Keys of [uncertainty] that are not declared. Their inputs are taken as exact.
-
-    Modulus or wave speed is enough; both are not needed.
-    """
+    """Keys of [uncertainty] that are taken as exact; of modulus and wave speed, one is enough."""
     stated = {key for key, value in shot.given.uncertainty.items() if value > 0.0}
     other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}
     return [key for key in REDUCTION_KEYS if key not in stated and other.get(key) not in stated]
-
-
-def _bar_rows(section: str, bar: Bar) -> list[Row]:
-    return [
-        (section, "diameter", bar.diameter, "m"),
-        (section, "length", bar.length, "m"),
-        (section, "density", bar.density, "kg/m^3"),
-        (section, "wave speed", bar.wave_speed, "m/s"),
-        (section, "modulus", bar.youngs_modulus, "Pa"),
-        (section, "poisson", bar.poisson, ""),
-    ]
 
 
 def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -> list[Row]:

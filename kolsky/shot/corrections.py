@@ -26,11 +26,7 @@ def with_gain(shot: Shot, value: float) -> Shot:
 
 
 def with_zero(shot: Shot, value: float) -> Shot:
-    """Subtract a zero offset from the volts of the test. The baseline does not change.
-
-    The offset begins after a baseline that precedes the test. It ends before a baseline that follows the
-    test.
-    """
+    """Subtract a zero offset from the volts of the test, after (or before) the baseline, which is kept."""
     force = shot.force
     assert isinstance(force, ForceChannel)  # this cause needs a force channel
     volts = force.transducer.compression_sign * force.transducer.sensitivity * value

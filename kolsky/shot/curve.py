@@ -1,7 +1,4 @@
-"""The declared specimen of a shot and its quasi-static curves with their bands.
-
-There is a curve of the first pull and, if declared, one of the conditioned material.
-"""
+"""The declared specimen of a shot, and its quasi-static curves (first pull, conditioned) with their bands."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -120,7 +117,7 @@ def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
 
 def _modes(table: Table, section: ModeColumns) -> FloatArray:
     """All columns of common uncertainties (names with one prefix), shape [n_modes, n]."""
-    names = [name for name in table.header if name.startswith(section.prefix)]
+    names = [name for name in table.names if name.startswith(section.prefix)]
     if not 1 <= len(names) <= MOST_MODES:
         raise InputError(
             table.path,
@@ -189,10 +186,7 @@ def check_curve(strain: FloatArray, stress: FloatArray, table: Table, section: C
 
 
 def _strain_cure(strain: FloatArray, section: CurveSection) -> str:
-    """The advice for strains that are too large.
-
-    If their size fits per cent, it proposes per cent, otherwise another column.
-    """
+    """The advice for strains that are too large: per cent if their size fits, otherwise another column."""
     largest = float(np.abs(strain).max())
     percent = section.strain.unit == 1.0 and largest <= 100.0 * LARGEST_STRAIN
     return (

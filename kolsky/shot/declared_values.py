@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 from kolsky.base.errors import InputError
 from kolsky.base.units import UnitError, dimension_of, quantity, unit_factor
 from kolsky.readers.header import heading_unit, si_unit, split_unit
 from kolsky.readers.recordings import list_channels
-from kolsky.shot.evidence import Evidence, Finding, power_of_1000, unit_cure
+from kolsky.shot.evidence import Evidence, Finding, entries, power_of_1000, unit_cure
 
 LARGEST_TABLE = 1_000_000
 """Largest file that is read a second time to find its units [bytes]. Tables of points have tens of
@@ -31,20 +32,13 @@ SLENDERNESS = (0.02, 10.0)
 """Length divided by diameter [-]: thin discs of gels have 0.1, tensile specimens 3."""
 
 
-def _columns(content: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
-    """Key, heading and declared unit of every column that a shot file declares."""
-    if not isinstance(content, dict):
-        return
-    heading, unit = content.get("column"), content.get("unit")
-    if isinstance(heading, str) and isinstance(unit, str):
-        yield key, heading, unit
-    for name, value in content.items():
-        yield from _columns(value, f"{key}.{name}" if key else name)
-
-
 def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
     """Check the unit in a column's heading, or in a line of units below it, against the declared unit."""
-    for key, heading, declared in _columns(e.file.content):
+    for key, section in entries(e.file.content):
+        column = section if isinstance(section, dict) else {}
+        heading, declared = column.get("column"), column.get("unit")
+        if not isinstance(heading, str) or not isinstance(declared, str):
+            continue
         stated = heading_unit(heading) or split_unit(heading)[1] or _unit_in_file(e, key, heading)
         kind = dimension_of(declared)
         if stated is None or not kind:
@@ -71,10 +65,7 @@ def check_unit_of_heading(e: Evidence) -> Iterator[Finding]:
 
 
 def _size(unit: str, kind: str) -> float | None:
-    """Value of a unit in SI, as instruments write it ("Volts" and "-" too).
-
-    None for a unit of another quantity.
-    """
+    """Value of a unit in SI, as instruments write it ("Volts" and "-" too); None for another quantity."""
     try:
         return unit_factor("1" if unit == "-" else unit, kind)
     except UnitError:
@@ -97,7 +88,7 @@ def _unit_in_file(e: Evidence, key: str, heading: str) -> str | None:
 def check_densities(e: Evidence) -> Iterator[Finding]:
     """Check that specimen and bars have plausible densities."""
     poisson = getattr(getattr(e.declared, "model", None), "poisson", None)
-    for key, value in _quantities(e.file.content, "density", "kg/m^3"):
+    for key, value in _quantities(e, "density", "kg/m^3"):
         low, high = DENSITIES if key.startswith("specimen.") else (BAR_DENSITY, DENSITIES[1])
         if not low <= value <= high:
             factor = 1e3 if value < low else 1e-3
@@ -161,29 +152,23 @@ def _voltage_column(section: Any) -> str | None:
     return column if isinstance(column, str) else None
 
 
-def _quantities(content: Any, last: str, si: str, key: str = "") -> Iterator[tuple[str, float]]:
+def _quantities(e: Evidence, last: str, si: str) -> Iterator[tuple[str, float]]:
     """Dotted keys that end in a name, with their values in SI. The schema reports invalid quantities."""
-    if not isinstance(content, dict):
-        return
-    for name, value in content.items():
-        dotted = f"{key}.{name}" if key else name
-        if name == last and dotted != f"uncertainty.{last}":
-            try:
-                yield dotted, quantity(value, si)
-            except UnitError:
-                continue
-        yield from _quantities(value, last, si, dotted)
+    for key, value in entries(e.file.content):
+        if key.rpartition(".")[2] == last and key != f"uncertainty.{last}":
+            with suppress(UnitError):
+                yield key, quantity(value, si)
 
 
 def check_bar_speeds(e: Evidence) -> Iterator[Finding]:
     """Check that modulus and density of a bar give a plausible wave speed."""
-    densities = dict(_quantities(e.file.content, "density", "kg/m^3"))
-    for key, modulus in _quantities(e.file.content, "youngs_modulus", "Pa"):
+    densities = dict(_quantities(e, "density", "kg/m^3"))
+    for key, modulus in _quantities(e, "youngs_modulus", "Pa"):
         density = densities.get(beside := f"{key.removesuffix('youngs_modulus')}density")
         if density is not None and density >= BAR_DENSITY:
             words = f"with {beside} = {density:.6g} kg/m^3"
             yield from _bar_speed(e, key, math.sqrt(modulus / density), words, "Pa")
-    for key, speed in _quantities(e.file.content, "wave_speed", "m/s"):
+    for key, speed in _quantities(e, "wave_speed", "m/s"):
         yield from _bar_speed(e, key, speed, "", "")
 
 

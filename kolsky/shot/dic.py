@@ -1,17 +1,21 @@
 """Image correlation of a shot: its surfaces, and the session in which its regions are drawn."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+from dic.bodies.region import Region
 from kolsky.base.errors import InputError
 from kolsky.base.files import usable_folder
-from kolsky.pictures.correlation import places_of
+from kolsky.base.toml import read_toml
+from kolsky.pictures.correlation import places_of, region_of
 from kolsky.pictures.measurement import read_measurement
-from kolsky.pictures.picture_set import PictureSet
-from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Drawn, Session, drawables_of_measurement
-from kolsky.schema.pictures import RegionSection, find_measurement_file
+from kolsky.pictures.picture_set import PictureSet, Progress
+from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Session, drawables_of_measurement
+from kolsky.schema.pictures import MeasurementFile, find_measurement_file
 from kolsky.schema.shot_file import shot_toml
 from kolsky.shot.load import load_pictures
-from kolsky.shot.optical_data import Progress, Surfaces, surfaces
+from kolsky.shot.optical_data import Surfaces, surfaces
 
 __all__ = ["dic"]
 
@@ -59,69 +63,35 @@ def open_region_session(source: Path) -> Session:
         measurement = read_measurement(path)
         dic = measurement.declared.dic
         drawn = {
-            "region": [] if dic.region is None else [_drawn_shape(dic.region, dic.reference)],
-            "exclude": [_drawn_shape(one, dic.reference) for one in dic.exclude],
+            "region": [] if dic.region is None else [Region(dic.region.corners, dic.reference)],
+            "exclude": [Region(one.corners, dic.reference) for one in dic.exclude],
         }
-        return Session(
-            path,
-            measurement.series[0],
-            drawables_of_measurement(dic.reference),
-            _valid_measurement,
-            _non_empty(drawn),
-        )
-    loaded = load_pictures(source)
-    section = loaded.pictures.toml.declared.dic
-    assert section is not None  # shots with pictures have it
-    drawn = {
-        "specimen": []
-        if section.specimen is None
-        else [_drawn_shape(section.specimen, section.specimen.frame)],
-        "flyer": [] if section.flyer is None else [_drawn_shape(section.flyer, section.flyer.frame)],
-        "transmission_edge": []
-        if section.transmission_edge is None
-        else [Drawn((section.transmission_edge,), 0)],
-    }
-    return Session(
-        loaded.pictures.toml.path,
-        loaded.pictures.series[0],
-        DRAWABLES_OF_SHOT,
-        _shot_toml_of,
-        _non_empty(drawn),
-    )
+        wanted, series = drawables_of_measurement(dic.reference), measurement.series[0]
+        check: Callable[[Path], object] = partial(read_toml, schema=MeasurementFile)
+    else:
+        pictures = load_pictures(source).pictures
+        section = pictures.toml.declared.dic
+        assert section is not None  # shots with pictures have it
+        bodies = {"specimen": section.specimen, "flyer": section.flyer}
+        drawn = {key: [region_of(one)] for key, one in bodies.items() if one is not None}
+        if section.transmission_edge is not None:
+            drawn["transmission_edge"] = [Region((section.transmission_edge,))]
+        path, wanted, series, check = pictures.toml.path, DRAWABLES_OF_SHOT, pictures.series[0], shot_toml
+    return Session(path, series, wanted, check, {key: shapes for key, shapes in drawn.items() if shapes})
 
 
-def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Drawn]], str]:
+def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Region]], str]:
     """Regions that the shot file does not declare, detected in the pictures, and the method of detection.
 
     Raises InputError if one of them cannot be detected.
     """
     places = places_of(pictures)
     drawn = {
-        "specimen": Drawn(places.specimen.corners, places.specimen.frame),
-        "flyer": Drawn(places.flyer.corners, places.flyer.frame),
-        "transmission_edge": Drawn((places.edge,), 0),
+        "specimen": places.specimen,
+        "flyer": places.flyer,
+        "transmission_edge": Region((places.edge,)),
     }
     return {key: [drawn[key]] for key in places.found}, places.why
-
-
-def _shot_toml_of(path: Path) -> None:
-    """Raise InputError for an invalid shot file, whatever its file name."""
-    shot_toml(path)
-
-
-def _valid_measurement(path: Path) -> None:
-    from kolsky.base.toml import read_toml
-    from kolsky.schema.pictures import MeasurementFile
-
-    read_toml(path, MeasurementFile)
-
-
-def _drawn_shape(section: RegionSection, frame: int) -> Drawn:
-    return Drawn(section.corners, frame)
-
-
-def _non_empty(drawn: dict[str, list[Drawn]]) -> dict[str, list[Drawn]]:
-    return {key: shapes for key, shapes in drawn.items() if shapes}
 
 
 def frames_to_show(session: Session) -> tuple[int, ...]:

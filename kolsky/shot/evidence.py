@@ -1,7 +1,7 @@
 """Evidence on a shot's inputs for the plausibility rules, and units or factors that would correct them."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -65,6 +65,25 @@ class Evidence:
         return Finding(self.file.error(key, problem, allowed=allowed, cure=cure), contradiction)
 
 
+def entries(content: Mapping[str, Any], key: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted key and value of every table and key of a TOML file, as written."""
+    for name, value in content.items():
+        dotted = f"{key}.{name}" if key else name
+        yield dotted, value
+        if isinstance(value, Mapping):
+            yield from entries(value, dotted)
+
+
+def missing_files(file: TomlFile, names: Mapping[str, str]) -> list[InputError]:
+    """An error for every file that does not exist. ``names``: dotted key -> file name."""
+    places = {key: file.path.parent / name for key, name in names.items()}
+    return [
+        file.error(key, f"names a missing file: {place}", cure="put it there or correct its name")
+        for key, place in places.items()
+        if not place.exists()
+    ]
+
+
 @dataclass(frozen=True)
 class Finding:
     """A finding of a rule: a contradiction or a warning."""
@@ -87,10 +106,7 @@ def power_of_1000(ratio: float) -> float:
 
 
 def fitting_unit(written: str, si: str, factor: float) -> str | None:
-    """The unit `factor` times as large as a written one.
-
-    For example "MPa" for "kPa" and 1000; None if there is none.
-    """
+    """The unit `factor` times as large as a written one, e.g. "MPa" for "kPa" and 1000; None if unknown."""
     try:
         wanted = factor * unit_factor(written, si)
     except UnitError:

@@ -59,11 +59,7 @@ def _channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
 
 
 def _force_recording(path: Path, section: ForceSection) -> Recording:
-    """Read the channel that `section` names, in volts.
-
-    Without a layout the file is a table that `kolsky.readers.table` reads, and its time column is used
-    unchanged.
-    """
+    """The channel of `section` in volts; a plain table without a layout keeps its printed times."""
     if section.layout is None:
         assert section.time is not None  # the section has a layout or a time column
         return read_scope(path, time=section.time.as_column(), voltage=section.voltage.as_column())
@@ -82,10 +78,7 @@ def _force_recording(path: Path, section: ForceSection) -> Recording:
 
 
 def check_range(scope: Recording, section: ForceSection, key: str = "force") -> None:
-    """Check that no sample reaches the recorder's full scale.
-
-    With `bits`, the full scale is its first or last code.
-    """
+    """Check that no sample reaches the recorder's full scale or, with `bits`, its first or last code."""
     limit = section.full_scale
     if section.bits is not None:
         # Codes run from -2^(b-1) to 2^(b-1) - 1. Half a code is subtracted, because printed volts are
@@ -105,9 +98,7 @@ def check_range(scope: Recording, section: ForceSection, key: str = "force") -> 
 
 
 def check_signal(scope: Recording, toml: ShotToml) -> None:
-    """Raise InputError if every sample exceeds the previous one. Such a channel is a clock; a signal has
-    noise.
-    """
+    """Raise InputError if every sample exceeds the previous one, as in a clock without noise."""
     if scope.value.size > SMALLEST_BASELINE and (np.diff(scope.value) > 0.0).all():
         raise toml.error(
             "force.voltage",

@@ -36,9 +36,7 @@ Needs = Literal[
 
 
 class Model(Protocol):
-    """The model's force and outline at the optimum. They give the effect of inputs without a new
-    simulation.
-    """
+    """The model's force and outline at the optimum, for effects of inputs without a new simulation."""
 
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
         """The change of prediction minus data, from the changes of its parts, shape [k]."""

@@ -6,7 +6,6 @@ first recording that ends.
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,11 +32,11 @@ from kolsky.schema.shot_file import (
     shot_toml,
 )
 from kolsky.shot.curve import shot_fields
-from kolsky.shot.evidence import Evidence
+from kolsky.shot.evidence import Evidence, missing_files
 from kolsky.shot.force import check_sign, force_channel, incident_to_compare
 from kolsky.shot.plausibility import gate, travel_of, with_warnings
 from kolsky.shot.records import ForceChannel, OpticalData, PicturedShot, Shot, ShotBase, fields_of
-from kolsky.shot.surface import check_outline, each_once, read_outline
+from kolsky.shot.surface import check_outline, each_once, measured_surface, read_outline
 
 if TYPE_CHECKING:
     from kolsky.shot.bars import CheckedBars
@@ -56,9 +55,7 @@ def window(
     *,
     symmetry_end: float | None = None,
 ) -> tuple[float, float]:
-    """The window on the shot's clock.
-
-    As declared, otherwise from the last static frame to the last usable one.
+    """The window on the shot's clock: as declared, or from the last static frame to the last usable one.
 
     The last usable frame lies before the end of symmetry, and all recordings cover it.
 
@@ -151,20 +148,40 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     toml, frames = _open(file)
     declared, folder = toml.declared, toml.path.parent
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
-    if declared.surface is not None:
-        return _with_surface(toml, frames, rest)
-    if declared.flyer is None or declared.centre_line is None:
+    surface, flyer, table, inputs = declared.surface, None, None, dict[str, str]()
+    if surface is not None:
+        centre_line, flyer, inputs = measured_surface(toml, surface, frames)
+        source_of_line = folder / surface.pattern
+    elif declared.flyer is None or declared.centre_line is None:
         return _with_pictures(toml, frames, rest, measure)
-    flyer, flyer_hash = flyer_motion(folder, frames, declared.flyer, toml, check=_moves(toml, rest))
-    centre_line, table = read_outline(folder, frames, declared.centre_line, toml)
-    exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
-    base = _base(toml, frames, exports)
+    if flyer is None:
+        assert declared.flyer is not None  # checked by the schema
+        check = _moves(toml, rest)
+        flyer, inputs[declared.flyer.file] = flyer_motion(frames, declared.flyer, toml, check=check)
+    else:
+        _moves(toml, rest)(flyer)
+        body_moves(flyer, rest, source_of_line, toml)
+    if surface is None:
+        assert declared.centre_line is not None
+        centre_line, table = read_outline(frames, declared.centre_line, toml)
+        source_of_line, inputs[declared.centre_line.file] = table.path, table.sha256
+    base = _base(toml, frames, inputs)
     span = _compared_span(toml, frames, base["force"], flyer)
     gate(Evidence(file=toml, declared=declared, outline=centre_line, rest=rest))
-    check_outline(centre_line, table.path, rest, span, toml, line_of=table.line)
-    centre_line, notes = each_once(centre_line, table)
+    check_outline(centre_line, source_of_line, rest, span, toml, line_of=table.line if table else None)
+    centre_line, notes = each_once(centre_line, table) if table else (centre_line, ())
     base |= incident_to_compare(toml, span)
-    return with_warnings(Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes))
+    fitted = surface is not None and surface.frame == "cylinder"
+    return with_warnings(
+        Shot(
+            **base,
+            flyer=flyer,
+            centre_line=centre_line,
+            window=span,
+            notes=notes,
+            axis_by_radius=fitted,
+        )
+    )
 
 
 def _moves(toml: ShotToml, rest: float) -> Callable[[FlyerMotion], object]:
@@ -217,33 +234,6 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
     if toml.declared.pictures is not None:
         load_pictures(toml)
     return load_shot(toml)
-
-
-def _with_surface(toml: ShotToml, frames: FrameTable, rest: float) -> Shot:
-    """A shot with an outline, and optionally a flyer, from exports of a whole surface."""
-    from kolsky.shot.surface import measured_surface
-
-    declared, folder = toml.declared, toml.path.parent
-    assert declared.surface is not None  # checked by the caller
-    centre_line, flyer, inputs = measured_surface(toml, declared.surface, frames)
-    source = folder / declared.surface.pattern
-    if flyer is None:
-        assert declared.flyer is not None  # checked by the schema
-        flyer, inputs[declared.flyer.file] = flyer_motion(
-            folder, frames, declared.flyer, toml, check=_moves(toml, rest)
-        )
-    else:
-        _moves(toml, rest)(flyer)
-        body_moves(flyer, rest, source, toml)
-    base = _base(toml, frames, inputs)
-    span = _compared_span(toml, frames, base["force"], flyer)
-    gate(Evidence(file=toml, declared=declared, outline=centre_line, rest=rest))
-    check_outline(centre_line, source, rest, span, toml)
-    base |= incident_to_compare(toml, span)
-    fitted = declared.surface.frame == "cylinder"
-    return with_warnings(
-        Shot(**base, flyer=flyer, centre_line=centre_line, window=span, axis_by_radius=fitted)
-    )
 
 
 def _with_pictures(
@@ -328,7 +318,7 @@ def _compared_span(
 def _open(source: Source) -> tuple[ShotToml, FrameTable]:
     """The shot file and the frame times."""
     toml = shot_toml(source)
-    _all_there(toml, toml.path.parent)
+    refuse(missing_files(toml, toml.declared.data_files()))
     gate(Evidence(file=toml, declared=toml.declared))
     calibration = toml.declared.calibration
     if calibration is not None and calibration.target is not None:
@@ -376,25 +366,13 @@ def _elastic(declared: ShotFile, bar: Bar | None) -> dict[str, Any]:
     return found
 
 
-def _all_there(toml: ShotToml, folder: Path) -> None:
-    """Check that every declared file exists."""
-    missing = {key: name for key, name in toml.declared.data_files().items() if not (folder / name).exists()}
-    refuse(
-        [
-            toml.error(key, f"names a missing file: {folder / name}", cure="put it there or correct its name")
-            for key, name in missing.items()
-        ]
-    )
-
-
 REACH = 0.9
 """Largest simulated approach of the faces, divided by the specimen's length [-]."""
 
 
 def bar_force(reduction: Reduction, waves: FaceWaves) -> BarForce:
     """The transmitted force of a bar reduction, as the force of a shot."""
-    measured, scale = back_force(reduction, waves)
-    return BarForce(measured, scale)
+    return BarForce(*back_force(reduction, waves))
 
 
 def driven_by_waves(
@@ -402,7 +380,6 @@ def driven_by_waves(
     reduction: Reduction,
     waves: FaceWaves,
     *,
-    sigma_zero: float = 0.0,
     centre_line: CentreLine | None = None,
     end: float | None = None,
 ) -> Shot:
@@ -410,7 +387,7 @@ def driven_by_waves(
 
     All times are on the shot's clock, even if a transducer measures the transmitted force (`base.force`).
     """
-    motion = front_velocity(reduction, waves, sigma_zero=sigma_zero)
+    motion = front_velocity(reduction, waves)
     path = front_path(motion)
     last = path.end if end is None else end
     first = float(motion.time[0])
@@ -439,11 +416,10 @@ def driven_by_waves(
 
 
 def load_bar_driven(source: Source) -> Shot:
-    """Reduce the gauges of a shot and prepare it for `identify`.
+    """A shot from the gauges of its bars, without a centre line, identified from the force only.
 
-    ``source``: the shot's folder with its shot.toml, the path of such a file, or the parsed file. Returns: a
-    shot without a centre line, identified from the force only. Raises InputError if a file is missing or
-    damaged, if a declaration is impossible, or if the signals are not those of such a test.
+    Raises InputError if a file is missing or damaged, if a declaration is impossible, or if the signals are
+    not those of such a test.
     """
     from kolsky.bars.reduction.analyse import analyse  # imports scipy.stats
 

@@ -1,7 +1,4 @@
-"""Fields of an image correlation: measured values at the points of one surface, in every frame.
-
-They are read from `dic.h5`, for the bodies of a shot or for an image correlation without a shot.
-"""
+"""Fields of an image correlation: values of `dic.h5` at the points of one surface, in every frame."""
 
 from __future__ import annotations
 

@@ -17,9 +17,10 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.records import CentreLine, FlyerMotion
-from kolsky.pictures.correlation import Progress, correlate, key_of, length_in_pictures_of, length_sigma_of
+from kolsky.pictures import summary
+from kolsky.pictures.correlation import correlate, key_of, length_in_pictures_of, length_sigma_of
 from kolsky.pictures.dic_file import read_stereo_result, stored_key, write_stereo_result
-from kolsky.pictures.picture_set import PictureSet
+from kolsky.pictures.picture_set import PictureSet, Progress
 from kolsky.pictures.rig import Calibrated
 from kolsky.pictures.shared_errors import (
     outline_offsets,
@@ -29,7 +30,6 @@ from kolsky.pictures.shared_errors import (
     with_outline_errors,
 )
 from kolsky.pictures.specimen_length import rim_at_rest
-from kolsky.pictures.summary import flyer_problem
 from kolsky.shot.records import OpticalData
 
 RESULT_FILE = "dic.h5"
@@ -51,27 +51,16 @@ class Surfaces:
     @property
     def warnings(self) -> list[str]:
         """Warnings about the measurement."""
-        from kolsky.pictures import summary
-
         return summary.warnings(self.result)
 
     def rows(self) -> dict[str, str]:
         """Numbers of the measurement by name, as a terminal shows them."""
-        from kolsky.bars.flyer import flight
-        from kolsky.pictures import summary
-
         return {**summary.printed(self.result), **flight.printed(self.flight)}
 
     def summary(self) -> dict[str, Any]:
         """Numbers of the measurement for JSON, SI."""
-        from kolsky.bars.flyer import flight
-        from kolsky.pictures import summary
-
-        return {
-            **summary.summary(self.result),
-            **flight.summary(self.flight),
-            "remarks": self.warnings,
-        }
+        numbers = {**summary.summary(self.result), **flight.summary(self.flight)}
+        return {**numbers, "remarks": self.warnings}
 
 
 def surfaces(
@@ -145,7 +134,7 @@ def measured(
         length = pictures.toml.declared.specimen.length
         section = pictures.toml.declared.dic
         assert section is not None  # shots with pictures have it
-        problem, cure = flyer_problem(result, length, length_sigma_of(pictures.toml), section.subset)
+        problem, cure = summary.flyer_problem(result, length, length_sigma_of(pictures.toml), section.subset)
         draw = f"`kolsky dic {pictures.toml.path.parent} --regions` draws one"
         raise pictures.toml.error("dic.flyer", problem, cure=f"{cure}; {draw}")
     line = result.centre

@@ -223,10 +223,7 @@ def _travel(e: Evidence) -> Iterator[Finding]:
 
 
 def _outline_size(e: Evidence) -> Iterator[Finding]:
-    """Check that the outline at rest has the specimen's radius and height.
-
-    If it does not, the likeliest cause is named.
-    """
+    """Check that the outline at rest has the specimen's radius and height."""
     if e.outline is None or e.rest is None:
         return
     static = e.outline.time <= e.rest
@@ -349,10 +346,7 @@ def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, flo
 
 
 def _force_over_area(e: Evidence) -> Iterator[Finding]:
-    """Check force over area against the curve's stress.
-
-    The limits allow for effects of rate, ends and inertia.
-    """
+    """Check force over area against the curve's stress, with allowance for rate, ends and inertia."""
     if e.force is None or e.travel is None or e.curve is None or e.flyer_time is None or e.rest is None:
         return
     assert e.force_time is not None  # it comes with the force

@@ -1,7 +1,4 @@
-"""A shot in SI on one clock: one test, its apparatus and its measurements.
-
-It also gives the smooth path of the front face.
-"""
+"""A shot in SI on one clock: one test, its apparatus, its measurements, and the path of the front face."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -40,10 +37,7 @@ def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> Flye
 
 
 def second_impact_time(motion: FlyerMotion, start: float) -> float | None:
-    """Time one frame and two sigmas before the second impact [s].
-
-    None if the displacements show no second impact.
-    """
+    """Time one frame and two sigmas before the second impact [s]; None if no second impact is visible."""
     moving = motion.time > start
     if int(moving.sum()) < FEWEST_MOVING_FRAMES or int((~moving).sum()) < 1:
         return None

@@ -1,7 +1,6 @@
 """Summary of a loaded shot: named values with units, for a table or for JSON."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -153,7 +152,18 @@ def _motion_entries(shot: Shot) -> list[Entry]:
     """The motion of the front face, from pictures or from waves."""
     motion = shot.flyer
     if isinstance(motion, FlyerMotion):
-        return _flyer(motion, shot)
+        moved = motion.displacement
+        rest = moved[motion.time <= shot.window[0]]
+        scatter = [Entry("flyer", "scatter at rest", float(rest.std(ddof=1)), "m")] if rest.size > 1 else []
+        return [
+            Entry("flyer", "frames", int(motion.time.size)),
+            _clock("flyer", motion.time, "frames"),
+            Entry("flyer", "first frame", float(motion.time[0]), "s"),
+            Entry("flyer", "last frame", float(motion.time[-1]), "s"),
+            Entry("flyer", "travel in the window", float(np.ptp(moved[_inside(shot, motion.time)])), "m"),
+            Entry("flyer", "sigma", float(motion.sigma.max()), "m"),
+            *scatter,
+        ]
     return [
         Entry("motion", "from", "waves in the incident bar"),
         Entry("motion", "samples", int(motion.time.size)),
@@ -163,22 +173,6 @@ def _motion_entries(shot: Shot) -> list[Entry]:
         Entry("motion", "noise of the velocity", motion.noise, "m/s"),
         Entry("motion", "sigma of its scale", motion.sigma_gain),
         Entry("motion", "sigma of its zero", motion.sigma_zero, "m/s"),
-    ]
-
-
-def _flyer(flyer: FlyerMotion, shot: Shot) -> list[Entry]:
-    rest = flyer.displacement[flyer.time <= shot.window[0]]
-    scatter = [Entry("flyer", "scatter at rest", float(rest.std(ddof=1)), "m")] if rest.size > 1 else []
-    return [
-        Entry("flyer", "frames", int(flyer.time.size)),
-        _clock("flyer", flyer.time, "frames"),
-        Entry("flyer", "first frame", float(flyer.time[0]), "s"),
-        Entry("flyer", "last frame", float(flyer.time[-1]), "s"),
-        Entry(
-            "flyer", "travel in the window", float(np.ptp(flyer.displacement[_inside(shot, flyer.time)])), "m"
-        ),
-        Entry("flyer", "sigma", float(flyer.sigma.max()), "m"),
-        *scatter,
     ]
 
 
@@ -228,7 +222,6 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
             for name in keys_read(shot.interface.faces, shot.interface.side)
         ),
         Entry("transmission", "support", shot.support),
-        *_bar(shot),
         *_bodies(shot),
         *_force_entries(shot),
         *(_motion_entries(shot) if isinstance(shot, Shot) else []),
@@ -272,32 +265,23 @@ def as_json(shot: ShotBase | CheckedBars) -> dict[str, Any]:
 
 def _layouts(shot: ShotBase) -> list[Entry]:
     """The layout of tables that need one. A series of files is described by its first file."""
-    found = (
-        (name, layout_in_words(_first_of_table(shot.folder / name)))
-        for name in shot.inputs
-        if name.endswith(TABLES)
-    )
-    return [Entry("layouts", name, words) for name, words in found if words]
-
-
-def _first_of_table(place: Path) -> Path:
-    """A file, or the first file that matches a pattern such as `dic_*.csv`."""
-    return place if place.exists() else min(place.parent.glob(place.name), default=place)
-
-
-def _bar(shot: ShotBase) -> list[Entry]:
-    bar = shot.transmission_bar
-    if bar is None:
-        return []
-    return [
-        Entry("transmission", "bar impedance", bar.impedance, "N s/m"),
-        Entry("transmission", "bar round trip", bar.round_trip, "s"),
-    ]
+    found = []
+    for name in filter(lambda name: name.endswith(TABLES), shot.inputs):
+        place = shot.folder / name  # or a pattern such as `dic_*.csv`
+        first = place if place.exists() else min(place.parent.glob(place.name), default=place)
+        if words := layout_in_words(first):
+            found.append(Entry("layouts", name, words))
+    return found
 
 
 def _bodies(shot: ShotBase) -> list[Entry]:
-    """Elastic parts on both sides, and the incident force that is compared."""
+    """The bar and the elastic parts on both sides, and the incident force that is compared."""
     rows = []
+    if (bar := shot.transmission_bar) is not None:
+        rows += [
+            Entry("transmission", "bar impedance", bar.impedance, "N s/m"),
+            Entry("transmission", "bar round trip", bar.round_trip, "s"),
+        ]
     for table, body in (("transmission", shot.behind), ("flyer_body", shot.flyer_body)):
         if body is not None:
             rows += [

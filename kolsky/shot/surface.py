@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,23 +14,20 @@ from dic.surfaces.cylinder import Cylinder, fit_cylinder
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
-from kolsky.pictures.frames import frames_agree
+from kolsky.pictures.frames import frames_agree, read_section
 from kolsky.readers.dic_export import DicExport, PointState, matching, read
-from kolsky.readers.measured_tables import FrameTable, read_frame_table
-from kolsky.readers.table import Column
+from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.measured import CentreLineSection, SurfaceSection
 from kolsky.schema.shot_file import ShotToml
 
 if TYPE_CHECKING:
     from dic.surfaces.surface_history import SurfaceHistory
 
-OUTCOMES = MappingProxyType(
-    {
-        PointState.VALID: PointOutcome.VALID,
-        PointState.REJECTED: PointOutcome.LOW_CORRELATION,
-        PointState.MISSING: PointOutcome.NOT_CONVERGED,
-    }
-)
+OUTCOMES = {
+    PointState.VALID: PointOutcome.VALID,
+    PointState.REJECTED: PointOutcome.LOW_CORRELATION,
+    PointState.MISSING: PointOutcome.NOT_CONVERGED,
+}
 """Outcome of a point by its state in an export. An export does not give the reason for a missing point."""
 WIDEST_ANGLE = 30.0
 """Largest angle between the axis of a fitted cylinder and the declared one [degrees]."""
@@ -199,7 +195,7 @@ ninth of its length."""
 
 
 def read_outline(
-    folder: Path, frames: FrameTable, section: CentreLineSection, toml: ShotToml
+    frames: FrameTable, section: CentreLineSection, toml: ShotToml
 ) -> tuple[CentreLine, FrameTable]:
     """[centre_line]: the specimen's outline at the frames, and its source table.
 
@@ -209,23 +205,16 @@ def read_outline(
     if section.sigma_column is not None:
         cure = "give every point its standard deviation, or declare one for all: centre_line.sigma"
         sigma = replace(section.sigma_column.as_column(), bound="> 0", cure=cure)
-    table = read_frame_table(
-        folder / section.file,
-        frame=Column(section.frame),
-        time=None if section.time is None else section.time.as_column(),
-        columns={"y": section.y.as_column(), "Z": section.Z.as_column(), "sigma": sigma},
-        points=True,
-        layout=None if section.layout is None else section.layout.as_layout(),
-    )
+    columns = {"y": section.y.as_column(), "Z": section.Z.as_column(), "sigma": sigma}
+    table = read_section(toml, section, columns=columns, points=True)
     frames_agree(table, frames)
     index = np.searchsorted(frames.frame, table.frame)
-    columns = table.columns
     line = CentreLine(
         time=frames.time[index] + toml.declared.frames.clock_offset,
         frame=table.frame,
-        y=columns["y"] + section.y_offset,
-        Z=columns["Z"] + section.Z_offset,
-        sigma=columns["sigma"] if sigma else np.full(table.frame.size, section.sigma),
+        y=table.columns["y"] + section.y_offset,
+        Z=table.columns["Z"] + section.Z_offset,
+        sigma=table.columns["sigma"] if sigma else np.full(table.frame.size, section.sigma),
     )
     return line, table
 

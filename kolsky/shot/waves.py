@@ -4,7 +4,7 @@ A flyer test gives forces after mass compensation, and strain from the flyer's m
 function of its input values. Each of them can therefore be varied for the uncertainty budget.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, sqrt
 from pathlib import Path
@@ -35,6 +35,7 @@ from kolsky.bars.signals.transducers import ForceSignal, force_signal
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refused
 from kolsky.base.records import FlyerMotion
+from kolsky.pictures.picture_set import Progress
 from kolsky.schema.apparatus import UncertaintySection
 from kolsky.schema.bars import WavesSection
 from kolsky.schema.shot_file import Source, folder_of, is_bar_driven, parsed, shot_toml
@@ -202,15 +203,10 @@ UNJUDGED = (
 """Text for the validity window if the force on the front face is unknown."""
 
 
-def analyse_flyer(
-    given: FlyerInput, *, progress: Callable[[str, int, int], None] = lambda stage, done, total: None
-) -> FlyerResult:
-    """Forces, strain, stress, events, and the validity window.
+def analyse_flyer(given: FlyerInput, *, progress: Progress = lambda stage, done, total: None) -> FlyerResult:
+    """Forces, strain, stress, events, and the window in which stress and strain are a material curve.
 
-    In this window, stress and strain are a material curve.
-
-    Raises ValueError if the shot has no flyer motion, or if the signals are not those of such a test: see
-    `kolsky.bars`.
+    Raises ValueError if the shot has no flyer motion, or if the signals are not those of such a test.
     """
     shot, motion = given.shot, given.shot.flyer
     if not isinstance(motion, FlyerMotion) or not isinstance(shot.force, ForceChannel):
@@ -229,8 +225,8 @@ def analyse_flyer(
     sync = _synchronised(given, motion, incident, rest)
     progress("waves", 1, 3)
     last = min(events.path.end, events.usable[0], inf if shot.symmetry_end is None else shot.symmetry_end)
-    time = _times(transmitted.signal, rest, last)
-    state = FlyerTest(given, events, time)
+    time = transmitted.signal.time
+    state = FlyerTest(given, events, time[(time >= rest) & (time <= last)])
     log = AuditLog(given.switches)
     for force in (incident, transmitted):
         log.add(*([] if force is None else force.corrections))
@@ -247,7 +243,7 @@ def _result(
     forces: tuple[ForceSignal | None, ForceSignal],
     events: FlyerEvents,
     sync: Synchronisation | None,
-    progress: Callable[[str, int, int], None],
+    progress: Progress,
 ) -> FlyerResult:
     shot, r = given.shot, found.reduction
     quantities = [q for force in forces if force is not None for q in force.quantities]
@@ -320,9 +316,10 @@ def _flyer_events(
     found: FlyerEvents, shot: Shot, *, pictured: bool
 ) -> tuple[tuple[str, float | None, float | None, str], ...]:
     """The events of the test. With pictures, the end of symmetry is found from the flyer's flight."""
-    rows = [(e.name, e.time, e.sigma, e.how) for e in found.events if e.name != "end of symmetry"]
+    rows = [(e.name, e.time, e.sigma, e.how) for e in found.events]
     if not pictured or not isinstance(shot.flyer, FlyerMotion):
-        return tuple((e.name, e.time, e.sigma, e.how) for e in found.events)
+        return tuple(rows)
+    rows = [row for row in rows if row[0] != "end of symmetry"]
     if shot.symmetry_end is None:
         kept = "the flyer keeps its first direction to the last frame"
         return (*rows, ("end of symmetry", None, None, kept))
@@ -345,12 +342,6 @@ def _synchronised(
         travel=EARLY * given.shot.specimen.length,
         sigma_zero=zero.sigma,
     )
-
-
-def _times(signal: Signal, first: float, last: float) -> FloatArray:
-    """The signal's samples in a span."""
-    time = signal.time
-    return time[(time >= first) & (time <= last)]
 
 
 __all__ = ["waves"]
@@ -385,7 +376,6 @@ def _load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
     )
 
 
-Progress = Callable[[str, int, int], None]
 CURE = "correct the gauge or bar that it names in shot.toml"
 
 
@@ -479,7 +469,7 @@ class RepeatedShots:
 def repeats(
     shots: Sequence[str | Path],
     *,
-    progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
+    progress: Progress = lambda stage, done, total: None,
 ) -> RepeatedShots:
     """Reduce repeats of one test between bars and average their stress at equal strain.
 
@@ -526,10 +516,7 @@ def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]
 
 
 def _fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: bool) -> BarsTogether:
-    """Fit wave speed and gain over the pulse up to its first echo.
-
-    The fit is repeated once, because the fitted speed changes the time of the echo.
-    """
+    """Fit wave speed and gain over the pulse up to its first echo, whose time depends on the fitted speed."""
     speed = incident.bar.wave_speed
     for _ in range(2):
         arrival = incident_arrival(incident, tension=tension)

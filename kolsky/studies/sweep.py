@@ -300,7 +300,7 @@ def read_design(path: Path) -> Design:
     """
     table = read_table(path)
     columns: dict[str, Column] = {}
-    for cell in table.header:
+    for cell in table.names:
         match = full_match(HEADER, cell)
         cure = 'write NAME (UNIT), e.g. "damping (us)"; the names are those of --vary'
         if match is None:
@@ -314,7 +314,7 @@ def read_design(path: Path) -> Design:
                 path, f"{name} stands twice", line=table.header_line, cure="keep one of the columns"
             )
         columns[name] = Column(cell, factor)
-    count = len(table.sheet.rows)
+    count = len(table.rows)
     if not 2 <= count <= MOST_RUNS:
         raise InputError(path, f"holds {count} points", allowed=f"2 to {MOST_RUNS}", cure="a point a line")
     values = np.column_stack([table.values(column) for column in columns.values()])

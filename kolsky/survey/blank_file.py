@@ -1,9 +1,6 @@
-"""Values that follow from the data files of a folder.
+"""Values that follow from the data files of a folder: signs, rest, noise and ranges.
 
-Signs, rest, noise and ranges, each with a remark.
-
-`kolsky new` writes values that are clear, with the reason. Other values stay blank, and the remark gives the
-reason.
+`kolsky new` writes values that are clear. Other values stay blank. A remark gives the reason in both cases.
 """
 
 from __future__ import annotations
@@ -17,16 +14,11 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.units import unit_factor
 from kolsky.readers.recordings import read_contents
-from kolsky.survey.new_file import (
-    fill_in,
-    next_of_series,
-    notes_of,
-    values_of,
-    with_notes,
-    with_recordings,
-)
-from kolsky.survey.pictures import PictureSurvey, first_change, picture_notes, picture_values
+from kolsky.survey.new_file import fill_in, next_of_series, table_findings, with_notes, with_recordings
+from kolsky.survey.pictures import PictureSurvey, first_change, picture_findings
 from kolsky.survey.signals import (
+    FEWEST_SAMPLES,
+    Findings,
     QuietStretch,
     common_sign,
     first_push,
@@ -36,21 +28,8 @@ from kolsky.survey.signals import (
     two_figures,
 )
 from kolsky.survey.surface import SurfaceSurvey, first_motion, surface_values
-from kolsky.survey.tables import (
-    SHIFT,
-    Survey,
-    TableEntry,
-    clock_text,
-    displacement_of,
-    microseconds,
-    strain_of,
-    stress_of,
-    voltage_of,
-)
+from kolsky.survey.tables import SHIFT, Survey, TableEntry, clock_text, microseconds
 
-FEWEST_SAMPLES = 20
-"""Smallest number of samples of a baseline. The standard deviation of its mean is then a quarter of the
-noise."""
 SPARE = 0.9
 """Used share of the quiet part of a record. Motion and force may begin below the noise."""
 FEWEST_STATIC = 3
@@ -59,29 +38,13 @@ _COMPRESSION = re.compile(r"compress|druck|stauch|crush", re.IGNORECASE)
 _TENSION = re.compile(r"tens(ile|ion)|zugv|zugs|traction|dehn?versuch", re.IGNORECASE)
 
 
-class Findings:
-    """Values of a shot file and remarks above their lines, by dotted key."""
-
-    def __init__(self) -> None:
-        """Create an empty collection."""
-        self.values: dict[str, str | None] = {}
-        self.notes: dict[str, str] = {}
-
-    def add(self, key: str, value: str, note: str) -> None:
-        """Add a value with its reason."""
-        self.values[key], self.notes[key] = value, note
-
-
-def evidence(survey: Survey, picture: tuple[int, str] | None = None) -> Findings:
-    """All values that follow from the data files of a folder.
+def evidence(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> None:
+    """Add all values that follow from the data files of a folder.
 
     ``survey``: the files. ``picture``: for a shot with pictures, the index of the first picture with motion,
     and its series.
     """
-    shown = Findings()
-    values, notes = surface_values(survey.surface)
-    shown.values |= values
-    shown.notes |= notes
+    surface_values(survey.surface, shown)
     last_static = _frames(survey, picture, shown)
     if "force" in survey.parts:
         _force(survey.parts["force"], last_static, shown)
@@ -89,7 +52,6 @@ def evidence(survey: Survey, picture: tuple[int, str] | None = None) -> Findings
         _flyer(survey.parts["flyer"], shown)
     if "curve" in survey.parts:
         _curve(survey.parts["curve"], shown)
-    return shown
 
 
 def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) -> float | None:
@@ -125,10 +87,7 @@ def _frames(survey: Survey, picture: tuple[int, str] | None, shown: Findings) ->
 
 
 def _flyer_motion(table: TableEntry) -> tuple[int, str] | None:
-    """Number of the first frame in which the flyer moves, and its file.
-
-    The specimen is at rest until then.
-    """
+    """Number of the first frame in which the flyer, and with it the specimen, moves, and its file."""
     quiet = _flyer_quiet(table)
     if quiet is None or table.frame is None:
         return None
@@ -136,13 +95,13 @@ def _flyer_motion(table: TableEntry) -> tuple[int, str] | None:
 
 
 def _flyer_quiet(table: TableEntry) -> QuietStretch | None:
-    column = displacement_of(table)
+    column = table.displacement
     return None if column is None else quiet_stretch(column.values, fewest=FEWEST_STATIC)
 
 
 def _flyer(table: TableEntry, shown: Findings) -> None:
     """Add the sign of the flyer's motion and its noise."""
-    column, quiet = displacement_of(table), _flyer_quiet(table)
+    column, quiet = table.displacement, _flyer_quiet(table)
     if column is None or quiet is None:
         return
     sign = first_push(column.values, quiet)
@@ -158,7 +117,7 @@ def _flyer(table: TableEntry, shown: Findings) -> None:
 
 def _volts(table: TableEntry) -> FloatArray | None:
     """Samples of the transmitted force [V]. None if its column is not clear."""
-    column = voltage_of(table)
+    column = table.voltage
     if column is None or column.dimension != "V":
         return None
     values = column.values
@@ -166,16 +125,6 @@ def _volts(table: TableEntry) -> FloatArray | None:
         channel = next(c for c in read_contents(table.path).channels if c.name == column.name)
         values = channel.values()
     return np.asarray(values * unit_factor(column.unit, "V"))
-
-
-def _times(table: TableEntry, count: int) -> FloatArray | None:
-    """Times of the samples on the file's clock [s]."""
-    if table.clock is not None:
-        return np.linspace(table.clock[0], table.clock[1], table.clock[2])
-    time = table.time
-    if time is None or not time.unit or time.values.size != count:
-        return None
-    return np.asarray(time.values * unit_factor(time.unit, "s"))
 
 
 def _force(table: TableEntry, last_static: float | None, shown: Findings) -> None:
@@ -197,7 +146,8 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
             f'"{largest:g} V"',
             f"largest sample {np.abs(volts).max():.4g} V, not clipped; write the recorder's range if known",
         )
-    times, quiet = _times(table, volts.size), quiet_stretch(volts, fewest=FEWEST_SAMPLES)
+    times, quiet = table.times, quiet_stretch(volts, fewest=FEWEST_SAMPLES)
+    times = None if times is None or times.size != volts.size else times
     if times is not None and quiet is None:
         example = f'["{_time(times[0], later=True)}", "{_time(times[times.size // 10])}"]'
         shown.notes["force.baseline"] = f"no clear quiet stretch at the beginning; write it, e.g. {example}"
@@ -219,10 +169,7 @@ def _force(table: TableEntry, last_static: float | None, shown: Findings) -> Non
 
 
 def _time(seconds: float, *, later: bool = False) -> str:
-    """A time rounded to a nanosecond toward the inside of its interval.
-
-    ``later``: the time is the interval's beginning.
-    """
+    """A time rounded to a nanosecond toward the inside of its interval; ``later``: it is the beginning."""
     nanoseconds = 1e9 * seconds
     whole = np.ceil(nanoseconds - 1e-4) if later else np.floor(nanoseconds + 1e-4)  # doubles near 60 s: 1e-5
     return f"{whole / 1e3:.14g} us"
@@ -230,7 +177,7 @@ def _time(seconds: float, *, later: bool = False) -> str:
 
 def _curve(table: TableEntry, shown: Findings) -> None:
     """Add convention, branch and scatter of the quasi-static curve."""
-    strain, stress = strain_of(table), stress_of(table)
+    strain, stress = table.strain, table.stress
     if strain is None or stress is None:
         return
     signs = common_sign(strain.values), common_sign(stress.values)
@@ -269,38 +216,29 @@ def new_text(
     pictures: PictureSurvey | None = None,
     last: str | None = None,
 ) -> str:
-    """The text of the new shot file.
-
-    It is the blank one or the last shot's, completed with values from the files.
-    """
+    """The text of the new shot file: the blank one or the last shot's, completed from the files."""
+    shown = table_findings(contents)
     if last is not None:
-        return with_notes(next_of_series(last, folder, contents), notes_of(contents))
+        return with_notes(next_of_series(last, folder, contents), shown.notes)
     text = template(bars=bars, pictures=pictures is not None)
     if bars:
         return with_recordings(text, contents)
-    motion = None
-    if pictures is not None:
-        motion = first_change(folder, pictures)
-    shown = evidence(contents, motion)
-    values, notes = {**values_of(contents), **shown.values}, {**notes_of(contents), **shown.notes}
+    evidence(contents, None if pictures is None else first_change(folder, pictures), shown)
     if pictures is None:
         text = with_surface(text, contents.surface)
-        values = {key: value for key, value in values.items() if f"\n[{key.partition('.')[0]}]" in text}
+        values = {key: v for key, v in shown.values.items() if f"\n[{key.partition('.')[0]}]" in text}
     else:
         others = ("flyer.", "centre_line.", "surface.")
-        values = {key: value for key, value in values.items() if not key.startswith(others)}
-        values |= picture_values(pictures)
-        notes |= picture_notes(pictures)
+        shown.values = {key: value for key, value in shown.values.items() if not key.startswith(others)}
+        picture_findings(pictures, shown)
+        values = shown.values
         if pictures.target:
             text = text.replace("# [calibration.target]", "[calibration.target]", 1)
-    return with_notes(fill_in(text, values), notes)
+    return with_notes(fill_in(text, values), shown.notes)
 
 
 def with_surface(text: str, found: SurfaceSurvey) -> str:
-    """The blank file with [surface] instead of [centre_line].
-
-    If the exports contain the flyer, [surface] also replaces [flyer].
-    """
+    """The blank file with [surface] instead of [centre_line], and of [flyer] if exports show the flyer."""
     if found.specimen is None:
         return text
     text = text[: text.index("[centre_line]")] + text[text.index("# [surface]") + 2 :]

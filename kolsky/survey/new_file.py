@@ -1,7 +1,4 @@
-"""A new shot file.
-
-The blank file is completed from the folder's files and recordings, or the file is the next of a series.
-"""
+"""A new shot file: the blank one completed from a folder's files, or the next of a series."""
 
 from __future__ import annotations
 
@@ -9,26 +6,20 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
-
 from kolsky.base.errors import InputError
-from kolsky.base.units import unit_factor
 from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_contents
+from kolsky.survey.signals import FEWEST_SAMPLES, Findings, quiet_stretch
 from kolsky.survey.tables import (
     SHIFT,
+    SIGMA,
     ColumnEntry,
     Survey,
     TableEntry,
     clock_text,
-    displacement_of,
     microseconds,
     quoted,
-    sigma_of,
-    strain_of,
-    stress_of,
-    voltage_of,
 )
 
 BLANK = '""'
@@ -43,10 +34,7 @@ _LINE = re.compile(rf"(?P<off># )?(?P<key>\w+) = {_VALUE}(?P<rest>\s*(?:#.*)?)")
 
 
 def _keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match[str] | None]]:
-    """Each line of a shot file, with its dotted key and its parts if it has a key.
-
-    Commented-out lines are included.
-    """
+    """Each line of a shot file, commented out or not, with its dotted key and its parts if it has a key."""
     table = ""
     for line in text.split("\n"):
         match = _LINE.fullmatch(line)
@@ -88,10 +76,11 @@ def with_notes(text: str, notes: Mapping[str, str]) -> str:
     return "\n".join(lines)
 
 
-def values_of(survey: Survey) -> dict[str, str | None]:
-    """Dotted key -> value, for all values that follow unambiguously from the files of a folder."""
-    parts, values = survey.parts, dict[str, str | None]()
-    frames = parts.get("frames", parts.get("flyer"))
+def table_findings(survey: Survey) -> Findings:
+    """Values that follow unambiguously from the tables of a folder, and remarks that help with the others."""
+    found, parts = Findings(), survey.parts
+    values, notes = found.values, found.notes
+    frames, force = parts.get("frames", parts.get("flyer")), parts.get("force")
     for name, table in (("frames", frames), *parts.items()):
         if table is None or f"{name}.file" in values:
             continue
@@ -104,41 +93,30 @@ def values_of(survey: Survey) -> dict[str, str | None]:
             values["force.time"] = None  # the layout defines the times
         elif table.time is not None and name != "curve":
             values[f"{name}.time"] = table.time.toml()
+        if name in ("frames", "force") and (clock := clock_text(table)):
+            notes[f"{name}.clock_offset"] = f"{table.path.name}: {clock}"
     chosen: dict[str, ColumnEntry | None] = {}
-    if "force" in parts:
-        chosen["force.voltage"] = voltage_of(parts["force"])
+    if force is not None:
+        chosen["force.voltage"] = force.voltage
     if "flyer" in parts:
-        chosen["flyer.displacement"] = displacement_of(parts["flyer"])
+        chosen["flyer.displacement"] = parts["flyer"].displacement
     if "centre_line" in parts:
         line = parts["centre_line"]
-        chosen |= {"centre_line.y": line.only(r"y\b", "m"), "centre_line.Z": line.only(r"z\b", "m")}
-        if (sigma := sigma_of(line)) is not None:
+        chosen |= {"centre_line.y": line.only(r"^y\b", "m"), "centre_line.Z": line.only(r"^z\b", "m")}
+        if (sigma := line.only(SIGMA, "m")) is not None:
             chosen["centre_line.sigma_column"], values["centre_line.sigma"] = sigma, None
     if "curve" in parts:
-        chosen |= {"curve.strain": strain_of(parts["curve"]), "curve.stress": stress_of(parts["curve"])}
-    return values | {key: column.toml() for key, column in chosen.items() if column is not None}
-
-
-def notes_of(survey: Survey) -> dict[str, str]:
-    """Dotted key -> remark: information from the files that helps the user to fill in the other values."""
-    notes = {}
-    parts = survey.parts
-    frames = parts.get("frames", parts.get("flyer"))
-    for name, table in (("force", parts.get("force")), ("frames", frames)):
-        if table is not None and (clock := clock_text(table)):
-            notes[f"{name}.clock_offset"] = f"{table.path.name}: {clock}"
-    if frames is not None and frames.time is not None and frames.time.unit:
-        before = int((frames.time.values * unit_factor(frames.time.unit, "s") <= 0.0).sum())
-        notes["frames.static"] = f"{before} frames of {frames.time.values.size} have times up to 0 {SHIFT}"
-    if (force := parts.get("force")) is not None:
-        first = float(force.seconds()[0])
-        if np.isfinite(first):
-            notes["force.baseline"] = f"the record begins at {microseconds(first)} {SHIFT}"
-        if voltage_of(force) is None:
-            notes["force.voltage"] = "one of " + ", ".join(
-                c.toml() for c in force.columns[:9] if c != force.time
-            )
-    return notes
+        chosen |= {"curve.strain": parts["curve"].strain, "curve.stress": parts["curve"].stress}
+    values |= {key: column.toml() for key, column in chosen.items() if column is not None}
+    if frames is not None and (times := frames.times) is not None:
+        notes["frames.static"] = f"{(times <= 0.0).sum()} frames of {times.size} have times up to 0 {SHIFT}"
+    if force is not None:
+        if force.times is not None:
+            notes["force.baseline"] = f"the record begins at {microseconds(force.times[0])} {SHIFT}"
+        if force.voltage is None:
+            columns = (c.toml() for c in force.columns[:9] if c != force.time)
+            notes["force.voltage"] = f"one of {', '.join(columns)}"
+    return found
 
 
 def next_of_series(text: str, folder: Path, survey: Survey) -> str:
@@ -151,7 +129,7 @@ def next_of_series(text: str, folder: Path, survey: Survey) -> str:
     changed: dict[str, str | None] = {key: BLANK for key in PER_SHOT if key in declared}
     if "name" in declared:
         changed["name"] = None
-    new = values_of(survey)
+    new = table_findings(survey).values
     for key, value in declared.items():
         part, _, name = key.partition(".")
         if name == "file" and not (folder / value.strip('"')).is_file():
@@ -160,15 +138,11 @@ def next_of_series(text: str, folder: Path, survey: Survey) -> str:
     return fill_in(text, changed)
 
 
-_INCIDENT_WORDS = re.compile(r"(?<![a-z])(inc|input|eingang|einfall|entr|in(?![a-z]))", re.IGNORECASE)
-_TRANSMITTED_WORDS = re.compile(r"(?<![a-z])(tra(?!in|ck|ce)|out|ausgang|sortie)", re.IGNORECASE)
-SIDES = {"incident": _INCIDENT_WORDS, "transmission": _TRANSMITTED_WORDS}
+SIDES = {
+    "incident": re.compile(r"(?<![a-z])(inc|input|eingang|einfall|entr|in(?![a-z]))", re.IGNORECASE),
+    "transmission": re.compile(r"(?<![a-z])(tra(?!in|ck|ce)|out|ausgang|sortie)", re.IGNORECASE),
+}
 """Beginnings of words that identify a bar in a channel's name."""
-REST_SHARE = 0.05
-"""Share of a record at its beginning that is the rest level for the detection of a signal's onset."""
-ONSET_SIGMAS = 8.0
-"""Threshold of the onset in standard deviations of the rest level. Five successive samples must exceed it."""
-
 Signal = tuple[str, Channel]
 """Name of a recorder, and a channel of its file."""
 
@@ -182,10 +156,10 @@ def with_recordings(text: str, survey: Survey) -> str:
     recorders = _recorders(survey.recordings)
     if not recorders:
         return text
-    text = text.replace(_block(text), "".join(_recorder(n, c) for n, c in recorders.items()), 1)
+    block = text[text.index("[recorders.scope]") : text.index("[gauges.incident]")]
+    text = text.replace(block, "".join(_recorder(n, c) for n, c in recorders.items()), 1)
     signals = [(name, channel) for name, contents in recorders.items() for channel in contents.channels]
-    values: dict[str, str | None] = {}
-    notes: dict[str, str] = {}
+    values, notes = dict[str, str | None](), dict[str, str]()
     for side, pattern in SIDES.items():
         table = f"gauges.{side}"
         channels = [s for s in signals if pattern.search(s[1].name)]
@@ -200,10 +174,7 @@ def with_recordings(text: str, survey: Survey) -> str:
                 )
         else:
             notes[f"{table}.channels"] = "one of " + ", ".join(map(_described, signals[:9]))
-            if len(recorders) > 1:
-                values[f"{table}.recorder"] = '""'
-            else:
-                values[f"{table}.recorder"] = quoted(next(iter(recorders)))
+            values[f"{table}.recorder"] = BLANK if len(recorders) > 1 else quoted(next(iter(recorders)))
     return with_notes(fill_in(text, values), notes)
 
 
@@ -216,11 +187,6 @@ def _recorders(tables: tuple[TableEntry, ...]) -> dict[str, Contents]:
             name += "_2"
         contents["scope" if len(tables) == 1 else name] = read_contents(table.path)
     return contents
-
-
-def _block(text: str) -> str:
-    """The lines of the recorder in the blank file, up to the gauges."""
-    return text[text.index("[recorders.scope]") : text.index("[gauges.incident]")]
 
 
 def _recorder(name: str, contents: Contents) -> str:
@@ -266,27 +232,16 @@ def _chosen(table: str, channels: list[Signal], text: str) -> dict[str, str | No
         f"{table}.recorder": one,
         f"{table}.channels": f"[{', '.join(quoted(channel.name) for _, channel in channels)}]",
     }
-    known = si_unit(channels[0][1].unit or "")
-    if (
-        known is not None
-        and known[0] == "1"
-        and f"{table}.strain" in (key for _, key, _ in _keyed_lines(text))
-    ):
+    unit, _ = si_unit(channels[0][1].unit or "") or ("", 0.0)
+    if unit == "1" and f"{table}.strain" in (key for _, key, _ in _keyed_lines(text)):
         values |= {f"{table}.strain_per_volt": None, f"{table}.strain": "true"}
     return values
 
 
 def _leaves_rest(channel: Channel) -> float | None:
-    """Onset of a signal on the file's clock [s].
-
-    It is the time at which the signal leaves its rest level. None if unknown.
-    """
+    """Time at which a signal leaves its rest level, on the file's clock [s]; None if unknown."""
     try:
-        values, clock = channel.values(), channel.clock()
+        quiet, clock = quiet_stretch(channel.values(), fewest=FEWEST_SAMPLES), channel.clock()
     except InputError:
         return None
-    beginning = values[: max(20, int(REST_SHARE * values.size))]
-    scatter = max(float(beginning.std()), float(np.ptp(values)) * 1e-4)
-    away = np.abs(values - beginning.mean()) > ONSET_SIGMAS * scatter
-    run = np.flatnonzero(np.convolve(away, np.ones(5), "valid") > 4.5)
-    return clock.start + clock.interval * int(run[0]) if run.size else None
+    return None if quiet is None else clock.start + clock.interval * quiet.count

@@ -7,22 +7,21 @@ of pictures. The cameras are numbered by the order of the names. A remark states
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from kolsky.pictures.picture_set import MOST_COMPARED, open_source, picture_changes
 from kolsky.survey.new_file import BLANK
-from kolsky.survey.signals import quiet_stretch
+from kolsky.survey.signals import Findings, quiet_stretch
 from kolsky.survey.tables import Survey, quoted
 
 ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
 """Endings of files that may contain a whole series."""
 NUMBERED = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """Endings of pictures of a numbered series."""
-EARLY = 500
-"""Number of pictures in which the first motion is searched. More pictures would take minutes."""
 FEWEST = 3
 """Smallest number of pictures of a test or calibration series."""
 _NUMBER = re.compile(r"(.*?)(\d{1,18})(\D*)", re.DOTALL)
@@ -76,17 +75,14 @@ def survey_pictures(folder: Path, tables: Survey) -> PictureSurvey:
 
 
 def _pair(series: list[SeriesEntry]) -> tuple[SeriesEntry, ...]:
-    """The two series of two cameras.
-
-    Empty unless there are exactly two, equal in number and size of pictures.
-    """
+    """The series of two cameras; empty unless there are exactly two, equal in number and size of pictures."""
     alike = len(series) == 2 and len({(one.count, one.shape) for one in series}) == 1
     return tuple(series) if alike else ()
 
 
 def _series(folder: Path) -> Iterator[SeriesEntry]:
     """Every series in a folder and its subfolders. Files that cannot be opened are left out."""
-    from dic.images import PictureError, open_pictures
+    from dic.images import PictureError
 
     numbered: dict[str, list[Path]] = {}
     below = (p for p in sorted(folder.iterdir()) if p.is_dir() and p.name != "results")
@@ -99,7 +95,7 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
             if path.suffix.lower() not in ONE_FILE:
                 continue
             try:
-                pictures = open_pictures(path)
+                pictures = open_source(folder, "file", name)
             except (PictureError, OSError):
                 continue
             if pictures.n_frames >= FEWEST:
@@ -109,45 +105,33 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
         if len(files) < FEWEST:
             continue
         try:
-            pictures = open_pictures((folder / pattern).parent, pattern=Path(pattern).name)
+            pictures = open_source(folder, "pattern", pattern)
         except (PictureError, OSError):
             continue
         yield SeriesEntry(pattern, "pattern", pictures.n_frames, pictures.shape, None)
 
 
 def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:
-    """Index of the first picture of camera 0 that clearly differs from the previous ones.
+    """Index of the first picture of camera 0 that clearly differs from the previous ones, and its series.
 
-    The series' name is also returned. None if there is no such picture.
-
-    The measure is the mean absolute difference from the first picture, as shown in the report of `kolsky
-    check`. Only the first `EARLY` pictures are searched.
+    None if there is no such picture. Only the first `MOST_COMPARED` pictures are searched.
     """
-    from dic.images import PictureError, open_pictures
+    from dic.images import PictureError
 
     if not survey.test:
         return None
     series = survey.test[0]
-    path = folder / series.name
     try:
-        pictures = (
-            open_pictures(path)
-            if series.key == "file"
-            else open_pictures(path.parent, pattern=Path(series.name).name)
-        )
-        first = pictures.frame(0).astype(np.float64)
-        change = [
-            float(np.abs(pictures.frame(k) - first).mean()) for k in range(1, min(pictures.n_frames, EARLY))
-        ]
+        pictures = open_source(folder, series.key, series.name)
     except (PictureError, OSError):
         return None
-    quiet = quiet_stretch(np.array(change), fewest=FEWEST)
+    frames = np.arange(min(pictures.n_frames, MOST_COMPARED), dtype=np.float64)
+    quiet = quiet_stretch(picture_changes([pictures], frames, 1).change[0, 1:], fewest=FEWEST)
     return None if quiet is None else (quiet.count + 1, series.name)
 
 
-def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
-    """Dotted key -> value of a shot file, for all values that follow unambiguously from the pictures."""
-    values: dict[str, str | None] = {}
+def picture_findings(pictures: PictureSurvey, shown: Findings) -> None:
+    """Add all values that follow unambiguously from the pictures. Remarks give the order of the cameras."""
     whole = {one.shape for one in pictures.target}
     for camera, one in enumerate(pictures.test):
         crop = '["", ""]'
@@ -155,20 +139,12 @@ def picture_values(pictures: PictureSurvey) -> dict[str, str | None]:
             crop = f"[{one.crop[0]:g}, {one.crop[1]:g}]"
         elif {one.shape} == whole:
             crop = "[0, 0]"  # the test's pictures are as large as the target's: no crop
-        values[f"pictures.camera_{camera}"] = f"{{ {one.key} = {quoted(one.name)}, crop_offset = {crop} }}"
-    if pictures.target:
-        values["calibration.file"] = None
-        values |= {f"calibration.camera_{camera}": quoted(s.name) for camera, s in enumerate(pictures.target)}
-        facts = ("distortion", "target.kind", "target.columns", "target.rows")
-        values |= {f"calibration.{fact}": BLANK for fact in facts}
-    return values
-
-
-def picture_notes(pictures: PictureSurvey) -> Mapping[str, str]:
-    """Dotted key -> remark on the order of the cameras and on the crop of the pictures."""
-    notes = {}
-    for camera, one in enumerate(pictures.test):
-        notes[f"pictures.camera_{camera}"] = f"{one.said}; camera {camera} by the order of the names"
+        value = f"{{ {one.key} = {quoted(one.name)}, crop_offset = {crop} }}"
+        note = f"{one.said}; camera {camera} by the order of the names"
+        shown.add(f"pictures.camera_{camera}", value, note)
     for camera, one in enumerate(pictures.target):
-        notes[f"calibration.camera_{camera}"] = f"{one.said}; crop_offset counts from their top left pixel"
-    return notes
+        note = f"{one.said}; crop_offset counts from their top left pixel"
+        shown.add(f"calibration.camera_{camera}", quoted(one.name), note)
+    if pictures.target:
+        facts = ("distortion", "target.kind", "target.columns", "target.rows")
+        shown.values |= {"calibration.file": None, **{f"calibration.{fact}": BLANK for fact in facts}}

@@ -1,4 +1,4 @@
-"""Unambiguous properties of a record: length of its rest, noise, sign of its first departure.
+"""Values found for a shot file, and unambiguous properties of a record: its rest, noise, first departure.
 
 Every function returns None if the data are ambiguous; `kolsky new` then leaves a blank.
 """
@@ -10,6 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
+
+
+class Findings:
+    """Values of a shot file and remarks above their lines, by dotted key."""
+
+    def __init__(self) -> None:
+        """Create an empty collection."""
+        self.values: dict[str, str | None] = {}
+        self.notes: dict[str, str] = {}
+
+    def add(self, key: str, value: str, note: str) -> None:
+        """Add a value in TOML syntax with its reason."""
+        self.values[key], self.notes[key] = value, note
+
 
 DEPARTURE = 5.0
 """Threshold in standard deviations above which a value is not noise. With `IN_A_ROW`, there is one false
@@ -29,6 +43,11 @@ LONGEST_TOP = 10
 MOST_POINTS = 2000
 """Largest number of points of a curve for the estimate of its scatter. More points change it by less than 2
 %."""
+
+
+FEWEST_SAMPLES = 20
+"""Smallest number of samples of a baseline. The standard deviation of its mean is then a quarter of the
+noise."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,4 @@
-"""Survey of a folder's exports of DIC programs.
-
-Series of files, their program, axes, rest and noise.
+"""Survey of a folder's exports of DIC programs: series of files, their program, axes, rest and noise.
 
 A program is recognised by its column headings. The flyer's series and the axes of the test are identified
 from the motion; if the motion is ambiguous, they stay blank.
@@ -19,7 +17,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.dic_export import DicExport, PointState, matching, programs_of, read
-from kolsky.survey.signals import QuietStretch, quiet_stretch, two_figures
+from kolsky.survey.signals import Findings, QuietStretch, quiet_stretch, two_figures
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 """Endings of exports."""
@@ -62,9 +60,7 @@ class SeriesOfExports:
 
     @property
     def motion(self) -> FloatArray:
-        """Mean displacement of the points that are valid in every frame [m], shape [n_frames, 3]. 0 without
-        such points.
-        """
+        """Mean displacement of the points valid in every frame [m], shape [n_frames, 3]; 0 without any."""
         if not self._complete.any():
             return np.zeros((len(self.export.u), 3))
         return np.asarray(self.export.u[:, self._complete].mean(axis=1))
@@ -142,10 +138,7 @@ def survey_surfaces(folder: Path) -> SurfaceSurvey:
 
 
 def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
-    """Pattern and files of each series.
-
-    If the names differ in several numbers, the first file's name is the pattern.
-    """
+    """Pattern and files of each series; the first file's name if the names differ in several numbers."""
     groups: dict[tuple[Path, str], list[Path]] = {}
     if not folder.is_dir():
         return
@@ -173,24 +166,19 @@ def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
 
 
 def _read(pattern: str, paths: list[Path], layout: tuple[str, tuple[str, ...]]) -> SeriesOfExports:
-    """The points of a series, with its unit.
-
-    The unit is that of the headings, otherwise mm if the extent of the points is plausible.
-    """
+    """The points of a series, with the unit of the headings, otherwise mm if their extent is plausible."""
     program, stated = layout
     export = read(paths, program)
-    if stated:
-        return SeriesOfExports(
-            pattern, program, stated[0] if len(stated) == 1 else "", "the headings state it", export
-        )
     extent = float(np.ptp(export.X, axis=0).max())
     size = f"{1e3 * extent:.3g}"
-    if PLAUSIBLE[0] <= extent <= PLAUSIBLE[1]:
+    if stated:
+        unit, why = stated[0] if len(stated) == 1 else "", "the headings state it"
+    elif PLAUSIBLE[0] <= extent <= PLAUSIBLE[1]:
+        unit = "mm"
         why = f"the headings state none: mm, the program's usual one; the points span {size} in it"
-        return SeriesOfExports(pattern, program, "mm", why, export)
-    return SeriesOfExports(
-        pattern, program, "", f"the headings state none, and the points span {size} in it", export
-    )
+    else:
+        unit, why = "", f"the headings state none, and the points span {size} in it"
+    return SeriesOfExports(pattern, program, unit, why, export)
 
 
 def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
@@ -222,10 +210,7 @@ def axis_toward_flyer(survey: SurfaceSurvey) -> tuple[str, str] | None:
 
 
 def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | None:
-    """The program's axis toward the cameras and the evidence for it.
-
-    The visible side is convex toward the cameras.
-    """
+    """The program's axis toward the cameras, to which the side is convex, and the evidence for it."""
     motion = series.motion
     across = [k for k in range(3) if _AXES[k] != y[1]]
     way = motion[int(np.argmax(np.abs(motion[:, _AXES.index(y[1])])))][across]
@@ -238,10 +223,7 @@ def axis_toward_cameras(series: SeriesOfExports, y: str) -> tuple[str, str] | No
 
 
 def quiet_frames(series: SeriesOfExports) -> QuietStretch | None:
-    """The frames before a series moves, with the reference. None if they are not clear.
-
-    The rest ends when the first component of the mean motion departs from it.
-    """
+    """The frames before the mean motion of a series, with the reference; None if they are not clear."""
     # The reference has no displacement and no noise.
     rests = [quiet_stretch(component[1:], fewest=FEWEST) for component in series.motion.T]
     first = min((quiet for quiet in rests if quiet), key=lambda quiet: quiet.count, default=None)
@@ -249,12 +231,7 @@ def quiet_frames(series: SeriesOfExports) -> QuietStretch | None:
 
 
 def scatter_at_rest(series: SeriesOfExports, count: int) -> float | None:
-    """Standard deviation of a point's position in its noisiest component [m]; None without noise.
-
-    It comes from the differences of neighbouring frames at rest.
-
-    ``count``: number of static frames, with the reference.
-    """
+    """Noise of a point's noisiest component [m] by differences of ``count`` static frames, or None."""
     steps = np.diff(series.export.u[1:count], axis=0)
     if steps.shape[0] < 2:
         return None
@@ -279,75 +256,71 @@ def shows_cylinder(series: SeriesOfExports, y: str, Z: str) -> bool:
     return bool(len(series.export.X) >= FEWEST_OF_CYLINDER and depth >= ARC * width > 0.0)
 
 
-def surface_values(survey: SurfaceSurvey) -> tuple[dict[str, str | None], dict[str, str]]:
-    """Dotted key -> value of [surface], and dotted key -> remark with the evidence from the exports."""
+def surface_values(survey: SurfaceSurvey, shown: Findings) -> None:
+    """Add the values of [surface] with the evidence from the exports."""
     series = survey.specimen
     if series is None:
-        return {}, {}
+        return
     export = series.export
-    count = f"{len(export.paths)} files of {export.program}"
-    notes = {
-        "surface.pattern": f"{count}: frames {export.frame[0]} to {export.frame[-1]}, {len(export.X)} points"
-    }
+    note = (
+        f"{len(export.paths)} files of {export.program}: frames {export.frame[0]} to {export.frame[-1]}, "
+        f"{len(export.X)} points"
+    )
     if series.one_body is not False:
-        notes["surface.pattern"] += "; do they show the specimen? They do not clearly shorten"
-    values: dict[str, str | None] = {
-        "surface.pattern": f'"{series.pattern}"',
-        "surface.program": f'"{series.program}"',
-        "surface.unit": f'"{series.unit}"',
-    }
-    notes["surface.unit"] = series.why_unit
+        note += "; do they show the specimen? They do not clearly shorten"
+    shown.add("surface.pattern", f'"{series.pattern}"', note)
+    shown.values["surface.program"] = f'"{series.program}"'
+    shown.add("surface.unit", f'"{series.unit}"', series.why_unit)
     y = axis_toward_flyer(survey)
     Z = axis_toward_cameras(series, y[0]) if y else None
     for key, axis in (("y", y), ("Z", Z)):
-        values[f"surface.{key}"] = f'"{axis[0] if axis else ""}"'
-        notes[f"surface.{key}"] = axis[1] if axis else "the motion of the points does not show it clearly"
-    values |= {"surface.frame": '""', "surface.origin": '["", "", ""]'}
-    low, high = 1e3 * series.export.X.min(axis=0), 1e3 * series.export.X.max(axis=0)
+        toward, why = axis or ("", "the motion of the points does not show it clearly")
+        shown.add(f"surface.{key}", f'"{toward}"', why)
+    shown.values["surface.frame"] = '""'
+    low, high = 1e3 * export.X.min(axis=0), 1e3 * export.X.max(axis=0)
     spans = ", ".join(f"{_AXES[k]} from {low[k]:.3g} to {high[k]:.3g} mm" for k in range(3))
-    notes["surface.origin"] = f"the points at rest have {spans}"
+    origin = f"the points at rest have {spans}"
     if y and Z:
-        cylinder = shows_cylinder(series, y[0], Z[0])
-        values["surface.frame"] = '"cylinder"' if cylinder else '"declared"'
-        notes["surface.frame"] = (
-            "the points show the curve of the side: the axis by best fit"
-            if cylinder
-            else "the points are too few, or too near to one line, for the fit of a cylinder"
-        )
         along = _AXES.index(y[0][1])
         end = (low if y[0][0] == "+" else high)[along]
-        example = ", ".join(f'"{end:.3g} mm"' if k == along else '"0 mm"' for k in range(3))
-        notes["surface.origin"] += (
-            f"; with a best fit only {y[0][1]} counts, e.g. [{example}] at the end of the points"
-            if cylinder
-            else f"; the end at the platen is near {y[0][1]} = {end:.3g} mm"
-        )
+        if shows_cylinder(series, y[0], Z[0]):
+            shown.add(
+                "surface.frame", '"cylinder"', "the points show the curve of the side: the axis by best fit"
+            )
+            example = ", ".join(f'"{end:.3g} mm"' if k == along else '"0 mm"' for k in range(3))
+            origin += f"; with a best fit only {y[0][1]} counts, e.g. [{example}] at the end of the points"
+        else:
+            why = "the points are too few, or too near to one line, for the fit of a cylinder"
+            shown.add("surface.frame", '"declared"', why)
+            origin += f"; the end at the platen is near {y[0][1]} = {end:.3g} mm"
+    shown.add("surface.origin", '["", "", ""]', origin)
     wide = two_figures(1.5 * spacing(series))
-    values["surface.half_width"] = f'"{1e3 * wide:.4g} mm"'
-    notes["surface.half_width"] = "1.5 times the distance of the points: one to three columns of them"
+    shown.add(
+        "surface.half_width",
+        f'"{1e3 * wide:.4g} mm"',
+        "1.5 times the distance of the points: one to three columns of them",
+    )
     quiet = quiet_frames(series)
     sigma = scatter_at_rest(series, quiet.count) if quiet else None
-    values["surface.sigma"] = f'"{1e6 * two_figures(sigma):.4g} um"' if sigma else '""'
-    notes["surface.sigma"] = "scatter of the frames at rest" if sigma else "no frames at rest show it"
+    shown.add(
+        "surface.sigma",
+        f'"{1e6 * two_figures(sigma):.4g} um"' if sigma else '""',
+        "scatter of the frames at rest" if sigma else "no frames at rest show it",
+    )
     if survey.flyer is not None:
         still = quiet_frames(survey.flyer)
         size = f"{1e6 * two_figures(still.scatter):.4g} um" if still else ""
-        values["surface.flyer"] = f'{{ pattern = "{survey.flyer.pattern}", sigma = "{size}" }}'
-        notes["surface.flyer"] = (
-            "it moves as one body; sigma is the scatter of its mean motion at rest"
-            if still
-            else "it moves as one body; no frames at rest show its sigma"
+        why = (
+            "sigma is the scatter of its mean motion at rest" if still else "no frames at rest show its sigma"
         )
-    return values, notes
+        value = f'{{ pattern = "{survey.flyer.pattern}", sigma = "{size}" }}'
+        shown.add("surface.flyer", value, f"it moves as one body; {why}")
 
 
 def first_motion(survey: SurfaceSurvey) -> tuple[int, str] | None:
     """Number of the first frame in which specimen or flyer moves, and the files that show it.
 
-    None if it is not clear.
-
-    The specimen is at rest until the flyer moves. The earlier of both frames is therefore safe. None without
-    a clear rest of the specimen.
+    The earlier of both is safe, because the specimen rests until the flyer moves. None if it is not clear.
     """
     if survey.specimen is None or quiet_frames(survey.specimen) is None:
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -11,18 +12,17 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import read_bytes
 from kolsky.base.units import dimension_of, unit_factor
-from kolsky.readers.contents import Contents
+from kolsky.readers.contents import Channel
 from kolsky.readers.header import likely_unit
-from kolsky.readers.layout import Layout
 from kolsky.readers.measured_tables import QUANTITIES
 from kolsky.readers.recordings import read_contents
-from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text
+from kolsky.readers.text import ENCODINGS, declared_delimiter
 from kolsky.survey.surface import SurfaceSurvey, survey_surfaces
 
 _FRAME = re.compile(r"(frame|bild|image|img|picture|photo|trame|fotograma)(?![a-z]*zeit)", re.IGNORECASE)
+SIGMA = "(sigma|σ|std|uncert|unsich|incert|écart)"
+"""Words that identify a column of standard deviations."""
 _TIME = re.compile(r"(time|zeit|temps|tiempo|t)\b", re.IGNORECASE)
 
 
@@ -80,28 +80,55 @@ class TableEntry:
         """Its columns with this SI unit."""
         return [c for c in self.columns if c.dimension == dimension]
 
-    def only(self, pattern: str, dimension: str) -> ColumnEntry | None:
-        """The only column of a kind with a name that begins with the pattern.
+    def only(self, named: str, *dimensions: str, unlike: str = "$.") -> ColumnEntry | None:
+        """The only column of a kind with one name and without another.
 
         None if there is not exactly one.
+
+        ``named``, ``unlike``: patterns of the name. ``dimensions``: its SI unit, one of these.
         """
-        return _single([c for c in self.of(dimension) if re.match(pattern, c.name, re.IGNORECASE)])
+        return _single(
+            [
+                c
+                for c in self.columns
+                if c.dimension in dimensions
+                and re.search(named, c.name, re.IGNORECASE)
+                and not re.search(unlike, c.name, re.IGNORECASE)
+            ]
+        )
+
+    @property
+    def strain(self) -> ColumnEntry | None:
+        """Its column of strains."""
+        return self.only(QUANTITIES["strain"][1].pattern, "1", "")
+
+    @property
+    def stress(self) -> ColumnEntry | None:
+        """Its column of stresses."""
+        return self.only(QUANTITIES["stress"][1].pattern, "Pa", "", unlike=f"^{SIGMA}")
+
+    @property
+    def voltage(self) -> ColumnEntry | None:
+        """The transmitted force's column: the only one in volts, or the only such one with its name."""
+        return self.only("", "V") or self.only("transm|ausgang|output|sortie", "V")
+
+    @property
+    def displacement(self) -> ColumnEntry | None:
+        """The flyer's displacement: the only column of lengths that is not a standard deviation."""
+        return self.only("", "m", unlike=SIGMA)
 
     def toml_layout(self) -> str:
         """Its layout in the syntax of a shot file. Empty if it needs none."""
         said = (f"{k} = {v if isinstance(v, int) else quoted(v)}" for k, v in self.layout.items())
         return f"{{ {', '.join(said)} }}" if self.layout else ""
 
-    def seconds(self) -> FloatArray:
-        """First time, last time and median step [s], shape [3]; NaN if unknown."""
-        time = self.time
+    @property
+    def times(self) -> FloatArray | None:
+        """Its times on the file's clock [s], shape [n]; None if unknown."""
         if self.clock is not None:
-            first, last, count = self.clock
-            return np.array([first, last, (last - first) / max(count - 1, 1)])
-        if time is None or not time.unit or time.values.size < 2:
-            return np.full(3, np.nan)
-        t = time.values * unit_factor(time.unit, "s")
-        return np.array([t[0], t[-1], np.median(np.diff(np.unique(t)))])
+            return np.linspace(*self.clock)
+        time = self.time
+        return None if time is None or not time.unit else time.values * unit_factor(time.unit, "s")
 
 
 def _single(columns: list[ColumnEntry]) -> ColumnEntry | None:
@@ -122,8 +149,6 @@ SUFFIXES = (
 WORKBOOKS = ("excel", "excel 97")
 """Formats with sheets that may be tables or recordings."""
 SHIFT = "on the file's clock"
-_SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
-_TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
 _SCOPE_ROWS = 200
 """Smallest number of samples with which a table without a column in volts is a recording of the force."""
 
@@ -194,7 +219,7 @@ def _part_of(table: TableEntry) -> str | None:
         if lengths:
             return "flyer"
         return "frames" if table.time is not None else None
-    if strain_of(table) is not None and stress_of(table) is not None:
+    if table.strain is not None and table.stress is not None:
         return "curve"
     if table.of("V") or table.clock is not None:
         return "force"
@@ -202,53 +227,13 @@ def _part_of(table: TableEntry) -> str | None:
     return "force" if long and len(table.columns) > 1 and not table.of("Pa") and not lengths else None
 
 
-def strain_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of strains. None if there are none or several."""
-    return _single(
-        [c for c in table.columns if QUANTITIES["strain"][1].search(c.name) and c.dimension in ("1", "")]
-    )
-
-
-def stress_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of stresses. None if there are none or several."""
-    return _single(
-        [
-            c
-            for c in table.columns
-            if QUANTITIES["stress"][1].search(c.name)
-            and not _SIGMA.match(c.name)
-            and c.dimension in ("Pa", "")
-        ]
-    )
-
-
-def sigma_of(table: TableEntry) -> ColumnEntry | None:
-    """The only column of standard deviations of lengths. None if there are none or several."""
-    return _single([c for c in table.of("m") if _SIGMA.search(c.name)])
-
-
-def voltage_of(table: TableEntry) -> ColumnEntry | None:
-    """The transmitted force's column.
-
-    It is the only one in volts, or the only one in volts with such a name.
-    """
-    volts = table.of("V")
-    named = [c for c in volts if _TRANSMITTED.search(c.name)]
-    return volts[0] if len(volts) == 1 else (named[0] if len(named) == 1 else None)
-
-
-def displacement_of(table: TableEntry) -> ColumnEntry | None:
-    """The flyer's displacement. It is the only column of lengths that is not a standard deviation."""
-    lengths = [c for c in table.of("m") if not _SIGMA.search(c.name)]
-    return lengths[0] if len(lengths) == 1 else None
-
-
 def clock_text(table: TableEntry) -> str:
     """First time, last time and step of a file, in words; empty if not known."""
-    first, last, step = table.seconds().tolist()
-    if not np.isfinite([first, last, step]).all():
+    times = table.times
+    if times is None or times.size < 2 or not np.isfinite(times).all():
         return ""
-    return f"{microseconds(first)} to {microseconds(last)}, every {microseconds(step)}, {SHIFT}"
+    step = float(np.median(np.diff(np.unique(times))))
+    return f"{microseconds(times[0])} to {microseconds(times[-1])}, every {microseconds(step)}, {SHIFT}"
 
 
 def microseconds(seconds: float) -> str:
@@ -259,50 +244,34 @@ def microseconds(seconds: float) -> str:
 def read_entry(path: Path) -> TableEntry:
     """A file, read with its detected layout. Raises InputError if the file cannot be read."""
     contents = read_contents(path)
-    form = contents.facts.get("format")
-    if form not in ("delimited", *WORKBOOKS):
-        return _recorder(path, contents)
-    layout = {} if form in WORKBOOKS else dict(_layout(contents.facts))
-    table = read_table(path, layout=Layout(**layout) if layout else None)  # type: ignore[arg-type]
-    units = _units_below(path, table.sheet.dialect.split, layout)
-    if form in WORKBOOKS:
-        stated = {channel.name: channel.unit or "" for channel in contents.channels}
-        units = [stated.get(name, "") for name in table.header]
+    facts = contents.facts
+    if facts["format"] not in ("delimited", *WORKBOOKS):
+        columns = [
+            ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0))
+            for c in contents.channels
+        ]
+        return TableEntry(path, tuple(columns), {"format": facts["format"]}, _clock(contents.channels[0]))
     columns = []
-    for i, name in enumerate(table.header):
+    for channel in sorted((*contents.channels, *contents.times), key=lambda channel: channel.number):
         try:
-            values = table.sheet.values(i)
+            values = channel.values()
         except InputError:
             continue  # a column of words
-        unit = likely_unit(name) or (units[i] if i < len(units) else "")
-        columns.append(ColumnEntry(name, unit, dimension_of(unit), values))
+        below = channel.unit if "units" in facts or facts["format"] in WORKBOOKS else None
+        unit = likely_unit(channel.name) or below or ""
+        columns.append(ColumnEntry(channel.name, unit, dimension_of(unit), values))
+    layout = {} if facts["format"] in WORKBOOKS else dict(_layout(facts))
     entry = TableEntry(path, tuple(columns), layout)
-    return entry if entry.time is not None else replace(entry, clock=_header_clock(contents))
+    if entry.time is None:
+        with suppress(InputError, IndexError):  # a rate or an interval in the header may give the clock
+            return replace(entry, clock=_clock(contents.channels[0]))
+    return entry
 
 
-def _header_clock(contents: Contents) -> tuple[float, float, int] | None:
-    """First and last time [s] and number of samples, from a rate or interval in the header.
-
-    None without a rate or interval.
-    """
-    try:
-        first = contents.channels[0]
-        clock = first.clock()
-    except (InputError, IndexError):
-        return None
-    return clock.start, clock.start + clock.interval * (first.samples - 1), first.samples
-
-
-def _recorder(path: Path, contents: Contents) -> TableEntry:
-    """A file in a recorder's format. Its channels, and the clock of the first channel."""
-    channels = tuple(
-        ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0)) for c in contents.channels
-    )
-    first = contents.channels[0]
-    clock = first.clock()
-    last = clock.start + clock.interval * (first.samples - 1)
-    layout = {"format": contents.facts["format"]}
-    return TableEntry(path, channels, layout, (clock.start, last, first.samples))
+def _clock(channel: Channel) -> tuple[float, float, int]:
+    """First and last time [s] and number of samples of a channel."""
+    clock = channel.clock()
+    return clock.start, clock.start + clock.interval * (channel.samples - 1), channel.samples
 
 
 def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
@@ -323,12 +292,3 @@ def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
     above = max(header, int(facts.get("units", 0)))
     if int(facts["first samples"]) != above + 1:
         yield "first_line", int(facts["first samples"])
-
-
-def _units_below(path: Path, split, layout: Mapping[str, str | int]) -> list[str]:  # type: ignore[no-untyped-def]
-    """The units of the columns, if they are on a separate line."""
-    if "units_line" not in layout:
-        return []
-    said = layout.get("encoding")
-    text, _ = decode_text(path, read_bytes(path), None if said is None else str(said))
-    return [cell.strip("()[] ") for cell in split(text.split("\n")[int(layout["units_line"]) - 1].strip())]

@@ -181,7 +181,7 @@ def tables() -> list[Target]:
     """Tables of testing machines, of other correlation programs, meshes."""
     from kolsky.material.reference_curve import read_uniaxial_test
     from kolsky.readers import dic_export
-    from kolsky.readers.meshes import read_gmsh
+    from kolsky.readers.meshes import read_mesh
 
     def curve(folder: Path) -> Path:
         return Path(shutil.copy(ROOT / "runs" / "open-01" / "quasi_static.csv", folder))
@@ -212,7 +212,7 @@ def tables() -> list[Target]:
     return [
         Target("table of a testing machine", "text", curve, uniaxial, told_length=False),
         Target("export of a correlation program", "text", export, read_export, told_length=False),
-        Target("mesh", "text", mesh, read_gmsh),
+        Target("mesh", "text", mesh, lambda path: read_mesh(path, dimension=2)),
     ]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from kolsky.base.errors import InputError
 from kolsky.bodies.specimen_reading import read_specification, simulate_tests
-from kolsky.readers.meshes import read_body
+from kolsky.readers.meshes import read_mesh
 
 MESHES = Path(__file__).resolve().parents[2] / "data" / "meshes"
 """A box of 10 x 10 x 5 of quadratic tetrahedra with the groups "plate" and "punch", saved by Gmsh 4.15."""
@@ -49,12 +49,12 @@ def _spec(folder: Path, travel: float, **of: str) -> Path:
 def test_a_body_is_that_of_its_file(name: str, tmp_path: Path) -> None:
     path = MESHES / name
     if name == "gel.vtu":
-        own = read_body(MESHES / "gel_41.msh")
+        own = read_mesh(MESHES / "gel_41.msh", dimension=3)
         masks = {f"set:{key}": np.isin(np.arange(len(own.points)), rows) for key, rows in own.groups.items()}
         made = meshio.Mesh(own.points, [("tetra10", own.cells)], {k: v.astype(int) for k, v in masks.items()})
         path = tmp_path / name
         made.write(path)
-    body = read_body(path)
+    body = read_mesh(path, dimension=3)
     assert body.kind == "tet10"
     assert set(body.groups) == {"plate", "punch"}
     assert (body.points[body.groups["punch"]][:, 2] == 5.0).all()

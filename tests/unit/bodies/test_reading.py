@@ -4,6 +4,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -249,12 +250,21 @@ def test_sheet_refusals(tmp_path: Path, old: str, new: str, said: str) -> None:
         read_field(read_specification(tmp_path / "sheet.toml"))
 
 
-def test_meshes_of_other_formats_are_refused(tmp_path: Path) -> None:
+def test_meshes_of_other_formats(tmp_path: Path) -> None:
     _field_folder(tmp_path)
-    mesh = tmp_path / "mesh.msh"
+    mesh, spec = tmp_path / "mesh.msh", tmp_path / "sheet.toml"
+    whole, own = meshio.read(mesh), read_field(read_specification(spec))
+    ends = {f"set:{name}": (whole.points[:, 0] == x) * 1 for name, x in (("left", 0.0), ("right", 8.0))}
+    flat = meshio.Mesh(whole.points, [("triangle", whole.get_cells_type("triangle"))], ends)
+    flat.write(tmp_path / "mesh.vtu")
     mesh.write_text(mesh.read_text().replace("2.2 0 8", "4.1 0 8"))
-    with pytest.raises(InputError, match="format 2"):
-        read_field(read_specification(tmp_path / "sheet.toml"))
+    with pytest.raises(InputError, match="cannot be read as a mesh"):
+        read_field(read_specification(spec))
+    spec.write_text(spec.read_text().replace("mesh.msh", "mesh.vtu"))
+    other = read_field(read_specification(spec))
+    for name, points in own.problem.sheet.mesh.sets.items():
+        np.testing.assert_array_equal(points, other.problem.sheet.mesh.sets[name])
+    np.testing.assert_array_equal(own.problem.sheet.mesh.points, other.problem.sheet.mesh.points)
 
 
 SECTION = ControlSection.model_construct(

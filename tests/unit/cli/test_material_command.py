@@ -104,7 +104,7 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
         (["{f}"], {"stretch": "1"}, "--stretch and --strain exclude each other"),
         (["{f}"], {"stress": ""}, "--stress COLUMN"),
         (["{f}"], {"stress": "Force"},
-         "column 'Force' .*is missing; the columns of numbers are 'Strain .%.' .1., 'Stress"),
+         "column 'Force' .*is missing; the columns are 'Strain .%.' .1., 'Stress"),
         (["{f}"], {"stress_unit": "mm"},
          "column 'Stress .kPa.' for the stress is in 'mm'; it must be in a unit of a stress"),
         (["{f}"], {"stress": "Strain"}, "column 'Strain .%.' for the stress is in '%'"),

@@ -14,7 +14,8 @@ from dic.basics import cv2
 from kolsky.base.toml import blanks
 from kolsky.cli import app
 from kolsky.survey.blank_file import template
-from kolsky.survey.pictures import picture_values, survey_pictures
+from kolsky.survey.pictures import picture_findings, survey_pictures
+from kolsky.survey.signals import Findings
 from kolsky.survey.tables import survey
 
 runner = CliRunner()
@@ -59,7 +60,9 @@ def test_series_of_test_and_target_are_written_and_the_rest_is_blank(tmp_path: P
 
 def test_pictures_as_large_as_the_targets_were_not_cut(tmp_path: Path) -> None:
     folder = folder_of(tmp_path / "shot", size=(6, 8))
-    values = picture_values(survey_pictures(folder, survey(folder)))
+    shown = Findings()
+    picture_findings(survey_pictures(folder, survey(folder)), shown)
+    values = shown.values
     assert values["pictures.camera_0"] == '{ file = "left.tif", crop_offset = [0, 0] }'
 
 

@@ -10,10 +10,9 @@ from memory_pictures import Memory
 from speckle_pictures import render, speckle_pattern
 
 from dic.bodies.edges import _last_edge, follow_edge, rigid_limit, row_correlation
-from dic.bodies.region import _painted, find_regions, polygon_mask
+from dic.bodies.region import Region, _painted, find_regions, polygon_mask
 from dic.correlation.subsets import overlap_correlation, overlap_factor, overlap_matrix
 from dic.images import frame_health
-from kolsky.pictures.regions import Drawn
 from kolsky.shot.dic import regions_in_pictures
 
 SHAPE, STATIC, FRAMES, SPEED = (96, 112), 4, 30, 1.7
@@ -86,8 +85,8 @@ def test_what_a_shot_file_leaves_out_is_proposed_and_nothing_else(plain):
     proposed, why = regions_in_pictures(pictures)
     found = search(whole)
     assert list(proposed) == ["flyer", "transmission_edge"]
-    assert proposed["flyer"] == [Drawn(found.flyer.corners, found.flyer.frame)]
-    assert proposed["transmission_edge"] == [Drawn((found.edge,), 0)]
+    assert proposed["flyer"] == [Region(found.flyer.corners, found.flyer.frame)]
+    assert proposed["transmission_edge"] == [Region((found.edge,), 0)]
     assert why == found.why
 
 

@@ -176,7 +176,7 @@ def test_a_delimiter_is_one_line_of_the_registry(
 def test_a_workbook_or_arrays_stand_for_a_text(name: str, ending: str, tmp_path: Path) -> None:
     """The same numbers to the last bit, by the same door."""
     there = read_table(OPEN_01 / name)
-    plain = {f"c{i}": there.values(Column(column)) for i, column in enumerate(there.header)}
+    plain = {f"c{i}": there.values(Column(column)) for i, column in enumerate(there.names)}
     path = tmp_path / f"table{ending}"
     if ending == ".xlsx":
         book = openpyxl.Workbook()
@@ -191,7 +191,7 @@ def test_a_workbook_or_arrays_stand_for_a_text(name: str, ending: str, tmp_path:
             for key, values in plain.items():
                 file[key] = values
     here = read_table(path)
-    assert len(here.header) == len(plain)
+    assert len(here.names) == len(plain)
     for key, values in plain.items():
         np.testing.assert_array_equal(here.values(Column(f"/{key}" if ending == ".h5" else key)), values)
     with pytest.raises(InputError, match="'absent' is missing"):

@@ -104,7 +104,7 @@ def test_what_cannot_be_a_table_is_refused_by_its_cause(name: str, door: str, tm
 
 def every_value(path: Path) -> None:
     table = read_table(path)
-    for column in table.header[:2]:
+    for column in table.names[:2]:
         table.values(Column(column))
 
 

@@ -19,7 +19,7 @@ from kolsky.readers import contents, excel, sheet
 from kolsky.readers.child import mat
 from kolsky.readers.contents import LARGEST_SAMPLE
 from kolsky.readers.layout import Layout
-from kolsky.readers.meshes import read_gmsh
+from kolsky.readers.meshes import read_mesh
 from kolsky.readers.recordings import list_channels, read_recordings
 
 
@@ -195,10 +195,10 @@ $EndElements
 def test_a_mesh_is_whole(old: str, new: str, tmp_path: Path) -> None:
     path = tmp_path / "a.msh"
     path.write_text(MESH)
-    assert read_gmsh(path).cells.tolist() == [[0, 1, 2]]
+    assert read_mesh(path, dimension=2).cells.tolist() == [[0, 1, 2]]
     path.write_text(MESH.replace(old, new))
     with pytest.raises(InputError, match="Cure: "):
-        read_gmsh(path)
+        read_mesh(path, dimension=2)
 
 
 def test_a_camera_file_of_long_lines_is_refused_at_once(tmp_path: Path) -> None:

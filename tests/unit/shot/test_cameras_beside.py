@@ -28,12 +28,13 @@ def test_who_works_out_the_cameras(
     monkeypatch: pytest.MonkeyPatch, cores: int, forks: bool, here: bool
 ) -> None:
     monkeypatch.setattr(rig, "calibration_in_background", begun)
-    monkeypatch.setattr(rig, "_crop_to_pictures", lambda pictures, found: found)
+    monkeypatch.setattr(rig, "cropped", lambda toml, found, series: found)
     monkeypatch.setattr(rig, "cores", lambda: cores)
     if not forks:
         monkeypatch.setattr(rig, "may_fork", lambda: False)
     section = SimpleNamespace(file=None)
-    pictures: Any = SimpleNamespace(toml=SimpleNamespace(declared=SimpleNamespace(calibration=section)))
+    toml = SimpleNamespace(declared=SimpleNamespace(calibration=section))
+    pictures: Any = SimpleNamespace(toml=toml, series=())
     told: list[tuple[str, int, int]] = []
     with allow_forks(), rig.calibrate_in_background(pictures) as cameras:
         found = cameras(lambda *said: told.append(said))

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
+from dic.bodies.region import Region
 from dic.images.series import PicturesInMemory
 from kolsky.base.errors import InputError
 from kolsky.base.toml import CannotEdit, value_end, with_values
 from kolsky.pictures.regions import (
     DRAWABLES_OF_SHOT,
-    Drawn,
     Session,
     crossing_sides,
     drawables_of_measurement,
@@ -40,7 +40,7 @@ specimen = 3
 
 
 def drawn(corners, frame=0):
-    return {"specimen": [Drawn(tuple(map(tuple, corners)), frame)]}
+    return {"specimen": [Region(tuple(map(tuple, corners)), frame)]}
 
 
 def said(corners, frame=0, wanted=DRAWABLES_OF_SHOT):
@@ -75,15 +75,15 @@ def test_a_bad_region_is_refused(corners, frame, why):
 
 
 def test_one_region_where_one_is_wanted_and_each_in_its_frame():
-    two = {"specimen": [Drawn(tuple(map(tuple, SQUARE)), 0)] * 2}
+    two = {"specimen": [Region(tuple(map(tuple, SQUARE)), 0)] * 2}
     assert "may have one" in problems_of(two, DRAWABLES_OF_SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
-    other = {"region": [Drawn(tuple(map(tuple, SQUARE)), 1)]}
+    other = {"region": [Region(tuple(map(tuple, SQUARE)), 1)]}
     assert (
         "belongs into frame 0"
         in problems_of(other, drawables_of_measurement(0), shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
     )
     assert problems_of(other, drawables_of_measurement(1), shape=(ROWS, COLUMNS), n_frames=FRAMES) == []
-    edge = {"transmission_edge": [Drawn(((1.0, 2.0), (3.0, 4.0)), 0)]}
+    edge = {"transmission_edge": [Region(((1.0, 2.0), (3.0, 4.0)), 0)]}
     assert "one place" in problems_of(edge, DRAWABLES_OF_SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
     assert problems_of({}, DRAWABLES_OF_SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES) == ["nothing is drawn"]
 
