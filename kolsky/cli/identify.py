@@ -147,10 +147,7 @@ def _verdict_line(result: "JointResult") -> str:
 
 
 def _excesses(fits: "Sequence[FitQuality]") -> str:
-    """Residuals of several channels divided by those of a correct model.
-
-    Whole and slow residuals are given.
-    """
+    """Residuals of several channels divided by those of a correct model, whole and slow ones."""
     return ", ".join(
         f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g})"
         f"{'' if fit.explained else ': NOT EXPLAINED'}"

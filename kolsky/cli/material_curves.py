@@ -362,12 +362,9 @@ def material_relaxation(
 
 
 def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder: Path) -> "ModelComparison":
-    """Identify shots and slow tests together with each model; the network only if the slow tests are
-    histories.
-
-    All models share the runs in `folder`: those without relaxation are made once, and the same command
-    continues an interrupted comparison.
-    """
+    """Identify shots and slow tests together with each model of `joint_models`."""
+    # All models share the runs in the folder: those without relaxation are made once, and the same command
+    # continues an interrupted comparison.
     from doe.ledger import LedgerError
     from kolsky.inverse.parameters import with_relaxation
     from kolsky.inverse.settings import JointSettings

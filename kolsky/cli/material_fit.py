@@ -72,12 +72,7 @@ def _fit_cylinder_with_friction(
     folder: Path,
     taken: Sequence[str],
 ) -> None:
-    """Fit laws to repeats of one compression test with bonded or frictional ends.
-
-    The constants are written and printed.
-
-    The tests are apparent nominal stresses, tension-positive.
-    """
+    """Fit laws to repeats of a compression test with bonded or frictional ends; write and print constants."""
     import numpy as np
 
     from kolsky.cli.material_curves import ends_of

@@ -37,7 +37,8 @@ from kolsky.report.pages.rendering import (
 from kolsky.report.pages.uncertainty import changes, choices, dominant, likelihood_tables, milliseconds
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
-from kolsky.results.nomenclature import in_words, name_of, route_label
+from kolsky.results.joint import fits_of
+from kolsky.results.nomenclature import in_words, name_of, route_label, upper_first
 from kolsky.results.printed import fit_tables, summary
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import causes
@@ -454,12 +455,7 @@ def _figures(
     recordings: ShotRecordings | None,
     processes: int,
 ) -> dict[str, dict[str, Any]]:
-    """Draw all figures, those of the recordings last.
-
-    They are returned by name for the template.
-
-    The template removes each figure that it places. The others follow under "Further figures".
-    """
+    """Draw all figures, those of the recordings last, and return them by name for the template."""
     groups = [FigureGroup(REGISTRY.values(), identification)]
     if recordings is not None:
         groups.append(FigureGroup(RECORDINGS.values(), recordings))
@@ -544,43 +540,43 @@ def _parameter(result: JointResult, name: str) -> dict[str, Any]:
         low, high = (factor * end for end in interval(e, result.expanded[name]))
         value, half = f"{numbers.plain(low, 2)} to {numbers.plain(high, 2)}", numbers.NOTHING
     return {
-        "words": entry.words,
-        "symbol": entry.symbol,
-        "unit": "" if entry.unit == "1" else entry.unit,
-        "value": value,
-        "half": half,
-        "sigma": numbers.plain(factor * e.sigma, 2),
-        "numerical": numbers.plain(factor * e.sigma_numerical, 2),
-        "verdict": e.outcome.value,
+        "Parameter": upper_first(entry.words),
+        "Symbol": Markup("<i>{}</i>").format(entry.symbol),
+        "Value": value,
+        "U": half,
+        "Unit": _shown_unit(entry.unit),
+        "u": numbers.plain(factor * e.sigma, 2),
+        "u of the mesh": numbers.plain(factor * e.sigma_numerical, 2),
+        "Verdict": e.outcome.value,
     }
 
 
 def _shot(result: JointResult, k: int) -> dict[str, str]:
     part = result.shots[k]
     return {
-        "name": part.name,
-        "factor": numbers.plain(part.factor, 4),
-        "own": numbers.plain(part.sigma_factor, 2),
-        "gain": f"{numbers.percent(part.gain)}",
-        "clock": f"{numbers.plain(1e6 * part.clock, 2)}",
-        "force": numbers.plain(part.chi2_force, 3),
-        "outline": numbers.plain(part.chi2_outline, 3),
-        "itself": "" if part.own is None else numbers.percent(part.own.value),
+        "Shot": part.name,
+        Markup("<i>m</i>"): numbers.plain(part.factor, 4),
+        "u without shared errors": numbers.plain(part.sigma_factor, 2),
+        "Gain": numbers.percent(part.gain),
+        "Force late by (µs)": numbers.plain(1e6 * part.clock, 2),
+        "χ² per force bin": numbers.plain(part.chi2_force, 3),
+        "χ² per outline point": numbers.plain(part.chi2_outline, 3),
+        "Stiffness of this shot alone, from the shared": ""
+        if part.own is None
+        else numbers.percent(part.own.value),
     }
 
 
 def _fits(result: JointResult) -> list[dict[str, str]]:
     """One row per channel of a shot and per slow test."""
-    rows = [(shot.name, fit) for shot in result.shots for fit in shot.fit]
-    rows += [("slow test", fit) for fit in result.slow_fit]
     return [
         {
-            "name": name,
-            "channel": fit.channel,
-            "excess": numbers.plain(fit.excess, 2),
-            "slow": numbers.plain(fit.slow_excess, 2),
-            "limit": f"{numbers.plain(fit.limit, 2)}, {numbers.plain(fit.slow_limit, 2)}",
-            "verdict": "explained" if fit.explained else "not explained",
+            "Of": name,
+            "Channel": fit.channel,
+            "Whole": numbers.plain(fit.excess, 2),
+            "Slow": numbers.plain(fit.slow_excess, 2),
+            "At most": f"{numbers.plain(fit.limit, 2)}, {numbers.plain(fit.slow_limit, 2)}",
+            "Verdict": "explained" if fit.explained else "not explained",
         }
-        for name, fit in rows
+        for name, fit in fits_of(result)
     ]

@@ -208,8 +208,8 @@ def test_quoted_results_of_bars_have_k_2() -> None:
         budget=SimpleNamespace(results={"modulus": (2.5e6, 0.13e6, "Pa"), "arrival": (1e-3, 2e-6, "s")})
     )
     assert answers(result) == [
-        {"name": "modulus", "value": "2.50", "U": "0.26", "unit": "MPa"},
-        {"name": "arrival", "value": "1000.0", "U": "4.0", "unit": "µs"},
+        {"Quantity": "modulus", "Value": "2.50", "U": "0.26", "Unit": "MPa"},
+        {"Quantity": "arrival", "Value": "1000.0", "U": "4.0", "Unit": "µs"},
     ]
     assert (quantity(2e9, "Pa"), quantity(5e-3, "1"), quantity(2e-2, "1")) == ("2 GPa", "5000 µm/m", "0.02")
 
