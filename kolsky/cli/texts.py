@@ -110,7 +110,7 @@ def physical(option: str, text: str, unit: str, *, positive: bool = False) -> fl
 def strains(option: str, text: str) -> tuple[float, ...]:
     """ "0.1,0.3" as nominal compressive strains."""
     try:
-        numbers_read = tuple(float(part) for part in text.split(",") if part.strip())
+        numbers_read = tuple(float(part) for part in listed(text))
     except ValueError:
         numbers_read = ()
     if not numbers_read or not all(0.0 < strain < 1.0 for strain in numbers_read):
@@ -204,12 +204,6 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
             raise _refuse(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
         by_name[name] = pair
     return by_name
-
-
-def none(option: str, texts: Sequence[str], other: str) -> None:
-    """Reject an option if another option excludes it."""
-    if texts:
-        raise refusal(f"{option} excludes {other}", cure=f"leave out {option}")
 
 
 def shard(option: str, text: str) -> tuple[int, int]:

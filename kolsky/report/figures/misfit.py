@@ -360,8 +360,6 @@ def corner(result: Identification, panels: Panels) -> str:
             few_ticks(ax, 4)
             if i != j:
                 ax.set_ylim(np.min(y), np.max(y))
-    assert result.posterior is not None
-    chains = result.posterior
     state = "converged" if chains.converged else "not converged"
     return (
         f"Samples of the posterior ({state}, {chains.steps} steps of each walker, longest autocorrelation "

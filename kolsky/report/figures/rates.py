@@ -289,8 +289,7 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
             last = max(outlines, key=lambda s: s.y[-1])
             end = (MM * last.y[-1], MM * last.Z[-1])
             label_point(shape, f"{strain:g}", end, (3, 0), va="center", color=GREY, annotation_clip=False)
-    assert group.equal_strain is not None  # checked by `applies`
-    strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
+    strains = ", ".join(f"{strain:g}" for strain in e.strains)
     return (
         "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values "
         "at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a "

@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from kolsky.report.figures import RATES, FigureKind
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results.nomenclature import upper_first
 from kolsky.results.numbers import NOTHING, measured, percent, plain
@@ -30,7 +30,7 @@ def _group_tables(group: GroupRates, *, several: bool) -> dict[str, Any]:
         "answer": _answer_lines(group),
         "slope": None if group.slope is None else _slope(group.slope),
         "lever": _lever(group),
-        "remarks": group.remarks,
+        "remarks": sentences(group.remarks),
         "shots": [_shot_row(shot, leverage.get(shot.name)) for shot in group.shots],
         "average": mean_and_scatter(group),
         "heterogeneity": _heterogeneity(group),

@@ -194,10 +194,7 @@ def _place(point: Mapping[str, float], at_bound: Mapping[str, str]) -> str:
 
 
 def _listed(result: SweepAnalysis) -> list[int]:
-    """Return the indices of the runs in the table.
-
-    They are all runs, or the failed ones and those with the smallest misfit.
-    """
+    """Return the runs in the table: all, or the failed ones and those with the smallest misfit."""
     n = len(result.table.outcomes)
     if n <= MOST_LISTED:
         return list(range(n))
