@@ -5,6 +5,7 @@ Every error message states the expected form.
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from functools import partial
 from math import prod
 from pathlib import Path
 
@@ -13,17 +14,8 @@ from kolsky.base.apparatus import INCOMPRESSIBLE, INCOMPRESSIBLE_WORD, Relaxatio
 from kolsky.base.errors import InputError
 from kolsky.base.options import COMMAND_LINE
 
-
-def refusal(
-    problem: str,
-    *,
-    key: str | None = None,
-    value: object = None,
-    allowed: str | None = None,
-    cure: str | None = None,
-) -> InputError:
-    """An error of the command line."""
-    return InputError(COMMAND_LINE, problem, key=key, value=value, allowed=allowed, cure=cure)
+refusal = partial(InputError, COMMAND_LINE)
+"""An error of the command line, from its other arguments."""
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:

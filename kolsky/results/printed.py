@@ -25,7 +25,7 @@ from kolsky.inverse.result import (
 from kolsky.pictures.specimen_length import LengthByPictures, length_words
 from kolsky.results import numbers
 from kolsky.results.display import estimate_in_display_units, in_display_units
-from kolsky.results.nomenclature import factor_of, name_of, typeset
+from kolsky.results.nomenclature import factor_of, heading, name_of, typeset, upper_first
 from kolsky.results.numbers import plain_sentence
 from kolsky.shot.inputs import INPUTS
 from kolsky.uncertainty.declarations import (
@@ -189,12 +189,17 @@ def sensitivity_rows(result: Identification) -> list[dict[str, Any]]:
 def _sensitivity_row(part: Declaration, answer: dict[str, float], open_: set[str]) -> dict[str, Any]:
     shares = relative_moves(part, answer)
     return {
-        "words": INPUTS[part.key].words,
-        "place": INPUTS[part.key].place,
-        "amount": amount_text(part).replace("us", "µs").replace("um", "µm"),
-        "shares": [signed_percent(shares[name]) if name in shares else numbers.NOTHING for name in answer],
-        "visible": numbers.percent(part.visible),
-        "taken": "taken as exact" if part.key in open_ else part.status,
+        "Input": upper_first(INPUTS[part.key].words),
+        "Declared in": INPUTS[part.key].place,
+        "Larger by": amount_text(part).replace("us", "µs").replace("um", "µm"),
+        **{
+            heading(name, words="Moves {} by"): signed_percent(shares[name])
+            if name in shares
+            else numbers.NOTHING
+            for name in answer
+        },
+        "Stays in the residual": numbers.percent(part.visible),
+        "Uncertainty": "taken as exact" if part.key in open_ else part.status,
     }
 
 

@@ -92,23 +92,15 @@ def plan_information(plan: Plan, panels: Panels) -> str:
             top.set_ylabel("")
     several = len(plan.names) > 1
     together = " when all parameters are estimated together" if several else ""
-    heights = any(plan.heights.values())
+    counts = ", ".join(str(n) for n in sorted(plan.heights))
+    best = (
+        f"; triangles: the best heights (D-optimal), {counts} of them" if any(plan.heights.values()) else ""
+    )
+    known = ", and what it would be if the other parameters were known (dashed)" if several else ""
     return (
-        "Information of a measurement about each parameter over place and time"
-        + together
-        + ". Top: share of a "
+        f"Information of a measurement about each parameter over place and time{together}. Top: share of a "
         "parameter’s information in the outline at height y above the transmission platen and at a time, per "
-        "mm and ms; white: no measurement "
-        "possible there"
-        + (
-            "; triangles: the best heights (D-optimal), "
-            + ", ".join(str(n) for n in sorted(plan.heights))
-            + " of them"
-            if heights
-            else ""
-        )
-        + ". Bottom: share in the force per ms"
-        + (", and what it would be if the other parameters were known (dashed)." if several else ".")
+        f"mm and ms; white: no measurement possible there{best}. Bottom: share in the force per ms{known}."
     )
 
 
@@ -235,24 +227,23 @@ def signals(result: Prediction, panels: Panels) -> str:
     every = slice(None, None, max(1, round(EVERY / step)))
     time = MS * bars.times[every]
     end = bars.incident.velocity(test.incident.length)
-    panels["bar"].plot(
-        time, 1e-3 * bars.incident.force(0.5 * test.incident.length)[every], color=MEASURED, lw=0.7
-    )
-    panels["bar"].set_ylabel("Incident\nbar (kN)")
+    first = next(iter(test.flyer.values()))
+    inside = _mean_force(bars.flyer.force(0.5 * first.length), step)
+    passed = _mean_force(bars.transmission.force(result.test.sensor_depth()), step)
+    for name, force, colour, width, label in (
+        ("bar", 1e-3 * bars.incident.force(0.5 * test.incident.length), MEASURED, 0.7, "Incident\nbar (kN)"),
+        ("flyer", inside, FORCE, 0.8, "Flyer\n(N)"),
+        ("transmitted", passed, SHAPE, 0.8, "Transmitted\n(N)"),
+    ):
+        panels[name].plot(time, force[every], color=colour, lw=width)
+        panels[name].set_ylabel(label)
+    _limits(panels["flyer"], result, inside)
+    _limits(panels["transmitted"], result, passed)
     velocity = panels["velocity"]
     velocity.plot(time, end[every], color=GREY, lw=0.6, label="bar's end")
     velocity.plot(time, _mean_force(bars.flyer_velocity, step)[every], color=MODEL, lw=0.9, label="flyer")
     velocity.set_ylabel("Velocity\n(m/s)")
     velocity.legend(loc="lower left", ncols=2)
-    first = next(iter(test.flyer.values()))
-    inside = _mean_force(bars.flyer.force(0.5 * first.length), step)
-    panels["flyer"].plot(time, inside[every], color=FORCE, lw=0.8)
-    panels["flyer"].set_ylabel("Flyer\n(N)")
-    _limits(panels["flyer"], result, inside)
-    passed = _mean_force(bars.transmission.force(result.test.sensor_depth()), step)
-    panels["transmitted"].plot(time, passed[every], color=SHAPE, lw=0.8)
-    panels["transmitted"].set_ylabel("Transmitted\n(N)")
-    _limits(panels["transmitted"], result, passed)
     path = panels["path"]
     path.plot(time, (MM * np.cumsum(end) * step)[every], color=GREY, lw=0.6, label="bar's end")
     path.plot(time, MM * bars.flyer_path[every], color=MODEL, lw=0.9, label="flyer")

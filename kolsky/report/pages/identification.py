@@ -38,7 +38,7 @@ from kolsky.report.pages.uncertainty import changes, choices, dominant, likeliho
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.joint import fits_of
-from kolsky.results.nomenclature import in_words, name_of, route_label, upper_first
+from kolsky.results.nomenclature import heading, in_words, name_of, route_label, upper_first, with_subscripts
 from kolsky.results.printed import fit_tables, summary
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import causes
@@ -235,22 +235,21 @@ def _run_rows(result: Identification) -> list[dict[str, Any]]:
     """Return the rows of the table of runs."""
     design = result.design
     U = {name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()}
+    phi_force, phi_shape = map(with_subscripts, ("Φ_F (N)", "Φ_S (10⁻³)"))
     return [
         {
-            "number": number,
-            "stage": design.stage[number],
-            "point": [
-                numbers.like(value, U.get(name, np.nan))
+            "Run": number,
+            "Stage": design.stage[number],
+            **{
+                heading(name, name_of(name).unit): numbers.like(value, U.get(name, np.nan))
                 for name, value in zip(design.names, design.points[number], strict=True)
-            ],
-            "outcome": _ending_words(design.ending(number)),
-            "completed": design.outcomes[number] == "COMPLETED",
-            "terms": [
-                numbers.rounded(design.phi_force[number], -1),
-                numbers.rounded(1e3 * design.phi_shape[number], -3),
-                numbers.rounded(design.chi2_force[number], 0),
-                numbers.rounded(design.chi2_shape[number], 0),
-            ],
+            },
+            phi_force: numbers.rounded(design.phi_force[number], -1),
+            phi_shape: numbers.rounded(1e3 * design.phi_shape[number], -3),
+            "χ² force": numbers.rounded(design.chi2_force[number], 0),
+            "χ² outline": numbers.rounded(design.chi2_shape[number], 0),
+            "Outcome": _ending_words(design.ending(number)),
+            "lost": design.outcomes[number] != "COMPLETED",
         }
         for number in range(len(design.outcomes))
     ]
