@@ -142,7 +142,7 @@ def changes(series: list[Pictures]) -> PictureChanges | None:
 
 def change_signal(found: PictureChanges) -> Signal:
     """The change of the pictures by frame. It is the larger of those of both cameras."""
-    return Signal(found.time, PERCENT * np.fmax(*found.change), FRAME, "Change from the first picture (%)")
+    return Signal(found.time, 100.0 * np.fmax(*found.change), FRAME, "Change from the first picture (%)")
 
 
 def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
@@ -235,7 +235,6 @@ def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
 
 CLOCK = "Time on the shot's clock (µs)"
 FRAME, MOTION = "Frame, counted from 0", "Flyer toward specimen (mm)"
-PERCENT = 100.0
 
 
 def on_clock(folder: Path, content: Mapping[str, Any], motion: Signal) -> Signal | None:

@@ -175,7 +175,8 @@ def _data_rows(figure: Figure) -> Iterator[tuple[Any, ...]]:
         if panel == "<colorbar>":
             continue
         axes = ax.get_xlabel(), ax.get_ylabel()
-        for count, artist in enumerate(_data_artists(ax), start=1):
+        drawn = [one for one in (*ax.lines, *ax.collections, *ax.images, *ax.patches) if one.get_visible()]
+        for count, artist in enumerate(drawn, start=1):
             label = str(artist.get_label())
             series = f"{count}" if label.startswith("_") or not label else label
             bar = getattr(artist, "colorbar", None)
@@ -184,11 +185,6 @@ def _data_rows(figure: Figure) -> Iterator[tuple[Any, ...]]:
                 values = [""] * len(x) if value is None else _plain_number(value)
                 for row in zip(_plain_number(x), _plain_number(y), values, strict=True):
                     yield (panel, *axes, series, kind, *row, third)
-
-
-def _data_artists(ax: Axes) -> list[Artist]:
-    drawn = [*ax.lines, *ax.collections, *ax.images, *ax.patches]
-    return [artist for artist in drawn if artist.get_visible()]
 
 
 def _artist_points(artist: Any, ax: Axes) -> Iterator[_Points]:

@@ -228,7 +228,10 @@ def sheet_steps(view: SheetView, panels: Panels) -> str:
         if fit.at_bound[j]:
             note_empty(below, "at its bound")
         else:
-            _draw_noise(below, pad, by_u[:, j], by_f[:, j], constant_symbol(name))
+            for by, mark, colour, label in ((by_u, "o-", SHAPE, "1 µm"), (by_f, "s-", FORCE, "1 mN")):
+                below.semilogy(pad, 100.0 * np.maximum(by[:, j], 1e-9), mark, color=colour, ms=3, label=label)
+            below.set_ylabel(f"relative deviation of {constant_symbol(name)} (%)")
+            below.legend(frameon=False, title="noise of")
         for one in (ax, below):
             one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
@@ -238,14 +241,6 @@ def sheet_steps(view: SheetView, panels: Panels) -> str:
         "displacement of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula "
         "et al. (2020)."
     )
-
-
-def _draw_noise(ax: Axes, pad: FloatArray, by_u: FloatArray, by_f: FloatArray, name: str) -> None:
-    floor = 1e-9
-    ax.semilogy(pad, 100.0 * np.maximum(by_u, floor), "o-", color=SHAPE, ms=3, label="1 µm")
-    ax.semilogy(pad, 100.0 * np.maximum(by_f, floor), "s-", color=FORCE, ms=3, label="1 mN")
-    ax.set_ylabel(f"relative deviation of {name} (%)")
-    ax.legend(frameon=False, title="noise of")
 
 
 def _field(

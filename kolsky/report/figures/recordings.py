@@ -199,7 +199,6 @@ THREE_TIMES = (SHAPE, FORCE, MODEL)
 """Colours of the three times."""
 FORCE_PLACES = ("first", "static", "last")
 """Panels of three pictures."""
-PERCENT = 100.0
 
 
 def three_frames(shot: Shot) -> list[int]:
@@ -348,7 +347,7 @@ def checked_pictures(shot: PicturedShot, panels: Panels) -> str:
     low.axvspan(MS * changes.time[0], MS * changes.rest_end, color=GREY, alpha=0.3, lw=0.0)
     for camera, (values, colour) in enumerate(zip(changes.change, (SHAPE, FORCE), strict=True)):
         low.plot(
-            MS * changes.time, PERCENT * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
+            MS * changes.time, 100.0 * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
         )
     low.set_ylabel("Change (%)")
     low.legend(loc="upper left", markerscale=2.0)

@@ -361,26 +361,22 @@ def _draw_maps(maps: _Maps, panels: Panels) -> None:
         colour_bar(points, ax, words, location="bottom", aspect=30, ticks=MaxNLocator(4))
 
 
-def _full_field_maps(view: FullFieldView) -> _Maps:
+@figure(
+    PAGE,
+    lambda view: _maps_height(view.result.pixels[0, view.frame]),
+    lambda view: [["u", "v", "." if view.result.kind == "plane" else "w"], [*STRAINS]],
+    letters=True,
+)
+def full_field(view: FullFieldView, panels: Panels) -> str:
     result, k, (factor, unit) = view.result, view.frame, _field_unit(view)
-    valid = result.surface.valid[k]
+    valid, facts, last = result.surface.valid[k], result.facts, LETTERS[len(panels) - 4]
     names = "uv" if result.kind == "plane" else "uvw"
     motion = {
         f"${name}$ ({unit})": np.where(valid, factor * result.surface.u[k, :, i], np.nan)
         for i, name in enumerate(names)
     }
     strain = {label: 100.0 * result.strain.value[k, :, i] for i, label in enumerate(STRAINS.values())}
-    return _Maps(view.picture, result.pixels[0, k], motion | strain, result.facts.get("step", 5))
-
-
-def _map_panels(view: FullFieldView) -> list[list[str]]:
-    return [["u", "v", "." if view.result.kind == "plane" else "w"], [*STRAINS]]
-
-
-@figure(PAGE, lambda view: _maps_height(view.result.pixels[0, view.frame]), _map_panels, letters=True)
-def full_field(view: FullFieldView, panels: Panels) -> str:
-    _draw_maps(_full_field_maps(view), panels)
-    facts, last = view.result.facts, LETTERS[len(panels) - 4]
+    _draw_maps(_Maps(view.picture, result.pixels[0, k], motion | strain, facts.get("step", 5)), panels)
     return (
         f"Frame {view.frame} of camera 0 with (a) to ({last}) the displacements since the reference and, "
         f"below, the Green-Lagrange strains over gauges of {facts.get('strain_gauge', 0):g} px; subsets "
