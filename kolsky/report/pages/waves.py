@@ -46,7 +46,7 @@ def render(result: ReducedTest) -> str:
         events=[
             {
                 "Event": name,
-                "Time": "not found" if at is None else f"{1e3 * at:.4f} ms",
+                "Time": "not found" if at is None else f"{1e3 * at:.4f}\N{NO-BREAK SPACE}ms",
                 "U (k = 2)": "" if sigma is None else typeset(f"{2e6 * sigma:.2g} µs"),
                 "How it was found": typeset(how),
             }

@@ -45,22 +45,20 @@ LONGEST_TRIAL = 120.0
 """Time limit for the rendering test of VTK [s]."""
 
 
-def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
-    """Render the specimen at one time.
+def picture(scene: Scene, k: int) -> NDArray[np.uint8]:
+    """Render the specimen at one time, as `render`."""
+    return render(offscreen_pyvista(), scene, k)
 
-    ``k``: index into ``scene.times``. ``size``: width and height [px]. Returns: RGB, shape [height, width,
-    3]. Raises IndexError if there is no such time.
+
+def render(pyvista: Any, scene: Scene, k: int, *, bar: bool = True) -> NDArray[np.uint8]:
+    """Render the specimen at one time with the PyVista of `offscreen_pyvista`.
+
+    ``k``: index into ``scene.times``. ``bar``: True to draw the colour bar and the time. Returns: RGB, shape
+    [height, width, 3]. Raises IndexError if there is no such time.
     """
-    return render(offscreen_pyvista(), scene, k, size=size, bar=bar)
-
-
-def render(
-    pyvista: Any, scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True
-) -> NDArray[np.uint8]:
-    """Render with the given PyVista, see `_silent_pyvista`. The process may crash if VTK cannot render."""
     if not 0 <= k < len(scene.times):
         raise IndexError(f"there are pictures 0 to {len(scene.times) - 1}, not {k}")
-    with plotting(pyvista, size) as plotter:
+    with plotting(pyvista, SIZE) as plotter:
         plotter.enable_anti_aliasing("ssaa")
         _fill(plotter, pyvista, scene, k, bar)
         return pixels_of(plotter)
