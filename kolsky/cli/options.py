@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
+from kolsky.base.errors import refused
 from kolsky.base.files import usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
@@ -283,4 +284,4 @@ def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tup
 def usable(shot: "Shot") -> AbstractContextManager[None]:
     """Context that turns errors of an unusable shot into bad input: one line, exit code 2."""
     cure = "correct shot.toml or the option that it names; `kolsky check` shows what was read"
-    return texts.refused(cure=cure, place=shot.folder)
+    return refused(shot.folder, cure=cure)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kolsky.base.errors import refused
 from kolsky.base.files import filling, usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
@@ -183,7 +184,7 @@ def _identification_of(progress: Any) -> "Identify":
         from kolsky.studies.rates.rate import result_of
 
         folder = usable_folder(result_of(shot).parent)
-        with texts.refused(cure=_CURE, place=loaded.folder):
+        with refused(loaded.folder, cure=_CURE):
             result = identification.identify(loaded, progress=progress)
         write_identify_results(folder, result, loaded)
         return result

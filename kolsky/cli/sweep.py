@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dic.processes import cores
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.base.files import jsonable, usable_folder
 from kolsky.base.options import ADVANCED, Option
 from kolsky.base.process import process_pool
@@ -67,8 +67,8 @@ def sweep(
     from kolsky.uncertainty.warnings import lost_runs, rerun_advice, sliding_warning
 
     cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
-    refused = texts.refused("--ledger: ", cure=cure, errors=(LedgerError, OSError))
-    with usable(loaded), refused, workers.executor() as executor, sweep_progress() as progress:
+    usable_ledger = texts.refused("--ledger: ", cure=cure, errors=(LedgerError, OSError))
+    with usable(loaded), usable_ledger, workers.executor() as executor, sweep_progress() as progress:
         result = sweeping.sweep(
             loaded,
             part,
@@ -494,7 +494,7 @@ def budget(
     if free:
         settings = replace(settings, free=dict.fromkeys(texts.listed(free)))
     cure = "correct the specification, or take more draws"
-    with texts.refused(cure=cure, place=test, errors=(ValueError, LedgerError)):
+    with refused(test, cure=cure, errors=(ValueError, LedgerError)):
         factors = factors_of({key: texts.plain_or_text(value) for key, value in sizes.items()})
         with workers.executor() as executor, sweep_progress() as progress:
             budgeted = budgets.budget(

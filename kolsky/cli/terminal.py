@@ -136,7 +136,8 @@ def progress_bars() -> Iterator[Callable[..., None]]:
 
         def report(stage: str, done: int, total: int, pace: str = "") -> None:
             nonlocal shown
-            fields = {"since": _clock(time.monotonic() - started), "pace": f"; {pace}" if pace else ""}
+            since = _clock(time.monotonic() - started)
+            fields: dict[str, Any] = {"since": since, "pace": f"; {pace}" if pace else ""}
             if stage != shown:
                 shown = stage
                 progress.reset(task, description=STAGES.get(stage, stage), total=total, **fields)

@@ -4,36 +4,22 @@ Every error message states the expected form.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from functools import partial
 from math import prod
-from pathlib import Path
 
-from kolsky.base import errors as base_errors
+from kolsky.base import errors
 from kolsky.base.apparatus import INCOMPRESSIBLE, INCOMPRESSIBLE_WORD, RelaxationKind
 from kolsky.base.errors import InputError
 from kolsky.base.options import COMMAND_LINE
 
 refusal = partial(InputError, COMMAND_LINE)
 """An error of the command line, from its other arguments."""
+refused = partial(errors.refused, COMMAND_LINE)
+"""Context that makes an error inside it bad input of the command line."""
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:
     return refusal(f"{option} {text!r} cannot be read", cure=f"write {expected}")
-
-
-def refused(
-    before: str = "",
-    *,
-    cure: str,
-    place: str | Path = COMMAND_LINE,
-    errors: tuple[type[Exception], ...] = (ValueError,),
-) -> AbstractContextManager[None]:
-    """Make a ValueError inside it, or one of the errors, bad input with a remedy.
-
-    `before` begins its line.
-    """
-    return base_errors.refused(place, before, cure=cure, errors=errors)
 
 
 def refuse(given: Mapping[str, bool], problem: str, cure: str) -> None:

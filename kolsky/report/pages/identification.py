@@ -151,21 +151,24 @@ def answer_row(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _fixed_rows(result: Identification) -> list[tuple[str, str, str]]:
-    """Return words, symbol and value of every fixed parameter."""
+def _fixed_rows(result: Identification) -> list[tuple[str, str]]:
+    """Return words with the symbol, and value of every fixed parameter."""
     interface = result.provenance.get("interface")
     laws = set(interface.values()) if isinstance(interface, Mapping) else {SLIDING_LAW}
-    rows = []
+    rows: list[tuple[str, str]] = []
     for parameter, value in result.fixed.items():
         name = name_of(parameter)
         text = f"{numbers.plain(value)} {_shown_unit(name.unit)}".rstrip()
         record = PARAMETERS.get(parameter)
         if record is not None and not has_effect(record, laws):
             text = f"not used: {record.without}"
-        rows.append((name.words, name.symbol if name.symbol != name.words else "", text))
+        words = upper_first(name.words)
+        rows.append(
+            (words if name.symbol == name.words else heading(parameter, words=f"{words}, {{}}"), text)
+        )
     reference = reference_words((*result.estimates, *result.fixed))
     if reference:
-        rows.append(("what m refers to", "", reference))
+        rows.append(("What m refers to", reference))
     return rows
 
 
@@ -415,7 +418,10 @@ def render(
         further=_flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
         completed=len(result.design.outcomes) - len(result.design.lost),
         failures=_failure_rows(result),
-        total_seconds=sum(result.seconds.values()),
+        seconds=[
+            (nomenclature.STAGES.get(stage, stage), f"{numbers.plain(value, 3)} s")
+            for stage, value in (*result.seconds.items(), ("all stages", sum(result.seconds.values())))
+        ],
     )
 
 
@@ -472,7 +478,6 @@ def _templates() -> Environment:
         "name_of": name_of,
         "route_label": route_label,
         "in_words": in_words,
-        "stage_label": lambda stage: nomenclature.STAGES.get(stage, stage),
     }
     templates.globals |= {
         "like": numbers.like,
