@@ -125,9 +125,9 @@ def fold(title: str, *, opened: bool = False) -> ui.expansion:
     return ui.expansion(title, value=opened).classes("w-full").props(f'dense aria-label="{title}"')
 
 
-def choice(options: Any, value: Any, label: str, *, width: str = "w-full", **more: Any) -> ui.select:
+def choice(options: Any, value: Any, label: str, *, width: str = "w-full") -> ui.select:
     """A list from which a value is chosen."""
-    return ui.select(options, value=value, label=label, **more).classes(width).props("dense outlined")
+    return ui.select(options, value=value, label=label).classes(width).props("dense outlined")
 
 
 def on_entry(field: ui.input, act: Callable[..., object]) -> None:
