@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Any
 
 MAKERS: list[Callable[[], Any]] = []
-"""Functions that return the module with `plot`, `to_dataframe` and `to_xarray`. The last function is used."""
+"""Functions that return the module with `plot`, `html`, `to_dataframe` and `to_xarray`; the last is used."""
 LONGEST = 160
 """Largest number of characters of a result's text."""
 
@@ -73,6 +73,10 @@ class ResultViews:
         xarray.Dataset
         """
         return _maker(self).to_xarray(self, table)
+
+    def _repr_html_(self) -> str | None:
+        """A table for a notebook; None, and then the short text is shown, if there is none of this type."""
+        return MAKERS[-1]().html(self) if MAKERS else None
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Keep the short text, because a dataclass would print all its arrays."""

@@ -11,11 +11,9 @@ from nicegui import ui
 from dic.calibration.views import Calibration, Pair, PairView
 from dic.images import Pictures
 from kolsky.app import frame
-from kolsky.app.fields import data_uri
 from kolsky.base.errors import InputError
 from kolsky.base.process import single_threaded_libraries
 from kolsky.pictures.calibration import calibration_of, calibration_pictures, read_calibration_toml
-from kolsky.pictures.regions import png_of
 from kolsky.report.pages.surfaces import calibration_summary, calibration_warnings
 
 ARROW = 0.02
@@ -47,10 +45,7 @@ class CalibrationView:
     """Pairs of pictures with detected points, the table of pairs, and the numbers of the calibration."""
 
     def __init__(self, folder: Path) -> None:
-        """Build the view.
-
-        The target is detected when the user requests it.
-        """
+        """Build the view. The target is detected when the user requests it."""
         self.folder = folder
         self.progress: dict[str, tuple[int, int]] = {}
         self.place = ui.column().classes("w-full gap-2")
@@ -92,7 +87,7 @@ class CalibrationView:
             self.slider.on_value_change(lambda change: self._at(min(int(change.value), len(found.pairs) - 1)))
         self.about = ui.label().props("role=status").mark("pair-words")
         with ui.element("div").classes("grid2"):
-            self.images = [self._camera(i) for i in range(2)]
+            self.images = [frame.camera(i, "Target in") for i in range(2)]
         length = arrow_scale(found, opened.series[0].shape[1])
         frame.note(
             f"Circles: detected points. Arrows: measured minus expected place, {length:.0f} times "
@@ -111,13 +106,6 @@ class CalibrationView:
                     "flat dense wrap-cells hide-pagination"
                 ).classes("w-full")
         self._at(0)
-
-    def _camera(self, i: int) -> ui.interactive_image:
-        with ui.column().classes("w-full gap-1"):
-            ui.label(f"Camera {i}").classes("soft")
-            image = ui.interactive_image(sanitize=False).classes("w-full")
-            ui.run_javascript(f"getHtmlElement({image.id}).querySelector('img').alt = 'Target in camera {i}'")
-        return image
 
     def _pairs(self) -> None:
         with ui.column().classes("w-full gap-1"):
@@ -149,8 +137,7 @@ class CalibrationView:
         self.about.classes(replace="soft" if pair.outcome.ok else "caution")
         scale = arrow_scale(self.opened.found, self.opened.series[0].shape[1])
         for image, pictures, view in zip(self.images, self.opened.series, pair.views, strict=True):
-            png = png_of(pictures, k) if k < pictures.n_frames else ""
-            image.set_source("" if isinstance(png, str) else data_uri(png))
+            image.set_source(frame.source_of(pictures, k) if k < pictures.n_frames else "")
             image.content = "" if view is None else view_svg(view, scale, pictures.shape[1] / 400.0)
 
 

@@ -14,7 +14,7 @@ from kolsky.base.errors import InputError
 from kolsky.inverse.result import Identification
 from kolsky.report.result_folder import RESULT_FILE
 from kolsky.results.hdf5 import read_identification
-from kolsky.results.numbers import measured, plain_sentence
+from kolsky.studies.rates.output import rows
 from kolsky.studies.rates.rate import rate
 from kolsky.studies.rates.records import GroupRates, RateReport
 
@@ -108,7 +108,10 @@ def _rates(report: RateReport) -> None:
         with ui.element("div").classes("grid2"):
             _rate_plot(group)
             with ui.column().classes("w-full gap-1"):
-                _verdict(group)
+                for name, words in rows(group, report).items():
+                    ui.label(f"{name}: {words}")
+                for words in group.remarks:
+                    frame.note(words, "caution")
 
 
 def _rate_plot(group: GroupRates) -> None:
@@ -130,20 +133,3 @@ def _rate_plot(group: GroupRates) -> None:
         tooltip={"show": False},
     )
     plot.options["legend"]["data"] = ["counted", "not counted"]
-
-
-def _verdict(group: GroupRates) -> None:
-    for shot in group.shots:
-        value, U = map(plain_sentence, measured(shot.m, 2.0 * shot.sigma))
-        ui.label(f"{shot.name}: m = {value} ± {U} (k = 2) at {shot.history.nominal_rate:.4g} 1/s")
-    if group.pooled is not None:
-        low, high = group.pooled.interval
-        value, half = map(plain_sentence, measured(group.pooled.mean, 0.5 * (high - low)))
-        ui.label(f"Mean m = {value} ± {half} (95 %), scatter between shots {group.pooled.fit.between:.2g}")
-    if group.slope is not None:
-        refused = bool(group.slope.reasons)
-        ui.label(f"Slope: {group.slope.verdict.value if refused else group.slope.sentence}")
-        for reason in group.slope.reasons:
-            frame.note(reason)
-    for words in group.remarks:
-        frame.note(words, "caution")

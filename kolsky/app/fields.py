@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from base64 import b64encode
 from collections.abc import Callable
 
 import numpy as np
@@ -33,11 +32,6 @@ STEEPEST = 89.0
 FIRST_FIELD = "Eyy"
 
 
-def data_uri(png: bytes) -> str:
-    """A PNG as a data URI."""
-    return f"data:image/png;base64,{b64encode(png).decode()}"
-
-
 class FieldsView:
     """Selection of a field, its maps and scale, the surface in space, and one point over time."""
 
@@ -62,11 +56,10 @@ class FieldsView:
         with ui.row().classes("w-full items-center gap-3"):
             if len(self.surfaces) > 1:
                 names = {i: one.name for i, one in enumerate(self.surfaces)}
-                surface = ui.select(names, value=0, label="Surface").classes("w-36").mark("surface")
-                surface.props("outlined dense").on_value_change(lambda change: self._surface(change.value))
-            self.select = ui.select(self._options(), value=self.field, label="Colour of the pictures")
-            self.select.classes("w-72").props("outlined dense").mark("field")
-            self.select.on_value_change(lambda change: self._choose_field(str(change.value)))
+                surface = frame.choice(names, 0, "Surface", width="w-36").mark("surface")
+                surface.on_value_change(lambda change: self._surface(change.value))
+            self.select = frame.choice(self._options(), self.field, "Colour of the pictures", width="w-72")
+            self.select.mark("field").on_value_change(lambda change: self._choose_field(str(change.value)))
             self.scale = ui.html(sanitize=False).classes("grow")
 
     def panels(self) -> None:
@@ -93,8 +86,7 @@ class FieldsView:
             self.space = ui.interactive_image(
                 on_mouse=self._turn, events=["mousedown", "mousemove", "mouseup", "mouseleave"]
             ).classes("w-full")
-            name = f"getHtmlElement({self.space.id}).querySelector('img').alt = 'The surface in space'"
-            ui.run_javascript(name)
+            frame.described(self.space, "The surface in space")
             with ui.row().classes("w-full items-center no-wrap gap-3"):
                 for key, words, low, high in (
                     ("azimuth", "Turn", -180, 180),
@@ -115,9 +107,7 @@ class FieldsView:
         if self.field not in self.points.fields:
             self.field = NO_FIELD
         self.select.set_options(self._options(), value=self.field)
-        self._point()
-        self._scale()
-        self.changed()
+        self._choose_field(self.field)
 
     def _choose_field(self, name: str) -> None:
         self.field = name
@@ -150,7 +140,7 @@ class FieldsView:
             limits = limits_of(self.points.fields[self.field])
             png = map_png(self.points, self.field, self.k, camera=camera, shape=self.shape, limits=limits)
             parts.append(
-                f'<image href="{data_uri(png)}" x="-.5" y="-.5" width="{columns}" height="{rows}" '
+                f'<image href="{frame.data_uri(png)}" x="-.5" y="-.5" width="{columns}" height="{rows}" '
                 f'opacity="{OPACITY}"/>'
             )
         if self.chosen is not None and camera < len(self.points.pixels):
@@ -193,11 +183,7 @@ class FieldsView:
         self._describe()
 
     def _mark_time(self) -> None:
-        mark = {"xAxis": float(f"{time_of(self.points)[self.k]:.6g}")}
-        self.plot.options["series"][-1]["markLine"] = {
-            "silent": True, "symbol": "none", "animation": False, "label": {"show": False},
-            "lineStyle": {"color": frame.BLUE, "type": "solid"}, "data": [mark],
-        }  # fmt: skip
+        frame.mark_at(self.plot.options["series"][-1], time_of(self.points)[self.k])
         self.plot.update()
 
     def _describe(self) -> None:
@@ -224,10 +210,7 @@ class FieldsView:
             slider.value = value
 
     async def _space(self) -> None:
-        """Draw the surface in space if something changed.
-
-        One picture is drawn at a time, for the latest request.
-        """
+        """Draw the surface in space if something changed: one picture at a time, for the latest request."""
         name = self.field or self.followed
         wanted = (self.points, name, self.k, self.view, self.chosen)
         if self.busy or not self.can_render or wanted == self.drawn:
@@ -243,7 +226,7 @@ class FieldsView:
                 view=self.view,
                 chosen=self.chosen,
             )
-            self.space.set_source(data_uri(png))
+            self.space.set_source(frame.data_uri(png))
             self.space_note.text = "Drag to turn. Net: the surface at its reference."
         except CannotRender as error:
             self.can_render = False

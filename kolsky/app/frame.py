@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
@@ -13,7 +14,9 @@ from urllib.parse import urlencode
 from fastapi import Response
 from nicegui import app, run, ui
 
+from dic.images import Pictures
 from kolsky.base.errors import InputError
+from kolsky.pictures.regions import png_of
 
 BLUE, ORANGE, RED, INK, SOFT, RULE, BAND = (
     "#0072b2", "#d55e00", "#a63c00", "#1a1a1a", "#5c5c5c", "#c9c9c9", "#d5e6f0",
@@ -117,6 +120,89 @@ def note(words: str, kind: str = "soft") -> ui.label:
     return ui.label(words).classes(kind)
 
 
+def fold(title: str, *, opened: bool = False) -> ui.expansion:
+    """A part of a page that can be folded."""
+    return ui.expansion(title, value=opened).classes("w-full").props(f'dense aria-label="{title}"')
+
+
+def choice(options: Any, value: Any, label: str, *, width: str = "w-full") -> ui.select:
+    """A list from which a value is chosen."""
+    return ui.select(options, value=value, label=label).classes(width).props("dense outlined")
+
+
+def on_entry(field: ui.input, act: Callable[..., object]) -> None:
+    """Call a function when a text was entered: the field is left, or Enter is pressed."""
+    for event in ("blur", "keydown.enter"):
+        field.on(event, act)
+
+
+def data_uri(png: bytes) -> str:
+    """A PNG as a data URI."""
+    return f"data:image/png;base64,{b64encode(png).decode()}"
+
+
+def source_of(pictures: Pictures, k: int) -> str:
+    """A picture of a series as an image source. Empty if it cannot be read."""
+    png = png_of(pictures, k)
+    return "" if isinstance(png, str) else data_uri(png)
+
+
+def camera(i: int, what: str = "Picture of", **events: Any) -> ui.interactive_image:
+    """The place of a camera's picture, with its name. ``events``: options of `ui.interactive_image`."""
+    with ui.column().classes("w-full gap-1"):
+        ui.label(f"Camera {i}").classes("soft")
+        image = ui.interactive_image(sanitize=False, **events).classes("w-full").mark(f"camera-{i}")
+        described(image, f"{what} camera {i}")
+    return image
+
+
+def described(image: ui.interactive_image, words: str) -> None:
+    """Describe an image for screen readers. The element has no property for it."""
+    ui.run_javascript(f"getHtmlElement({image.id}).querySelector('img').alt = '{words}'")
+
+
+class Player:
+    """Button, slider and label of the times of a test."""
+
+    def __init__(
+        self,
+        count: int,
+        show: Callable[[int], None],
+        *,
+        words: str,
+        every: float,
+        first: int = 0,
+        step: int = 1,
+    ) -> None:
+        """Build the row.
+
+        ``count``: number of times. ``show``: called with the number of the chosen time. ``words``: quantity
+        of the slider. ``every``: interval of the playback [s]. ``first``: number of the first time. ``step``:
+        numbers from picture to picture.
+        """
+        self.last, self.step = count - 1, step
+        with ui.row().classes("w-full items-center no-wrap gap-3"):
+            self.button = ui.button(icon="play_arrow", on_click=self._toggle)
+            self.button.props('flat dense aria-label="Play"')
+            self.slider = ui.slider(min=0, max=max(self.last, 1), value=first)
+            self.slider.props(f'aria-label="{words}"').mark(words.lower())
+            self.slider.on_value_change(lambda change: show(min(int(change.value), self.last)))
+            self.now = ui.label().classes("soft whitespace-nowrap")
+        self.timer = ui.timer(every, self._next, active=False)
+
+    def _toggle(self) -> None:
+        self.timer.active = not self.timer.active
+        self.button.props(f"icon={'pause' if self.timer.active else 'play_arrow'}")
+        if self.timer.active and self.slider.value >= self.last:
+            self.slider.value = 0
+
+    def _next(self) -> None:
+        if self.slider.value >= self.last:
+            self._toggle()
+            return
+        self.slider.value = min(self.slider.value + self.step, self.last)
+
+
 def serve_files(root: Path) -> None:
     """Serve the result pages in a shot's folder, in a sandbox. A foreign page cannot act for the user."""
 
@@ -205,6 +291,14 @@ def dots(name: str, data: list[Any], colour: str, size: float = 3.0, **more: Any
         "itemStyle": {"color": colour},
         **more,
     }
+
+
+def mark_at(series: dict[str, Any], x: float) -> None:
+    """Mark a place along x in a plot, by a vertical line of one of its series."""
+    series["markLine"] = {
+        "silent": True, "symbol": "none", "animation": False, "label": {"show": False},
+        "lineStyle": {"color": BLUE, "type": "solid"}, "data": [{"xAxis": float(f"{x:.6g}")}],
+    }  # fmt: skip
 
 
 def band(name: str, x: Any, low: Any, high: Any) -> list[dict[str, Any]]:

@@ -26,7 +26,7 @@ from kolsky.base.errors import InputError
 _HEAD = re.compile(r"# kolsky (?P<command>\w+) .*, process (?P<process>\d+), started (?P<started>[\d: -]+)")
 _PROGRESS = re.compile(
     r"(?P<name>[^:\n]+): (?P<done>\d+) of (?P<total>\d+), "
-    r"(?P<time>\S+ since the start(?:, \S+ left of this stage)?|.* left|)"
+    r"(?P<time>\S+ since the start(?:, \S+ left of this stage)?|.* left)"
 )
 """A line of progress of a command, or of a sweep."""
 END = "# ended: exit code "

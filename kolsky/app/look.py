@@ -5,7 +5,6 @@ Force, outline and specimen linked in time, what-if parameters, causes.
 
 from __future__ import annotations
 
-from base64 import b64encode
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -127,8 +126,7 @@ class LookView:
             frame.note(self.result.why, "caution")
         if self.found.warnings:
             count = len(self.found.warnings)
-            title = "1 warning" if count == 1 else f"{count} warnings"
-            with ui.expansion(title).classes("w-full").props(f'dense aria-label="{title}"'):
+            with frame.fold("1 warning" if count == 1 else f"{count} warnings"):
                 for words in self.found.warnings:
                     frame.note(words, "caution")
         if (self.result.folder / "results" / "report.html").is_file():
@@ -136,10 +134,7 @@ class LookView:
             ui.link("report.html, the whole result on one page", target, new_tab=True)
 
     def _scene(self) -> Scene | None:
-        """The simulated specimen with the selected field.
-
-        None if the result does not contain it.
-        """
+        """The simulated specimen with the selected field. None if the result does not contain it."""
         if self.field not in self.scenes:
             shot = self.result.shot
             try:
@@ -157,21 +152,17 @@ class LookView:
         c = self.found.comparison
         self.times = np.unique(c.centre_line.time) if c.centre_line.time.size else c.force_time
         self.k = len(self.times) - 1
-        with ui.row().classes("w-full items-center no-wrap gap-3"):
-            self.play = ui.button(icon="play_arrow", on_click=self._toggle).props(
-                'flat dense aria-label="Play"'
-            )
-            self.slider = ui.slider(min=0, max=len(self.times) - 1, value=self.k).props('aria-label="Time"')
-            self.slider.on_value_change(lambda change: self._at(int(change.value)))
-            self.now = ui.label().classes("soft w-24 text-right").mark("now")
-        self.timer = ui.timer(SECONDS_OF_PLAY, self._next, active=False)
+        step = max(1, len(self.times) // 60)
+        self.player = frame.Player(
+            len(self.times), self._at, words="Time", every=SECONDS_OF_PLAY, first=self.k, step=step
+        )
         with ui.element("div").classes("grid2"):
             self.force = self._force_plot()
             self.residual = self._residual_plot()
             self.outline = self._outline_plot() if c.centre_line.time.size else None
             self._specimen()
             series = self.result.pictures.series if self.result.pictures is not None else ()
-            self.cameras = [self._camera(i) for i in range(len(series))]
+            self.cameras = [frame.camera(i) for i in range(len(series))]
         self._at(self.k)
 
     def _force_plot(self) -> ui.echart:
@@ -196,25 +187,15 @@ class LookView:
     def _residual_plot(self) -> ui.echart:
         c = self.found.comparison
         t = 1e6 * c.force_time
-        series = [
-            frame.line(
-                "force",
-                frame.points(t, (c.force_measured - c.force_model) / self.found.spread(FORCE)),
-                frame.INK,
-            )
-        ]
+        force = (c.force_measured - c.force_model) / self.found.spread(FORCE)
+        series = [frame.line("force", frame.points(t, force), frame.INK)]
         line = c.centre_line
         if line.time.size:
             over = np.where(c.inside, (line.Z - c.Z_model) / self.found.spread(OUTLINE), np.nan)
-            rms = [
-                float(np.sqrt(np.nanmean(over[line.time == one] ** 2)))
-                if np.isfinite(over[line.time == one]).any()
-                else np.nan
-                for one in self.times
-            ]
-            series.append(
-                frame.line("outline, rms of a frame", frame.points(1e6 * self.times, rms), frame.BLUE)
-            )
+            of_frames = (over[(line.time == one) & np.isfinite(over)] for one in self.times)
+            rms = [float(np.sqrt(np.mean(one**2))) if one.size else np.nan for one in of_frames]
+            data = frame.points(1e6 * self.times, rms)
+            series.append(frame.line("outline, rms of a frame", data, frame.BLUE))
         area = [[{"yAxis": -2.0, "itemStyle": {"color": frame.BAND}}, {"yAxis": 2.0}]]
         series[0]["markArea"] = {"silent": True, "data": area}
         plot = frame.chart(
@@ -244,16 +225,6 @@ class LookView:
         plot.options["yAxis"] |= {"min": 0, "max": float(np.ceil(2e3 * line.y.max())) / 2.0}
         return plot
 
-    def _camera(self, i: int) -> ui.image:
-        with ui.column().classes("w-full gap-1"):
-            ui.label(f"Camera {i}").classes("soft")
-            return (
-                ui.image()
-                .classes("w-full")
-                .props(f'alt="Picture of camera {i}" no-spinner')
-                .mark(f"camera-{i}")
-            )
-
     def _specimen(self) -> None:
         with ui.column().classes("w-full gap-1"):
             self.drawing = ui.html(sanitize=False).classes("w-full")
@@ -262,42 +233,19 @@ class LookView:
             names = {
                 name: kind.label for name, kind in FIELDS.items() if not kind.needs_solid or self.result.shot
             }
-            chosen = (
-                ui.select(names, value=self.field, label="Colour").classes("w-64").props("dense outlined")
-            )
+            chosen = frame.choice(names, self.field, "Colour", width="w-64")
             chosen.on_value_change(lambda change: self._colour(str(change.value)))
 
     def _colour(self, field: str) -> None:
         self.field = field
         self._at(self.k)
 
-    def _toggle(self) -> None:
-        self.timer.active = not self.timer.active
-        self.play.props(f"icon={'pause' if self.timer.active else 'play_arrow'}")
-        if self.timer.active and self.k >= len(self.times) - 1:
-            self.slider.value = 0
-
-    def _next(self) -> None:
-        if self.k >= len(self.times) - 1:
-            self._toggle()
-            return
-        step = max(1, len(self.times) // 60)
-        self.slider.value = min(self.k + step, len(self.times) - 1)
-
     def _at(self, k: int) -> None:
         """Show everything at a time."""
         self.k, now = k, float(self.times[k])
-        self.now.text = f"{1e6 * now:.1f} µs"
-        mark = {
-            "silent": True,
-            "symbol": "none",
-            "animation": False,
-            "lineStyle": {"color": frame.BLUE, "type": "solid"},
-            "label": {"show": False},
-            "data": [{"xAxis": float(f"{1e6 * now:.6g}")}],
-        }
-        for plot in (self.force, self.residual):
-            plot.options["series"][-1 if plot is self.residual else -2]["markLine"] = mark
+        self.player.now.text = f"{1e6 * now:.1f} µs"
+        for plot, last in ((self.force, -2), (self.residual, -1)):
+            frame.mark_at(plot.options["series"][last], 1e6 * now)
             plot.update()
         if self.outline is not None:
             self._outline_at(now)
@@ -351,15 +299,8 @@ class LookView:
                 self.said = ui.label().props("role=status").mark("misfit")
             with ui.column().classes("w-full gap-1"):
                 others = [name for name in self.what_if.start if name != "stiffness_factor"]
-                self.across = (
-                    ui.select(
-                        {name: f"m over {plain_symbol(name)}" for name in others},
-                        value="damping",
-                        label="Valley",
-                    )
-                    .classes("w-48")
-                    .props("dense outlined")
-                )
+                pairs = {name: f"m over {plain_symbol(name)}" for name in others}
+                self.across = frame.choice(pairs, "damping", "Valley", width="w-48")
                 self.valley_plot = ui.column().classes("w-full")
 
     def _slider(self, name: str, value: float) -> None:
@@ -392,10 +333,7 @@ class LookView:
         self._at(self.k)
 
     async def _simulate(self, _: object = None) -> None:
-        """Simulate with the sliders' values and show the result.
-
-        Of overlapping calls, the last one is shown.
-        """
+        """Simulate with the sliders' values and show the result, of overlapping calls that of the last."""
         assert self.what_if is not None
         values = self._values()
         try:
@@ -496,7 +434,7 @@ def picture_source(pictures: Pictures, k: int) -> str:
     if grey.shape[1] > PICTURE_WIDTH:
         rows = round(grey.shape[0] * PICTURE_WIDTH / grey.shape[1])
         grey = cv2.resize(grey, (PICTURE_WIDTH, rows), interpolation=cv2.INTER_AREA)
-    return f"data:image/png;base64,{b64encode(cv2.imencode('.png', grey)[1].tobytes()).decode()}"
+    return frame.data_uri(cv2.imencode(".png", grey)[1].tobytes())
 
 
 def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:

@@ -15,14 +15,14 @@ from dic.images import PictureError, Pictures
 from dic.images.quality import SpeckleQuality, grey_noise, speckle_quality
 from kolsky.app import frame
 from kolsky.app.calibration import CalibrationView
-from kolsky.app.fields import FieldsView, data_uri
+from kolsky.app.fields import FieldsView
 from kolsky.base.errors import InputError
 from kolsky.pictures.calibration import has_calibration_pictures
 from kolsky.pictures.correlation import key_of
 from kolsky.pictures.dic_file import stored_key
 from kolsky.pictures.measurement import read_measurement
 from kolsky.pictures.picture_set import PictureSet
-from kolsky.pictures.regions import Drawable, Session, png_of
+from kolsky.pictures.regions import Drawable, Session
 from kolsky.schema.pictures import find_measurement_file
 from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.shot.dic import open_region_session, regions_in_pictures
@@ -136,26 +136,14 @@ class PicturesView:
             self.frames[key] = shapes[0].frame
         self.quality: SpeckleQuality | None = None
         self.subset_at: tuple[float, float] | None = None
-        n = self.session.pictures.n_frames
-        with ui.row().classes("w-full items-center no-wrap gap-3"):
-            self.play = ui.button(icon="play_arrow", on_click=self._toggle).props(
-                'flat dense aria-label="Play"'
-            )
-            self.slider = (
-                ui.slider(min=0, max=max(n - 1, 1), value=0).props('aria-label="Frame"').mark("frame")
-            )
-            self.slider.on_value_change(lambda change: self._at(int(change.value)))
-            self.now = ui.label().classes("soft whitespace-nowrap")
-        self.timer = ui.timer(0.15, self._next, active=False)
+        self.player = frame.Player(self.session.pictures.n_frames, self._at, words="Frame", every=0.15)
         self.fields = (
             FieldsView(opened.surfaces, self.session.pictures.shape, self._draw) if opened.surfaces else None
         )
         with ui.row().classes("w-full items-center gap-3"):
             modes = {key: words for key, words in MODES.items() if key != "follow" or self.fields}
-            mode = ui.select(modes, value="draw", label="A click on a picture").classes("w-80").mark("mode")
-            mode.props("outlined dense").on_value_change(
-                lambda change: setattr(self, "mode", str(change.value))
-            )
+            mode = frame.choice(modes, "draw", "A click on a picture", width="w-80").mark("mode")
+            mode.on_value_change(lambda change: setattr(self, "mode", str(change.value)))
             self.said = ui.label().classes("soft").props("role=status").mark("subset")
         if self.fields is not None:
             self.fields.controls()
@@ -178,48 +166,28 @@ class PicturesView:
         self._at(0)
 
     def _camera(self, i: int) -> ui.interactive_image:
-        with ui.column().classes("w-full gap-1"):
-            ui.label(f"Camera {i}").classes("soft")
-            image = ui.interactive_image(
-                on_mouse=partial(self._mouse, i),
-                events=["mousedown", "mousemove", "mouseup"] if i == 0 else ["mousedown"],
-                cross=i == 0,
-                sanitize=False,
-            ).classes("w-full")
-            words = f"getHtmlElement({image.id}).querySelector('img').alt = 'Picture of camera {i}'"
-            ui.run_javascript(words)  # the element has no property for it
-        return image
+        events = ["mousedown", "mousemove", "mouseup"] if i == 0 else ["mousedown"]
+        return frame.camera(i, on_mouse=partial(self._mouse, i), events=events, cross=i == 0)
 
     def _regions(self) -> None:
         with ui.column().classes("w-full gap-2"):
             frame.heading("Regions")
             titles = {one.key: one.title for one in self.session.wanted}
-            kind = ui.select(titles, value=self.wanted.key, label="What is drawn").classes("w-full")
-            kind.props("outlined dense").on_value_change(lambda change: self._want(str(change.value)))
-            self.text = (
-                ui.textarea('Corners, one "x, y" a line [px]')
-                .classes("w-full")
-                .props("outlined rows=5")
-                .mark("corners")
-            )
-            self.text.on("blur", self._typed)
+            kind = frame.choice(titles, self.wanted.key, "What is drawn")
+            kind.on_value_change(lambda change: self._want(str(change.value)))
+            self.text = ui.textarea('Corners, one "x, y" a line [px]').classes("w-full").mark("corners")
+            self.text.props("outlined rows=5").on("blur", self._typed)
             with ui.row().classes("gap-2"):
                 if self.opened.shot is not None and len(self.session.drawn) < len(self.session.wanted):
                     ui.button("Find in the pictures", on_click=self._find).props("outline dense")
                 ui.button("Clear", on_click=self._clear).props("flat dense")
-                ui.button(
-                    "Check", on_click=lambda: self._report(self.session.problems(self._content()))
-                ).props("outline dense")
-                ui.button(f"Save into {self.session.path.name}", on_click=self._save).props(
-                    "unelevated dense"
-                )
+                ui.button("Check", on_click=self._check).props("outline dense")
+                save = ui.button(f"Save into {self.session.path.name}", on_click=self._save)
+                save.props("unelevated dense")
             self.problems = ui.label().props("role=status").mark("problems")
 
     async def _find(self) -> None:
-        """Detect the undeclared regions in the pictures and draw them.
-
-        Nothing is saved.
-        """
+        """Detect the undeclared regions in the pictures and draw them. Nothing is saved."""
         assert self.opened.shot is not None  # else there is no button
         self.problems.text = "The pictures are searched for the regions ..."
         try:
@@ -237,7 +205,7 @@ class PicturesView:
     def _want(self, key: str) -> None:
         self.wanted = next(one for one in self.session.wanted if one.key == key)
         if key in self.frames and self.frames[key] != self.k:
-            self.slider.value = self.frames[key]
+            self.player.slider.value = self.frames[key]
         self._draw()
 
     def _mine(self) -> list[list[float]]:
@@ -300,10 +268,7 @@ class PicturesView:
         self._draw()
 
     def _content(self) -> dict[str, list[dict[str, object]]]:
-        """The drawn regions in the form of the session.
-
-        Regions that are not on the page are kept.
-        """
+        """The drawn regions in the form of the session, with its regions that are not on the page."""
         content: dict[str, list[dict[str, object]]] = {}
         for one in self.session.wanted:
             corners = self.corners.get(one.key, [])
@@ -315,6 +280,9 @@ class PicturesView:
                 ]
         return content
 
+    def _check(self) -> None:
+        self._report(self.session.problems(self._content()))
+
     def _save(self) -> None:
         problems = self.session.save(self._content())
         self._report(
@@ -325,25 +293,12 @@ class PicturesView:
         self.problems.text = "; ".join(problems) or success
         self.problems.classes(replace="caution" if problems else "soft")
 
-    def _toggle(self) -> None:
-        self.timer.active = not self.timer.active
-        self.play.props(f"icon={'pause' if self.timer.active else 'play_arrow'}")
-        if self.timer.active and self.k >= self.session.pictures.n_frames - 1:
-            self.slider.value = 0
-
-    def _next(self) -> None:
-        if self.k >= self.session.pictures.n_frames - 1:
-            self._toggle()
-            return
-        self.slider.value = self.k + 1
-
     def _at(self, k: int) -> None:
         """Show a frame of each camera, with its histogram."""
         self.k = k
-        self.now.text = f"frame {k} of {self.session.pictures.n_frames}"
+        self.player.now.text = f"frame {k} of {self.session.pictures.n_frames}"
         for image, pictures in zip(self.images, self.opened.series, strict=True):
-            png = png_of(pictures, k)
-            image.set_source("" if isinstance(png, str) else data_uri(png))
+            image.set_source(frame.source_of(pictures, k))
         if self.fields is not None:
             self.fields.at(k)
         self._histogram()

@@ -43,17 +43,10 @@ class RunView:
     """Start, progress and log of the commands of one shot."""
 
     def __init__(self, folder: Path, shot: str, commands: dict[str, str]) -> None:
-        """Build the view.
-
-        It also shows a run that another page or an earlier server started.
-        """
+        """Build the view. It also shows a run that another page or an earlier server started."""
         self.folder, self.shot = folder, shot
         with ui.row().classes("w-full items-end gap-3"):
-            self.command = (
-                ui.select(commands, value=next(iter(commands)), label="Command")
-                .classes("w-96 max-w-full")
-                .props("dense outlined")
-            )
+            self.command = frame.choice(commands, next(iter(commands)), "Command", width="w-96 max-w-full")
             self.options = ui.input("Options, as on the command line").classes("grow").props("dense outlined")
             self.begin = ui.button("Start", on_click=self.start).props("unelevated")
             self.end = ui.button("Cancel", on_click=self.cancel).props("outline color=negative")

@@ -28,11 +28,9 @@ from kolsky.app.draft import (
     optional_keys,
     series_toml,
 )
-from kolsky.app.fields import data_uri
 from kolsky.base.errors import InputError
 from kolsky.base.toml import blanks
 from kolsky.pictures.picture_set import PictureChanges
-from kolsky.pictures.regions import png_of
 from kolsky.schema.shot_file import SHOT_FILE
 from kolsky.shot.load import check_shot
 from kolsky.shot.summary import remarks, summarise
@@ -187,11 +185,7 @@ class SetupView:
     def _table(self, table: str, entries: list[FieldEntry]) -> None:
         open_one = table in PLOTTED or any(e.blank for e in entries)
         title = TITLES.get(table, table)
-        with (
-            ui.expansion(title, value=open_one)
-            .classes("w-full")
-            .props(f'dense header-class="text-weight-medium" aria-label="{title}"')
-        ):
+        with frame.fold(title, opened=open_one).props('header-class="text-weight-medium"'):
             if table in PLOTTED:
                 self._plot(table)
             for e in entries:
@@ -224,8 +218,7 @@ class SetupView:
                 self._list(e, value, words)
             else:
                 field = ui.input(words, value=e.display)
-                for event in ("blur", "keydown.enter"):
-                    field.on(event, partial(self._typed, e, field))
+                frame.on_entry(field, partial(self._typed, e, field))
                 self._keep(e, field)
             if e.remark:
                 ui.label(e.remark).classes("remark")
@@ -235,21 +228,16 @@ class SetupView:
         element.classes("w-full").props(f"dense outlined data-key={e.dotted}").mark(e.dotted)
         self.inputs[e.dotted] = element
 
-    def _listed(self, e: FieldEntry, listed: Iterable[str], words: str) -> None:
-        """A key with a list of values.
-
-        A value that is not in the list is kept.
-        """
+    def _listed(
+        self, e: FieldEntry, listed: Iterable[str], words: str, act: Callable[..., None] | None = None
+    ) -> None:
+        """A key with a list of values. A value that is not in the list is kept."""
         options = list(dict.fromkeys([*listed, *([e.display] if e.display else [])]))
-        self._keep(
-            e, ui.select(options, value=e.display or None, label=words, on_change=partial(self._chosen, e))
-        )
+        change = partial(act or self._chosen, e)
+        self._keep(e, ui.select(options, value=e.display or None, label=words, on_change=change))
 
     def _pictures(self, e: FieldEntry, value: dict[str, Any], words: str) -> None:
-        """The picture series of a camera, and its offset on the sensor.
-
-        The series is selected from those of the folder.
-        """
+        """The picture series of a camera, selected from those of the folder, and its offset on the sensor."""
         known = {one.name: one for one in signals.picture_series(self.folder)}
         name = str(value.get("file") or value.get("pattern") or "")
         crop = value.get("crop_offset", ["", ""])
@@ -258,8 +246,8 @@ class SetupView:
             **({} if name in known or not name else {name: name}),
         }
         with ui.row().classes("w-full no-wrap gap-2"):
-            series = ui.select(options, value=name or None, label=words).classes("grow min-w-0")
-            series.props(f"dense outlined data-key={e.dotted}").mark(e.dotted)
+            series = frame.choice(options, name or None, words, width="grow min-w-0")
+            series.props(f"data-key={e.dotted}").mark(e.dotted)
             offsets = []
             for i, axis in enumerate("xy"):
                 field = ui.input(f"crop {axis}", value=str(crop[i])).classes("w-20")
@@ -274,20 +262,16 @@ class SetupView:
                     field.value = f"{place:g}"
             key = one.key if one is not None else "pattern" if "*" in picked else "file"
             toml = series_toml(key, picked, [str(field.value or "") for field in offsets])
-            self._change(lambda: self.draft.set_values({e.dotted: toml}), rebuild=picked != name)
+            self._set({e.dotted: toml}, rebuild=picked != name)
 
         series.on_value_change(chosen)
         for field in offsets:
-            for event in ("blur", "keydown.enter"):
-                field.on(event, chosen)
+            frame.on_entry(field, chosen)
 
     def _file(self, e: FieldEntry, words: str) -> None:
-        options = list(dict.fromkeys([*self.files, *([e.display] if e.display else [])]))
-        element = ui.select(options, value=e.display or None, label=words, on_change=partial(self._assign, e))
-        self._keep(e, element)
+        self._listed(e, self.files, words, self._assign)
         if e.display:
-            with ui.expansion("Columns").props('dense aria-label="Columns of the file"') as fold:
-                pass
+            fold = ui.expansion("Columns").props('dense aria-label="Columns of the file"')
             fold.on_value_change(partial(self._preview, e, fold))
 
     def _preview(self, e: FieldEntry, fold: ui.expansion, change: events.ValueChangeEventArguments) -> None:
@@ -318,13 +302,10 @@ class SetupView:
             values[e.dotted] = f'"{name}"'  # also in a separate folder
         except InputError as error:
             ui.notify(str(error), type="warning")
-        self._change(lambda: self.draft.set_values(values), rebuild=True)
+        self._set(values, rebuild=True)
 
     def _units(self, table: str) -> dict[str, str]:
-        """The columns of a table's file with their units.
-
-        Empty while no file is selected.
-        """
+        """The columns of a table's file with their units. Empty while no file is selected."""
         section = self.draft.content().get(table, {})
         with suppress(InputError):  # the file's field shows the reason
             return {c.name: c.unit for c in signals.entry(self.folder, str(section.get("file", ""))).columns}
@@ -336,52 +317,40 @@ class SetupView:
         options = list(dict.fromkeys([*units, *([name] if name else [])]))
         words = e.key.replace("_", " ")
         with ui.row().classes("w-full no-wrap gap-2"):
-            column = (
-                ui.select(options, value=name or None, label=f"{words}: column")
-                .classes("grow")
-                .props("dense outlined")
-            )
-            given = (
-                ui.input("unit", value=unit)
-                .classes("w-24")
-                .props(f'dense outlined aria-label="{words}: unit"')
-            )
+            column = frame.choice(options, name or None, f"{words}: column", width="grow")
+            given = ui.input("unit", value=unit).classes("w-24")
         column.mark(f"{e.dotted}.column")
-        given.mark(f"{e.dotted}.unit")
+        given.props(f'dense outlined aria-label="{words}: unit"').mark(f"{e.dotted}.unit")
 
         def chosen(_: object = None) -> None:
             picked = str(column.value or "")
             if picked != name and not given.value:
                 given.value = units.get(picked, "")
             toml = column_toml(picked, str(given.value or ""))
-            self._change(lambda: self.draft.set_values({e.dotted: toml}))
+            self._set({e.dotted: toml})
 
         column.on_value_change(chosen)
-        for event in ("blur", "keydown.enter"):
-            given.on(event, chosen)
+        frame.on_entry(given, chosen)
 
     def _list(self, e: FieldEntry, value: list[str], words: str) -> None:
         element: list[ui.input] = []
 
         def typed(_: object = None) -> None:
             toml = "[" + ", ".join(f'"{str(one.value or "").strip()}"' for one in element) + "]"
-            self._change(lambda: self.draft.set_values({e.dotted: toml}))
+            self._set({e.dotted: toml})
 
         with ui.row().classes("w-full no-wrap gap-2"):
             for i, one in enumerate(value):
                 field = ui.input(f"{words} {i + 1}", value=one).classes("grow")
                 field.props(f"dense outlined data-key={e.dotted}.{i}")
                 field.mark(f"{e.dotted}.{i}")
-                for event in ("blur", "keydown.enter"):
-                    field.on(event, typed)
+                frame.on_entry(field, typed)
                 element.append(field)
                 self.inputs[f"{e.dotted}.{i}"] = field
 
     def _optional(self, table: str, keys: list[str]) -> None:
         with ui.row().classes("items-center gap-2"):
-            chosen = (
-                ui.select(keys, label="Optional key").classes("w-44").props("dense outlined options-dense")
-            )
+            chosen = frame.choice(keys, None, "Optional key", width="w-44").props("options-dense")
             value = ui.input("its value").props("dense outlined")
 
             def add() -> None:
@@ -393,26 +362,24 @@ class SetupView:
             ui.button("Add", on_click=add).props("flat dense")
 
     def _typed(self, e: FieldEntry, element: ui.input, _: object = None) -> None:
-        typed = str(element.value or "")
-        self._change(lambda: self.draft.enter(e.dotted, typed))
+        self._change(lambda: self.draft.enter(e.dotted, str(element.value or "")))
 
     def _chosen(self, e: FieldEntry, change: events.ValueChangeEventArguments) -> None:
-        typed = str(change.value or "")
-        self._change(lambda: self.draft.enter(e.dotted, typed))
+        self._change(lambda: self.draft.enter(e.dotted, str(change.value or "")))
+
+    def _set(self, values: dict[str, str], *, rebuild: bool = False) -> None:
+        """Write values as TOML by their keys."""
+        self._change(lambda: self.draft.set_values(values), rebuild=rebuild)
 
     def _change(self, act: Callable[[], object], *, rebuild: bool = False) -> None:
         """Change the file, and report a change that could not be written."""
         before = self.draft.text
         try:
             act()
-        except Conflict as error:
-            self.status.text = f"Not written. {error}"
-            self.status.classes(replace="caution")
-            ui.notify(str(error), type="negative")
-            return
         except InputError as error:
-            self.status.text = f"Not written. {error}"
-            self.status.classes(replace="caution")
+            self._say(f"Not written. {error}", "caution")
+            if isinstance(error, Conflict):
+                ui.notify(str(error), type="negative")
             return
         if self.draft.text == before:
             return
@@ -426,6 +393,11 @@ class SetupView:
             for table, plot in self.plots.items():
                 self._fill(table, plot)
 
+    def _say(self, words: str, kind: str = "soft") -> None:
+        """Show the state of the file."""
+        self.status.text = words
+        self.status.classes(replace=kind)
+
     def _report(self) -> None:
         """Show what is missing or wrong, at its field and above the text."""
         try:
@@ -435,13 +407,9 @@ class SetupView:
             self.wrong, content = {"": str(error)}, {}
         empty = list(blanks(content))
         self._label()
-        self.status.classes(replace="soft")
-        if empty:
-            self.status.text = f"{len(empty)} values are not filled in"
-        elif self.wrong:
-            self.status.text = f"{len(self.wrong)} values cannot be used yet"
-        else:
-            self.status.text = "Every value is filled in. Check reads the files."
+        wrong = f"{len(self.wrong)} values cannot be used yet" if self.wrong else ""
+        state = f"{len(empty)} values are not filled in" if empty else wrong
+        self._say(state or "Every value is filled in. Check reads the files.")
         self.found.clear()
         with self.found:
             shown = {key: words for key, words in self.wrong.items() if key not in self.labels}
@@ -487,31 +455,25 @@ class SetupView:
 
     async def check(self) -> None:
         """Read the shot with its files, and show the errors or a summary."""
-        self.status.text = "The files are read ..."
+        self._say("The files are read ...")
         try:
             loaded = await frame.in_thread(check_shot, self.folder)
         except InputError as error:
             self.wrong = by_key(error.problems)
             self._label()
             count = len(error.problems)
-            self.status.text = f"The check found {count} problem{'' if count == 1 else 's'}"
-            self.status.classes(replace="caution")
+            self._say(f"The check found {count} problem{'' if count == 1 else 's'}", "caution")
             self.found.clear()
             with self.found:
                 for one in error.problems:
                     frame.note(str(one), "caution")
             return
-        self.status.text = "The check passed"
-        self.status.classes(replace="soft")
+        self._say("The check passed")
         self.found.clear()
         with self.found:
             for words in remarks(loaded):
                 frame.note(words, "caution")
-            with (
-                ui.expansion("What was read", value=False)
-                .classes("w-full")
-                .props('dense aria-label="What was read"')
-            ):
+            with frame.fold("What was read"):
                 for line in summarise(loaded):
                     frame.note(f"{line.section} {line.name}: {line.written()}")
 
@@ -543,10 +505,7 @@ class SetupView:
         self._fill(table, plot)
 
     def _static_slider(self, plot: ui.echart) -> None:
-        """The slider of the frames at rest.
-
-        It is beside the pictures, or below the motion if there are no pictures.
-        """
+        """The slider of the frames at rest, beside the pictures or below the motion."""
         content = self.draft.content()
         number = content.get("frames", {}).get("static", 0)
         first = int(number) if isinstance(number, int) else 0
@@ -561,22 +520,14 @@ class SetupView:
         with ui.row().classes("w-full items-center no-wrap gap-3"):
             ui.label("Frames at rest").classes("soft whitespace-nowrap")
             slider = ui.slider(min=0, max=count, value=first).props('label aria-label="Frames at rest"')
-            slider.on(
-                "change",
-                lambda: self._change(
-                    lambda: self.draft.set_values({"frames.static": str(int(slider.value))})
-                ),
-            )
+            slider.on("change", lambda: self._set({"frames.static": str(int(slider.value))}))
             slider.mark("static-slider")
         if self.series:
             self._pictures_at_rest(slider)
             ui.timer(0.05, partial(self._compare_pictures, plot), once=True)
 
     def _pictures_at_rest(self, slider: ui.slider) -> None:
-        """The pictures of both cameras in the last frame at rest.
-
-        They follow the slider.
-        """
+        """The pictures of both cameras in the last frame at rest, given by the slider."""
         now = ui.label().classes("soft").mark("frame-at-rest")
         with ui.row().classes("w-full no-wrap gap-2"):
             images = [ui.image().classes("w-1/2").props(f'alt="Camera {i}"') for i in range(len(self.series))]
@@ -585,8 +536,7 @@ class SetupView:
             k = max(int(slider.value) - 1, 0)
             now.text = f"Frame {k}, the last one at rest" if slider.value else "No frame is at rest"
             for image, pictures in zip(images, self.series, strict=True):
-                png = png_of(pictures, k)
-                image.set_source("" if isinstance(png, str) else data_uri(png))
+                image.set_source(frame.source_of(pictures, k))
 
         slider.on_value_change(show)
         show()
@@ -660,10 +610,7 @@ class SetupView:
         }
 
     def _add_motion(self, plot: ui.echart, content: dict[str, Any]) -> list[dict[str, Any]]:
-        """Add the flyer's motion to the plot of the force.
-
-        Both begin together if the clocks are correct.
-        """
+        """Add the flyer's motion to the plot of the force: both begin together if the clocks are correct."""
         motion = self._motion(content)
         plot.options["legend"]["show"] = motion is not None
         plot.options["grid"] |= {"top": 34 if motion else 14, "right": 62 if motion else 18}
@@ -687,7 +634,7 @@ class SetupView:
         values = {"force.baseline": f"[{ends[0]}, {ends[1]}]"}
         if self.drag == "window":
             values = {"window.start": ends[0], "window.end": ends[1]}
-        self._change(lambda: self.draft.set_values(values))
+        self._set(values)
 
 
 def one_sided(name: str, **more: Any) -> dict[str, Any]:

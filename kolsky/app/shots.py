@@ -77,14 +77,11 @@ def shot_folders(root: Path) -> Iterator[tuple[str, str]]:
     """
     for place, folders, files in os.walk(root):
         file = next((name for name in (SHOT_FILE, MEASUREMENT_FILE) if name in files), "")
-        if file or (_raw(files) and (not folders or Path(place) != root)):
+        raw = any(name.lower().endswith(SUFFIXES) for name in files)
+        if file or (raw and (not folders or Path(place) != root)):
             yield place, file
             folders.clear()
         folders[:] = sorted(f for f in folders if f not in NOT_SEARCHED and not f.startswith("."))
-
-
-def _raw(files: list[str]) -> bool:
-    return any(name.lower().endswith(SUFFIXES) for name in files)
 
 
 def list_shots(root: Path) -> list[ListedShot]:

@@ -49,6 +49,11 @@ class Signal:
     """Quantity and unit along y."""
 
 
+def _places(folder: Path) -> list[Path]:
+    """A folder and its subfolders without the results."""
+    return [folder, *sorted(p for p in folder.iterdir() if p.is_dir() and p.name != "results")]
+
+
 def candidate_files(folder: Path) -> list[str]:
     """Files of a folder and its subfolders that may be tables or recordings.
 
@@ -57,7 +62,7 @@ def candidate_files(folder: Path) -> list[str]:
     Only the first file of a series of exports is listed.
     """
     found: list[str] = []
-    for place in (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and p.name != "results")):
+    for place in _places(folder):
         names = sorted(p for p in place.iterdir() if p.is_file() and p.suffix.lower() in SUFFIXES)
         found += [
             p.relative_to(folder).as_posix() for p in (names if place == folder or len(names) < 9 else [])
@@ -85,13 +90,8 @@ def _surfaces(folder: Path, state: tuple[int, float]) -> SurfaceSurvey:
 
 def surfaces(folder: Path) -> SurfaceSurvey:
     """The series of exports of a folder. They are read again if one of its tables was added or changed."""
-    places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
-    times = [
-        one.stat().st_mtime
-        for place in places
-        for one in os.scandir(place)
-        if one.name.lower().endswith(SUFFIXES)
-    ]
+    files = (one for place in _places(folder) for one in os.scandir(place))
+    times = [one.stat().st_mtime for one in files if one.name.lower().endswith(SUFFIXES)]
     return _surfaces(folder, (len(times), max(times, default=0.0)))
 
 
@@ -102,18 +102,15 @@ def _series(folder: Path, state: tuple[int, float]) -> tuple[SeriesEntry, ...]:
 
 def picture_series(folder: Path) -> tuple[SeriesEntry, ...]:
     """The picture series of a folder. They are searched again if something was added to the folder."""
-    places = (folder, *(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
+    places = _places(folder)
     return _series(folder, (len(places), max(place.stat().st_mtime for place in places)))
 
 
 def rig_files(folder: Path) -> list[str]:
     """Files of a folder and its subfolders that may contain two calibrated cameras."""
-    places = (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and p.name != "results"))
+    files = (one for place in _places(folder) for one in sorted(place.iterdir()))
     return [
-        one.relative_to(folder).as_posix()
-        for place in places
-        for one in sorted(place.iterdir())
-        if one.is_file() and one.suffix.lower() in RIGS
+        one.relative_to(folder).as_posix() for one in files if one.is_file() and one.suffix.lower() in RIGS
     ]
 
 
@@ -140,7 +137,7 @@ def changes(series: list[Pictures]) -> PictureChanges | None:
 
 def change_signal(found: PictureChanges) -> Signal:
     """The change of the pictures by frame. It is the larger of those of both cameras."""
-    return Signal(found.time, PERCENT * np.fmax(*found.change), FRAME, "Change from the first picture (%)")
+    return Signal(found.time, 100.0 * np.fmax(*found.change), FRAME, "Change from the first picture (%)")
 
 
 def preview(table: TableEntry) -> tuple[list[str], list[list[str]]]:
@@ -222,12 +219,8 @@ def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
             return None
         sign = -1.0 if section.get("positive") == "away from specimen" else 1.0
         frame = number if number.size == travel.size else np.arange(travel.size, dtype=float)
-        return Signal(
-            np.arange(travel.size, dtype=float),
-            sign * travel[np.argsort(frame, kind="stable")],
-            FRAME,
-            MOTION,
-        )
+        travel = sign * travel[np.argsort(frame, kind="stable")]
+        return Signal(np.arange(travel.size, dtype=float), travel, FRAME, MOTION)
     series = surfaces(folder).flyer or surfaces(folder).specimen
     if series is None or "surface" not in content:
         return None
@@ -237,7 +230,6 @@ def motion_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
 
 CLOCK = "Time on the shot's clock (µs)"
 FRAME, MOTION = "Frame, counted from 0", "Flyer toward specimen (mm)"
-PERCENT = 100.0
 
 
 def on_clock(folder: Path, content: Mapping[str, Any], motion: Signal) -> Signal | None:
@@ -254,10 +246,8 @@ def curve_signal(folder: Path, content: Mapping[str, Any]) -> Signal | None:
     """The quasi-static curve. It is tension positive when its convention is declared."""
     section = content.get("curve", {})
     table = entry(folder, str(section.get("file", "")))
-    strain, stress = (
-        _values(table, section, "strain", "1", 100.0),
-        _values(table, section, "stress", "Pa", 1e-3),
-    )
+    strain = _values(table, section, "strain", "1", 100.0)
+    stress = _values(table, section, "stress", "Pa", 1e-3)
     if not strain.size or strain.size != stress.size:
         return None
     sign = -1.0 if section.get("convention") == "compression positive" else 1.0

@@ -76,10 +76,7 @@ class WhatIf:
     """A shot with its result, ready to be simulated with other parameters. The mesh is that of the search."""
 
     def __init__(self, shot: Shot, found: Identification) -> None:
-        """Prepare the shot.
-
-        Raises ValueError if it cannot be simulated.
-        """
+        """Prepare the shot. Raises ValueError if it cannot be simulated."""
         self.found = found
         self.prepared: PreparedShot = prepare_shot(shot)
         self.numerics = Numerics(mesh=found.mesh)

@@ -51,7 +51,7 @@ def _wave_rows(result: "ReducedTest") -> dict[str, str]:
     return {
         "shot": result.name,
         **{
-            row["name"]: f"{row['value']} ± {row['U']} {row['unit']}".rstrip() + " (k = 2)"
+            row["Quantity"]: f"{row['Value']} ± {row['U']} {row['Unit']}".rstrip() + " (k = 2)"
             for row in answers(result)
         },
         "balanced": "never"

@@ -142,12 +142,8 @@ stopped."""
 
 
 def _end_in_time() -> None:
-    """End the process some seconds after SIGTERM.
-
-    This also works during a compiled loop, which blocks the handlers.
-
-    The system writes the signal's number into a pipe at once. A thread waits for it.
-    """
+    """End the process some seconds after SIGTERM, also in a compiled loop, which blocks the handlers."""
+    # The system writes the signal's number into a pipe at once. A thread waits for it.
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)

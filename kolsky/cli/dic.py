@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kolsky.base.errors import refused
 from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.base.process import infrequent_gc
@@ -204,7 +205,7 @@ def calibrate(
         **figure_files(figures, calibration),
     }
     cure = "is it the folder of a calibration series of this target? look at the pictures named"
-    with texts.refused(cure=cure, place=folder, errors=(CameraFileError,)):
+    with refused(folder, cure=cure, errors=(CameraFileError,)):
         write_folder(folder, files)
     print_result(
         calibration_summary(calibration),

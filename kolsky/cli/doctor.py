@@ -4,10 +4,10 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -28,7 +28,7 @@ def doctor(
 
     installation = examine(folder)
     print_result(
-        installation.rows(), jsonable(installation.as_dict(), "doctor"), warnings=installation.problems
+        installation.rows(), jsonable(asdict(installation), "doctor"), warnings=installation.problems
     )
     if installation.problems:
         raise typer.Exit(1)
@@ -84,8 +84,8 @@ class Installation:
     cache: Path | None
     """Folder of compiled kernels. None if the solver's library did not start."""
     folder: Path
-    """Folder of the results."""
-    free: float | None
+    """Folder of the results, its whole path."""
+    free_bytes: float | None
     """Free space in this folder [bytes]. None if the folder does not exist."""
     problems: tuple[str, ...]
     """Missing or defective parts, one sentence each with the remedy."""
@@ -100,22 +100,9 @@ class Installation:
             name: self.extras[name] or f"not installed ({what}): pip install '{source}'"
             for name, (source, what) in OPTIONAL.items()
         }
-        free = "not there" if self.free is None else f"{self.free / 1e9:.0f} GB free"
-        rows["results"] = f"{self.folder.resolve()}, {free}"
+        free = "not there" if self.free_bytes is None else f"{self.free_bytes / 1e9:.0f} GB free"
+        rows["results"] = f"{self.folder}, {free}"
         return rows
-
-    def as_dict(self) -> dict[str, Any]:
-        """The findings by the names of the fields."""
-        return {
-            "versions": dict(self.versions),
-            "extras": dict(self.extras),
-            "devices": list(self.devices),
-            "cores": self.cores,
-            "cache": self.cache,
-            "folder": self.folder.resolve(),
-            "free_bytes": self.free,
-            "problems": list(self.problems),
-        }
 
 
 def examine(folder: Path) -> Installation:
@@ -143,8 +130,8 @@ def examine(folder: Path) -> Installation:
         devices=devices,
         cores=cores(),
         cache=cache,
-        folder=folder,
-        free=free,
+        folder=folder.resolve(),
+        free_bytes=free,
         problems=tuple(problems),
     )
 

@@ -17,7 +17,7 @@ import typer
 
 from dic.files import scratch
 from kolsky.base.apparatus import RelaxationKind
-from kolsky.base.errors import InputError, refuse
+from kolsky.base.errors import InputError, refuse, refused
 from kolsky.base.files import usable_folder
 from kolsky.base.options import ADVANCED, TOGETHER, Option
 from kolsky.cli import texts
@@ -70,8 +70,8 @@ def identify_shots(
     folder = usable_folder(out or Path("joint"))
     folder.mkdir(parents=True, exist_ok=True)
     cure = "give shots of one material with one set of free parameters"
-    refused = texts.refused(cure=cure, place=shots[0].folder, errors=(ValueError, LedgerError))
-    with progress_bars() as progress, refused:
+    joining = refused(shots[0].folder, cure=cure, errors=(ValueError, LedgerError))
+    with progress_bars() as progress, joining:
         result = joint_identification.identify_shots(
             shots, chosen, slow=slow, ledger=folder / "joint.sqlite", progress=progress
         )
@@ -147,10 +147,7 @@ def _verdict_line(result: "JointResult") -> str:
 
 
 def _excesses(fits: "Sequence[FitQuality]") -> str:
-    """Residuals of several channels divided by those of a correct model.
-
-    Whole and slow residuals are given.
-    """
+    """Residuals of several channels divided by those of a correct model, whole and slow ones."""
     return ", ".join(
         f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g})"
         f"{'' if fit.explained else ': NOT EXPLAINED'}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
@@ -339,7 +339,7 @@ def material_relaxation(
     folder = usable_folder(out)
     together = _joint_comparison(tests, joint, branches, folder) if joint else None
     rated = [collected_shot(shot, group="all") for shot in shots]
-    with texts.refused(cure="correct the list or the tables that it names", place=tests):
+    with refused(tests, cure="correct the list or the tables that it names"):
         result = analyse_rate_dependence(slow, rated, at_most=branches)
     content = {"inputs": dict(slow.files), **summary(result)}
     written = tables(result)
@@ -362,12 +362,9 @@ def material_relaxation(
 
 
 def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder: Path) -> "ModelComparison":
-    """Identify shots and slow tests together with each model; the network only if the slow tests are
-    histories.
-
-    All models share the runs in `folder`: those without relaxation are made once, and the same command
-    continues an interrupted comparison.
-    """
+    """Identify shots and slow tests together with each model of `joint_models`."""
+    # All models share the runs in the folder: those without relaxation are made once, and the same command
+    # continues an interrupted comparison.
     from doe.ledger import LedgerError
     from kolsky.inverse.parameters import with_relaxation
     from kolsky.inverse.settings import JointSettings
@@ -379,9 +376,9 @@ def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder:
     slow, shots = read_slow_tests(tests), [load_shot(path) for path in paths]
     found = {}
     cure = "give shots of one material with one set of free parameters"
-    refused = texts.refused(cure=cure, place=shots[0].folder, errors=(ValueError, LedgerError))
+    joining = refused(shots[0].folder, cure=cure, errors=(ValueError, LedgerError))
     folder.mkdir(parents=True, exist_ok=True)
-    with progress_bars() as progress, refused:
+    with progress_bars() as progress, joining:
         for name, kind, number in joint_models(slow, branches):
             relaxing = [with_relaxation(shot, kind, number) for shot in shots]
             found[name] = identify_shots(

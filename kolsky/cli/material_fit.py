@@ -72,12 +72,7 @@ def _fit_cylinder_with_friction(
     folder: Path,
     taken: Sequence[str],
 ) -> None:
-    """Fit laws to repeats of one compression test with bonded or frictional ends.
-
-    The constants are written and printed.
-
-    The tests are apparent nominal stresses, tension-positive.
-    """
+    """Fit laws to repeats of a compression test with bonded or frictional ends; write and print constants."""
     import numpy as np
 
     from kolsky.cli.material_curves import ends_of
@@ -475,7 +470,13 @@ def material_healing(
         },
         "remarks": list(result.remarks),
     }
-    tables = {"healing": _table(result), "healing_specimens": columns_of(_specimen_rows(result))}
+    specimens = (
+        {"group": group, "specimen": one.name, "property": name, "value (SI)": value}
+        for group, ones in (("undamaged", result.undamaged), ("healed", result.healed))
+        for one in ones
+        for name, value in one.values.items()
+    )
+    tables = {"healing": columns_of(_healing_rows(result)), "healing_specimens": columns_of(specimens)}
     write_folder(folder, {"healing.json": content}, tables)
     print_result(
         {},
@@ -486,26 +487,19 @@ def material_healing(
     )
 
 
-def _table(result: "Healing") -> dict[str, list[Any]]:
-    rows = result.rows.items()
-    whole = {
-        "property": [name for name, _ in rows],
-        "unit": [result.units[name] for name, _ in rows],
-        "undamaged": [row.undamaged.value for _, row in rows],
-        "u undamaged": [row.undamaged.sigma for _, row in rows],
-        "healed": [row.healed.value for _, row in rows],
-        "u healed": [row.healed.sigma for _, row in rows],
-        "healing efficiency (1)": [row.efficiency.value for _, row in rows],
-        "u efficiency (1)": [row.efficiency.sigma for _, row in rows],
-    }
-    return {name: jsonable(column, name) for name, column in whole.items()}
-
-
-def _specimen_rows(result: "Healing") -> Iterator[dict[str, Any]]:
-    for group, ones in (("undamaged", result.undamaged), ("healed", result.healed)):
-        for one in ones:
-            for name, value in one.values.items():
-                yield {"group": group, "specimen": one.name, "property": name, "value (SI)": value}
+def _healing_rows(result: "Healing") -> Iterator[dict[str, Any]]:
+    for name, row in result.rows.items():
+        cells = {
+            "property": name,
+            "unit": result.units[name],
+            "undamaged": row.undamaged.value,
+            "u undamaged": row.undamaged.sigma,
+            "healed": row.healed.value,
+            "u healed": row.healed.sigma,
+            "healing efficiency (1)": row.efficiency.value,
+            "u efficiency (1)": row.efficiency.sigma,
+        }
+        yield jsonable(cells, name)
 
 
 def _material_healing_lines(result: "Healing") -> list[str]:

@@ -70,16 +70,22 @@ def new(
 
     An existing file is left unchanged.
     """
+    from kolsky.base.toml import TOML_LIMIT
+    from kolsky.schema.shot_file import find_shot_file
     from kolsky.survey.blank_file import new_text
+    from kolsky.survey.pictures import survey_pictures
     from kolsky.survey.tables import survey
 
     if sum((bars, pictures, previous is not None)) > 1:
         raise InputError(folder, "--bars, --pictures and --from exclude each other", cure="give one of them")
     path = folder / "shot.toml"
-    last = None if previous is None else _text_of(previous)
+    last = None
+    if previous is not None:
+        file_of_last = find_shot_file(previous)
+        last = decode(file_of_last, read_bytes(file_of_last, limit=TOML_LIMIT))
     with beginning(path):
         contents = survey(folder)
-        series = _pictures(folder, contents) if pictures else None
+        series = survey_pictures(folder, contents) if pictures else None
         text = new_text(contents, folder, bars=bars, pictures=series, last=last)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -98,26 +104,6 @@ def new(
     typer.echo(f"wrote {path}; fill in what is empty, then: kolsky check {folder}")
 
 
-def _pictures(folder: Path, contents: "Survey") -> "PictureSurvey":
-    from kolsky.survey.pictures import survey_pictures
-
-    return survey_pictures(folder, contents)
-
-
-def _series(contents: "Survey") -> dict[str, str]:
-    """Part of a shot -> pattern and program of the exports of this part."""
-    both = {"surface": contents.surface.specimen, "surface.flyer": contents.surface.flyer}
-    return {part: one.pattern for part, one in both.items() if one is not None}
-
-
-def _parts(pictures: "PictureSurvey | None") -> dict[str, str]:
-    """Dotted key -> file or pattern of the pictures that were found."""
-    if pictures is None:
-        return {}
-    both = (("pictures", pictures.test), ("calibration", pictures.target))
-    return {f"{table}.camera_{i}": one.name for table, series in both for i, one in enumerate(series)}
-
-
 def _found_lines(
     path: Path, text: str, contents: "Survey", *, bars: bool, pictures: "PictureSurvey | None"
 ) -> dict[str, Any]:
@@ -125,25 +111,20 @@ def _found_lines(
     from kolsky.base.toml import blanks
 
     recordings = [table.path.name for table in contents.recordings] if bars else []
+    found = {} if bars else {part: table.path.name for part, table in contents.parts.items()}
+    if pictures is not None:
+        for table, series in (("pictures", pictures.test), ("calibration", pictures.target)):
+            found |= {f"{table}.camera_{i}": one.name for i, one in enumerate(series)}
+    elif not bars:
+        exports = {"surface": contents.surface.specimen, "surface.flyer": contents.surface.flyer}
+        found |= {part: one.pattern for part, one in exports.items() if one is not None}
     return {
         "file": str(path),
-        "found": {
-            **({} if bars else {part: table.path.name for part, table in contents.parts.items()}),
-            **({} if bars or pictures else _series(contents)),
-            **_parts(pictures),
-        },
+        "found": found,
         "recordings": recordings,
         "doubtful": {name: why for name, why in contents.doubtful.items() if name not in recordings},
         "to_fill_in": list(blanks(tomllib.loads(text))),
     }
-
-
-def _text_of(series: Path) -> str:
-    from kolsky.base.toml import TOML_LIMIT
-    from kolsky.schema.shot_file import find_shot_file
-
-    path = find_shot_file(series)
-    return decode(path, read_bytes(path, limit=TOML_LIMIT))
 
 
 def open_pages(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin,
 
 import typer
 
+from kolsky.base.errors import refused
 from kolsky.base.files import usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
@@ -170,10 +171,7 @@ def _made(name: str, hint: Any, default: Any, values: Mapping[str, Any]) -> Any:
 
 
 def _record(hint: Any) -> tuple[Any, tuple[str, ...]]:
-    """The dataclass of an annotation and the names of its fields that are options.
-
-    None if it is not a record.
-    """
+    """The dataclass of an annotation, None if it is not a record, and the names of fields to use."""
     kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     chosen = next((part for part in getattr(hint, "__metadata__", ()) if isinstance(part, tuple)), ())
     return (kind if is_dataclass(kind) else None), chosen
@@ -206,6 +204,15 @@ def _word(name: str, option: Option, default: Any) -> str:
     return f"no-{word}" if default is True else word
 
 
+_PRINTING: dict[str, Any] = {
+    "as_json": Annotated[bool, Option("Print one JSON object (SI units) instead of a table.", name="json")],
+    "quiet": Annotated[
+        bool, Option("Print the answer and its warnings only: no progress, no wall time.", short="-q")
+    ],
+}
+"""Options of every command."""
+
+
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:
     """Make one option from every setting of a command, and add `--json` and `--quiet`.
 
@@ -219,28 +226,15 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
     arguments: dict[str, _Argument] = {}
     for name, parameter in given.items():
         arguments |= _arguments(name, hints[name], parameter.default)
-    arguments["as_json"] = _Argument(
-        Annotated[bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")],
-        False,
-        bool,
-    )
-    arguments["quiet"] = _Argument(
-        Annotated[
-            bool,
-            typer.Option(
-                "--quiet", "-q", help="Print the answer and its warnings only: no progress, no wall time."
-            ),
-        ],
-        False,
-        bool,
-    )
+    of_command = tuple(arguments)
+    arguments |= {name: _argument(name, hint, False) for name, hint in _PRINTING.items()}
 
     @functools.wraps(command)
     def spread(*, as_json: bool = False, quiet: bool = False, **texts_given: Any) -> None:
         with printing(as_json=as_json, quiet=quiet):
             values = {
                 name: arguments[name].read(texts_given.get(name, arguments[name].default))
-                for name in arguments.keys() - {"as_json", "quiet"}
+                for name in of_command
             }
             command(
                 **{
@@ -290,4 +284,4 @@ def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tup
 def usable(shot: "Shot") -> AbstractContextManager[None]:
     """Context that turns errors of an unusable shot into bad input: one line, exit code 2."""
     cure = "correct shot.toml or the option that it names; `kolsky check` shows what was read"
-    return texts.refused(cure=cure, place=shot.folder)
+    return refused(shot.folder, cure=cure)

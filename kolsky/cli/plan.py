@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from kolsky.base.errors import refused
 from kolsky.base.files import usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
@@ -299,9 +300,7 @@ def virtual_make(
         if not as_json():
             typer.echo(f"{made.folder}{'' if made.fresh else ' existed already'}")
 
-    with texts.refused(
-        cure="correct the specification; `kolsky virtual new` writes one", place=specification
-    ):
+    with refused(specification, cure="correct the specification; `kolsky virtual new` writes one"):
         made = make(
             series, out, numbers=only, device=device, threads=threads, workers=workers, progress=print_folder
         )

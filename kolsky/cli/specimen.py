@@ -113,7 +113,7 @@ def specimen_fit(
         folder, view, read.inputs, formats=figures, vtu=vtu, stills=stills, studies=studies
     )
     rows = {
-        f"{row['fit']}: {row['name']}": f"{row['value']}, {row['interval']}, {row['verdict']}"
+        f"{row['Fit']}: {row['Constant']}": f"{row['Value']}, {row['Interval, 95 %']}, {row['Verdict']}"
         for row in constant_rows(view)
     }
     print_result(
@@ -186,7 +186,10 @@ def _fit_sheet(
     view = sheet_view_of(read.name, measured, result, steps, mapped, change=change)
     inputs = {**read.inputs, **measured.inputs}
     write_specimen_results(folder, view, inputs, formats=figures, vtu=vtu, stills=stills)
-    rows = {row["name"]: f"{row['value']}, {row['interval']}, {row['verdict']}" for row in sheet_rows(view)}
+    rows = {
+        row["Constant"]: f"{row['Value']}, {row['Interval, 95 %']}, {row['Verdict']}"
+        for row in sheet_rows(view)
+    }
     print_result(
         rows | specimen_rows(view),
         specimen_output.field_json(result, steps) | {"one_change": change, "inputs": inputs},

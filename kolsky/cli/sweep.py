@@ -8,8 +8,8 @@ The options describe the design, the ledger and the workers (processes, or a Das
 
 import asyncio
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dic.processes import cores
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refused
 from kolsky.base.files import jsonable, usable_folder
 from kolsky.base.options import ADVANCED, Option
 from kolsky.base.process import process_pool
@@ -59,13 +59,16 @@ def sweep(
         part = records.part(chosen)
     numerics = replace(numerics, threads=workers.threads(numerics.threads))
     place = records.place(folder)
+    from doe.ledger import LedgerError
     from kolsky.report.result_folder import write_sweep_results
     from kolsky.results.tables import failed_runs
     from kolsky.studies import sweep as sweeping
     from kolsky.studies.sweep_analysis import analyse_sweep, forces_along, surface_optimum
     from kolsky.uncertainty.warnings import lost_runs, rerun_advice, sliding_warning
 
-    with usable(loaded), records.usable(), workers.executor() as executor, sweep_progress() as progress:
+    cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
+    usable_ledger = texts.refused("--ledger: ", cure=cure, errors=(LedgerError, OSError))
+    with usable(loaded), usable_ledger, workers.executor() as executor, sweep_progress() as progress:
         result = sweeping.sweep(
             loaded,
             part,
@@ -86,21 +89,17 @@ def sweep(
         forces = forces_along(loaded, result, numerics)
     analysis = replace(analyse_sweep(result.shot, chosen.box, result.table), forces=forces)
     write_sweep_results(folder, result, analysis, name=records.stem, warnings=warnings, formats=figures)
-    summary = {
-        "shot": result.shot,
-        **sweeping.counts(result),
-        **({"left_out_by_constraints": chosen.settings["refused"]} if choice.where else {}),
-        **sweeping.least_misfit(result),
-        **surface_optimum(analysis),
-        **(
-            {}
-            if forces is None
-            else {"fewest_time_steps": int(forces.steps.min()), "most_time_steps": int(forces.steps.max())}
-        ),
-        "file": str(folder / f"{records.stem}.csv"),
-        "page": str(folder / f"{records.stem}.html"),
-        **({} if place is None else {"ledger": str(place)}),
-    }
+    summary = {"shot": result.shot, **sweeping.counts(result)}
+    if choice.where:
+        summary["left_out_by_constraints"] = chosen.settings["refused"]
+    summary |= {**sweeping.least_misfit(result), **surface_optimum(analysis)}
+    if forces is not None:
+        summary["fewest_time_steps"] = int(forces.steps.min())
+        summary["most_time_steps"] = int(forces.steps.max())
+    summary["file"] = str(folder / f"{records.stem}.csv")
+    summary["page"] = str(folder / f"{records.stem}.html")
+    if place is not None:
+        summary["ledger"] = str(place)
     failed = {"failed_runs": failed_runs(result.table)}
     print_result(summary, jsonable({**summary, **failed, "warnings": warnings}, "sweep"), warnings=warnings)
 
@@ -154,13 +153,6 @@ class DesignChoice:
     ] = ()
     """Constraints as in `doe.box.Constraint`."""
 
-    def _region(self, kind: "DesignKind") -> tuple[dict[str, tuple[float, float]], list[int]]:
-        """Bounds by name, SI, and the levels of a full factorial."""
-        if "levels" in kind.needs and self.vary:
-            return texts.levels("--vary", self.vary)
-        bounds = texts.spans("--vary", self.vary) if self.vary else _DEFAULT_BOUNDS
-        return bounds, [_DEFAULT_LEVELS] * len(bounds) if "levels" in kind.needs else []
-
     def vary_of(self, interface: "Interface") -> tuple[str, ...]:
         """The parameters to vary.
 
@@ -189,7 +181,8 @@ class DesignChoice:
         texts.one_of("--design", self.kind, tuple(design.option for design in DESIGNS.values()))
         kind = design_kind(self.kind)
         if "points" in kind.needs:
-            texts.none("--vary", self.vary, f"--design {self.kind}, whose file names the parameters")
+            problem = f"excludes --design {self.kind}, whose file names the parameters"
+            texts.refuse({"--vary": bool(self.vary)}, problem, cure="leave out --vary")
         for option, given, need in (
             ("--generators", bool(self.generators), "generators"),
             ("--points", self.points is not None, "points"),
@@ -208,21 +201,26 @@ class DesignChoice:
             chosen = read_design(self.points)
             constraints = self._constraints(chosen.box)
         else:
-            bounds, levels = self._region(kind)
-            box = self._box(bounds)
+            box, levels = self._region(kind)
             constraints = self._constraints(box)
             chosen = self._chosen(kind, box, levels, constraints)
         with texts.refused("--where: ", cure="relax it, or take more runs"):
             return keep(chosen, *constraints) if constraints else chosen
 
-    def _box(self, bounds: Mapping[str, tuple[float, float]]) -> "Box":
+    def _region(self, kind: "DesignKind") -> "tuple[Box, list[int]]":
+        """The box, and the levels of a full factorial."""
         from doe import Box
         from kolsky.inverse.parameters import design_box
 
+        if "levels" in kind.needs and self.vary:
+            bounds, levels = texts.levels("--vary", self.vary)
+        else:
+            bounds = texts.spans("--vary", self.vary) if self.vary else _DEFAULT_BOUNDS
+            levels = [_DEFAULT_LEVELS] * len(bounds) if "levels" in kind.needs else []
         linear = design_box(bounds)
         ends = dict(zip(linear.names, zip(linear.lower, linear.upper, strict=True), strict=True))
         with texts.refused("--log: ", cure="leave it out for a parameter that may be 0"):
-            return Box.of(ends, logarithmic=self.log)
+            return Box.of(ends, logarithmic=self.log), levels
 
     def _constraints(self, box: "Box") -> "list[Constraint]":
         from doe.box import Constraint
@@ -310,13 +308,6 @@ class Records:
         with texts.refused("--shard: ", cure="take fewer parts"):
             rows = shard(len(design), *self.shard)
         return Design(design.points[rows], design.box, design.kind, design.settings)
-
-    def usable(self) -> AbstractContextManager[None]:
-        """Report a ledger that cannot be used as bad input."""
-        from doe.ledger import LedgerError
-
-        cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
-        return texts.refused("--ledger: ", cure=cure, errors=(LedgerError, OSError))
 
 
 @dataclass(frozen=True)
@@ -503,7 +494,7 @@ def budget(
     if free:
         settings = replace(settings, free=dict.fromkeys(texts.listed(free)))
     cure = "correct the specification, or take more draws"
-    with texts.refused(cure=cure, place=test, errors=(ValueError, LedgerError)):
+    with refused(test, cure=cure, errors=(ValueError, LedgerError)):
         factors = factors_of({key: texts.plain_or_text(value) for key, value in sizes.items()})
         with workers.executor() as executor, sweep_progress() as progress:
             budgeted = budgets.budget(

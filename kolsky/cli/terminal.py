@@ -93,35 +93,34 @@ def print_result(
 
 
 @contextmanager
-def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
+def progress_bars() -> Iterator[Callable[..., None]]:
     """One line on stderr, removed at the end.
 
     It has the stage, its runs, its remaining time, and the time since the start. If stderr is not a terminal,
     one line per minute.
 
-    Yields: function of the stage's name, the number of finished runs and the total number.
+    Yields: function of the stage's name, the number of finished runs and the total number. A fourth argument
+    is the pace of the stage in words, if it is known.
     """
     if is_quiet():
-        yield lambda stage, done, total: None
+        yield lambda stage, done, total, pace="": None
         return
     started = time.monotonic()
     if not sys.stderr.isatty():
         last, shown, begun, first = started, "", started, 0
 
-        def print_stage(stage: str, done: int, total: int) -> None:
+        def print_stage(stage: str, done: int, total: int, pace: str = "") -> None:
             nonlocal last, shown, begun, first
             now = time.monotonic()
             if stage != shown:
                 shown, begun, first = stage, now, done
             if now - last >= _EVERY:
                 last = now
-                line = (
-                    f"{STAGES.get(stage, stage)}: {done} of {total}, {_clock(now - started)} since the start"
-                )
-                if done > first:
+                words = pace or f"{_clock(now - started)} since the start"
+                if done > first and not pace:
                     left = (now - begun) / (done - first) * (total - done)
-                    line += f", {_clock(left)} left of this stage"
-                print(line, file=sys.stderr, flush=True)
+                    words += f", {_clock(left)} left of this stage"
+                print(f"{STAGES.get(stage, stage)}: {done} of {total}, {words}", file=sys.stderr, flush=True)
 
         yield print_stage
         return
@@ -130,18 +129,19 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
 
     columns = (
         TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        TextColumn("left of this stage, {task.fields[since]} since the start"),
+        TextColumn("left of this stage, {task.fields[since]} since the start{task.fields[pace]}"),
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task, shown = progress.add_task("", total=None, since="0:00:00"), ""
+        task, shown = progress.add_task("", total=None, since="0:00:00", pace=""), ""
 
-        def report(stage: str, done: int, total: int) -> None:
+        def report(stage: str, done: int, total: int, pace: str = "") -> None:
             nonlocal shown
             since = _clock(time.monotonic() - started)
+            fields: dict[str, Any] = {"since": since, "pace": f"; {pace}" if pace else ""}
             if stage != shown:
                 shown = stage
-                progress.reset(task, description=STAGES.get(stage, stage), total=total, since=since)
-            progress.update(task, completed=done, total=total, since=since)
+                progress.reset(task, description=STAGES.get(stage, stage), total=total, **fields)
+            progress.update(task, completed=done, total=total, **fields)
 
         yield report
 
@@ -160,34 +160,9 @@ def counted(progress: Callable[[str, int, int], None], stage: str, total: int) -
 
 @contextmanager
 def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
-    """Progress bar of a sweep on stderr with rate and remaining time.
-
-    If stderr is not a terminal, one line per minute.
-
-    Yields: called with a `doe.ledger.Pace`.
-    """
-    if is_quiet():
-        yield lambda pace: None
-        return
-    if not sys.stderr.isatty():
-        last = time.monotonic()
-
-        def print_pace(pace: "Pace") -> None:
-            nonlocal last
-            if time.monotonic() - last >= _EVERY:
-                last = time.monotonic()
-                said = f"sweep: {pace.finished} of {pace.total}, {_pace(pace)}"
-                print(said, file=sys.stderr, flush=True)
-
-        yield print_pace
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (TextColumn("sweep"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task("sweep", total=None, pace="")
-        yield lambda pace: progress.update(task, completed=pace.finished, total=pace.total, pace=_pace(pace))
+    """As `progress_bars`, with rate and remaining time of a sweep. Yields: function of its `Pace`."""
+    with progress_bars() as progress:
+        yield lambda pace: progress("sweep", pace.finished, pace.total, _pace(pace))
 
 
 def _pace(pace: "Pace") -> str:

@@ -4,44 +4,22 @@ Every error message states the expected form.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from functools import partial
 from math import prod
-from pathlib import Path
 
-from kolsky.base import errors as base_errors
+from kolsky.base import errors
 from kolsky.base.apparatus import INCOMPRESSIBLE, INCOMPRESSIBLE_WORD, RelaxationKind
 from kolsky.base.errors import InputError
 from kolsky.base.options import COMMAND_LINE
 
-
-def refusal(
-    problem: str,
-    *,
-    key: str | None = None,
-    value: object = None,
-    allowed: str | None = None,
-    cure: str | None = None,
-) -> InputError:
-    """An error of the command line."""
-    return InputError(COMMAND_LINE, problem, key=key, value=value, allowed=allowed, cure=cure)
+refusal = partial(InputError, COMMAND_LINE)
+"""An error of the command line, from its other arguments."""
+refused = partial(errors.refused, COMMAND_LINE)
+"""Context that makes an error inside it bad input of the command line."""
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:
     return refusal(f"{option} {text!r} cannot be read", cure=f"write {expected}")
-
-
-def refused(
-    before: str = "",
-    *,
-    cure: str,
-    place: str | Path = COMMAND_LINE,
-    errors: tuple[type[Exception], ...] = (ValueError,),
-) -> AbstractContextManager[None]:
-    """Make a ValueError inside it, or one of the errors, bad input with a remedy.
-
-    `before` begins its line.
-    """
-    return base_errors.refused(place, before, cure=cure, errors=errors)
 
 
 def refuse(given: Mapping[str, bool], problem: str, cure: str) -> None:
@@ -110,7 +88,7 @@ def physical(option: str, text: str, unit: str, *, positive: bool = False) -> fl
 def strains(option: str, text: str) -> tuple[float, ...]:
     """ "0.1,0.3" as nominal compressive strains."""
     try:
-        numbers_read = tuple(float(part) for part in text.split(",") if part.strip())
+        numbers_read = tuple(float(part) for part in listed(text))
     except ValueError:
         numbers_read = ()
     if not numbers_read or not all(0.0 < strain < 1.0 for strain in numbers_read):
@@ -204,12 +182,6 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
             raise _refuse(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
         by_name[name] = pair
     return by_name
-
-
-def none(option: str, texts: Sequence[str], other: str) -> None:
-    """Reject an option if another option excludes it."""
-    if texts:
-        raise refusal(f"{option} excludes {other}", cure=f"leave out {option}")
 
 
 def shard(option: str, text: str) -> tuple[int, int]:

@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import matplotlib
 import numpy as np
@@ -40,14 +40,7 @@ from kolsky.report.figures import FigureKind, figures_of
 from kolsky.results.display import in_display_units
 
 _Place = Literal["upper right", "upper left", "lower right", "lower left", "upper center", "lower center"]
-PLACES: tuple[_Place, ...] = (
-    "upper right",
-    "upper left",
-    "lower right",
-    "lower left",
-    "upper center",
-    "lower center",
-)
+PLACES: tuple[_Place, ...] = get_args(_Place)
 """Positions of a legend, the preferred ones first."""
 ROOM, MOST_ROOM = 0.1, 0.8
 """If no position is free, the y axis is extended upward in steps. The first number is the step, the second
@@ -86,10 +79,7 @@ def _move(legend: Legend, ax: Axes) -> bool:
 
 
 def _room_above(legend: Legend, ax: Axes) -> bool:
-    """Raise the upper limit of the y axis until a legend at the top is free.
-
-    If it never is, the limit is restored.
-    """
+    """Raise the upper limit of the y axis until a legend at the top is free; if it never is, restore it."""
     if ax.images:
         return False
     before, scale = ax.get_ylim(), ax.yaxis.get_transform()
@@ -185,7 +175,8 @@ def _data_rows(figure: Figure) -> Iterator[tuple[Any, ...]]:
         if panel == "<colorbar>":
             continue
         axes = ax.get_xlabel(), ax.get_ylabel()
-        for count, artist in enumerate(_data_artists(ax), start=1):
+        drawn = [one for one in (*ax.lines, *ax.collections, *ax.images, *ax.patches) if one.get_visible()]
+        for count, artist in enumerate(drawn, start=1):
             label = str(artist.get_label())
             series = f"{count}" if label.startswith("_") or not label else label
             bar = getattr(artist, "colorbar", None)
@@ -194,11 +185,6 @@ def _data_rows(figure: Figure) -> Iterator[tuple[Any, ...]]:
                 values = [""] * len(x) if value is None else _plain_number(value)
                 for row in zip(_plain_number(x), _plain_number(y), values, strict=True):
                     yield (panel, *axes, series, kind, *row, third)
-
-
-def _data_artists(ax: Axes) -> list[Artist]:
-    drawn = [*ax.lines, *ax.collections, *ax.images, *ax.patches]
-    return [artist for artist in drawn if artist.get_visible()]
 
 
 def _artist_points(artist: Any, ax: Axes) -> Iterator[_Points]:
@@ -364,10 +350,7 @@ def inline_svg(figure: Figure, name: str) -> str:
     for holder in root.findall(f"{_SVG}defs"):
         for style in holder.findall(f"{_SVG}style"):
             holder.remove(style)
-    root.attrib |= {
-        "stroke-linejoin": "round",
-        "stroke-linecap": "butt",
-    }
+    root.attrib |= {"stroke-linejoin": "round", "stroke-linecap": "butt"}
     prefix = f"{name}-"
     for element in root.iter():
         element.tag = element.tag.removeprefix(_SVG)
@@ -381,9 +364,7 @@ def inline_svg(figure: Figure, name: str) -> str:
 
 
 def _plain_style(element: ElementTree.Element) -> None:
-    """Turn a style into attributes of the same names. A strict Content-Security-Policy does not allow
-    styles.
-    """
+    """Turn a style into attributes: a strict Content-Security-Policy does not allow styles."""
     for rule in element.attrib.pop("style", "").split(";"):
         name, _, value = rule.partition(":")
         if name.strip():

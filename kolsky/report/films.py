@@ -25,7 +25,7 @@ from kolsky.prediction.predict import Prediction
 from kolsky.report.canvas import STYLE
 from kolsky.report.figures.base import BAND, BAR, GREY, MM, MS, SHAPE
 from kolsky.report.figures.bodies import draw_shape
-from kolsky.report.scene.drawing import offscreen_pyvista, write_frames
+from kolsky.report.scene.drawing import offscreen_pyvista, plotting, write_frames
 
 _SIZE, _DPI = (6.4, 4.8), 100
 """Size of a film's picture [inch] and its resolution [dots per inch]."""
@@ -141,9 +141,7 @@ def write_specimen_still(path: Path, solution: Solution) -> None:
     points = np.pad(moved, ((0, 0), (0, 3 - moved.shape[1])))
     grid = pyvista.UnstructuredGrid({mesh.element.vtk: mesh.cells}, 1e3 * points)
     grid.cell_data[_STILL_TITLE] = largest_stretches(solution)
-    plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(_STILL_SIZE))
-    try:
-        plotter.set_background("white")
+    with plotting(pyvista, _STILL_SIZE) as plotter:
         bar: dict[str, Any] = {"title": f"{_STILL_TITLE}\n", "position_x": 0.25, "width": 0.5}
         bar |= {"color": "black", "fmt": "%.2f", "n_labels": 5}
         plotter.add_mesh(grid, scalars=_STILL_TITLE, cmap="viridis", scalar_bar_args=bar)
@@ -158,5 +156,3 @@ def write_specimen_still(path: Path, solution: Solution) -> None:
         plotter.enable_parallel_projection()
         plotter.camera.zoom(1.3)
         plotter.screenshot(str(path))
-    finally:
-        plotter.close()

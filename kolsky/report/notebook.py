@@ -1,8 +1,8 @@
 """Views of any result: HTML for IPython, a figure, tables for pandas and xarray.
 
 The tables are those of `kolsky.report.result_folder.tables_of`, by the names of the CSV files. The views are
-functions of the data, and the data do not import them. `kolsky.report.ipython` registers them, and the
-methods of `dic.views.ResultViews`.
+functions of the data, and the data do not import them. `kolsky.report.ipython` registers them as the methods
+of `dic.views.ResultViews`.
 """
 
 from __future__ import annotations
@@ -30,12 +30,9 @@ __all__ = ["html", "plot", "to_dataframe", "to_xarray"]
 
 
 @singledispatch
-def html(data: object) -> str:
-    """Return a shot, a measured surface or an identification as an HTML table.
-
-    Raises TypeError for other types.
-    """
-    raise TypeError(_no_view(data, "a notebook"))
+def html(data: object) -> str | None:
+    """Return a shot, a measured surface or an identification as an HTML table, None for other types."""
+    return None
 
 
 @singledispatch

@@ -231,26 +231,17 @@ def write_identify_results(
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures.
 
-    All files are written, or none.
-
     Parameters
     ----------
-    folder
-        Folder; created if absent.
+    folder, formats
+        As for `write_results`, with its errors.
     found
         The identification.
     shot
         The shot, as `kolsky.shot.load.load_shot` gives it.
-    formats
-        Also save each figure as a file, in any of "pdf", "svg", "png" and "csv".
     processes
         Processes that draw; see `dic.processes.run_parallel`. With several, another process writes the result
         file at the same time.
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
     """
     from kolsky.results.tables import summary_row, tables  # imports the solver
 
@@ -280,14 +271,12 @@ def _nominal_rate(shot: Shot) -> float:
 
 
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
-    """Read the identification of a shot back from its folder.
+    """Read the identification of a shot back from the folder of its results.
 
     Parameters
     ----------
-    folder
-        The folder of the results.
-    shot
-        The shot.
+    folder, shot
+        The folder, and the shot.
 
     Raises
     ------
@@ -333,28 +322,20 @@ def write_dic_results(
     vtp: bool = False,
     processes: int = 1,
 ) -> None:
-    """Write the results of `kolsky dic` into the folder of dic.h5: dic.html, outline, flyer, reporting table,
-    figures.
+    """Write the results of `kolsky dic` into the folder of dic.h5: page, outline, flyer, reporting table.
 
     Parameters
     ----------
-    folder
-        Folder; created if absent.
+    folder, formats
+        As for `write_results`, with its errors.
     shot
         The shot with its pictures, as `kolsky.shot.load.load_pictures` gives it.
     found
         The stereo result.
-    formats
-        Also save each figure as a file, in any of "pdf", "svg", "png" and "csv".
     csv, vtp
         Also write every frame's points as CSV, and as VTP for ParaView.
     processes
-        Number of processes that draw the page; see `dic.processes.run_parallel`.
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
+        Processes that draw the page; see `dic.processes.run_parallel`.
     """
     from kolsky.report.pages.surfaces import write_surfaces
     from kolsky.report.picture_views import read_surface_view
@@ -446,7 +427,7 @@ def write_sweep_results(
     Parameters
     ----------
     folder, formats
-        As for `write_results`.
+        As for `write_results`, with its errors.
     result
         Every run of the design.
     analysis
@@ -455,11 +436,6 @@ def write_sweep_results(
         Name of table and page without their endings.
     warnings
         Warnings at the top of the page.
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
     """
     from kolsky.report.pages.studies import write_sweep
     from kolsky.studies.sweep import columns

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dic.outcome import PointOutcome
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.report.paraview import grid_triangles
-from kolsky.report.scene.drawing import offscreen_pyvista
+from kolsky.report.scene.drawing import offscreen_pyvista, pixels_of, plotting
 from kolsky.shot.measured_points import OUTCOME, FieldOfPoints, MeasuredPoints
 
 COLOURS = "viridis"
@@ -172,15 +172,10 @@ def space_png(
     installed, or if VTK cannot render on this machine.
     """
     pyvista = offscreen_pyvista()
-    with _DRAWING:
-        plotter = pyvista.Plotter(off_screen=True, window_size=list(SPACE_SIZE))
-        try:
-            plotter.set_background("white")
-            _fill(plotter, pyvista, points, name, frame, limits, chosen)
-            _look(plotter, points, view)
-            return _png(np.asarray(plotter.screenshot(return_img=True))[..., :3])
-        finally:
-            plotter.close()
+    with _DRAWING, plotting(pyvista, SPACE_SIZE) as plotter:
+        _fill(plotter, pyvista, points, name, frame, limits, chosen)
+        _look(plotter, points, view)
+        return _png(pixels_of(plotter))
 
 
 def positions_of(points: MeasuredPoints, frame: int | None) -> FloatArray:

@@ -33,6 +33,7 @@ from kolsky.inverse.joint_result import (
     interval,
 )
 from kolsky.inverse.parameters import reference_words
+from kolsky.inverse.result import FitQuality
 from kolsky.results.hdf5 import ESTIMATE, FIT
 
 FORMAT = Format("kolsky joint identification", version=7, readable=(3, 4, 5, 6, 7))
@@ -43,16 +44,18 @@ OWN = Record(
     OwnStiffness,
     COLLECTION,
     {
-        "value": Floats("1"),
-        "sigma": Floats("1"),
-        "force": Floats("1"),
-        "sigma_force": Floats("1"),
-        "outline": Floats("1"),
-        "sigma_outline": Floats("1"),
-        "scale": Floats("1", since=7),
-        "sigma_scale": Floats("1", since=7),
+        "value": Floats("1", heading="own stiffness over the shared, less 1"),
+        "sigma": Floats("1", heading="sigma of it"),
+        "force": Floats("1", heading="by its force"),
+        "sigma_force": Floats("1", heading="sigma by its force"),
+        "outline": Floats("1", heading="by its outline"),
+        "sigma_outline": Floats("1", heading="sigma by its outline"),
+        "scale": Floats("1", since=7, heading="force over the predicted, its stiffness free, less 1"),
+        "sigma_scale": Floats("1", since=7, heading="sigma of this scale"),
     },
 )
+NOT_KNOWN = OwnStiffness(**dict.fromkeys(OWN.fields, float("nan")))
+"""Stiffness of a shot without a separate estimate."""
 AGREEMENT = Record(
     ShotAgreement,
     COLLECTION,
@@ -188,10 +191,12 @@ def to_json(found: JointResult) -> dict[str, Any]:
 
 def tables(found: JointResult) -> dict[str, dict[str, Any]]:
     """Named columns (SI) of shared parameters, shots and, for a free curve, the curve from the impacts."""
+    own = OWN.columns(NOT_KNOWN if shot.own is None else shot.own for shot in found.shots)
+    fits = fits_of(found)
     made = {
         "joint_parameters": _parameters(found),
-        "joint_shots": {**SHOT.columns(found.shots), **_own_columns(found)},
-        "joint_fit": _fit_columns(found),
+        "joint_shots": {**SHOT.columns(found.shots), **own},
+        "joint_fit": {"of": [of for of, _ in fits], **FIT.columns(fit for _, fit in fits)},
     }
     return made if found.curve is None else {**made, "joint_curve": _curve(found.curve)}
 
@@ -212,43 +217,10 @@ def _parameters(found: JointResult) -> dict[str, list[Any]]:
     }
 
 
-def _own_columns(found: JointResult) -> dict[str, list[float]]:
-    """The separate estimate of each shot, from all its data and from each channel."""
-    headings = {
-        "value": "own stiffness over the shared, less 1 (1)",
-        "sigma": "sigma of it (1)",
-        "force": "by its force (1)",
-        "sigma_force": "sigma by its force (1)",
-        "outline": "by its outline (1)",
-        "sigma_outline": "sigma by its outline (1)",
-        "scale": "force over the predicted, its stiffness free, less 1 (1)",
-        "sigma_scale": "sigma of this scale (1)",
-    }
-    nothing = float("nan")
-    return {
-        heading: [nothing if shot.own is None else getattr(shot.own, name) for shot in found.shots]
-        for name, heading in headings.items()
-    }
-
-
-def _fit_columns(found: JointResult) -> dict[str, list[Any]]:
-    """One row per channel of a shot and per slow test.
-
-    Each gives the residual relative to that expected of a correct model, and its limit.
-    """
-    rows = [(shot.name, fit.channel, fit) for shot in found.shots for fit in shot.fit]
-    rows += [("slow test", fit.channel, fit) for fit in found.slow_fit]
-    return {
-        "of": [of for of, _, _ in rows],
-        "channel": [channel for _, channel, _ in rows],
-        "values (1)": [fit.values for *_, fit in rows],
-        "residual over expected (1)": [fit.excess for *_, fit in rows],
-        "at most (1)": [fit.limit for *_, fit in rows],
-        "slow residual over expected (1)": [fit.slow_excess for *_, fit in rows],
-        "at most, slow (1)": [fit.slow_limit for *_, fit in rows],
-        "chi2 over noise (1)": [fit.chi2 for *_, fit in rows],
-        "explained (0/1)": [int(fit.explained) for *_, fit in rows],
-    }
+def fits_of(found: JointResult) -> list[tuple[str, FitQuality]]:
+    """The residuals of every channel of a shot and of every slow test, each with its source."""
+    fits = [(shot.name, fit) for shot in found.shots for fit in shot.fit]
+    return fits + [("slow test", fit) for fit in found.slow_fit]
 
 
 def _curve(c: CurveFound) -> dict[str, list[float]]:

@@ -82,6 +82,12 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
     return re.sub(rf"(?<![\w.\-\[])({called})(?![\w\]])", lambda found: short(found[1]), text)
 
 
+def heading(parameter: str, unit: str = "1", words: str = "{}") -> Markup:
+    """Return the heading of a column: words with a parameter's symbol for "{}", and a unit in brackets."""
+    symbol = Markup("<var>{}</var>").format(with_subscripts(name_of(parameter).symbol))
+    return Markup(words).format(symbol) + ("" if unit in ("", "1") else f" ({unit})")
+
+
 def constant_symbol(name: str) -> str:
     """Return the symbol of a law's constant for figures.
 

@@ -5,7 +5,7 @@ Terminal and page use the same rows.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from kolsky.diagnosis.causes import percent, sentence
@@ -25,7 +25,7 @@ from kolsky.inverse.result import (
 from kolsky.pictures.specimen_length import LengthByPictures, length_words
 from kolsky.results import numbers
 from kolsky.results.display import estimate_in_display_units, in_display_units
-from kolsky.results.nomenclature import factor_of, name_of, typeset
+from kolsky.results.nomenclature import factor_of, heading, name_of, typeset, upper_first
 from kolsky.results.numbers import plain_sentence
 from kolsky.shot.inputs import INPUTS
 from kolsky.uncertainty.declarations import (
@@ -179,23 +179,32 @@ def _clock(result: Identification, lag: ClockLag) -> tuple[str, str, str]:
     return lag.recording, f"{value} ± {U} µs", state
 
 
+def _effects(result: Identification) -> Iterator[tuple[Declaration, dict[str, float], bool]]:
+    """Inputs that affect the result, with their relative effects, and True if taken as exact."""
+    exact = {part.key for part in taken_as_exact(result.systematic)}
+    for part in result.systematic:
+        if part.moves:
+            yield part, relative_moves(part, _values(result)), part.key in exact
+
+
 def sensitivity_rows(result: Identification) -> list[dict[str, Any]]:
     """Return one row for each input that affects the result: amount, effect, visibility, declaration."""
-    answer = {name: e.value for name, e in result.estimates.items()}
-    open_ = {part.key for part in taken_as_exact(result.systematic)}
-    return [_sensitivity_row(part, answer, open_) for part in result.systematic if part.moves]
-
-
-def _sensitivity_row(part: Declaration, answer: dict[str, float], open_: set[str]) -> dict[str, Any]:
-    shares = relative_moves(part, answer)
-    return {
-        "words": INPUTS[part.key].words,
-        "place": INPUTS[part.key].place,
-        "amount": amount_text(part).replace("us", "µs").replace("um", "µm"),
-        "shares": [signed_percent(shares[name]) if name in shares else numbers.NOTHING for name in answer],
-        "visible": numbers.percent(part.visible),
-        "taken": "taken as exact" if part.key in open_ else part.status,
-    }
+    return [
+        {
+            "Input": upper_first(INPUTS[part.key].words),
+            "Declared in": INPUTS[part.key].place,
+            "Larger by": amount_text(part).replace("us", "µs").replace("um", "µm"),
+            **{
+                heading(name, words="Moves {} by"): signed_percent(shares[name])
+                if name in shares
+                else numbers.NOTHING
+                for name in result.estimates
+            },
+            "Stays in the residual": numbers.percent(part.visible),
+            "Uncertainty": "taken as exact" if exact else part.status,
+        }
+        for part, shares, exact in _effects(result)
+    ]
 
 
 def signed_percent(share: float) -> str:
@@ -210,16 +219,11 @@ def unseen_notes(result: Identification) -> list[str]:
 
 def printed_sensitivities(result: Identification, symbol: dict[str, str]) -> dict[str, str]:
     """Return rows for a terminal: "per 1 % of specimen_length" -> "m +1.8 % (taken as exact)"."""
-    answer = {name: e.value for name, e in result.estimates.items()}
-    open_ = {part.key for part in taken_as_exact(result.systematic)}
     rows = {}
-    for part in result.systematic:
-        if not part.moves:
-            continue
-        shares = relative_moves(part, answer)
+    for part, shares, exact in _effects(result):
         told = ", ".join(f"{symbol[name]} {100.0 * share:+.2g} %" for name, share in shares.items())
         notes = ["leaves no residual"] if part.visible < INVISIBLE else []
-        notes += ["taken as exact"] if part.key in open_ else []
+        notes += ["taken as exact"] if exact else []
         rows[f"per {amount_text(part)} of {part.key}"] = f"{told} ({', '.join(notes)})" if notes else told
     return rows
 

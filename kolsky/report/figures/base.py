@@ -212,6 +212,15 @@ def show_picture(ax: Axes, picture: NDArray[np.generic], *, dark: bool = False) 
     ax.set_xlabel("$x$ (px)")
 
 
+def picture_height(picture: tuple[int, ...], width: float, room: float, low: float, high: float) -> float:
+    """Height of a figure [mm] with pictures of this shape [rows, columns], between two limits [mm].
+
+    ``width``: width of a picture [mm]. ``room``: height of labels, legends and bars [mm].
+    """
+    rows, columns = picture
+    return float(np.clip(width * rows / columns + room, low, high))
+
+
 def show_points(
     ax: Axes, places: NDArray[np.float64], values: NDArray[np.float64], low: float, high: float, **style: Any
 ) -> PathCollection:
@@ -249,10 +258,7 @@ def weighted_chi2(result: Identification) -> NDArray[np.float64]:
 
 
 def _share(sigma: NDArray[np.float64], tau: float) -> float:
-    """Return the variance of the noise divided by that of noise and discrepancy.
-
-    The noise is the median of `sigma`.
-    """
+    """Return the variance of the noise, the median of `sigma`, over that of noise and discrepancy."""
     if tau == 0.0 or sigma.size == 0:
         return 1.0
     noise = float(np.median(sigma))

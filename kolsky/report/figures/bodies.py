@@ -51,36 +51,30 @@ def forces(view: SpecimenView, panels: Panels) -> str:
     for letter, name in zip(LETTERS, view.tests[:MOST_TESTS], strict=False):
         above, below = panels[name], panels[f"{name} residual"]
         label_panel(above, letter)
-        drawn = False
-        for colour, fit in zip(COLOURS, view.fits, strict=False):
-            for one in fit.tests:
-                if one.test.name != name:
+        fits = [
+            (colour, fit.name, one)
+            for colour, fit in zip(COLOURS, view.fits, strict=False)
+            for one in fit.tests
+            if one.test.name == name
+        ]
+        for number, (colour, fit_name, one) in enumerate(fits):
+            samples = one.test.samples
+            for end, (marker, dash, of) in enumerate((("o", "-", ""), ("s", "--", ", y"))):
+                if end >= samples.force.shape[1]:
                     continue
-                samples = one.test.samples
-                for end in range(samples.force.shape[1]):
-                    x, f = MM * samples.displacement[:, end], one.force[:, end]
-                    marker = "o" if end == 0 else "s"
-                    if not drawn:
-                        above.plot(
-                            x, samples.force[:, end], marker, color=MEASURED, ms=3, mfc="none",
-                            label="measured" if end == 0 else "measured, y",
-                        )  # fmt: skip
-                    role = "" if one.fitted else ", predicted"
-                    above.plot(
-                        x, f, "-" if end == 0 else "--", color=colour, lw=1.0,
-                        label=label_text(f"{fit.name}{role}", 28) if end == 0 else None,
-                    )  # fmt: skip
-                    above.fill_between(
-                        x, f - one.band[:, end], f + one.band[:, end], color=colour, alpha=0.25, lw=0
-                    )
-                    below.plot(x, f - samples.force[:, end], marker + "-", color=colour, ms=2, lw=0.7)
-                drawn = True
+                x, measured, f = MM * samples.displacement[:, end], samples.force[:, end], one.force[:, end]
+                if number == 0:
+                    rings: dict[str, Any] = {"color": MEASURED, "ms": 3, "mfc": "none"}
+                    above.plot(x, measured, marker, label=f"measured{of}", **rings)
+                words = label_text(fit_name + ("" if one.fitted else ", predicted"), 28)
+                above.plot(x, f, dash, color=colour, lw=1.0, label=None if end else words)
+                low, high = f - one.band[:, end], f + one.band[:, end]
+                above.fill_between(x, low, high, color=colour, alpha=0.25, lw=0)
+                below.plot(x, f - measured, marker + "-", color=colour, ms=2, lw=0.7)
         above.set_title(label_text(name, 24), fontsize="medium")
         above.set_ylabel("force (N)")
         above.legend(frameon=False, fontsize="small")
-        sigma = next(
-            one.test.samples.sigma_force for f in view.fits for one in f.tests if one.test.name == name
-        )
+        sigma = fits[0][2].test.samples.sigma_force
         below.axhspan(-2.0 * sigma, 2.0 * sigma, color=GREY, alpha=0.2, lw=0)
         below.set(xlabel="displacement (mm)", ylabel="fit less data (N)")
     return (
@@ -234,7 +228,10 @@ def sheet_steps(view: SheetView, panels: Panels) -> str:
         if fit.at_bound[j]:
             note_empty(below, "at its bound")
         else:
-            _draw_noise(below, pad, by_u[:, j], by_f[:, j], constant_symbol(name))
+            for by, mark, colour, label in ((by_u, "o-", SHAPE, "1 µm"), (by_f, "s-", FORCE, "1 mN")):
+                below.semilogy(pad, 100.0 * np.maximum(by[:, j], 1e-9), mark, color=colour, ms=3, label=label)
+            below.set_ylabel(f"relative deviation of {constant_symbol(name)} (%)")
+            below.legend(frameon=False, title="noise of")
         for one in (ax, below):
             one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
@@ -244,14 +241,6 @@ def sheet_steps(view: SheetView, panels: Panels) -> str:
         "displacement of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula "
         "et al. (2020)."
     )
-
-
-def _draw_noise(ax: Axes, pad: FloatArray, by_u: FloatArray, by_f: FloatArray, name: str) -> None:
-    floor = 1e-9
-    ax.semilogy(pad, 100.0 * np.maximum(by_u, floor), "o-", color=SHAPE, ms=3, label="1 µm")
-    ax.semilogy(pad, 100.0 * np.maximum(by_f, floor), "s-", color=FORCE, ms=3, label="1 mN")
-    ax.set_ylabel(f"relative deviation of {name} (%)")
-    ax.legend(frameon=False, title="noise of")
 
 
 def _field(
@@ -277,10 +266,7 @@ def _field(
 
 
 def _coloured(ax: Axes, view: SheetView, label: str, *values: FloatArray, **options: Any) -> None:
-    """Draw the triangles of a sheet in colours.
-
-    The colours are values of nodes, or ``facecolors`` of the faces.
-    """
+    """Draw the triangles of a sheet in colours: values of nodes, or ``facecolors`` of the faces."""
     x, y = MM * view.mesh.points.T[:2]
     triangles = Triangulation(x, y, view.mesh.cells[:, :3])
     image = ax.tripcolor(triangles, *values, cmap="viridis", rasterized=True, **options)
@@ -305,8 +291,7 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
     n = len(view.mesh.points)
     best = view.before.field[-1].reshape(2, n).T * 1e-9
     _field(panels["before"], view, np.linalg.norm(best, axis=1), best, "whole sheet (1/mm$^3$)")
-    fit = view.fit
-    names = [name for name, bound in zip(fit.constants.free, fit.at_bound, strict=True) if not bound]
+    names = [name for name, bound in zip(found.constants.free, found.at_bound, strict=True) if not bound]
     if view.before.singular:
         parts = [
             f"{weight:+.2f} {name}" for weight, name in zip(view.before.directions[-1], names, strict=True)

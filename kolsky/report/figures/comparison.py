@@ -73,7 +73,6 @@ def force(result: Identification, panels: Panels) -> str:
     top.plot(time, c.force_model, color=MODEL, label="simulated")
     top.set_ylabel("Force $F$ (N)")
     top.legend(loc="upper left")
-    top.tick_params(labelbottom=False)
 
     band = 2.0 * result.spread(FORCE_CHANNEL)
     low.fill_between(time, -band, band, color=BAND, alpha=0.4, lw=0.0, label=RIGHT)
@@ -221,11 +220,9 @@ def profiles(result: Identification, panels: Panels) -> str:
         top.set_xlim(*limits)
         low.axvline(0.0, color=GREY, lw=0.5)
         low.set_xlim(-reach, reach)
-        for ax in (top, low):
-            if column == 0:
-                ax.set_ylabel("Height $y$ (mm)")
-            else:
-                ax.tick_params(labelleft=False)
+        if column == 0:
+            top.set_ylabel("Height $y$ (mm)")
+            low.set_ylabel("Height $y$ (mm)")
         if column >= frames.size:
             continue
         rows = line.frame == frames[column]
@@ -288,7 +285,6 @@ def force_residual(result: Identification, panels: Panels) -> str:
     share.plot(np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi), z, color="black", lw=0.7)
     share.set_xlabel("Density (–)")
     share.set_xlim(left=0.0)
-    share.tick_params(labelleft=False)
     return (
         "Residual of the force over the standard deviation σ expected of a correct model in each bin, "
         "with the band of k = 2 (left), and its distribution with the standard normal one (right). "
@@ -327,7 +323,6 @@ def energy(result: Identification, panels: Panels) -> str:
     top.stackplot(time[ended], [part[ended] for part in stack], labels=labels, colors=colours, lw=0.0)
     top.plot(time, MJ * ledger.external[0], color=MEASURED, lw=0.8, label="work of the platens")
     top.set_ylabel("Energy $W$ (mJ)")
-    top.tick_params(labelbottom=False)
     if ended.any():
         top.legend(loc="upper left", reverse=True)
     low.axhline(0.0, color=GREY, lw=0.5)
@@ -406,10 +401,7 @@ def meshes(result: Identification, panels: Panels) -> str:
         ax.set_xlim(-width, width)
         ax.set_ylim(0.0, height)
         ax.set_xlabel("Radius $r$ (mm)")
-        if column == 0:
-            ax.set_ylabel("Height $y$ (mm)")
-        else:
-            ax.tick_params(labelleft=False)
+    panels["mesh 0"].set_ylabel("Height $y$ (mm)")
     size = f"{result.refined_mesh[0]} × {result.refined_mesh[1]} elements"
     thinned = "" if max(result.refined_mesh) < 2 * LINES else ", some of its lines"
     return (

@@ -24,7 +24,7 @@ from kolsky.report.figures.base import (
     figure,
     label_text,
 )
-from kolsky.report.figures.rates import TEST_COLOURS, TimeScales, rate_moduli
+from kolsky.report.figures.rates import TimeScales, draw_test, rate_moduli
 from kolsky.report.figures.waves import stress_scale
 from kolsky.studies.rate_dependence import SlowDynamics
 
@@ -249,12 +249,8 @@ def relaxation_holds(result: SlowDynamics, panels: Panels) -> str:
     ax = panels["stress"]
     for k, test in enumerate(holds(result)):
         finite = np.isfinite(test.sigma) & (test.time > 0.0)
-        colour = TEST_COLOURS[k % len(TEST_COLOURS)]
-        ax.errorbar(
-            test.time[finite], KPA * test.stress[finite], yerr=2.0 * KPA * test.sigma[finite],
-            fmt=MARKERS[k % len(MARKERS)], ms=2.4, lw=0.6, color=colour,
-            label=label_text(test.label, 24),
-        )  # fmt: skip
+        stress, u = KPA * test.stress[finite], KPA * test.sigma[finite]
+        colour = draw_test(ax, k, label_text(test.label, 24), test.time[finite], stress, u)
         predicted = test.predict(result.law, [result.fit.model])[0]
         ax.plot(test.time[finite], KPA * predicted[finite], color=colour, lw=0.9)
     ax.set_xscale("log")
@@ -276,11 +272,7 @@ def relaxation_oscillation(result: SlowDynamics, panels: Panels) -> str:
         for k, test in enumerate(tests):
             value = test.storage if name == "storage" else test.loss
             sigma = test.sigma_storage if name == "storage" else test.sigma_loss
-            ax.errorbar(
-                test.angular_frequency, KPA * value, yerr=2.0 * KPA * sigma,
-                fmt=MARKERS[k % len(MARKERS)],
-                ms=2.4, lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=label_text(test.label, 24),
-            )  # fmt: skip
+            draw_test(ax, k, label_text(test.label, 24), test.angular_frequency, KPA * value, KPA * sigma)
         ax.set_xscale("log")
         ax.set(xlabel="Angular frequency $a_T\\omega$ (rad/s)", ylabel=f"{name.capitalize()} modulus (kPa)")
     panels["storage"].legend(loc="best")
@@ -296,12 +288,8 @@ def relaxation_shifts(result: SlowDynamics, panels: Panels) -> str:
     for k, (name, one) in enumerate(result.sweeps.items()):
         if not one.determined:
             continue
-        levels, colour = one.sweep.levels, TEST_COLOURS[k % len(TEST_COLOURS)]
-        ax.errorbar(
-            levels - KELVIN, one.shifts, yerr=2.0 * one.sigma, fmt=MARKERS[k % len(MARKERS)],
-            ms=3.0, lw=0.6,
-            color=colour, label=label_text(name, 24),
-        )  # fmt: skip
+        levels = one.sweep.levels
+        colour = draw_test(ax, k, label_text(name, 24), levels - KELVIN, one.shifts, one.sigma, size=3.0)
         if one.law_holds and one.C1 is not None and one.C2 is not None:
             T = np.linspace(levels[0], levels[-1], 100)
             reference = levels[int(np.abs(levels - one.sweep.reference).argmin())]

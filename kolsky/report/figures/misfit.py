@@ -15,7 +15,7 @@ from matplotlib.tri import CubicTriInterpolator, Triangulation, UniformTriRefine
 from numpy.typing import NDArray
 
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.result import Estimate, Identification, SurrogateCurve
+from kolsky.inverse.result import Identification, SurrogateCurve
 from kolsky.inverse.run_table import DesignTable
 from kolsky.report.figures.base import (
     BAND,
@@ -68,7 +68,7 @@ def misfit(result: Identification, panels: Panels) -> str:
         else:
             _draw_chi2(chi2, curve, result)
             _draw_phi(phi, curve, result.design)
-        _draw_routes(routes, name, estimate, result)
+        _draw_routes(routes, name, result)
         for ax in (chi2, phi, routes):
             few_ticks(ax, 5)
     others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
@@ -139,7 +139,7 @@ def _draw_runs(
         ax.plot(x[rows], values[rows], RUN_MARKERS.get(stage, "v"), **style)
 
 
-def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identification) -> None:
+def _draw_routes(ax: Axes, parameter: str, result: Identification) -> None:
     ax.set_yticks([])
     ax.tick_params(axis="y", which="both", left=False, right=False)
     count = len(result.routes)
@@ -360,8 +360,6 @@ def corner(result: Identification, panels: Panels) -> str:
             few_ticks(ax, 4)
             if i != j:
                 ax.set_ylim(np.min(y), np.max(y))
-    assert result.posterior is not None
-    chains = result.posterior
     state = "converged" if chains.converged else "not converged"
     return (
         f"Samples of the posterior ({state}, {chains.steps} steps of each walker, longest autocorrelation "

@@ -24,6 +24,7 @@ from kolsky.report.figures.base import (
     SERIES,
     SHAPE,
     UM,
+    FigureKind,
     Panels,
     colour_bar,
     figure,
@@ -58,13 +59,18 @@ PER_MM_MS, PER_MS = 1e-6, 1e-3
 """From shares per m and s, and per s, to shares per mm and ms, and per ms."""
 
 
-@figure(
-    PAGE,
-    92.0,
-    lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("outline", "force")],
-    height_ratios=[1.35, 1.0],
-    letters=True,
-)
+def _by_parameter(*parts: str) -> Callable[[Callable[[Plan, Panels], str]], FigureKind[Plan]]:
+    """A column for each parameter with two parts, the map of the outline higher than the force."""
+    return figure(
+        PAGE,
+        92.0,
+        lambda plan: [[f"{name} {part}" for name in plan.names] for part in parts],
+        height_ratios=[1.35 if part == "outline" else 1.0 for part in parts],
+        letters=True,
+    )
+
+
+@_by_parameter("outline", "force")
 def plan_information(plan: Plan, panels: Panels) -> str:
     information = plan.information
     grid = information.sensitivity.grid
@@ -92,23 +98,15 @@ def plan_information(plan: Plan, panels: Panels) -> str:
             top.set_ylabel("")
     several = len(plan.names) > 1
     together = " when all parameters are estimated together" if several else ""
-    heights = any(plan.heights.values())
+    counts = ", ".join(str(n) for n in sorted(plan.heights))
+    best = (
+        f"; triangles: the best heights (D-optimal), {counts} of them" if any(plan.heights.values()) else ""
+    )
+    known = ", and what it would be if the other parameters were known (dashed)" if several else ""
     return (
-        "Information of a measurement about each parameter over place and time"
-        + together
-        + ". Top: share of a "
+        f"Information of a measurement about each parameter over place and time{together}. Top: share of a "
         "parameter’s information in the outline at height y above the transmission platen and at a time, per "
-        "mm and ms; white: no measurement "
-        "possible there"
-        + (
-            "; triangles: the best heights (D-optimal), "
-            + ", ".join(str(n) for n in sorted(plan.heights))
-            + " of them"
-            if heights
-            else ""
-        )
-        + ". Bottom: share in the force per ms"
-        + (", and what it would be if the other parameters were known (dashed)." if several else ".")
+        f"mm and ms; white: no measurement possible there{best}. Bottom: share in the force per ms{known}."
     )
 
 
@@ -122,13 +120,7 @@ def _design_words(plan: Plan, j: int) -> str:
     return f"Δ{name.symbol} = {SLOPE_CHANGE * slopes.scale[j] * name.factor:.3g}{unit}"
 
 
-@figure(
-    PAGE,
-    92.0,
-    lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("force", "outline")],
-    height_ratios=[1.0, 1.35],
-    letters=True,
-)
+@_by_parameter("force", "outline")
 def plan_slopes(plan: Plan, panels: Panels) -> str:
     slopes = plan.information.sensitivity
     time = MS * slopes.grid.times
@@ -164,12 +156,14 @@ def plan_choices(plan: Plan, panels: Panels) -> str:
     speeds = np.array([rate.factor for rate in plan.rates])
     together = np.array([rate.expected.deviations for rate in plan.rates]) / scale
     single = np.array([rate.expected.alone for rate in plan.rates]) / scale
+    for unbounded in (by_end, together, single):
+        unbounded[~np.isfinite(unbounded)] = np.nan
     for j, name in enumerate(plan.names):
         colour, marker, symbol = SERIES[j % len(SERIES)], MARKERS[j % len(MARKERS)], f"${name_of(name).tex}$"
-        panels["end"].plot(MS * plan.end_times, 100.0 * _finite(by_end[:, j]), color=colour, label=symbol)
+        panels["end"].plot(MS * plan.end_times, 100.0 * by_end[:, j], color=colour, label=symbol)
         line: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.2}
-        panels["rate"].plot(speeds, 100.0 * _finite(together[:, j]), label=symbol, **line)
-        panels["rate"].plot(speeds, 100.0 * _finite(single[:, j]), ls=":", mfc="white", lw=0.7, **line)
+        panels["rate"].plot(speeds, 100.0 * together[:, j], label=symbol, **line)
+        panels["rate"].plot(speeds, 100.0 * single[:, j], ls=":", mfc="white", lw=0.7, **line)
     for number, (i, k) in enumerate(combinations(range(len(plan.names)), 2)):
         first, second = name_of(plan.names[i]).tex, name_of(plan.names[k]).tex
         r = [np.nan if R is None else R[i, k] for R in (rate.expected.correlation for rate in plan.rates)]
@@ -185,7 +179,9 @@ def plan_choices(plan: Plan, panels: Panels) -> str:
         panels[name].set_yscale("log")
         plain_log_ticks(panels[name].yaxis)
     for name in ("rate", "correlation"):
-        _speeds(panels[name], speeds)
+        panels[name].set(xlabel="Speed of the flyer over the shot’s (–)", xscale="log")
+        panels[name].set_xticks(speeds, [f"{speed:g}" for speed in speeds])
+        panels[name].minorticks_off()
     for ax in panels.values():
         if ax.get_legend_handles_labels()[0] and ax is not panels["rate"]:  # its colours are those of (a)
             ax.legend(loc="best")
@@ -195,17 +191,6 @@ def plan_choices(plan: Plan, panels: Panels) -> str:
         "(colours as in (a); open symbols: if the other parameters were known). (c) Expected correlations of "
         "the estimates. The scale is the value itself, of Poisson’s ratio its distance from 1/2."
     )
-
-
-def _finite(values: np.ndarray) -> np.ndarray:
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def _speeds(ax: Axes, speeds: np.ndarray) -> None:
-    ax.set_xlabel("Speed of the flyer over the shot’s (–)")
-    ax.set_xscale("log")
-    ax.set_xticks(speeds, [f"{speed:g}" for speed in speeds])
-    ax.minorticks_off()
 
 
 MARKS = {
@@ -235,24 +220,23 @@ def signals(result: Prediction, panels: Panels) -> str:
     every = slice(None, None, max(1, round(EVERY / step)))
     time = MS * bars.times[every]
     end = bars.incident.velocity(test.incident.length)
-    panels["bar"].plot(
-        time, 1e-3 * bars.incident.force(0.5 * test.incident.length)[every], color=MEASURED, lw=0.7
-    )
-    panels["bar"].set_ylabel("Incident\nbar (kN)")
+    first = next(iter(test.flyer.values()))
+    inside = _mean_force(bars.flyer.force(0.5 * first.length), step)
+    passed = _mean_force(bars.transmission.force(result.test.sensor_depth()), step)
+    for name, force, colour, width, label in (
+        ("bar", 1e-3 * bars.incident.force(0.5 * test.incident.length), MEASURED, 0.7, "Incident\nbar (kN)"),
+        ("flyer", inside, FORCE, 0.8, "Flyer\n(N)"),
+        ("transmitted", passed, SHAPE, 0.8, "Transmitted\n(N)"),
+    ):
+        panels[name].plot(time, force[every], color=colour, lw=width)
+        panels[name].set_ylabel(label)
+    _limits(panels["flyer"], result, inside)
+    _limits(panels["transmitted"], result, passed)
     velocity = panels["velocity"]
     velocity.plot(time, end[every], color=GREY, lw=0.6, label="bar's end")
     velocity.plot(time, _mean_force(bars.flyer_velocity, step)[every], color=MODEL, lw=0.9, label="flyer")
     velocity.set_ylabel("Velocity\n(m/s)")
     velocity.legend(loc="lower left", ncols=2)
-    first = next(iter(test.flyer.values()))
-    inside = _mean_force(bars.flyer.force(0.5 * first.length), step)
-    panels["flyer"].plot(time, inside[every], color=FORCE, lw=0.8)
-    panels["flyer"].set_ylabel("Flyer\n(N)")
-    _limits(panels["flyer"], result, inside)
-    passed = _mean_force(bars.transmission.force(result.test.sensor_depth()), step)
-    panels["transmitted"].plot(time, passed[every], color=SHAPE, lw=0.8)
-    panels["transmitted"].set_ylabel("Transmitted\n(N)")
-    _limits(panels["transmitted"], result, passed)
     path = panels["path"]
     path.plot(time, (MM * np.cumsum(end) * step)[every], color=GREY, lw=0.6, label="bar's end")
     path.plot(time, MM * bars.flyer_path[every], color=MODEL, lw=0.9, label="flyer")

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.joint_result import JointResult
 from kolsky.inverse.parameters import MOVED
 from kolsky.material.relaxation.rate_fit import ApparentModuli
@@ -289,8 +290,7 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
             last = max(outlines, key=lambda s: s.y[-1])
             end = (MM * last.y[-1], MM * last.Z[-1])
             label_point(shape, f"{strain:g}", end, (3, 0), va="center", color=GREY, annotation_clip=False)
-    assert group.equal_strain is not None  # checked by `applies`
-    strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
+    strains = ", ".join(f"{strain:g}" for strain in e.strains)
     return (
         "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values "
         "at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a "
@@ -302,6 +302,15 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
 
 TEST_COLOURS = tuple(colour for colour in SERIES if colour != MODEL)
 """Colours of tests, used in this order. The model has another colour."""
+
+
+def draw_test(
+    ax: Axes, k: int, label: str, x: FloatArray, y: FloatArray, u: FloatArray, *, size: float = 2.4
+) -> str:
+    """Draw the values of test number `k` with ±2u, and return its colour."""
+    colour, marker = TEST_COLOURS[k % len(TEST_COLOURS)], MARKERS[k % len(MARKERS)]
+    ax.errorbar(x, y, yerr=2.0 * u, fmt=marker, ms=size, lw=0.6, color=colour, label=label)
+    return colour
 
 
 @dataclass(frozen=True)
@@ -323,11 +332,7 @@ def rate_moduli(result: TimeScales, panels: Panels) -> str:
         ax.fill_between(age, modulus - 2.0 * sigma, modulus + 2.0 * sigma, color=BAND, alpha=0.4, lw=0.0)
         ax.plot(age, modulus, color=MODEL, label=result.fitted.label)
     for k, test in enumerate(result.tests):
-        ax.errorbar(
-            test.age, KPA * test.modulus, yerr=2.0 * KPA * test.sigma,
-            fmt=MARKERS[k % len(MARKERS)], ms=2.6,
-            lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=test.label,
-        )  # fmt: skip
+        draw_test(ax, k, test.label, test.age, KPA * test.modulus, KPA * test.sigma, size=2.6)
     ax.set_xscale("log")
     ax.set(xlabel="Mean age of the strain (s)", ylabel="Modulus $E_a$ (kPa)")
     ax.legend(loc="best")

@@ -33,6 +33,7 @@ from kolsky.report.figures.base import (
     colour_bar,
     figure,
     note_empty,
+    picture_height,
     show_picture,
     show_points,
 )
@@ -122,22 +123,17 @@ def flyer_path(result: ShotRecordings, panels: Panels) -> str:
 CAMERAS = ("left", "right")
 
 
-def _pair_height(result: ShotRecordings) -> float:
-    """Height of the figure [mm]: pictures as wide as their panels, histories below."""
-    rows, columns = _has_pair(result).pictures[0].shape
-    return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
-
-
 @figure(
     PAGE,
-    _pair_height,
+    lambda result: picture_height(result.pair.pictures[0].shape, 0.5 * PAGE - 16.0, 57.0, 80.0, 185.0),
     [list(CAMERAS), ["quality", "lost"]],
     applies=lambda result: isinstance(result.pair, PicturePair),
     height_ratios=[1.7, 1.0],
     letters=True,
 )
 def picture_pair(result: ShotRecordings, panels: Panels) -> str:
-    pair = _has_pair(result)
+    pair = result.pair
+    assert isinstance(pair, PicturePair)  # checked by `applies`
     body, frame = pair.result.specimen, pair.frame
     valid = body.surface.valid[frame]
     sigma = [camera[frame, valid] for camera in body.match_sigma]
@@ -199,16 +195,10 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     quality.legend(loc="best")
 
 
-def _has_pair(result: ShotRecordings) -> PicturePair:
-    assert isinstance(result.pair, PicturePair)  # checked by `applies`
-    return result.pair
-
-
 THREE_TIMES = (SHAPE, FORCE, MODEL)
 """Colours of the three times."""
 FORCE_PLACES = ("first", "static", "last")
 """Panels of three pictures."""
-PERCENT = 100.0
 
 
 def three_frames(shot: Shot) -> list[int]:
@@ -357,7 +347,7 @@ def checked_pictures(shot: PicturedShot, panels: Panels) -> str:
     low.axvspan(MS * changes.time[0], MS * changes.rest_end, color=GREY, alpha=0.3, lw=0.0)
     for camera, (values, colour) in enumerate(zip(changes.change, (SHAPE, FORCE), strict=True)):
         low.plot(
-            MS * changes.time, PERCENT * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
+            MS * changes.time, 100.0 * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
         )
     low.set_ylabel("Change (%)")
     low.legend(loc="upper left", markerscale=2.0)

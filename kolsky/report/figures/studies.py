@@ -114,11 +114,8 @@ def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
     outputs, size = result.outputs, 3.0 if result.box.dimension == 1 else 1.2
     for name, output in outputs.items():
         for i, parameter in enumerate(result.box.names):
-            ax, effect, factor = (
-                panels[f"{name} {i}"],
-                output.effects.get(parameter),
-                name_of(parameter).factor,
-            )
+            ax, effect = panels[f"{name} {i}"], output.effects.get(parameter)
+            factor = name_of(parameter).factor
             ax.plot(factor * result.table.points[:, i], output.values, "o", color=MEASURED, ms=size, mew=0.0)
             if effect is not None:
                 ax.fill_between(factor * effect.x, effect.low, effect.high, color=BAND, alpha=0.4, lw=0.0)
@@ -289,7 +286,12 @@ def budget(result: Budget, panels: Panels) -> str:
     ax.set_yticks(place, [label_text(source.factor.words, 44) for source in sources])
     ax.tick_params(axis="y", length=0)
     total, (low, high) = factor * result.u_together, result.u_together_interval
+    drawn = ""
     if np.isfinite(low):
+        drawn = (
+            f" Line: all at once, {len(result.together)} draws; band: 95 % interval of that. Dashed: the "
+            "sources added in quadrature."
+        )
         ax.axvspan(factor * low, factor * high, color=MEASURED, alpha=0.08, lw=0.0, zorder=0)
         ax.axvline(total, color=MEASURED, lw=0.8)
         ax.axvline(factor * result.u_sum, color=MEASURED, lw=0.8, ls="--")
@@ -303,14 +305,7 @@ def budget(result: Budget, panels: Panels) -> str:
         ax.plot([], [], "s", color=SHAPE, label="anew for each shot")
         ax.plot([], [], "s", color=GREY, label="common to all shots")
         ax.legend(loc="lower right")
-    low, _ = result.u_together_interval
-    drawn = (
-        ""
-        if np.isnan(low)
-        else f" Line: all at once, {len(result.together)} draws; band: 95 % interval of that. Dashed: the "
-        "sources added in quadrature."
-    )
     return (
-        f"Error budget of {name_of(result.parameter).symbol}: expanded uncertainty (k = 2) from each source "
+        f"Error budget of {name.symbol}: expanded uncertainty (k = 2) from each source "
         f"alone, the other sources without error; numbers: share of the sum of squares.{drawn}"
     )

@@ -3,6 +3,7 @@
 The last also shows histories.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,12 +30,14 @@ from kolsky.report.figures.base import (
     PAPER,
     SHAPE,
     YELLOW,
+    FigureKind,
     Panels,
     colour_bar,
     few_ticks,
     figure,
     label_text,
     note_empty,
+    picture_height,
     show_picture,
     show_points,
 )
@@ -43,17 +46,17 @@ from kolsky.report.picture_views import ALIVE, FullFieldView, SurfaceView
 LOST_COLOUR = PAPER
 
 
-def _panels_of(view: SurfaceView) -> list[list[str]]:
-    """Return one panel per picture."""
-    return [[f"frame {k}" for k in range(max(len(view.pictures), 1))]]
-
-
-def _height_of(view: SurfaceView) -> float:
-    """Return the height of a row of pictures with the legend below it [mm]."""
-    if not view.pictures:
-        return 30.0
-    rows, columns = next(iter(view.pictures.values())).shape
-    return float(np.clip((PAGE - 12.0) / len(view.pictures) * rows / columns + 21.0, 30.0, 230.0))
+def _overlay(draw: Callable[[SurfaceView, Panels], str]) -> FigureKind[SurfaceView]:
+    """A row of pictures with the legend below it."""
+    return figure(
+        PAGE,
+        lambda view: picture_height(
+            next(iter(view.pictures.values())).shape, (PAGE - 12.0) / len(view.pictures), 21.0, 30.0, 230.0
+        ),
+        lambda view: [[f"frame {k}" for k in range(len(view.pictures))]],
+        applies=lambda view: bool(view.pictures),
+        letters=True,
+    )(draw)
 
 
 def frames_in(view: SurfaceView, panels: Panels) -> list[tuple[int, Axes]]:
@@ -92,17 +95,10 @@ def _last_places(view: SurfaceView, frame: int) -> FloatArray:
     return np.asarray(body.pixels[0][last, points][seen.any(axis=0)])
 
 
-@figure(PAGE, _height_of, _panels_of, applies=lambda view: bool(view.pictures), letters=True)
+@_overlay
 def overlay_sigma(view: SurfaceView, panels: Panels) -> str:
-    caption = (
-        "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both "
-        "cameras' "
-        "standard deviations of their place; crosses: last places of the points that are lost at that time."
-    )
     body = view.result.specimen
     drawn = frames_in(view, panels)
-    if not drawn:
-        return caption
     sigma = np.fmax(*body.match_sigma)
     shown = np.concatenate([sigma[frame][body.surface.valid[frame]] for frame, _ in drawn])
     low, high = (0.0, 1.0) if shown.size == 0 else np.percentile(shown, [1.0, 99.0])
@@ -119,7 +115,11 @@ def overlay_sigma(view: SurfaceView, panels: Panels) -> str:
     below: dict[str, Any] = {"location": "bottom", "shrink": 0.5, "aspect": 45, "pad": 0.02, "extend": "both"}
     axes = [ax for _, ax in drawn]
     colour_bar(points, axes, "Standard deviation of a match (px)", ticks=MaxNLocator(6), **below)
-    return caption
+    return (
+        "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both "
+        "cameras' standard deviations of their place; crosses: last places of the points that are lost at "
+        "that time."
+    )
 
 
 EPIPOLAR_STEPS = (0.05, 0.1)
@@ -128,7 +128,7 @@ EPIPOLAR_COLOURS = (SHAPE, FORCE, MODEL)
 """Colours below, between and above the steps."""
 
 
-@figure(PAGE, _height_of, _panels_of, applies=lambda view: bool(view.pictures), letters=True)
+@_overlay
 def overlay_epipolar(view: SurfaceView, panels: Panels) -> str:
     body, size = view.result.specimen, marker(view)
     drawn = frames_in(view, panels)
@@ -144,17 +144,11 @@ def overlay_epipolar(view: SurfaceView, panels: Panels) -> str:
         f"{EPIPOLAR_STEPS[0]:g} to {EPIPOLAR_STEPS[1]:g} px",
         f"above {EPIPOLAR_STEPS[1]:g} px",
     )
-    handles = [
-        *(
-            Line2D([], [], marker="o", ls="", color=c, ms=3.5, label=n)
-            for c, n in zip(EPIPOLAR_COLOURS, names, strict=True)
-        ),
-        Line2D([], [], marker="x", ls="", color=LOST_COLOUR, ms=3.5, label="lost"),
+    marks = [("o", *both) for both in zip(EPIPOLAR_COLOURS, names, strict=True)] + [
+        ("x", LOST_COLOUR, "lost")
     ]
-    if drawn:
-        drawn[0][1].figure.legend(
-            handles=handles, loc="outside lower center", ncols=4, title="Epipolar distance"
-        )
+    handles = [Line2D([], [], marker=mark, ls="", color=c, ms=3.5, label=label) for mark, c, label in marks]
+    drawn[0][1].figure.legend(handles=handles, loc="outside lower center", ncols=4, title="Epipolar distance")
     distance = np.abs(body.epipolar[body.surface.valid])
     low, high = (100.0 * float(np.mean(distance > step)) if distance.size else 0.0 for step in EPIPOLAR_STEPS)
     return (
@@ -226,21 +220,15 @@ def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
     return [(camera, speckle) for camera, speckle in enumerate(view.speckles) if speckle is not None]
 
 
-def _height_of_overlay(view: SurfaceView) -> float:
-    """Height of two pictures with the colour bar below [mm]."""
-    rows, columns = _cameras(view)[0][1].picture.shape
-    return float(np.clip(0.36 * PAGE * rows / columns + 22.0, 40.0, 200.0))
-
-
 @figure(
     PAGE,
-    _height_of_overlay,
+    lambda view: picture_height(_cameras(view)[0][1].picture.shape, 0.36 * PAGE, 22.0, 40.0, 200.0),
     lambda view: [[f"camera {camera}" for camera, _ in _cameras(view)]],
     applies=lambda view: bool(_cameras(view)),
     letters=True,
 )
 def speckles(view: SurfaceView, panels: Panels) -> str:
-    cameras, drawn = _cameras(view), None
+    cameras = _cameras(view)
     worst = [
         MILLI_PIXELS * np.where(np.isinf(s.quality.floor), np.nan, s.quality.floor).max(axis=2)
         for _, s in cameras
@@ -260,10 +248,9 @@ def speckles(view: SurfaceView, panels: Panels) -> str:
         ax.set_title(f"camera {camera}", loc="right", pad=2.5)
         axes.append(ax)
     axes[0].set_ylabel("$y$ (px)")
-    if drawn is not None:
-        full = ScalarMappable(drawn.norm, drawn.cmap)  # a transparent bar would show its seams
-        below: dict[str, Any] = {"location": "bottom", "aspect": 40, "pad": 0.02, "extend": "both"}
-        colour_bar(full, axes, "Predicted standard deviation of a match (mpx)", **below)
+    full = ScalarMappable(drawn.norm, drawn.cmap)  # a transparent bar would show its seams
+    below: dict[str, Any] = {"location": "bottom", "aspect": 40, "pad": 0.02, "extend": "both"}
+    colour_bar(full, axes, "Predicted standard deviation of a match (mpx)", **below)
     quality = cameras[0][1].quality
     target = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
     return (
@@ -277,13 +264,12 @@ def speckles(view: SurfaceView, panels: Panels) -> str:
     )
 
 
-def _height_of_floor(result: Speckles) -> float:
-    """Height of a row of three panels with the colour bar below [mm]."""
-    rows, columns = result.picture.shape
-    return float(np.clip(0.30 * PAGE * rows / columns + 17.0, 40.0, 200.0))
-
-
-@figure(PAGE, _height_of_floor, [["picture", "floor", "share"]], letters=True)
+@figure(
+    PAGE,
+    lambda result: picture_height(result.picture.shape, 0.30 * PAGE, 17.0, 40.0, 200.0),
+    [["picture", "floor", "share"]],
+    letters=True,
+)
 def speckle_floor(result: Speckles, panels: Panels) -> str:
     quality = result.quality
     picture, floor, share = (panels[name] for name in ("picture", "floor", "share"))
@@ -310,7 +296,6 @@ def speckle_floor(result: Speckles, panels: Panels) -> str:
     share.yaxis.set_major_formatter(PercentFormatter(1.0))
     share.set(xlabel="Floor (mpx)", ylabel="Share of the subsets")
     share.legend(loc="upper left")
-    quality = result.quality
     text = (
         f"(a) The speckles. (b) Predicted standard deviation of a match with a subset of {quality.subset} px "
         "centred there, the larger of x and y, from the noise of the static frames. (c) Share of the subsets "
@@ -376,26 +361,22 @@ def _draw_maps(maps: _Maps, panels: Panels) -> None:
         colour_bar(points, ax, words, location="bottom", aspect=30, ticks=MaxNLocator(4))
 
 
-def _full_field_maps(view: FullFieldView) -> _Maps:
+@figure(
+    PAGE,
+    lambda view: _maps_height(view.result.pixels[0, view.frame]),
+    lambda view: [["u", "v", "." if view.result.kind == "plane" else "w"], [*STRAINS]],
+    letters=True,
+)
+def full_field(view: FullFieldView, panels: Panels) -> str:
     result, k, (factor, unit) = view.result, view.frame, _field_unit(view)
-    valid = result.surface.valid[k]
+    valid, facts, last = result.surface.valid[k], result.facts, LETTERS[len(panels) - 4]
     names = "uv" if result.kind == "plane" else "uvw"
     motion = {
         f"${name}$ ({unit})": np.where(valid, factor * result.surface.u[k, :, i], np.nan)
         for i, name in enumerate(names)
     }
     strain = {label: 100.0 * result.strain.value[k, :, i] for i, label in enumerate(STRAINS.values())}
-    return _Maps(view.picture, result.pixels[0, k], motion | strain, result.facts.get("step", 5))
-
-
-def _map_panels(view: FullFieldView) -> list[list[str]]:
-    return [["u", "v", "." if view.result.kind == "plane" else "w"], [*STRAINS]]
-
-
-@figure(PAGE, lambda view: _maps_height(view.result.pixels[0, view.frame]), _map_panels, letters=True)
-def full_field(view: FullFieldView, panels: Panels) -> str:
-    _draw_maps(_full_field_maps(view), panels)
-    facts, last = view.result.facts, LETTERS[len(panels) - 4]
+    _draw_maps(_Maps(view.picture, result.pixels[0, k], motion | strain, facts.get("step", 5)), panels)
     return (
         f"Frame {view.frame} of camera 0 with (a) to ({last}) the displacements since the reference and, "
         f"below, the Green-Lagrange strains over gauges of {facts.get('strain_gauge', 0):g} px; subsets "
@@ -404,9 +385,7 @@ def full_field(view: FullFieldView, panels: Panels) -> str:
 
 
 def _shown_frame(view: SurfaceView) -> int:
-    """The last frame with at least half of the points. If some of these frames have pictures, the last of
-    those.
-    """
+    """The last frame with at least half of the points, of those with pictures if there are any."""
     count = view.result.specimen.n_valid
     usable = np.flatnonzero(count >= max(1.0, ALIVE * count.max()))
     shown = [frame for frame in view.pictures if frame in usable]
@@ -440,15 +419,6 @@ def surface_fields(view: SurfaceView, panels: Panels) -> str:
     )
 
 
-def _has_lines(view: FullFieldView) -> bool:
-    return bool(view.result.surface.n_frames > 1)
-
-
-def _history_time(view: FullFieldView) -> tuple[FloatArray, str]:
-    result = view.result
-    return (MS * result.surface.t, "$t$ (ms)") if result.timed else (result.surface.t, "frame")
-
-
 def _history_panels(view: FullFieldView) -> list[list[str]]:
     return [["mean", "extensometers"] if view.result.extensions else ["mean"]] + (
         [["radius", "radius"] if view.result.extensions else ["radius"]] if view.result.cylinder else []
@@ -459,11 +429,12 @@ def _history_panels(view: FullFieldView) -> list[list[str]]:
     PAGE,
     lambda view: 110.0 if view.result.cylinder else 60.0,
     _history_panels,
-    applies=_has_lines,
+    applies=lambda view: bool(view.result.surface.n_frames > 1),
     letters=True,
 )
 def histories(view: FullFieldView, panels: Panels) -> str:
-    result, (t, label) = view.result, _history_time(view)
+    result = view.result
+    t, label = (MS * result.surface.t, "$t$ (ms)") if result.timed else (result.surface.t, "frame")
     mean, ax = 100.0 * result.mean_strain, panels["mean"]
     for k, (name, colour) in enumerate(zip(("xx", "yy", "xy"), (MODEL, MEASURED, GREY), strict=True)):
         ax.plot(t, mean[:, k], ".-", color=colour, label=f"$E_{{{name}}}$", markersize=3)

@@ -203,7 +203,6 @@ def bars_together(result: BarsTogether, panels: Panels) -> str:
     top.plot(time, MICRO * (result.measured + result.residual), "--", color=MODEL, label="carried there")
     top.set_ylabel("Strain (µm/m)")
     top.legend(loc="best")
-    top.tick_params(labelbottom=False)
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, MICRO * result.residual, color=MODEL, lw=0.7)
     low.set(xlabel="Time (µs)", ylabel="Difference (µm/m)")

@@ -56,18 +56,29 @@ def constant_rows(view: SpecimenView) -> list[dict[str, Any]]:
     rows = []
     for fit in view.fits:
         for spec, one in zip(fit.constants.free_specs, fit.intervals.estimates, strict=True):
-            ends = f"{_shown_value(spec, one.low)} to {_shown_value(spec, one.high)}"
-            rows.append(
-                {
-                    "fit": fit.name,
-                    "name": one.name,
-                    "value": _shown_value(spec, one.value),
-                    "interval": ends if one.sigma is not None else numbers.NOTHING,
-                    "verdict": one.verdict.value,
-                    "ok": one.verdict is ConstantVerdict.IDENTIFIED,
-                }
-            )
+            ends = None if one.sigma is None else (one.low, one.high)
+            found = one.verdict is ConstantVerdict.IDENTIFIED
+            rows.append(_constant_row(fit.name, spec, one.value, ends, one.verdict.value, found))
     return rows
+
+
+def _constant_row(
+    fit: str,
+    spec: ParameterSpec,
+    value: float,
+    ends: tuple[float | None, float | None] | None,
+    verdict: str,
+    found: bool,
+) -> dict[str, Any]:
+    interval = (_shown_value(spec, end) for end in ends or ())
+    return {
+        "Fit": fit,
+        "Constant": spec.name,
+        "Value": _shown_value(spec, value),
+        "Interval, 95 %": " to ".join(interval) or numbers.NOTHING,
+        "Verdict": verdict,
+        "lost": not found,
+    }
 
 
 def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
@@ -75,21 +86,14 @@ def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
     fit = view.fit
     parts = [name for name, fits in (("field", fit.adequate), ("force", fit.force_explained)) if not fits]
     words = f"of a model that does not explain the {' and the '.join(parts)}" if parts else "identified"
+    found = zip(fit.constants.free_specs, fit.values.tolist(), fit.sigma.tolist(), fit.at_bound, strict=True)
     return [
-        {
-            "fit": "all steps",
-            "name": spec.name,
-            "value": _shown_value(spec, float(value)),
-            "interval": numbers.NOTHING
-            if bound
-            else f"{_shown_value(spec, float(value - 1.96 * sigma))} to "
-            f"{_shown_value(spec, float(value + 1.96 * sigma))}",
-            "verdict": "at its bound" if bound else words,
-            "ok": fit.explained and not bound,
-        }
-        for spec, value, sigma, bound in zip(
-            fit.constants.free_specs, fit.values, fit.sigma, fit.at_bound, strict=True
+        _constant_row("all steps", spec, value, None, "at its bound", False)
+        if bound
+        else _constant_row(
+            "all steps", spec, value, (value - 1.96 * sigma, value + 1.96 * sigma), words, fit.explained
         )
+        for spec, value, sigma, bound in found
     ]
 
 
@@ -278,8 +282,7 @@ def tables(view: ActuatorView) -> list[dict[str, Any]]:
     made = []
     for caption, rows_of in TABLES.items():
         if rows := list(rows_of(view)):
-            table = [{"cells": list(cells.values()), "lost": lost} for cells, lost in rows]
-            made.append({"caption": caption, "head": list(rows[0][0]), "rows": table})
+            made.append({"caption": caption, "rows": [{**cells, "lost": lost} for cells, lost in rows]})
     return made
 
 
@@ -288,10 +291,8 @@ def actuator_rows(view: ActuatorView) -> dict[str, str]:
     words = {}
     for table in tables(view):
         for row in table["rows"]:
-            cells = row["cells"]
-            heads = table["head"][2:]
-            key = f"{cells[0]}, {cells[1]}" + (" bar" if table["head"][1].endswith("(bar)") else "")
+            (_, first), (head, second), *pairs = ((key, cell) for key, cell in row.items() if key != "lost")
+            key = f"{first}, {second}" + (" bar" if head.endswith("(bar)") else "")
             key = key if key not in words else f"{key}, {table['caption'].split(':')[0].lower()}"
-            pairs = zip(heads, cells[2:], strict=True)
             words[key] = "; ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in pairs)
     return words

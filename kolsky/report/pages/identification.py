@@ -37,7 +37,8 @@ from kolsky.report.pages.rendering import (
 from kolsky.report.pages.uncertainty import changes, choices, dominant, likelihood_tables, milliseconds
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
-from kolsky.results.nomenclature import in_words, name_of, route_label
+from kolsky.results.joint import fits_of
+from kolsky.results.nomenclature import heading, in_words, name_of, route_label, upper_first, with_subscripts
 from kolsky.results.printed import fit_tables, summary
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import causes
@@ -150,21 +151,24 @@ def answer_row(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _fixed_rows(result: Identification) -> list[tuple[str, str, str]]:
-    """Return words, symbol and value of every fixed parameter."""
+def _fixed_rows(result: Identification) -> list[tuple[str, str]]:
+    """Return words with the symbol, and value of every fixed parameter."""
     interface = result.provenance.get("interface")
     laws = set(interface.values()) if isinstance(interface, Mapping) else {SLIDING_LAW}
-    rows = []
+    rows: list[tuple[str, str]] = []
     for parameter, value in result.fixed.items():
         name = name_of(parameter)
         text = f"{numbers.plain(value)} {_shown_unit(name.unit)}".rstrip()
         record = PARAMETERS.get(parameter)
         if record is not None and not has_effect(record, laws):
             text = f"not used: {record.without}"
-        rows.append((name.words, name.symbol if name.symbol != name.words else "", text))
+        words = upper_first(name.words)
+        rows.append(
+            (words if name.symbol == name.words else heading(parameter, words=f"{words}, {{}}"), text)
+        )
     reference = reference_words((*result.estimates, *result.fixed))
     if reference:
-        rows.append(("what m refers to", "", reference))
+        rows.append(("What m refers to", reference))
     return rows
 
 
@@ -234,22 +238,21 @@ def _run_rows(result: Identification) -> list[dict[str, Any]]:
     """Return the rows of the table of runs."""
     design = result.design
     U = {name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()}
+    phi_force, phi_shape = map(with_subscripts, ("Φ_F (N)", "Φ_S (10⁻³)"))
     return [
         {
-            "number": number,
-            "stage": design.stage[number],
-            "point": [
-                numbers.like(value, U.get(name, np.nan))
+            "Run": number,
+            "Stage": design.stage[number],
+            **{
+                heading(name, name_of(name).unit): numbers.like(value, U.get(name, np.nan))
                 for name, value in zip(design.names, design.points[number], strict=True)
-            ],
-            "outcome": _ending_words(design.ending(number)),
-            "completed": design.outcomes[number] == "COMPLETED",
-            "terms": [
-                numbers.rounded(design.phi_force[number], -1),
-                numbers.rounded(1e3 * design.phi_shape[number], -3),
-                numbers.rounded(design.chi2_force[number], 0),
-                numbers.rounded(design.chi2_shape[number], 0),
-            ],
+            },
+            phi_force: numbers.rounded(design.phi_force[number], -1),
+            phi_shape: numbers.rounded(1e3 * design.phi_shape[number], -3),
+            "χ² force": numbers.rounded(design.chi2_force[number], 0),
+            "χ² outline": numbers.rounded(design.chi2_shape[number], 0),
+            "Outcome": _ending_words(design.ending(number)),
+            "lost": design.outcomes[number] != "COMPLETED",
         }
         for number in range(len(design.outcomes))
     ]
@@ -415,7 +418,10 @@ def render(
         further=_flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
         completed=len(result.design.outcomes) - len(result.design.lost),
         failures=_failure_rows(result),
-        total_seconds=sum(result.seconds.values()),
+        seconds=[
+            (nomenclature.STAGES.get(stage, stage), f"{numbers.plain(value, 3)} s")
+            for stage, value in (*result.seconds.items(), ("all stages", sum(result.seconds.values())))
+        ],
     )
 
 
@@ -454,12 +460,7 @@ def _figures(
     recordings: ShotRecordings | None,
     processes: int,
 ) -> dict[str, dict[str, Any]]:
-    """Draw all figures, those of the recordings last.
-
-    They are returned by name for the template.
-
-    The template removes each figure that it places. The others follow under "Further figures".
-    """
+    """Draw all figures, those of the recordings last, and return them by name for the template."""
     groups = [FigureGroup(REGISTRY.values(), identification)]
     if recordings is not None:
         groups.append(FigureGroup(RECORDINGS.values(), recordings))
@@ -477,7 +478,6 @@ def _templates() -> Environment:
         "name_of": name_of,
         "route_label": route_label,
         "in_words": in_words,
-        "stage_label": lambda stage: nomenclature.STAGES.get(stage, stage),
     }
     templates.globals |= {
         "like": numbers.like,
@@ -544,43 +544,43 @@ def _parameter(result: JointResult, name: str) -> dict[str, Any]:
         low, high = (factor * end for end in interval(e, result.expanded[name]))
         value, half = f"{numbers.plain(low, 2)} to {numbers.plain(high, 2)}", numbers.NOTHING
     return {
-        "words": entry.words,
-        "symbol": entry.symbol,
-        "unit": "" if entry.unit == "1" else entry.unit,
-        "value": value,
-        "half": half,
-        "sigma": numbers.plain(factor * e.sigma, 2),
-        "numerical": numbers.plain(factor * e.sigma_numerical, 2),
-        "verdict": e.outcome.value,
+        "Parameter": upper_first(entry.words),
+        "Symbol": Markup("<i>{}</i>").format(entry.symbol),
+        "Value": value,
+        "U": half,
+        "Unit": _shown_unit(entry.unit),
+        "u": numbers.plain(factor * e.sigma, 2),
+        "u of the mesh": numbers.plain(factor * e.sigma_numerical, 2),
+        "Verdict": e.outcome.value,
     }
 
 
 def _shot(result: JointResult, k: int) -> dict[str, str]:
     part = result.shots[k]
     return {
-        "name": part.name,
-        "factor": numbers.plain(part.factor, 4),
-        "own": numbers.plain(part.sigma_factor, 2),
-        "gain": f"{numbers.percent(part.gain)}",
-        "clock": f"{numbers.plain(1e6 * part.clock, 2)}",
-        "force": numbers.plain(part.chi2_force, 3),
-        "outline": numbers.plain(part.chi2_outline, 3),
-        "itself": "" if part.own is None else numbers.percent(part.own.value),
+        "Shot": part.name,
+        Markup("<i>m</i>"): numbers.plain(part.factor, 4),
+        "u without shared errors": numbers.plain(part.sigma_factor, 2),
+        "Gain": numbers.percent(part.gain),
+        "Force late by (µs)": numbers.plain(1e6 * part.clock, 2),
+        "χ² per force bin": numbers.plain(part.chi2_force, 3),
+        "χ² per outline point": numbers.plain(part.chi2_outline, 3),
+        "Stiffness of this shot alone, from the shared": ""
+        if part.own is None
+        else numbers.percent(part.own.value),
     }
 
 
 def _fits(result: JointResult) -> list[dict[str, str]]:
     """One row per channel of a shot and per slow test."""
-    rows = [(shot.name, fit) for shot in result.shots for fit in shot.fit]
-    rows += [("slow test", fit) for fit in result.slow_fit]
     return [
         {
-            "name": name,
-            "channel": fit.channel,
-            "excess": numbers.plain(fit.excess, 2),
-            "slow": numbers.plain(fit.slow_excess, 2),
-            "limit": f"{numbers.plain(fit.limit, 2)}, {numbers.plain(fit.slow_limit, 2)}",
-            "verdict": "explained" if fit.explained else "not explained",
+            "Of": name,
+            "Channel": fit.channel,
+            "Whole": numbers.plain(fit.excess, 2),
+            "Slow": numbers.plain(fit.slow_excess, 2),
+            "At most": f"{numbers.plain(fit.limit, 2)}, {numbers.plain(fit.slow_limit, 2)}",
+            "Verdict": "explained" if fit.explained else "not explained",
         }
-        for name, fit in rows
+        for name, fit in fits_of(result)
     ]

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit
@@ -52,16 +53,16 @@ write_fits = page_writer(render_fits)
 
 
 def _law(row: Row, f: Fit, least: float, best: bool) -> dict[str, Any]:
+    name = row.candidate.name.replace("_", " ")
     return {
-        "name": row.candidate.name.replace("_", " "),
-        "best": best,
-        "k": len(f.free),
-        "E0": f"{1e-3 * f.youngs_modulus:.4g}",
-        "rmse": f"{1e-3 * f.rmse:.4g}",
-        "r2": f"{f.r_squared:.5f}",
-        "aic": f"{f.aic - least:.1f}",
-        "constants": f.outcome.value,
-        "stability": failure(row),
+        "Law": Markup("<b>{}</b>").format(name) if best else name,
+        "Free": len(f.free),
+        "E₀ (kPa)": f"{1e-3 * f.youngs_modulus:.4g}",
+        "RMSE (kPa)": f"{1e-3 * f.rmse:.4g}",
+        "R²": f"{f.r_squared:.5f}",
+        "ΔAIC": f"{f.aic - least:.1f}",
+        "Constants": f.outcome.value,
+        "Drucker": failure(row),
     }
 
 
@@ -75,12 +76,12 @@ def _constants(row: Row, f: Fit) -> list[dict[str, str]]:
         state = "at a bound" if spec.name in f.at_bound else "" if spec.name in f.free else "held"
         lines.append(
             {
-                "law": row.candidate.name.replace("_", " "),
-                "name": spec.name,
-                "value": value,
+                "Law": row.candidate.name.replace("_", " "),
+                "Constant": Markup("<code>{}</code>").format(spec.name),
+                "Value": value,
                 "U": U,
-                "unit": unit,
-                "state": state,
+                "Unit": unit,
+                "Remark": state,
             }
         )
     return lines
@@ -95,12 +96,12 @@ def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
         low, high = fit.interval(name)
         constants.append(
             {
-                "name": name,
-                "value": numbers.plain(value, 4),
-                "low": numbers.plain(low, 3),
-                "high": numbers.plain(high, 3),
-                "unit": units[name.split()[0]],
-                "state": "at a bound" if name in fit.at_bound else "",
+                "Constant": name,
+                "Value": numbers.plain(value, 4),
+                "From": numbers.plain(low, 3),
+                "To": numbers.plain(high, 3),
+                "Unit": units[name.split()[0]],
+                "Remark": "at a bound" if name in fit.at_bound else "",
             }
         )
     sweeps = []
@@ -111,13 +112,13 @@ def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
         C2, U2 = numbers.measured(one.C2, 2.0 * sigma[1]) if shown else ("", "")  # type: ignore[index, arg-type]
         sweeps.append(
             {
-                "name": name,
-                "reference": f"{one.sweep.reference - 273.15:.4g}",
-                "shifts": "determined" if one.determined else "not determined",
-                "one": "yes" if one.one_curve else "no",
-                "C1": f"{C1} ± {U1}" if shown else "",
-                "C2": f"{C2} ± {U2}" if shown else "",
-                "law": "holds" if one.law_holds else "not fitted" if one.C1 is None else "does not hold",
+                "Sweep": name,
+                "T₀ (°C)": f"{one.sweep.reference - 273.15:.4g}",
+                "Shifts": "determined" if one.determined else "not determined",
+                "One curve": "yes" if one.one_curve else "no",
+                "C₁": f"{C1} ± {U1}" if shown else "",
+                "C₂ (K)": f"{C2} ± {U2}" if shown else "",
+                "Law": "holds" if one.law_holds else "not fitted" if one.C1 is None else "does not hold",
             }
         )
     return render_page(
@@ -132,10 +133,12 @@ def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
         sweeps=sweeps,
         moduli=[
             {
-                "name": one.label,
-                "age": f"{one.age.min():.3g} to {one.age.max():.3g}",
-                "strain": f"{one.strain.min():.3g} to {one.strain.max():.3g}",
-                "modulus": f"{1e-3 * one.modulus.min():.4g} to {1e-3 * one.modulus.max():.4g}",
+                "Test": one.label,
+                "Age of the strain (s)": f"{one.age.min():.3g} to {one.age.max():.3g}",
+                "Nominal strain (–)": f"{one.strain.min():.3g} to {one.strain.max():.3g}",
+                Markup(
+                    "E<sub>a</sub> (kPa)"
+                ): f"{1e-3 * one.modulus.min():.4g} to {1e-3 * one.modulus.max():.4g}",
             }
             for one in result.moduli
         ],

@@ -6,10 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from kolsky.report.figures import RATES, FigureKind
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
+from kolsky.results.nomenclature import upper_first
 from kolsky.results.numbers import NOTHING, measured, percent, plain
 from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
 from kolsky.studies.rates.scatter import Criterion, Slope, SlopeVerdict
@@ -28,7 +30,7 @@ def _group_tables(group: GroupRates, *, several: bool) -> dict[str, Any]:
         "answer": _answer_lines(group),
         "slope": None if group.slope is None else _slope(group.slope),
         "lever": _lever(group),
-        "remarks": group.remarks,
+        "remarks": sentences(group.remarks),
         "shots": [_shot_row(shot, leverage.get(shot.name)) for shot in group.shots],
         "average": mean_and_scatter(group),
         "heterogeneity": _heterogeneity(group),
@@ -160,11 +162,15 @@ def _heterogeneity(group: GroupRates) -> list[tuple[str, str]]:
 def _criterion(c: Criterion) -> dict[str, Any]:
     unit = "" if c.unit == "1" else f" {c.unit}"
     return {
-        "name": c.name,
-        "value": plain(c.value, 3) + unit if np.isfinite(c.value) else "no spread known",
-        "limit": f"{'≥' if c.at_least else '≤'} {plain(c.limit, 3)}{unit}",
-        "met": c.met,
+        "Condition": upper_first(c.name),
+        "Is": plain(c.value, 3) + unit if np.isfinite(c.value) else "no spread known",
+        "Needed": f"{'≥' if c.at_least else '≤'} {plain(c.limit, 3)}{unit}",
+        "Met": "yes" if c.met else "no",
+        "lost": not c.met,
     }
+
+
+MEAN = Markup("Mean <i>m</i>")
 
 
 def _without(group: GroupRates) -> list[dict[str, str]]:
@@ -173,16 +179,17 @@ def _without(group: GroupRates) -> list[dict[str, str]]:
     rows = []
     fits = zip(group.counted, group.pooled.leave_one_out, group.slope.leave_one_out, strict=True)
     for shot, mean, line in fits:
-        row = dict.fromkeys(("mean", "interval", "tau", "slope"), NOTHING)
+        headings = (MEAN, "95 % interval", "τ", "Line, per decade")
+        row = {"Without": shot.name, **dict.fromkeys(headings, NOTHING)}
         if mean is not None:
-            row["mean"], low, high = _ends(float(mean.coefficients[0]), mean.interval(0))
-            row["interval"] = f"{low} to {high}"
-            row["tau"] = plain(mean.between, 2)
+            row[MEAN], low, high = _ends(float(mean.coefficients[0]), mean.interval(0))
+            row["95 % interval"] = f"{low} to {high}"
+            row["τ"] = plain(mean.between, 2)
         if line is not None:
             start, end = line.interval(1)
             value, half_width = measured(float(line.coefficients[1]), 0.5 * (end - start))
-            row["slope"] = f"{value} ± {half_width}"
-        rows.append({"name": shot.name, **row})
+            row["Line, per decade"] = f"{value} ± {half_width}"
+        rows.append(row)
     return rows
 
 
@@ -193,14 +200,9 @@ def _shared(group: GroupRates) -> list[dict[str, str]]:
         low, high = plain(float(moved.min()), 2), plain(float(moved.max()), 2)
         # A file is identified by its hash. Eight digits are unique on a page.
         short = through[:8] if re.fullmatch("[0-9a-f]{64}", through) else through
-        rows.append(
-            {
-                "part": part,
-                "through": short,
-                "shots": str(moved.size),
-                "change": low if low == high else f"{low} to {high}",
-            }
-        )
+        change = low if low == high else f"{low} to {high}"
+        row = {"Part": upper_first(part), "Through": short, "Shots": str(moved.size)}
+        rows.append({**row, Markup("Moves <i>m</i> by"): change})
     return rows
 
 
@@ -214,15 +216,8 @@ def _stiffness(group: GroupRates) -> list[dict[str, str]]:
             shots = f"{numbers.like(1e-3 * low, 1e-3 * U)} to {numbers.like(1e-3 * high, 1e-3 * U)}"
             shots_U = measured(1e-3 * high, 1e-3 * U)[1]
             curve, curve_U = measured(1e-3 * base, 2e-3 * spread)
-            rows.append(
-                {
-                    "strain": plain(at.strain, 2),
-                    "quantity": name,
-                    "shots": shots,
-                    "U": shots_U,
-                    "base": f"{curve} ± {curve_U}",
-                }
-            )
+            row = {"Strain": plain(at.strain, 2), "Quantity": name, "Shots": shots, "largest U": shots_U}
+            rows.append({**row, "Quasi-static, U": f"{curve} ± {curve_U}"})
     return rows
 
 
@@ -232,10 +227,10 @@ def _scatter(group: GroupRates) -> list[dict[str, str]]:
         return []
     return [
         {
-            "strain": plain(float(strain), 2),
-            "force": plain(float(e.force[:, k].std(ddof=1)), 2),
-            "shape": plain(1e3 * float(e.shape_scatter[k]), 2),
-            "residual": plain(1e3 * float(e.residual_scatter[k]), 2),
+            "Strain": plain(float(strain), 2),
+            "Force (N)": plain(float(e.force[:, k].std(ddof=1)), 2),
+            "Radius (mm)": plain(1e3 * float(e.shape_scatter[k]), 2),
+            "Measured − simulated radius (mm)": plain(1e3 * float(e.residual_scatter[k]), 2),
         }
         for k, strain in enumerate(e.strains)
     ]

@@ -10,7 +10,7 @@ from kolsky.prediction.design import Aim, Scan, events_table
 from kolsky.prediction.predict import RATE_TO, Numbers, Prediction, doubts
 from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
-from kolsky.results.nomenclature import name_of
+from kolsky.results.nomenclature import name_of, with_subscripts
 from kolsky.studies.budget.records import Budget, Campaign
 from kolsky.studies.planning.plan import Plan
 from kolsky.studies.planning.plan import rows as plan_rows
@@ -21,14 +21,12 @@ from kolsky.studies.sweep_analysis import OUTPUTS, SweepAnalysis
 def render_plan(plan: Plan) -> str:
     """Return the page as HTML text."""
     unseen = [f"{part}: {found.unseen}" for part, found in plan.expected.items() if found.unseen]
-    parts = {"all": "all data", "force": "force alone", "outline": "outline alone"}
     return render_page(
         "plan.html",
         kind="Planned measurement: what to expect",
         heading=plan.shot,
         subject="plan",
         warnings=sentences(unseen),
-        parts=["others known", *(parts[part] for part in plan.expected if part != "all")],
         expected=[_expected_row(plan, j) for j in range(len(plan.names))],
         figures=draw_figures(plan),
         choices=[(key, value) for key, value in plan_rows(plan).items() if key != "shot"],
@@ -43,12 +41,14 @@ def _expected_row(plan: Plan, j: int) -> dict[str, Any]:
     name, whole = name_of(plan.names[j]), plan.expected["all"]
     double = 2.0 * name.factor
     value = name.factor * float(plan.information.sensitivity.point[j])
-    others = [found.deviations[j] for part, found in plan.expected.items() if part != "all"]
+    parts = {"force": "force alone", "outline": "outline alone"}
+    others = {parts[part]: found.deviations[j] for part, found in plan.expected.items() if part != "all"}
     shown, U = numbers.measured(value, double * float(whole.deviations[j]))
+    widths = {"others known": whole.alone[j], **others}
     return {
-        "name": name.symbol if name.unit == "1" else f"{name.symbol} ({name.unit})",
-        "value": f"{shown} ± {U}",
-        "widths": [numbers.plain(double * float(sigma), 2) for sigma in (whole.alone[j], *others)],
+        "Parameter": with_subscripts(_named(plan.names[j])),
+        "All estimated together": f"{shown} ± {U}",
+        **{f"U, {part}": numbers.plain(double * float(sigma), 2) for part, sigma in widths.items()},
     }
 
 
@@ -82,7 +82,13 @@ def render_prediction(result: Prediction, scan: Scan | None = None, aim: Aim | N
         facts=rows(result.numbers),
         aim=[] if aim is None else _aimed(aim),
         events=[
-            (name, f"{1e6 * t:.0f}", f"{v:.2f}", f"{100 * e:.1f}", f"{f:.1f}")
+            {
+                "Event": name,
+                "Time (µs)": f"{1e6 * t:.0f}",
+                "Flyer (m/s)": f"{v:.2f}",
+                "Compression (%)": f"{100 * e:.1f}",
+                "Transmitted (N)": f"{f:.1f}",
+            }
             for name, t, v, e, f in zip(*table.values(), strict=True)
         ],
         figures=figures,
@@ -134,17 +140,19 @@ def render_sweep(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
         ],
         outputs=[
             {
-                "name": SWEEP_WORDS[name] + (f" ({unit})" if (unit := OUTPUTS[name]) != "1" else ""),
-                "runs": int(np.isfinite(output.values).sum()),
-                "low": numbers.plain(float(np.nanmin(output.values))),
-                "high": numbers.plain(float(np.nanmax(output.values))),
-                "error": numbers.percent(output.error),
-                "refused": output.refused,
+                "Misfit": with_subscripts(
+                    SWEEP_WORDS[name] + (f" ({unit})" if (unit := OUTPUTS[name]) != "1" else "")
+                ),
+                "Runs": int(np.isfinite(output.values).sum()),
+                "Smallest": numbers.plain(float(np.nanmin(output.values))),
+                "Largest": numbers.plain(float(np.nanmax(output.values))),
+                "Error / standard deviation": numbers.percent(output.error),
+                "Verdict": output.refused or "good enough",
+                "lost": bool(output.refused),
             }
             for name, output in result.outputs.items()
         ],
         outcomes=[(name.lower().replace("_", " "), n) for name, n in Counter(table.outcomes).most_common()],
-        names=[_named(name) for name in result.box.names],
         listed=f"All {len(listed)} runs" if len(listed) == n else f"{len(listed)} of {n} runs: {CHOSEN}",
         runs=[_run_row(result, i) for i in listed],
     )
@@ -186,10 +194,7 @@ def _place(point: Mapping[str, float], at_bound: Mapping[str, str]) -> str:
 
 
 def _listed(result: SweepAnalysis) -> list[int]:
-    """Return the indices of the runs in the table.
-
-    They are all runs, or the failed ones and those with the smallest misfit.
-    """
+    """Return the runs in the table: all, or the failed ones and those with the smallest misfit."""
     n = len(result.table.outcomes)
     if n <= MOST_LISTED:
         return list(range(n))
@@ -201,17 +206,17 @@ def _listed(result: SweepAnalysis) -> list[int]:
 def _run_row(result: SweepAnalysis, i: int) -> dict[str, Any]:
     table = result.table
     lost = i in table.lost
+    phi = (table.phi_force[i], table.phi_shape[i], misfit_sum(table)[i])
+    headings = map(with_subscripts, ("Φ_F (N)", "Φ_S (–)", "Φ (–)"))
     return {
-        "number": i,
-        "point": [
-            numbers.plain(name_of(name).factor * value)
+        "Run": i,
+        **{
+            with_subscripts(_named(name)): numbers.plain(name_of(name).factor * value)
             for name, value in zip(result.box.names, table.points[i], strict=True)
-        ],
-        "phi_force": numbers.plain(float(table.phi_force[i])),
-        "phi_shape": numbers.plain(float(table.phi_shape[i])),
-        "phi": numbers.plain(float(misfit_sum(table)[i])),
-        "outcome": table.ending(i).sentence if lost else "completed",
-        "ok": not lost,
+        },
+        **{heading: numbers.plain(float(value)) for heading, value in zip(headings, phi, strict=True)},
+        "Outcome": table.ending(i).sentence if lost else "completed",
+        "lost": lost,
     }
 
 
@@ -243,15 +248,20 @@ def _table(result: Budget) -> dict[str, Any]:
     U = 2.0 * (scale * total)
     rows = [
         {
-            "source": source.factor.words,
-            "key": source.factor.key,
-            "sigma": numbers.plain(source.factor.sigma) if source.factor.key != "noise" else numbers.NOTHING,
-            "u": numbers.part(scale * source.u, U),
-            "bias": numbers.part(scale * source.bias, U),
-            "share": _share(result.share(source) if np.isfinite(source.u) else np.nan, source.share_interval),
-            "joint": _share(source.joint_share, source.joint_interval),
-            "common": "yes" if source.factor.shared else "no",
-            "refused": "; ".join(source.refused),
+            "Source": source.factor.words,
+            "Key": source.factor.key,
+            "Its u (SI)": numbers.plain(source.factor.sigma)
+            if source.factor.key != "noise"
+            else numbers.NOTHING,
+            "u of the answer": numbers.part(scale * source.u, U),
+            "Bias": numbers.part(scale * source.bias, U),
+            "Share (95 %)": _share(
+                result.share(source) if np.isfinite(source.u) else np.nan, source.share_interval
+            ),
+            "Share in all at once (95 %)": _share(source.joint_share, source.joint_interval),
+            "Common to all shots": "yes" if source.factor.shared else "no",
+            "Refused": "; ".join(source.refused),
+            "lost": bool(source.refused),
         }
         for source in sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
     ]
@@ -275,8 +285,7 @@ def _table(result: Budget) -> dict[str, Any]:
     if result.joint is not None:
         share = _share(result.joint.unexplained, result.joint.unexplained_interval)
         facts.append(("of all at once, no straight line explains", share))
-    unit = "" if known.unit == "1" else f" ({known.unit})"
-    return {"symbol": f"{known.symbol}{unit}", "facts": facts, "rows": rows}
+    return {"symbol": _named(result.parameter), "facts": facts, "rows": rows}
 
 
 def _share(value: float, interval: tuple[float, float]) -> str:

@@ -19,27 +19,23 @@ from kolsky.results import numbers
 
 
 def rows_of_points(counts: Mapping[PointOutcome, int], total: int, **more: Any) -> list[dict[str, Any]]:
-    """Return one row per outcome.
-
-    A row has its text, count, share of `total`, cause, remedy, and `more` entries.
-    """
+    """Return one row per outcome: its count, share of `total`, cause and remedy, after `more` entries."""
     return [
         {
             **more,
-            "outcome": words(outcome),
-            "count": count,
-            "share": f"{100.0 * count / max(total, 1):.3g} %",
-            "cause": outcome.cause,
-            "cure": outcome.cure,
-            "ok": outcome.ok,
+            "Outcome": words(outcome),
+            "Count": count,
+            "Share": f"{100.0 * count / max(total, 1):.3g} %",
+            "Cause and cure": outcome.cause if outcome.ok else f"{outcome.cause}. Cure: {outcome.cure}",
+            "lost": not outcome.ok,
         }
         for outcome, count in sorted(counts.items())
     ]
 
 
-def rows_of_frames(bad: Mapping[Any, FrameOutcome]) -> list[tuple[str, str, str, str]]:
-    """Return the frames without points: number, outcome, cause, remedy."""
-    return [(str(frame), words(outcome), outcome.cause, outcome.cure) for frame, outcome in bad.items()]
+def rows_of_frames(bad: Mapping[Any, FrameOutcome]) -> list[tuple[str, str]]:
+    """Return the frames without points: number, and outcome with cause and remedy."""
+    return [(str(frame), f"{words(one)}: {one.cause}. Cure: {one.cure}") for frame, one in bad.items()]
 
 
 def render_surfaces(
@@ -67,7 +63,7 @@ def render_surfaces(
             }
         ),
         parts=[
-            (part, [row for row in table if row.part == part])
+            (part, [(row.name, row.value) for row in table if row.part == part])
             for part in dict.fromkeys(r.part for r in table)
         ],
         inputs=list(inputs.items()),
@@ -83,7 +79,7 @@ def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
     rows = []
     for name, body in (("specimen", shown.result.specimen), ("flyer", shown.result.flyer)):
         if body is not None:
-            rows += rows_of_points(body.outcomes(), body.surface.outcome.size, body=name)
+            rows += rows_of_points(body.outcomes(), body.surface.outcome.size, Body=name)
     return rows
 
 
@@ -253,10 +249,14 @@ def _row(pair: Any) -> dict[str, Any]:
     texts = (
         "" if pair.outcome.value == 0 else f"{pair.outcome.cause}: {pair.reason}. Cure: {pair.outcome.cure}"
     )
+    outcome = pair.outcome.name.lower().replace("_", " ")
     return {
-        "name": pair.name, "rms": rms, "points": points, "ok": pair.outcome.used, "said": texts,
-        "outcome": pair.outcome.name.lower().replace("_", " "),
-    }  # fmt: skip
+        "Pair": pair.name,
+        **{f"Camera {k}": value for k, value in enumerate(rms)},
+        "Points": " + ".join(map(str, points)),
+        "Outcome": f"{outcome}. {texts}" if texts else outcome,
+        "lost": not pair.outcome.used,
+    }
 
 
 _PX = ("fx", "fy", "cx", "cy", "skew")

@@ -10,7 +10,7 @@ from doe.uncertainty import VerdictKind
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Declaration, Estimate, Identification, ParameterProfile
 from kolsky.results import numbers
-from kolsky.results.nomenclature import name_of, route_label, short
+from kolsky.results.nomenclature import heading, name_of, route_label, short, upper_first
 from kolsky.results.printed import MOST_PARTS, sensitivity_rows, unseen_notes, variance_shares
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.curve import PAST_CURVE
@@ -20,6 +20,8 @@ from kolsky.uncertainty.warnings import equivalent_strain
 FACTORS = {"s": (1e6, "µs"), "m": (1e6, "µm")}
 """Factor and unit in which an uncertainty is shown."""
 OPEN = "open"
+MOVES = "Moves {} by"
+"""Heading of the effect of an input or a choice on a parameter."""
 
 
 def _words(key: str) -> str:
@@ -77,13 +79,17 @@ def _declared(result: Identification, part: Declaration) -> dict[str, Any]:
     factor, unit = FACTORS.get(part.unit, (1.0, "") if plain else (100.0, "%"))
     declared = np.isfinite(part.sigma)
     return {
-        "words": _words(part.key),
-        "sigma": f"{numbers.plain(factor * part.sigma, 3)} {unit}".rstrip() if declared else numbers.NOTHING,
-        "shifts": [
-            numbers.plain(part.shifts[name], 2) if name in part.shifts else numbers.NOTHING
-            for name in result.estimates
-        ],
-        "status": part.status,
+        "Input": upper_first(_words(part.key)),
+        "Standard uncertainty": f"{numbers.plain(factor * part.sigma, 3)} {unit}".rstrip()
+        if declared
+        else numbers.NOTHING,
+        **{
+            heading(name, e.unit, MOVES): numbers.plain(part.shifts[name], 2)
+            if name in part.shifts
+            else numbers.NOTHING
+            for name, e in result.estimates.items()
+        },
+        "What was done": part.status,
     }
 
 
@@ -228,13 +234,15 @@ def _row(
     result: Identification, words: str, taken: str, shifts: dict[str, float], done: str
 ) -> dict[str, Any]:
     return {
-        "words": words,
-        "taken": taken,
-        "shifts": [
-            numbers.part(shifts[name], 2.0 * e.sigma) if name in shifts else numbers.NOTHING
+        "Choice": upper_first(words),
+        "Taken": taken,
+        **{
+            heading(name, e.unit, MOVES): numbers.part(shifts[name], 2.0 * e.sigma)
+            if name in shifts
+            else numbers.NOTHING
             for name, e in result.estimates.items()
-        ],
-        "done": done,
+        },
+        "What was done": upper_first(done),
     }
 
 

@@ -3,6 +3,8 @@
 from itertools import groupby
 from typing import Any
 
+from markupsafe import Markup
+
 from kolsky.bars.records import FlyerResult, ReducedTest
 from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
@@ -29,36 +31,34 @@ def render(result: ReducedTest) -> str:
         facts=[(name, typeset(quantity(value, unit))) for name, (value, unit) in result.facts.items()],
         corrections=[
             {
-                "name": c.name,
-                "key": c.key,
-                "applied": "yes" if c.applied else "no",
-                "size": quantity(c.size, c.unit),
-                "rms": quantity(c.rms, c.unit),
-                "reason": c.reason,
+                "Correction": Markup("{} <code>{}</code>").format(c.name, c.key),
+                "Applied": "yes" if c.applied else "no",
+                "Largest change": typeset(quantity(c.size, c.unit)),
+                "rms change": typeset(quantity(c.rms, c.unit)),
+                "Reason": typeset(c.reason),
             }
             for c in result.corrections
         ],
-        quoted=quoted,
         kind="Forces and motion of a flyer test, classical reduction"
         if isinstance(result, FlyerResult)
         else f"Bar signals, classical reduction in {result.load}",
         flyer=result if isinstance(result, FlyerResult) else None,
         events=[
             {
-                "name": name,
-                "time": "not found" if at is None else f"{1e3 * at:.4f} ms",
-                "sigma": "" if sigma is None else f"{2e6 * sigma:.2g} µs",
-                "how": how,
+                "Event": name,
+                "Time": "not found" if at is None else f"{1e3 * at:.4f}\N{NO-BREAK SPACE}ms",
+                "U (k = 2)": "" if sigma is None else typeset(f"{2e6 * sigma:.2g} µs"),
+                "How it was found": typeset(how),
             }
             for name, at, sigma, how in (result.events if isinstance(result, FlyerResult) else ())
         ],
         budget=[
             {
-                "name": row.quantity.name,
-                "value": quantity(row.quantity.value, row.quantity.unit),
-                "sigma": quantity(row.quantity.sigma, row.quantity.unit),
-                "kind": row.quantity.kind,
-                "shares": [f"{100.0 * row.shares.get(name, 0.0):.0f} %" for name in quoted],
+                "Input": row.quantity.name,
+                "Value": typeset(quantity(row.quantity.value, row.quantity.unit)),
+                "u (k = 1)": typeset(quantity(row.quantity.sigma, row.quantity.unit)),
+                "Kind": row.quantity.kind,
+                **{name: f"{100.0 * row.shares.get(name, 0.0):.0f} %" for name in quoted},
             }
             for row in result.budget.contributions
         ],
@@ -80,12 +80,14 @@ def sensitivity_rows(result: ReducedTest) -> list[dict[str, Any]]:
     for row in result.budget.contributions:
         if not row.sensitivity:
             continue
-        q, cells = row.quantity, []
+        q = row.quantity
+        cells = {"Input": q.name, "u (k = 1)": typeset(quantity(q.sigma, q.unit))}
         for name, (_, _, unit) in result.budget.results.items():
             slope = row.sensitivity.get(name)
             change = "" if slope is None else signed(slope * q.sigma, unit)
-            cells.append({"change": change, "slope": "" if slope is None else per(slope, unit, q.unit)})
-        rows.append({"name": q.name, "sigma": typeset(quantity(q.sigma, q.unit)), "cells": cells})
+            below = "" if slope is None else per(slope, unit, q.unit)
+            cells[name] = Markup("{}<br><small>{}</small>").format(change, below)
+        rows.append(cells)
     return rows
 
 
@@ -120,13 +122,14 @@ def means_over(result: ReducedTest) -> str:
     )
 
 
-def answers(result: ReducedTest) -> list[dict[str, Any]]:
+def answers(result: ReducedTest) -> list[dict[str, str]]:
     """Return the quoted results with U = 2 u, in the units of the page."""
     rows = []
     for name, (value, sigma, unit) in result.budget.results.items():
         factor, shown = SHOWN.get(unit, (1.0, unit))
         best, expanded = numbers.measured(factor * value, 2.0 * factor * sigma)
-        rows.append({"name": name, "value": best, "U": expanded, "unit": "" if shown == "1" else shown})
+        unit = "" if shown == "1" else shown
+        rows.append({"Quantity": name, "Value": typeset(best), "U": expanded, "Unit": unit})
     return rows
 
 

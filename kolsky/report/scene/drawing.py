@@ -6,7 +6,8 @@ The cut in the plane is drawn as SVG, fast enough for a slider.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -44,28 +45,39 @@ LONGEST_TRIAL = 120.0
 """Time limit for the rendering test of VTK [s]."""
 
 
-def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
-    """Render the specimen at one time.
+def picture(scene: Scene, k: int) -> NDArray[np.uint8]:
+    """Render the specimen at one time, as `render`."""
+    return render(offscreen_pyvista(), scene, k)
 
-    ``k``: index into ``scene.times``. ``size``: width and height [px]. Returns: RGB, shape [height, width,
-    3]. Raises IndexError if there is no such time.
+
+def render(pyvista: Any, scene: Scene, k: int, *, bar: bool = True) -> NDArray[np.uint8]:
+    """Render the specimen at one time with the PyVista of `offscreen_pyvista`.
+
+    ``k``: index into ``scene.times``. ``bar``: True to draw the colour bar and the time. Returns: RGB, shape
+    [height, width, 3]. Raises IndexError if there is no such time.
     """
-    return render(offscreen_pyvista(), scene, k, size=size, bar=bar)
-
-
-def render(
-    pyvista: Any, scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True
-) -> NDArray[np.uint8]:
-    """Render with the given PyVista, see `_silent_pyvista`. The process may crash if VTK cannot render."""
     if not 0 <= k < len(scene.times):
         raise IndexError(f"there are pictures 0 to {len(scene.times) - 1}, not {k}")
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
-    try:
+    with plotting(pyvista, SIZE) as plotter:
         plotter.enable_anti_aliasing("ssaa")
         _fill(plotter, pyvista, scene, k, bar)
-        return np.asarray(plotter.screenshot(return_img=True))[..., :3]
+        return pixels_of(plotter)
+
+
+@contextmanager
+def plotting(pyvista: Any, size: tuple[int, int]) -> Iterator[Any]:
+    """A plotter that draws on white into memory. ``size``: width and height [px]."""
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+    try:
+        plotter.set_background(PAPER)
+        yield plotter
     finally:
         plotter.close()
+
+
+def pixels_of(plotter: Any) -> NDArray[np.uint8]:
+    """The picture of a plotter, RGB, shape [height, width, 3]."""
+    return np.asarray(plotter.screenshot(return_img=True))[..., :3]
 
 
 class CannotRender(RuntimeError):
@@ -112,7 +124,6 @@ def renders() -> bool:
 def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
     kind = FIELDS[scene.field]
     radius, top = float(scene.nodes[..., 0].max()), float(scene.nodes[..., 1].max())
-    plotter.set_background(PAPER)
     drawn = plotter.add_mesh(
         _mesh(pyvista, simulated(scene, k)),
         scalars="field",

@@ -339,10 +339,7 @@ def platens(radius: float, top: float) -> tuple[Surface, Surface]:
 
 
 def _revolved(line: FloatArray, angles: FloatArray, values: FloatArray | None = None) -> Surface:
-    """Surface of revolution of a line (r, y) [m], shape [n, 2].
-
-    The angle 0 points to the cameras; x < 0 follows.
-    """
+    """Surface of revolution of a line (r, y) [m], shape [n, 2]; angle 0 is toward the cameras, then x < 0."""
     n = len(line)
     r, y = line.T
     x, Z = -np.sin(angles)[:, None] * r, np.cos(angles)[:, None] * r

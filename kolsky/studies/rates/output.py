@@ -7,6 +7,8 @@ from typing import Any
 
 from kolsky.base.files import columns_of, jsonable
 from kolsky.base.hdf5 import Format, OpenGroup, group, put, put_text, writing
+from kolsky.results import numbers
+from kolsky.results.numbers import plain_sentence
 from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
 
 Columns = dict[str, list[Any]]
@@ -301,3 +303,41 @@ def _group_facts(group: GroupRates) -> dict[str, Any]:
     if group.long_lever is not None:
         found["from_quasi_static"] = vars(group.long_lever)
     return found
+
+
+def rows(group: GroupRates, report: RateReport) -> dict[str, str]:
+    """The numbers of one group of a report in words, for a terminal and `kolsky open`."""
+    prefix = f"{group.name}: " if len(report.groups) > 1 else ""
+    rows = {f"{prefix}shots": f"{len(group.counted)} of {len(group.shots)} counted"}
+    for shot in group.shots:
+        value, U = numbers.measured(shot.m, 2.0 * shot.sigma)
+        rows[f"{prefix}{shot.name}"] = (
+            f"m = {plain_sentence(value)} ± {plain_sentence(U)} (k = 2) at "
+            f"{shot.history.nominal_rate:.4g} 1/s"
+            f"{'' if shot.counted else ', not counted'}"
+        )
+    if group.pooled is not None:
+        low, high = group.pooled.interval
+        value, half = numbers.measured(group.pooled.mean, 0.5 * (high - low))
+        rows[f"{prefix}mean m"] = f"{plain_sentence(value)} ± {plain_sentence(half)} (95 %)"
+        rows[f"{prefix}scatter between shots"] = f"{group.pooled.fit.between:.2g}"
+        low, high = (100.0 * share for share in group.own_range)
+        rows[f"{prefix}in common (u of m)"] = ", ".join(group.in_common) or "nothing"
+        rows[f"{prefix}each shot's own (u of m)"] = f"{low:.2g} to {high:.2g} %"
+        rows[f"{prefix}U = 2s"] = f"{2.0 * group.pooled.scatter:.2g}"
+    line = group.slope
+    if line is not None:
+        refused = bool(line.reasons)
+        rows[f"{prefix}slope"] = line.verdict.value if refused else line.sentence
+        for number, reason in enumerate(line.reasons, start=1):
+            rows[f"{prefix}because {number}"] = reason
+        if line.fit is not None and refused:
+            low, high = line.fit.interval(1)
+            middle = float(line.fit.coefficients[1])
+            rows[f"{prefix}not supported: slope"] = f"{middle:.3g} per decade, 95 % {low:.3g} to {high:.3g}"
+    if group.long_lever is not None:
+        lever = group.long_lever
+        rows[f"{prefix}from quasi-static"] = (
+            f"{lever.slope:.2g} per decade, 95 % {lever.interval[0]:.2g} to {lever.interval[1]:.2g}"
+        )
+    return rows

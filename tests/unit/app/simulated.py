@@ -43,5 +43,5 @@ def _put_back(before: dict[str, ModuleType]) -> None:
     sys.modules.update(before)
     for name in sorted(filter(_is_ours, sys.modules)):
         parent, _, child = name.rpartition(".")
-        if parent:
+        if parent in sys.modules:
             setattr(sys.modules[parent], child, sys.modules[name])

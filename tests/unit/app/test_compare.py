@@ -51,7 +51,7 @@ def test_curves_and_rate_study(tmp_path: Path) -> None:
     async def steps(user: User) -> None:
         await user.open("/compare?shots=one|two|three")
         await user.should_see("three: m = 1.120 ± 0.020 (k = 2)", retries=200)
-        await user.should_see("Mean m = 1.120")
+        await user.should_see("mean m: 1.120")
         plots = list(user.find(ui.echart).elements)
         force = next(one for one in plots if "Forces of the shots" in str(one.props))
         assert [one["name"] for one in force.options["series"]] == [n for n in M for _ in range(2)]

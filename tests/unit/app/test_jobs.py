@@ -90,7 +90,7 @@ def test_a_stage_that_comes_back_is_the_current_one(tmp_path: Path) -> None:
         shot(tmp_path / "one"),
         "# kolsky sweep , process 1, started 2026-01-02 03:04\n"
         "design: 10 of 40, 0:00:01 since the start\n"
-        "sweep: 0 of 256, \n"
+        "sweep: 0 of 256, 0:00:01 since the start\n"
         "design: 40 of 40, 0:00:02 since the start\n"
         "sweep: 30 of 256, 12.1 runs/s, 0:00:19 left\n"
         "fit: force 1 of 3\n",

@@ -562,7 +562,7 @@ def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     ]
     gone = examine(tmp_path / "nowhere")
     assert any("nowhere cannot be written to (No such file" in problem for problem in gone.problems)
-    assert gone.free is None
+    assert gone.free_bytes is None
 
 
 def test_the_command_says_the_same_in_json(tmp_path: Path) -> None:

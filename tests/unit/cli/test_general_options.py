@@ -10,6 +10,7 @@ from json_rows import compare, row_of, rows
 from shot_folders import shot_in
 from typer.testing import CliRunner
 
+from doe.ledger import Pace
 from kolsky.cli import app
 from kolsky.cli.commandline import COMMANDS
 from kolsky.cli.terminal import is_quiet, print_result, printing, progress_bars, sweep_progress
@@ -51,7 +52,7 @@ def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     with printing(quiet=True), progress_bars() as progress, sweep_progress() as pace:
         progress("design", 1, 2)
-        pace(None)  # type: ignore[arg-type]
+        pace(Pace(finished=1, total=2, rate=1.0))
     assert capsys.readouterr().err == ""
 
 

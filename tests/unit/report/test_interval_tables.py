@@ -153,13 +153,18 @@ def test_a_longer_curve_is_asked_for_from_one_percent_of_the_volume(share: float
 # Other choices, intervals from the profile, declared inputs
 
 
+def shifts(row: dict[str, Any]) -> list[Any]:
+    """The shifts of the parameters in a row of the choices."""
+    return list(row.values())[2:-1]
+
+
 def test_shifts_of_other_choices_are_other_minus_taken() -> None:
-    rows = {row["words"]: row for row in choices(in_display_units(MADE))}
+    rows = {row["Choice"]: row for row in choices(in_display_units(MADE))}
     e = MADE.estimates["stiffness_factor"]
     force = next(route for route in MADE.routes if route.name == "force only").parameters["stiffness_factor"]
     U = 2.0 * e.sigma
-    assert rows["misfit: force χ² only"]["shifts"] == [numbers.part(force - e.value, U)]
-    assert rows["mesh, radius × length"]["shifts"] == [numbers.part(-e.mesh_shift, U)]  # coarse minus fine
+    assert shifts(rows["Misfit: force χ² only"]) == [numbers.part(force - e.value, U)]
+    assert shifts(rows["Mesh, radius × length"]) == [numbers.part(-e.mesh_shift, U)]  # coarse minus fine
 
 
 def test_intervals_are_rounded_by_their_width_and_may_be_open() -> None:
@@ -183,7 +188,7 @@ def test_declared_uncertainties_are_shown_in_their_units(
 ) -> None:
     declared = Declaration(key=key, sigma=sigma, unit=unit, shifts={}, status="varied")
     (row,) = likelihood_tables(replace(MADE, systematic=(declared,)))["declared"]
-    assert row["sigma"] == shown
+    assert row["Standard uncertainty"] == shown
 
 
 # Groups of shots, bars, cameras, weights of figures
@@ -208,8 +213,8 @@ def test_quoted_results_of_bars_have_k_2() -> None:
         budget=SimpleNamespace(results={"modulus": (2.5e6, 0.13e6, "Pa"), "arrival": (1e-3, 2e-6, "s")})
     )
     assert answers(result) == [
-        {"name": "modulus", "value": "2.50", "U": "0.26", "unit": "MPa"},
-        {"name": "arrival", "value": "1000.0", "U": "4.0", "unit": "µs"},
+        {"Quantity": "modulus", "Value": "2.50", "U": "0.26", "Unit": "MPa"},
+        {"Quantity": "arrival", "Value": "1000.0", "U": "4.0", "Unit": "µs"},
     ]
     assert (quantity(2e9, "Pa"), quantity(5e-3, "1"), quantity(2e-2, "1")) == ("2 GPa", "5000 µm/m", "0.02")
 
@@ -266,13 +271,13 @@ def test_nothing_is_advised_from_parts_that_do_not_add_up() -> None:
 
 
 def test_what_was_not_varied_is_said() -> None:
-    rows = {row["words"]: row for row in choices(in_display_units(synthetic()))}
-    assert rows["end of the window"]["shifts"] == [numbers.NOTHING]
-    assert "not varied" in rows["end of the window"]["done"]
-    assert rows["Poisson’s ratio ν"]["done"] == "not varied"
+    rows = {row["Choice"]: row for row in choices(in_display_units(synthetic()))}
+    assert shifts(rows["End of the window"]) == [numbers.NOTHING]
+    assert "Not varied" in rows["End of the window"]["What was done"]
+    assert rows["Poisson’s ratio ν"]["What was done"] == "Not varied"
     # 0.9 and -1.6 standard uncertainties of 0.0019 from the joint optimum, as the made-up routes are
-    assert rows["misfit: force χ² only"]["shifts"] == ["0.00171"]
-    assert rows["misfit: outline χ² only"]["shifts"] == ["−0.00304"]
+    assert shifts(rows["Misfit: force χ² only"]) == ["0.00171"]
+    assert shifts(rows["Misfit: outline χ² only"]) == ["−0.00304"]
 
 
 def test_parameters_in_sentences_have_their_words() -> None:

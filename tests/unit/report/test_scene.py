@@ -20,7 +20,7 @@ from kolsky.inverse.result import Identification
 from kolsky.report.canvas import build
 from kolsky.report.figures import REGISTRY
 from kolsky.report.scene import drawing
-from kolsky.report.scene.drawing import CannotRender, evenly_spaced, picture, write_film, write_stills
+from kolsky.report.scene.drawing import CannotRender, evenly_spaced, picture, render, write_film, write_stills
 from kolsky.report.scene.scene_data import (
     FIELDS,
     SceneDataMissing,
@@ -134,8 +134,9 @@ def test_unknown_fields_and_fields_without_their_material() -> None:
 def test_the_picture_shows_the_colour_of_the_value() -> None:
     # Uniform fields: the cut is of one colour. The two ends of the scale must not look alike.
     scene = scene_of(result((1.25, 0.64)))
-    last = picture(scene, len(scene.times) - 1, bar=False)
-    first = picture(scene, 0, bar=False)
+    pyvista = drawing.offscreen_pyvista()
+    last = render(pyvista, scene, len(scene.times) - 1, bar=False)
+    first = render(pyvista, scene, 0, bar=False)
     assert last.shape == (560, 1008, 3)
 
     def coloured(image: Any) -> float:

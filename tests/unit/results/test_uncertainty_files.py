@@ -116,11 +116,11 @@ def test_other_choices_are_kept_and_shown(tmp_path: Path) -> None:
     assert again.variations == OTHERS
     assert again.image_correlation == {"sigma_match_px": 0.011}
     assert to_json(made)["variations"][0]["shifts"] == OTHERS[0].shifts
-    rows = {row["done"]: row for row in choices(in_display_units(again))}
+    rows = {done: cells for *cells, done in (row.values() for row in choices(in_display_units(again)))}
     row = rows["1.200 ms instead: searched again on the surrogate"]
-    assert row["words"] == "end of the window"
-    assert row["shifts"] == ["0.00120", "−0.300"]  # damping in microseconds
-    assert rows["4 µs instead: not searched: the force has no sample inside its bins"]["shifts"] == ["–", "–"]
+    assert row[0] == "End of the window"
+    assert row[2:] == ["0.00120", "−0.300"]  # damping in microseconds
+    assert rows["4 µs instead: not searched: the force has no sample inside its bins"][2:] == ["–", "–"]
 
 
 def test_a_file_of_the_first_version_is_still_read(tmp_path: Path) -> None:
