@@ -317,9 +317,7 @@ def propagate(
 
 
 def _size(contribution: FloatArray, noise: FloatArray) -> float:
-    """Combined standard uncertainty without correlations, because correlated contributions may cancel to
-    zero.
-    """
+    """Combined standard uncertainty without correlations, which may cancel contributions to zero."""
     return float(np.sqrt(np.mean(np.sum(contribution**2, axis=0) + noise**2)))
 
 

@@ -242,10 +242,7 @@ class Controller:
         return Tick(self.pressure, False, not found)
 
     def _inverse(self, asked: float) -> bool:
-        """Newton's method for the pressure, from the nearest known angle.
-
-        False if it does not converge.
-        """
+        """Newton's method for the pressure, from the nearest known angle; False if it does not converge."""
         pressure, near = min(
             [(self.pressure, self._last), *(one for one in self._path if one[1].ok)],
             key=lambda one: abs(asked - one[1].angle),
@@ -520,10 +517,7 @@ def run_control(
 def _prepared(
     actuator: Actuator, gravity: FloatArray, section: ControlSection, name: str, basis: Path | None
 ) -> tuple[Reduction, Plant]:
-    """The reduction and the plant for a direction of gravity.
-
-    They are read from the folder if it contains them.
-    """
+    """The reduction and the plant for a direction of gravity, from the folder if it contains them."""
     key = basis_key(actuator, gravity, section, _PLANT_STEPS)
     file = None if basis is None else basis / f"{name}.h5"
     found = None if file is None else _read_basis(file, key)

@@ -345,10 +345,7 @@ the body."""
 
 
 def _check_closed(toml: TomlFile, mesh: Mesh, cavities: tuple[str, ...]) -> None:
-    """Check that the surface of a cavity ends at the clamp, the mirror plane or the inlet.
-
-    The pressure on an open surface has a resultant force. That on a closed cavity has none.
-    """
+    """Check that a cavity's surface ends at `_OPENINGS`: the pressure on an open one has a resultant."""
     known = [name for name in _OPENINGS if name in mesh.sets]
     for name in cavities:
         with toml.refusing("geometry.mesh", "has no surface to load"):
@@ -399,10 +396,7 @@ def _part(toml: TomlFile, declared: ActuatorFile, name: str, mesh: Mesh, shape: 
 def _world(
     toml: TomlFile, declared: ActuatorFile, mesh: Mesh, cavities: tuple[str, ...]
 ) -> tuple[Mesh, tuple[Fixed | RigidSurface, ...]]:
-    """The fixed set of [blocked] and the planes, and the mesh with their sets.
-
-    The sets have the names of their tables.
-    """
+    """The fixed set of [blocked], the planes, and the mesh with their sets, named as their tables."""
     world: list[Fixed | RigidSurface] = []
     held: FloatArray | Any = np.zeros(0, dtype=np.int64)
     if declared.blocked is not None:

@@ -215,11 +215,7 @@ class Body:
         return np.moveaxis(found, 2, 1).reshape(m, count, k * d)
 
     def _row_jacobians(self) -> FloatArray:
-        """d(kernels' row)/d(constants) of each region, shape [n_regions, n_row, n_parameters].
-
-        The row of most laws consists of their constants. If a law derives other numbers, differences of four
-        points are used. They are exact to 1e-11.
-        """
+        """d(row)/d(constants), [n_regions, n_row, n_parameters]; by four points (to 1e-11) if needed."""
         solid = self.model.solid
         found = []
         for values in self.parameters:

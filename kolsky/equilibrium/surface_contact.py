@@ -45,17 +45,11 @@ def _face_element(element: Element) -> Element:
 
 
 def _contact_rule(item: Element) -> tuple[FloatArray, FloatArray]:
-    """Points [g, d - 1] and weights [g] on a face.
-
-    They include its corners, because walls may touch first at an edge.
-
-    In each coordinate, there are four points of Lobatto's rule (degree 5). On a triangle, the points are
-    corners, mid-points of the edges and centre (degree 3; Zienkiewicz and Taylor 2000, table 5.3).
-    """
-    if item.shape == "simplex" and item.dimension == 2:
+    """Points [g, d - 1] and weights [g] on a face, with its corners, because walls may touch there first."""
+    if item.shape == "simplex" and item.dimension == 2:  # degree 3 (Zienkiewicz and Taylor 2000, table 5.3)
         points = [[0, 0], [1, 0], [0, 1], [0.5, 0], [0, 0.5], [0.5, 0.5], [1 / 3, 1 / 3]]
         return np.array(points, dtype=float), 0.5 * np.repeat([1 / 20, 2 / 15, 9 / 20], [3, 3, 1])
-    inner = 1.0 / np.sqrt(5.0)
+    inner = 1.0 / np.sqrt(5.0)  # Lobatto's rule of degree 5
     line, of_line = np.array([-1.0, -inner, inner, 1.0]), np.array([1.0, 5.0, 5.0, 1.0]) / 6.0
     if item.shape == "simplex":
         return 0.5 * (line[:, None] + 1.0), 0.5 * of_line
@@ -210,9 +204,7 @@ class SurfaceContact:
     def _geometry(
         self, u: FloatArray, near: Touch
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Points [t, 2 k], D [t, 2 k], normals [t, d], tangents [t, d - 1, d], curvatures n . X,ab and the
-        slopes of the second faces' shape functions [t, k, d - 1].
-        """
+        """X [t, 2 k], D [t, 2 k], normals [t, d], tangents [t, d - 1, d], n . X,ab, slopes [t, k, d - 1]."""
         x = self.model.mesh.points + u.reshape(-1, self.model.dimension)
         own, g = np.divmod(near.points, len(self.values))
         second = self.second[near.faces]

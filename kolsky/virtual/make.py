@@ -255,10 +255,7 @@ def _job(shot: ShotSpecification) -> Job:
 
 
 def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> list[list[Place]]:
-    """Batches of shots simulated together on a CPU.
-
-    A batch has shots of one model, limited to a share of a worker.
-    """
+    """Batches of shots of one model for a CPU, limited to a share of a worker."""
     groups: dict[Any, list[Place]] = {}
     for place, job in zip(todo, jobs, strict=True):
         groups.setdefault(job.group, []).append(place)

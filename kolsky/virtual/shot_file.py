@@ -191,10 +191,7 @@ def _channel(channel: ChannelTable) -> dict[str, Any]:
 
 
 def _no_droop(q: Specification) -> dict[str, str]:
-    """A time constant without effect.
-
-    It is used if [incident_force] would otherwise inherit that of [force].
-    """
+    """A time constant without effect, if [incident_force] would otherwise inherit that of [force]."""
     taken_over = q.transmitted.time_constant is not None and q.incident.time_constant is None
     return {"time_constant": f"{_NO_DROOP:.9g} s"} if taken_over else {}
 

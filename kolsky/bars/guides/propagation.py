@@ -419,9 +419,7 @@ def _fit(
 
 
 def _above_noise(pulse: Signal) -> float | None:
-    """Frequency above which no component of a pulse exceeds five times its noise, plus the width of an
-    edge.
-    """
+    """Frequency above which a pulse is below five times its noise, plus the width of an edge."""
     if not pulse.sigma > 0.0:
         return None
     spectrum = np.abs(rfft(pulse.value))

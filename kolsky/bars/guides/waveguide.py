@@ -180,10 +180,7 @@ def _refined(
 
 
 def _slowest_root(w: FloatArray, poisson: float) -> FloatArray:
-    """Largest wavenumber at each frequency, which is the first mode.
-
-    A scan brackets the root; an iteration then refines it.
-    """
+    """Largest wavenumber at each frequency (the first mode), bracketed by a scan and then refined."""
     slowest = 0.9 * rayleigh_speed(poisson)
     k = np.empty_like(w)
     pending = np.arange(w.size)

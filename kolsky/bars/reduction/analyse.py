@@ -122,10 +122,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
 
 
 def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, tension: bool) -> Windows:
-    """Windows from the shot file or from travel times.
-
-    With two stations on a bar, the windows are those for overlapping pulses.
-    """
+    """Windows from the shot file, from travel times, or for pulses that overlap at two stations."""
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
     if not given.switches[FREE_END]:

@@ -186,10 +186,7 @@ class SpecimenMotion:
 
 
 def _averaged_samples(reduction: Reduction, bars: Mapping[str, Bar]) -> int:
-    """Number of samples for centred means, odd.
-
-    It is the time of a wave across the thicker bar's diameter.
-    """
+    """Samples of centred means, odd: the time of a wave across the thicker bar's diameter."""
     step = float(reduction.time[1] - reduction.time[0])
     return max(3, round(max(bar.diameter / bar.wave_speed for bar in bars.values()) / step) | 1)
 

@@ -288,10 +288,7 @@ class Assembled:
 
 
 def _runs(places: IntArray, eliminated: int) -> list[tuple[int, int, int]]:
-    """Runs of a half's unknowns that are also neighbours in this front, all eliminated or none.
-
-    A run has its start in the half, its start in the front, and its length.
-    """
+    """Runs (start in the half, start in the front, length) of a half's unknowns, all eliminated or none."""
     if len(places) == 0:
         return []
     ends = (np.diff(places) != 1) | (places[1:] == eliminated)

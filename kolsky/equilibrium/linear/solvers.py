@@ -262,10 +262,7 @@ class BridgedSolver:
         return self._solver.factors(together, symmetric=symmetric)
 
     def _joined(self, known: IntArray) -> LinearSolver:
-        """The solver of the cells, with the blocks as further cells.
-
-        Missing components are fixed.
-        """
+        """The solver of the cells, with the blocks as further cells; missing components are fixed."""
         d, held = self.points.shape[1], len(self.pattern.index)
         own = self.pattern.dofs
         further = (known[..., None] * d + np.arange(d)).reshape(len(known), -1)

@@ -58,10 +58,7 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
 
 
 def _properties(test: HomogeneousTest) -> dict[str, Any]:
-    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, and fracture.
-
-    None for a missing value.
-    """
+    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, and fracture; None if missing."""
     uniaxial = test.mode is Mode.UNIAXIAL
     modulus = youngs_modulus(test.strain, test.stress) if uniaxial else None
     across = poissons_ratio(test.deformation, test.lateral) if uniaxial and test.lateral is not None else None

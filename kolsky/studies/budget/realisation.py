@@ -426,10 +426,7 @@ def _true_part(quantities: Specification) -> Specification:
 
 
 def _truth(true: Specification, folder: Path, device: str, threads: int | None) -> Truth:
-    """The truth of a specification.
-
-    The last few are cached, because most realisations have the same truth.
-    """
+    """The truth of a specification. The last few are cached, because most realisations share theirs."""
     key = f"{folder} {true.model_dump_json()}"
     if key not in _TRUTHS:
         while len(_TRUTHS) >= KEPT:
