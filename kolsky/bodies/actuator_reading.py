@@ -1,7 +1,7 @@
 """SPEC.toml of an actuator: its tables, and the actuator, gravity directions and pressures from them."""
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import count, pairwise, takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -435,13 +435,11 @@ def _pneunet_of(declared: ActuatorFile) -> Pneunet:
 
 def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
     """The contacts of the walls at the gaps of a mesh; empty without a section."""
-    contacts: list[SelfContact] = []
-    while section is not None and f"gap_{len(contacts) + 1}_left" in mesh.sets:
-        n = len(contacts) + 1
-        contacts.append(
-            SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=section.penalty, depth=section.depth)
-        )
-    return tuple(contacts)
+    if section is None:
+        return ()
+    gaps = takewhile(lambda n: f"gap_{n}_left" in mesh.sets, count(1))
+    penalty, depth = section.penalty, section.depth
+    return tuple(SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=penalty, depth=depth) for n in gaps)
 
 
 def volume_reading(d1: Any) -> float:

@@ -14,7 +14,7 @@ information of n / a independent ones (Bartlett 1946).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -466,7 +466,7 @@ def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncert
     """The test with its bonds checked, if they can be shortened and simulated."""
     test = one.test
     try:
-        shorter = test.model.shortened()
+        shorter = replace(test.model, shape=test.model.shape.shortened())
     except ValueError:
         return one
     answer = shorter.linearised(constants, constants.start, one.displacement)
