@@ -436,15 +436,6 @@ def basis_key(
     return digest.hexdigest()
 
 
-def _stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
-    reduced = made.model.reduced
-    sample, basis = reduced.sample, reduced.basis
-    return StoredBasis(
-        key, basis.modes, basis.values, sample.cells, sample.weights, sample.residual, sample.reached,
-        made.pressure, made.angle, made.error, made.gap, plant.pressure, plant.angle,
-    )  # fmt: skip
-
-
 def _restored(basis: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> Reduction:
     """The stored reduction of an actuator."""
     model = actuator.model(gravity)
@@ -517,9 +508,14 @@ def _prepared(
         raise ValueError(f"the plant: {run.solution.outcome.cause}; {run.solution.outcome.cure}")
     plant = Plant(pressures, run.angle, section.lag, section.delay, section.noise)
     if file is not None:
+        own, sample = made.model.reduced.basis, made.model.reduced.sample
         file.parent.mkdir(parents=True, exist_ok=True)
         with writing(file, FORMAT) as place:
-            _BASIS.write(place, _stored(key, made, plant))
+            found = StoredBasis(
+                key, own.modes, own.values, sample.cells, sample.weights, sample.residual, sample.reached,
+                made.pressure, made.angle, made.error, made.gap, plant.pressure, plant.angle,
+            )  # fmt: skip
+            _BASIS.write(place, found)
     return made, plant
 
 

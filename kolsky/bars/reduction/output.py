@@ -298,6 +298,7 @@ def columns(result: WavesResult) -> dict[str, FloatArray]:
 def metadata(result: WavesResult) -> dict[str, str]:
     """Key -> value of the lines above the table."""
     first, second = result.incident.bar, result.transmission.bar
+    span = result.reduction.balanced
     said: dict[str, str] = {
         "format": DATABASE_FORMAT,
         "test_name": result.name,
@@ -321,7 +322,7 @@ def metadata(result: WavesResult) -> dict[str, str]:
         "uncertainty": "u_: combined standard uncertainty, k = 1",
         "corrections_applied": _names(result, True),
         "corrections_left_out": _names(result, False),
-        "force_equilibrium_s": _span(result.reduction.balanced),
+        "force_equilibrium_s": "none" if span is None else f"{span[0]:.6g} to {span[1]:.6g}",
         "validity": result.validity,
     }
     for name, (value, sigma, unit) in result.budget.results.items():
@@ -345,10 +346,6 @@ def _measured(value: float, sigma: float, unit: str) -> str:
 
 def _names(result: WavesResult, applied: bool) -> str:
     return ", ".join(dict.fromkeys(c.key for c in result.corrections if c.applied is applied)) or "none"
-
-
-def _span(span: tuple[float, float] | None) -> str:
-    return "none" if span is None else f"{span[0]:.6g} to {span[1]:.6g}"
 
 
 def _inside(time: FloatArray, span: tuple[float, float] | None) -> FloatArray:

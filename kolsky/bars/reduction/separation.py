@@ -193,7 +193,10 @@ def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> t
     """
     first = recordings[0]
     start, interval = uniform_clock(first)
-    signals = [_shifted(r, offset - offsets[0]) for r, offset in zip(recordings, offsets, strict=True)]
+    signals = []
+    for r, offset in zip(recordings, offsets, strict=True):
+        begin, step = uniform_clock(r)
+        signals.append(Signal(begin + (offset - offsets[0]), step, r.value, 0.0, r.unit, r.channel))
     for other, signal in zip(recordings[1:], signals[1:], strict=True):
         if abs(signal.interval / interval - 1.0) * first.time.size > LARGEST_JITTER:
             raise ValueError(
@@ -216,11 +219,6 @@ def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> t
         replace(recording, time=time, value=sampled_from(signal, begin, count))
         for recording, signal in zip(recordings, signals, strict=True)
     )
-
-
-def _shifted(recording: Recording, shift: float) -> Signal:
-    start, interval = uniform_clock(recording)
-    return Signal(start + shift, interval, recording.value, 0.0, recording.unit, recording.channel)
 
 
 PADDING = 4

@@ -24,9 +24,11 @@ CORRELATED = 1.0
 
 def tables(comparison: Comparison) -> dict[str, Columns]:
     """Columns by heading, of every table by name. Missing numbers are empty text."""
+    names = ("law", "constant", "value (SI)", "u (SI)", "unit", "state")
+    rows = ((row.candidate.name, *said) for row, f in _fitted(comparison) for said in _constants_of(f))
     return {
         "material_laws": _laws(comparison),
-        "material_constants": _constants(comparison),
+        "material_constants": columns_of((dict(zip(names, row, strict=True)) for row in rows), names),
         "material_errors": _errors(comparison),
         "material_stability": _stability(comparison),
         "material_curves": _curves(comparison),
@@ -157,12 +159,6 @@ def _laws(comparison: Comparison) -> Columns:
         "stable over the data": ["yes" if row.stable else "no" for row, _ in rows],
         "stability ends": [failure(row) for row, _ in rows],
     }
-
-
-def _constants(comparison: Comparison) -> Columns:
-    names = ("law", "constant", "value (SI)", "u (SI)", "unit", "state")
-    rows = ((row.candidate.name, *said) for row, f in _fitted(comparison) for said in _constants_of(f))
-    return columns_of((dict(zip(names, row, strict=True)) for row in rows), names)
 
 
 def _constants_of(f: Fit) -> Iterator[tuple[Any, ...]]:
