@@ -224,23 +224,15 @@ def summary(result: ReducedTest) -> Mapping[str, Any]:
 
 def _test_summary(result: ReducedTest) -> dict[str, Any]:
     """Entries that only one kind of test has."""
+    valid = {"valid": None if result.valid is None else list(result.valid), "validity": result.validity}
     if isinstance(result, WavesResult):
         names = ("incident", "reflected", "transmitted")
         spans = {name: list(getattr(result.windows, name)) for name in names}
-        return {
-            "windows": {**spans, "source": result.windows.source},
-            "analysis": result.analysis,
-            "valid": None if result.valid is None else list(result.valid),
-            "validity": result.validity,
-        }
+        return {"windows": {**spans, "source": result.windows.source}, "analysis": result.analysis, **valid}
     assert isinstance(result, FlyerResult)  # there are only these two kinds
     keys = ("name", "time", "sigma", "how")
-    return {
-        "events": [dict(zip(keys, event, strict=True)) for event in result.events],
-        "valid": None if result.valid is None else list(result.valid),
-        "validity": result.validity,
-        "synchronisation": result.synchronisation,
-    }
+    events = [dict(zip(keys, event, strict=True)) for event in result.events]
+    return {"events": events, **valid, "synchronisation": result.synchronisation}
 
 
 _MEGA = 1e-6
