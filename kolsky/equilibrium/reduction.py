@@ -238,7 +238,6 @@ class ReducedModel:
         *,
         start: FloatArray | None = None,
         rows: FloatArray | None = None,
-        weight: float = 1.0,
         tolerance: float = 1e-9,
     ) -> ReducedState:
         """Find the equilibrium under pressures [Pa] of shape [n_pressures] from amplitudes `start`."""
@@ -251,7 +250,7 @@ class ReducedModel:
             if inverted or not np.isfinite(internal).all():
                 return ReducedState(q, nothing, Outcome.INVERTED, iteration)
             unit, by = self.loads(q)
-            external = p @ unit + weight * self.weight
+            external = p @ unit + self.weight
             residual = internal - external
             K = tangent - np.tensordot(p, by, axes=1)
             scale = max(float(np.linalg.norm(internal)), float(np.linalg.norm(external)))
