@@ -8,7 +8,6 @@ It therefore works for any model of NumPy arrays. Correlated inputs are declared
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -170,52 +169,6 @@ class Budget:
         """Flat index of the sample with the largest magnitude."""
         return int(np.argmax(np.abs(self.value[self._known(output)])))
 
-    def table(self, output: str, sample: int | None = None) -> list[dict[str, Any]]:
-        """Contributions at one sample, the largest share first. The last row is the total.
-
-        ``output``: name of the output. ``sample``: flat index of the sample; default: that of the largest
-        magnitude. Returns: "quantity", "value", "unit", "sigma", "kind", "freedom", "sensitivity" (output per
-        unit of the quantity), "contribution" and "share" of the variance, Eq. (U.13). Shares add up to 1;
-        that of a correlated quantity may be negative.
-        """
-        at = self.peak(output) if sample is None else sample
-        Z = self.contribution[output].reshape(len(self.quantities), -1)[:, at]
-        u = float(self.sigma(output).reshape(-1)[at])
-        share = Z * (self.correlation @ Z) / u**2 if u > 0.0 else np.zeros(Z.size)
-        rows: list[dict[str, Any]] = [
-            {
-                "quantity": q.name,
-                "value": q.value,
-                "unit": q.unit,
-                "sigma": q.sigma,
-                "kind": q.kind,
-                "freedom": q.freedom,
-                "sensitivity": float(z / q.sigma) if q.sigma > 0.0 else 0.0,
-                "contribution": float(z),
-                "share": float(part),
-            }
-            for q, z, part in zip(self.quantities, Z, share, strict=True)
-        ]
-        noise = float(self.noise[output].reshape(-1)[at])
-        free = {"value": 0.0, "unit": "", "sensitivity": 1.0, "freedom": float("inf")}
-        part = noise**2 / u**2 if u > 0.0 else 0.0
-        rows.append(
-            {"quantity": "noise", **free, "sigma": noise, "kind": "A", "contribution": noise, "share": part}
-        )
-        rows.sort(key=lambda row: -abs(float(row["share"])))
-        whole = {
-            "quantity": f"combined, {output}",
-            "value": float(self.value[output].reshape(-1)[at]),
-            "unit": "",
-            "sigma": u,
-            "kind": "",
-            "freedom": float(self.freedom(output).reshape(-1)[at]),
-            "sensitivity": 1.0,
-            "contribution": u,
-            "share": 1.0,
-        }
-        return [*rows, whole]
-
     def _known(self, output: str) -> str:
         if output not in self.value:
             raise ValueError(f"no output is called {output!r}; there are {', '.join(self.value)}")
@@ -226,22 +179,26 @@ def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, st
     """The budget of the reported results, e.g. of the peak stress.
 
     ``results``: by the name of the result: output, flat index of the sample (None: that of the largest
-    magnitude), unit. Returns: a row for every quantity, then one for the noise of every result.
+    magnitude), unit. Returns: a row for every quantity, with its sensitivity (output per unit of it) and its
+    share of the variance, Eq. (U.13), then one for the noise of every result. Shares add up to 1; that of a
+    correlated quantity may be negative.
     """
     numbers: dict[str, tuple[float, float, str]] = {}
     shares: list[dict[str, float]] = [{} for _ in budget.quantities]
     slopes: list[dict[str, float]] = [{} for _ in budget.quantities]
     noises = []
     for name, (output, sample, unit) in results.items():
-        rows = {row["quantity"]: row for row in budget.table(output, sample)}
-        whole, noise = rows[f"combined, {output}"], rows["noise"]
-        numbers[name] = (whole["value"], whole["sigma"], unit)
-        for share, slope, q in zip(shares, slopes, budget.quantities, strict=True):
-            share[name] = rows[q.name]["share"]
+        at = budget.peak(output) if sample is None else sample
+        u, noise = (float(one.reshape(-1)[at]) for one in (budget.sigma(output), budget.noise[output]))
+        Z = budget.contribution[output].reshape(len(budget.quantities), -1)[:, at]
+        numbers[name] = (float(budget.value[output].reshape(-1)[at]), u, unit)
+        parts = Z * (budget.correlation @ Z) / u**2 if u > 0.0 else np.zeros(Z.size)
+        for i, q in enumerate(budget.quantities):
+            shares[i][name] = float(parts[i])
             if q.sigma > 0.0:
-                slope[name] = rows[q.name]["sensitivity"]
-        of_noise = Quantity(f"noise, {name}", 0.0, noise["sigma"], unit, "A")
-        noises.append(Contribution(of_noise, {name: noise["share"]}))
+                slopes[i][name] = float(Z[i] / q.sigma)
+        of_noise = Quantity(f"noise, {name}", 0.0, noise, unit, "A")
+        noises.append(Contribution(of_noise, {name: noise**2 / u**2 if u > 0.0 else 0.0}))
     inputs = [Contribution(*row) for row in zip(budget.quantities, shares, slopes, strict=True)]
     return BudgetTable(results=numbers, contributions=(*inputs, *noises))
 
@@ -317,9 +274,7 @@ def propagate(
 
 
 def _size(contribution: FloatArray, noise: FloatArray) -> float:
-    """Combined standard uncertainty without correlations, because correlated contributions may cancel to
-    zero.
-    """
+    """Combined standard uncertainty without correlations, which may cancel contributions to zero."""
     return float(np.sqrt(np.mean(np.sum(contribution**2, axis=0) + noise**2)))
 
 

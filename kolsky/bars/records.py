@@ -277,6 +277,11 @@ class ReducedTest(ResultViews):
     """Declared settings, and the versions."""
     extra: Mapping[str, FloatArray] = field(default_factory=dict)
     """Further histories on the reduction's times, "name (unit)" to values, shape [n]."""
+    valid: tuple[float, float] | None = None
+    """Time span in which imbalance and inertia stay within a share of the stress, and the classical
+    stress-strain curve is valid [s]; None if there is none."""
+    validity: str = ""
+    """The time span in words, with the allowed share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,11 +297,6 @@ class WavesResult(ReducedTest):
     """The waves at the specimen."""
     analysis: str = "three waves"
     """The analysis of the reported values."""
-    valid: tuple[float, float] | None = None
-    """Time span in which imbalance and inertia stay within a share of the stress [s]; None if no such span
-    exists."""
-    validity: str = ""
-    """The time span in words, with the allowed share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -307,10 +307,6 @@ class FlyerResult(ReducedTest):
     """Forces at the transducers over the whole record [N]."""
     events: tuple[tuple[str, float | None, float | None, str], ...]
     """Name, time [s], sigma [s] and detection method of every event in the search."""
-    valid: tuple[float, float] | None
-    """Time span in which the classical stress-strain curve is valid [s]; None if there is none."""
-    validity: str
-    """The time span in words, with the allowed share."""
     synchronisation: str | None
     """Verdict of the cross-check of cameras and transducers; None without an incident transducer."""
     inertia: Mapping[str, FloatArray]

@@ -283,17 +283,17 @@ def pressure_for(
     or suction if below 0 [Pa]. Suction bends the other way. The search then reverses the signs of angle and
     pressure, and its function increases.
     """
-    rest = actuator.simulate(gravity, np.zeros(1))
+    rest, memory = actuator.simulate(gravity, np.zeros(1)), _Memory(actuator, gravity)
     way = -1.0 if most < 0.0 else 1.0
     start = Search(way * angle, way * most, way * float(rest.angle[0]), 0.5 * way * most)
     if not rest.solution.outcome.ok or start.wanted < start.low_angle - TOLERANCE:
         ended = SearchEnd.BELOW if rest.solution.outcome.ok else SearchEnd.FAILED
         return _inversion(angle, rest, ended, 1)
-    near = rest
     for n in range(2, ITERATIONS + 2):
-        near = _next_equilibrium(actuator, gravity, near, way * start.pressure)
-        if not near.solution.outcome.ok:
-            return _inversion(angle, near, SearchEnd.FAILED, n)
+        try:
+            near = memory.at(np.full(len(actuator.cavities), way * start.pressure))
+        except _NoEquilibriumError as error:
+            return _inversion(angle, error.bend, SearchEnd.FAILED, n)
         value, slope = float(near.angle[-1]), float(near.slopes()[-1].sum())
         if abs(value - angle) <= TOLERANCE:
             return _inversion(angle, near, SearchEnd.YES, n)
@@ -323,21 +323,11 @@ class Search:
         self.pressure = step if inside else self.most if beyond else 0.5 * (self.low + self.high)
 
 
-def _next_equilibrium(
-    actuator: Actuator, gravity: Sequence[float] | FloatArray, near: Bending, pressure: float
-) -> Bending:
-    before = float(near.pressures[-1, 0])
-    if near.solution.reached == 1 and before == 0.0:
-        return actuator.simulate(gravity, pressure * np.arange(1, RAMP + 1) / RAMP)
-    guess = near.solution.displacements[-1:]
-    return actuator.simulate(gravity, np.array([pressure]), guess=guess)
-
-
 def _inversion(angle: float, at: Bending, ended: SearchEnd, equilibria: int) -> Inversion:
-    ok = at.solution.outcome.ok
-    slope = at.slopes()[-1] if ok else np.full(at.pressures.shape[1], np.nan)
-    pressures = at.pressures[-1] if ok else np.full(at.pressures.shape[1], np.nan)
-    return Inversion(angle, pressures, float(at.angle[-1]), slope, ended, equilibria)
+    if not at.solution.outcome.ok:
+        empty = np.full(at.pressures.shape[1], np.nan)
+        return Inversion(angle, empty, float(at.angle[-1]), empty, ended, equilibria)
+    return Inversion(angle, at.pressures[-1], float(at.angle[-1]), at.slopes()[-1], ended, equilibria)
 
 
 def pressures_for(
@@ -370,17 +360,19 @@ def pressures_for(
 
     try:
         best = least_squares(residual, np.full(count, 0.4), jac=jacobian, bounds=(0.0, 1.0), xtol=1e-12)
-    except _NoEquilibriumError:
-        empty = np.full(count, np.nan)
-        return Inversion(angle, empty, np.nan, empty, SearchEnd.FAILED, memory.equilibria)
+    except _NoEquilibriumError as error:
+        return _inversion(angle, error.bend, SearchEnd.FAILED, memory.equilibria)
     near = memory.at(most * best.x)
     close = float(np.abs(best.fun).max()) <= 1e2 * TOLERANCE
     ended = SearchEnd.YES if close else SearchEnd.NEAREST if best.status > 0 else SearchEnd.NOT_CONVERGED
-    return Inversion(angle, most * best.x, float(near.angle[-1]), near.slopes()[-1], ended, memory.equilibria)
+    return _inversion(angle, near, ended, memory.equilibria)
 
 
 class _NoEquilibriumError(Exception):
     """A trial point of the search has no equilibrium."""
+
+    def __init__(self, bend: Bending) -> None:
+        self.bend = bend
 
 
 class _Memory:
@@ -397,13 +389,10 @@ class _Memory:
         if last is not None and np.array_equal(last.pressures[-1], pressures):
             return last
         self.equilibria += 1
-        if last is None:
-            bend = self.actuator.simulate(self.gravity, np.outer(np.arange(1, RAMP + 1) / RAMP, pressures))
-        else:
-            bend = self.actuator.simulate(
-                self.gravity, pressures[None], guess=last.solution.displacements[-1:]
-            )
+        steps = pressures[None] if last is not None else np.outer(np.arange(1, RAMP + 1) / RAMP, pressures)
+        guess = None if last is None else last.solution.displacements[-1:]
+        bend = self.actuator.simulate(self.gravity, steps, guess=guess)
         if not bend.solution.outcome.ok:
-            raise _NoEquilibriumError
+            raise _NoEquilibriumError(bend)
         self.last = bend
         return bend

@@ -242,10 +242,7 @@ class Controller:
         return Tick(self.pressure, False, not found)
 
     def _inverse(self, asked: float) -> bool:
-        """Newton's method for the pressure, from the nearest known angle.
-
-        False if it does not converge.
-        """
+        """Newton's method for the pressure, from the nearest known angle; False if it does not converge."""
         pressure, near = min(
             [(self.pressure, self._last), *(one for one in self._path if one[1].ok)],
             key=lambda one: abs(asked - one[1].angle),
@@ -377,34 +374,22 @@ CURE = "delete it: it is made again from the SPEC"
 
 @dataclass(frozen=True)
 class StoredBasis:
-    """A reduced actuator and its plant, as stored in a file."""
+    """Fields of `Basis`, `Sample`, `Reduction` and `Plant` as stored in a file, in the units of `_BASIS`."""
 
     key: str
     """SHA-256 of their inputs."""
     modes: FloatArray
-    """Orthonormal columns [-], shape [n_dofs, r]."""
     singular: FloatArray
-    """Singular values [m], shape [n_snapshots]."""
     cells: IntArray
-    """Chosen elements, shape [s]."""
     weights: FloatArray
-    """Their weights [-], shape [s]."""
     residual: float
-    """Relative residual of the forces [-]."""
     reached: bool
-    """True if the residual is within the tolerance."""
     pressure: FloatArray
-    """Check pressures, which are not in the basis [Pa], shape [k]."""
     angle: FloatArray
-    """Angle of the full model at these pressures [rad], shape [k]."""
     error: FloatArray
-    """Angle of the reduced model minus that of the full model [rad], shape [k]."""
     gap: float
-    """Smallest distance of neighbouring chambers at any of the pressures [m]; NaN without gaps."""
     plant_pressure: FloatArray
-    """Pressures at which the plant was simulated [Pa], shape [p]."""
     plant_angle: FloatArray
-    """Angle of the plant at these pressures [rad], shape [p]."""
 
 
 _BASIS = Record(
@@ -451,36 +436,14 @@ def basis_key(
     return digest.hexdigest()
 
 
-def stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
-    """The stored form of a reduction and a plant."""
-    reduced = made.model.reduced
-    sample, basis = reduced.sample, reduced.basis
-    return StoredBasis(
-        key, basis.modes, basis.values, sample.cells, sample.weights, sample.residual, sample.reached,
-        made.pressure, made.angle, made.error, made.gap, plant.pressure, plant.angle,
-    )  # fmt: skip
-
-
-def _read_basis(path: Path, key: str) -> StoredBasis | None:
-    """Read a stored file. None if there is no such file, or if it has another key."""
-    if not Path(path).exists():
-        return None
-    with reading(path, FORMAT, cure=CURE) as place:
-        basis = _BASIS.read(place)
-    return basis if basis.key == key else None
-
-
-def _restored(
-    basis: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray
-) -> tuple[Reduction, FloatArray, FloatArray]:
-    """The reduction of an actuator, and pressure and angle of the plant."""
+def _restored(basis: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> Reduction:
+    """The stored reduction of an actuator."""
     model = actuator.model(gravity)
     if len(basis.modes) != model.n_dofs or not (basis.cells < len(model.mesh.cells)).all():
         raise ValueError("the stored basis is of another mesh: delete it")
     sample = Sample(basis.cells, basis.weights, basis.residual, basis.reached)
     reduced = ReducedModel(model, Basis(basis.modes, basis.singular), sample, gravity=WEIGHT)
-    made = Reduction(ReducedActuator(reduced), basis.pressure, basis.angle, basis.error, basis.gap)
-    return made, basis.plant_pressure, basis.plant_angle
+    return Reduction(ReducedActuator(reduced), basis.pressure, basis.angle, basis.error, basis.gap)
 
 
 _PLANT_STEPS = 9
@@ -520,16 +483,16 @@ def run_control(
 def _prepared(
     actuator: Actuator, gravity: FloatArray, section: ControlSection, name: str, basis: Path | None
 ) -> tuple[Reduction, Plant]:
-    """The reduction and the plant for a direction of gravity.
-
-    They are read from the folder if it contains them.
-    """
+    """The reduction and the plant for a direction of gravity, from the folder if it contains them."""
     key = basis_key(actuator, gravity, section, _PLANT_STEPS)
     file = None if basis is None else basis / f"{name}.h5"
-    found = None if file is None else _read_basis(file, key)
-    if found is not None:
-        made, pressure, angle = _restored(found, actuator, gravity)
-        return made, Plant(pressure, angle, section.lag, section.delay, section.noise)
+    if file is not None and file.exists():
+        with reading(file, FORMAT, cure=CURE) as place:
+            found = _BASIS.read(place)
+        if found.key == key:
+            made = _restored(found, actuator, gravity)
+            camera = (section.lag, section.delay, section.noise)
+            return made, Plant(found.plant_pressure, found.plant_angle, *camera)
     made = reduce_actuator(
         actuator,
         gravity,
@@ -539,11 +502,20 @@ def _prepared(
         seen=section.snapshots,
         within=(max(section.angles), allowed_error(section)),
     )
-    plant = _plant_of(actuator, gravity, section)
+    pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
+    run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
+    if not run.solution.outcome.ok:
+        raise ValueError(f"the plant: {run.solution.outcome.cause}; {run.solution.outcome.cure}")
+    plant = Plant(pressures, run.angle, section.lag, section.delay, section.noise)
     if file is not None:
+        own, sample = made.model.reduced.basis, made.model.reduced.sample
         file.parent.mkdir(parents=True, exist_ok=True)
         with writing(file, FORMAT) as place:
-            _BASIS.write(place, stored(key, made, plant))
+            found = StoredBasis(
+                key, own.modes, own.values, sample.cells, sample.weights, sample.residual, sample.reached,
+                made.pressure, made.angle, made.error, made.gap, plant.pressure, plant.angle,
+            )  # fmt: skip
+            _BASIS.write(place, found)
     return made, plant
 
 
@@ -588,15 +560,6 @@ def allowed_error(section: ControlSection) -> float:
 def schedule(section: ControlSection) -> FloatArray:
     """Target angle of each tick [rad], shape [n]."""
     return np.repeat(np.array(section.angles), max(1, round(section.hold * section.rate)))
-
-
-def _plant_of(actuator: Actuator, gravity: FloatArray, section: ControlSection) -> Plant:
-    """The plant: the full model with another stiffness, a lag, a delay and noise."""
-    pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
-    run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
-    if not run.solution.outcome.ok:
-        raise ValueError(f"the plant: {run.solution.outcome.cause}; {run.solution.outcome.cure}")
-    return Plant(pressures, run.angle, section.lag, section.delay, section.noise)
 
 
 def loop_warnings(

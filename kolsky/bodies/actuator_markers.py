@@ -27,6 +27,7 @@ from kolsky.base.errors import InputError
 from kolsky.bodies.actuator_bending import Direction
 from kolsky.bodies.actuator_model import Actuator, Bending, bend_of
 from kolsky.bodies.actuator_reading import ActuatorSpec
+from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.sensitivity import direct
 from kolsky.readers.table import Column, read_table
 
@@ -102,9 +103,10 @@ class StiffnessFit:
         return self.chi2 <= float(chi2_law.ppf(EXPLAINED, self.degrees))
 
 
-def marker_weights(actuator: Actuator, count: int = COUNT) -> FloatArray:
-    """Weights of the points of "line" in the position of each marker [-], shape [count, n_line]."""
-    return marker_weights_of(actuator.mesh.points[actuator.mesh.nodes("line"), 0], count)
+def marker_weights(x: FloatArray, count: int = COUNT) -> FloatArray:
+    """Weights of the points of a line, at increasing coordinates x [m], in each marker, [count, n_line]."""
+    shares = x[0] + (x[-1] - x[0]) * np.arange(1, count + 1) / count
+    return np.stack([np.interp(shares, x, unit) for unit in np.eye(len(x))], axis=-1)
 
 
 def marker_positions(run: Bending, weights: FloatArray) -> FloatArray:
@@ -117,16 +119,13 @@ def marker_positions(run: Bending, weights: FloatArray) -> FloatArray:
 
 def compare(run: Bending, gravity: str, step: int, measured: FloatArray, sigma: float) -> MarkerComparison:
     """Compare measured markers [m] of shape [n, 2] with a step of a simulation."""
-    model = run.solution.model
-    weights = marker_weights_of(model.mesh.points[model.mesh.nodes("line"), 0], len(measured))
+    weights = marker_weights(_line(run.solution.model.mesh), len(measured))
     simulated = marker_positions(run, weights)[step]
     return MarkerComparison(gravity, float(run.pressures[step].max()), measured, simulated, sigma)
 
 
-def marker_weights_of(x: FloatArray, count: int) -> FloatArray:
-    """As `marker_weights`, for increasing coordinates of the points of a line [m]."""
-    shares = x[0] + (x[-1] - x[0]) * np.arange(1, count + 1) / count
-    return np.stack([np.interp(shares, x, unit) for unit in np.eye(len(x))], axis=-1)
+def _line(mesh: Mesh) -> FloatArray:
+    return mesh.points[mesh.nodes("line"), 0]
 
 
 def interval(
@@ -163,7 +162,7 @@ def fit_stiffness(
                 raise ValueError(f"{name} at {factor:.3g} times the stiffness: {run.solution.outcome.cause}")
             guesses[name] = run.solution.displacements
             count = len(next(iter(sets.values())))
-            weights = marker_weights(actuator, count)
+            weights = marker_weights(_line(actuator.mesh), count)
             nodes = actuator.mesh.nodes("line")
             by = direct(run.solution).displacements[:, : moduli.size, nodes]  # [steps, constants, line, 3]
             by_factor = np.einsum("c,scld->sld", moduli.ravel(), by)

@@ -31,26 +31,40 @@ def bend_tables(
         if one.path is not None
     }
     rows = {
-        "forces": (row for one in directions for row in _force_rows(one)),
-        "line": (row for one in directions for row in _line_rows(one)),
-        "motion": (row for one in motions for row in _motion_rows(one)),
-        "markers": (row for one in markers for row in _marker_rows(one)),
-    }
-    bend = columns_of(row for one in directions for row in _bend_rows(one))
-    others = {name: table for name, each in rows.items() if (table := columns_of(each))}
-    return {"bend": bend, **paths, **others}
-
-
-def _force_rows(one: Direction) -> Iterator[dict[str, Any]]:
-    """One row per plane or support and pressure step."""
-    for name, each in one.forces.items():
-        for k, force in enumerate(each):
-            yield {
+        "forces": (
+            {
                 "gravity": one.name,
                 "on": name,
                 "pressure (Pa)": float(one.pristine.pressures[k].max()),
                 **{f"{axis} (N)": float(x) for axis, x in zip("xyz", force, strict=True)},
             }
+            for one in directions
+            for name, each in one.forces.items()
+            for k, force in enumerate(each)
+        ),
+        "line": (row for one in directions for row in _line_rows(one)),
+        "motion": (
+            {"gravity": one.name, "time (s)": t, "pressure (Pa)": pressure, "angle (rad)": angle}
+            for one in motions
+            for t, pressure, angle in np.column_stack([one.time, one.pressure, one.angle]).tolist()
+        ),
+        "markers": (
+            {
+                "gravity": one.gravity,
+                "pressure (Pa)": one.pressure,
+                "marker": number,
+                "x measured (m)": float(seen[0]),
+                "z measured (m)": float(seen[1]),
+                "x simulated (m)": float(made[0]),
+                "z simulated (m)": float(made[1]),
+            }
+            for one in markers
+            for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1)
+        ),
+    }
+    bend = columns_of(row for one in directions for row in _bend_rows(one))
+    others = {name: table for name, each in rows.items() if (table := columns_of(each))}
+    return {"bend": bend, **paths, **others}
 
 
 def _bend_rows(one: Direction) -> Iterator[dict[str, Any]]:
@@ -91,30 +105,6 @@ def _line_rows(one: Direction) -> Iterator[dict[str, Any]]:
             }
 
 
-def _motion_rows(one: BendInTime) -> Iterator[dict[str, Any]]:
-    for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True):
-        yield {
-            "gravity": one.name,
-            "time (s)": float(time),
-            "pressure (Pa)": float(pressure),
-            "angle (rad)": float(angle),
-        }
-
-
-def _marker_rows(one: MarkerComparison) -> Iterator[dict[str, Any]]:
-    """Measured and simulated positions of every marker."""
-    for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1):
-        yield {
-            "gravity": one.gravity,
-            "pressure (Pa)": one.pressure,
-            "marker": number,
-            "x measured (m)": float(seen[0]),
-            "z measured (m)": float(seen[1]),
-            "x simulated (m)": float(made[0]),
-            "z simulated (m)": float(made[1]),
-        }
-
-
 def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> dict[str, Any]:
     """Bends at the declared pressures as JSON types, SI."""
     whole = {}
@@ -131,7 +121,7 @@ def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> di
             "angle_healed_rad": None if one.healed is None else one.healed.angle[one.asked],
             "healed_over_pristine_less_1": None if one.healed is None else relative_bend(one),
         }
-    return {key: jsonable(value, key) for key, value in {"bends": whole, "inputs": dict(inputs)}.items()}
+    return {"bends": jsonable(whole, "bends"), "inputs": dict(inputs)}
 
 
 def inversions_json(found: Mapping[str, Sequence[Inversion]], inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -150,7 +140,7 @@ def inversions_json(found: Mapping[str, Sequence[Inversion]], inputs: Mapping[st
         ]
         for name, each in found.items()
     }
-    return {key: jsonable(value, key) for key, value in {"found": whole, "inputs": dict(inputs)}.items()}
+    return {"found": jsonable(whole, "found"), "inputs": dict(inputs)}
 
 
 def loop_json(
@@ -178,7 +168,7 @@ def loop_json(
             "sampling_residual": made.model.reduced.sample.residual,
             "largest_error_of_the_reduction_rad": made.largest_error,
         }
-    return {key: jsonable(value, key) for key, value in {"runs": whole, "inputs": dict(inputs)}.items()}
+    return {"runs": jsonable(whole, "runs"), "inputs": dict(inputs)}
 
 
 def markers_json(compared: Sequence[MarkerComparison], stiffness: StiffnessFit | None) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """SPEC.toml of an actuator: its tables, and the actuator, gravity directions and pressures from them."""
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import count, pairwise, takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -345,10 +345,7 @@ the body."""
 
 
 def _check_closed(toml: TomlFile, mesh: Mesh, cavities: tuple[str, ...]) -> None:
-    """Check that the surface of a cavity ends at the clamp, the mirror plane or the inlet.
-
-    The pressure on an open surface has a resultant force. That on a closed cavity has none.
-    """
+    """Check that a cavity's surface ends at `_OPENINGS`: the pressure on an open one has a resultant."""
     known = [name for name in _OPENINGS if name in mesh.sets]
     for name in cavities:
         with toml.refusing("geometry.mesh", "has no surface to load"):
@@ -399,10 +396,7 @@ def _part(toml: TomlFile, declared: ActuatorFile, name: str, mesh: Mesh, shape: 
 def _world(
     toml: TomlFile, declared: ActuatorFile, mesh: Mesh, cavities: tuple[str, ...]
 ) -> tuple[Mesh, tuple[Fixed | RigidSurface, ...]]:
-    """The fixed set of [blocked] and the planes, and the mesh with their sets.
-
-    The sets have the names of their tables.
-    """
+    """The fixed set of [blocked], the planes, and the mesh with their sets, named as their tables."""
     world: list[Fixed | RigidSurface] = []
     held: FloatArray | Any = np.zeros(0, dtype=np.int64)
     if declared.blocked is not None:
@@ -441,13 +435,11 @@ def _pneunet_of(declared: ActuatorFile) -> Pneunet:
 
 def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
     """The contacts of the walls at the gaps of a mesh; empty without a section."""
-    contacts: list[SelfContact] = []
-    while section is not None and f"gap_{len(contacts) + 1}_left" in mesh.sets:
-        n = len(contacts) + 1
-        contacts.append(
-            SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=section.penalty, depth=section.depth)
-        )
-    return tuple(contacts)
+    if section is None:
+        return ()
+    gaps = takewhile(lambda n: f"gap_{n}_left" in mesh.sets, count(1))
+    penalty, depth = section.penalty, section.depth
+    return tuple(SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=penalty, depth=depth) for n in gaps)
 
 
 def volume_reading(d1: Any) -> float:

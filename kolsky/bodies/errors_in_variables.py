@@ -21,14 +21,16 @@ the step dp. Its elimination gives a least-squares problem in p alone,
 This is solved within the bounds of Table I by Levenberg and Marquardt's steps.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from doe.least_squares import bounded_step
 from kolsky.base.arrays import FloatArray
 
+T = TypeVar("T")
 DAMPING, MOST_DAMPING = 1e-3, 1e8
 """First damping, and the damping above which the search ends if no step reduces chi-square."""
 STEP_TOLERANCE = 1e-3
@@ -105,10 +107,10 @@ class SearchOptimum:
     """Number of trial points, rejected ones included."""
 
 
-def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
+def chi_square(samples: Samples, x: FloatArray, there: Linearised) -> float:
     """The objective (S.1) in standard deviations [-]."""
     moved = x - samples.displacement
-    chi2 = float((((force - samples.force) / samples.sigma_force) ** 2).sum())
+    chi2 = float((((there.force - samples.force) / samples.sigma_force) ** 2).sum())
     if samples.sigma_displacement > 0.0:
         chi2 += float(((moved / samples.sigma_displacement) ** 2).sum())
     return chi2
@@ -156,15 +158,18 @@ def search(
     there = respond(p, x)
     if isinstance(there, str):
         raise ValueError(f"the simulation at the start failed: {there}")
-    chi2 = sum(chi_square(own, at, f.force) for own, at, f in zip(samples, x, there, strict=True))
+
+    def each(compute: Callable[..., T], *more: FloatArray) -> tuple[T, ...]:
+        """A value of every specimen at its displacements."""
+        return tuple(compute(own, at, f, *more) for own, at, f in zip(samples, x, there, strict=True))
+
+    chi2 = sum(each(chi_square))
     damping, runs, ended, converged, why = DAMPING, 1, "the steps were used up", False, ""
     while runs < MOST_STEPS:
-        problem = _joined([reduce(own, at, f) for own, at, f in zip(samples, x, there, strict=True)])
+        problem = _joined(each(reduce))
         size = np.maximum(scales, np.abs(p))
         free = _step(problem, p, bounds, size, 0.0)
-        moves = tuple(
-            best_displacement(own, at, f, free) for own, at, f in zip(samples, x, there, strict=True)
-        )
+        moves = each(best_displacement, free)
         expected = float(np.linalg.norm(problem.jacobian @ free))
         apart = max(
             float(np.abs(move - at).max()) / own.sigma_displacement if own.sigma_displacement > 0.0 else 0.0
@@ -175,17 +180,13 @@ def search(
             break
         step = _step(problem, p, bounds, size, damping)
         trial = np.clip(p + step, *bounds)
-        moved = tuple(
-            best_displacement(own, at, f, trial - p) for own, at, f in zip(samples, x, there, strict=True)
-        )
+        moved = each(best_displacement, trial - p)
         found = respond(trial, moved)
         runs += 1
         if isinstance(found, str):
             why, lower = found, np.inf
         else:
-            lower = sum(
-                chi_square(own, at, f.force) for own, at, f in zip(samples, moved, found, strict=True)
-            )
+            lower = sum(chi_square(own, at, f) for own, at, f in zip(samples, moved, found, strict=True))
         if lower < chi2 and not isinstance(found, str):
             settled = chi2 - lower <= CHI_SQUARE_TOLERANCE * chi2
             p, x, there, chi2, damping = trial, moved, found, lower, max(0.1 * damping, 1e-12)
@@ -198,7 +199,7 @@ def search(
             converged = lower <= chi2 * (1.0 + CHI_SQUARE_TOLERANCE)
             ended = "chi-square no longer falls" if converged else f"no step lowers chi-square {why}".strip()
             break
-    problem = _joined([reduce(own, at, f) for own, at, f in zip(samples, x, there, strict=True)])
+    problem = _joined(each(reduce))
     near = 1e-6 * np.maximum(scales, np.abs(p))
     bound = tuple(map(bool, (p - bounds[0] <= near) | (bounds[1] - p <= near)))
     return SearchOptimum(p, x, there, problem, chi2, bound, converged, ended, runs)
@@ -211,7 +212,7 @@ def _covariance(samples: Samples, there: Linearised) -> FloatArray:
     return np.asarray(own + samples.sigma_displacement**2 * k @ np.swapaxes(k, -1, -2))
 
 
-def _joined(parts: list[Reduced]) -> Reduced:
+def _joined(parts: Sequence[Reduced]) -> Reduced:
     return Reduced(
         np.concatenate([part.residual for part in parts]), np.concatenate([part.jacobian for part in parts])
     )

@@ -110,11 +110,7 @@ def point_noise(points: FloatArray, values: FloatArray) -> float:
 
 
 def _deviations(points: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Nearest neighbours of each point, shape [n, k], and its deviation from their prediction.
-
-    The deviation, shape [n, fields], is divided by the noise of the prediction. This noise is larger at an
-    edge, where the prediction extrapolates.
-    """
+    """Nearest neighbours [n, k] and deviations from their prediction over its noise, shape [n, fields]."""
     distance, near = cKDTree(points).query(points, k=_GATE_NEIGHBOURS + 1)
     distance, near = distance[:, 1:], near[:, 1:]
     weights = _weights(points[near] - points[:, None], distance)

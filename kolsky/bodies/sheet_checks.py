@@ -232,11 +232,7 @@ def one_change(measured: MeasuredField, found: FieldFit) -> str:
 
 
 def _force_counts(problem: FieldProblem) -> bool:
-    """True if a positive factor of the force would change more than the moduli.
-
-    With prescribed displacements, a common factor of all moduli multiplies the force and does not change the
-    displacements. If all moduli are free, only a force of reversed sign contradicts a field.
-    """
+    """True if a positive factor of the force would change more than the moduli, which it multiplies."""
     constants = problem.constants
     moduli = {spec.name for spec in constants.specs if spec.unit == "Pa"}
     reversed_force = float(problem.data.force @ problem.data.pad) < 0.0
@@ -279,11 +275,7 @@ def _change_of_place(measured: MeasuredField, found: FieldFit) -> str:
 
 
 def _explains_again(measured: MeasuredField, found: FieldFit | None = None) -> bool:
-    """True if a sheet with other points or another mesh is explained.
-
-    If `found` is a fit of the same mesh, a new fit is made only if its simulation is closer to these
-    points.
-    """
+    """True if a sheet with other points or mesh is explained; `found` must simulate them less closely."""
     try:
         problem = keeping(measured, measured.left_out).problem
     except ValueError:
@@ -317,10 +309,7 @@ def _field_factor(found: FieldFit) -> float:
 
 
 def _explains(problem: FieldProblem, data: FieldData) -> bool:
-    """True if a fit to the last frame of changed data explains field and force.
-
-    No constant may be at a bound.
-    """
+    """True if a fit to the last frame of changed data explains field and force inside the bounds."""
     try:
         trial = fit_field(FieldProblem(problem.sheet, data, problem.constants).last)
     except (ValueError, np.linalg.LinAlgError):

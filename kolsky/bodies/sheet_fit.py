@@ -622,7 +622,8 @@ def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[Float
         if (np.abs(step) <= 10.0 * STEP_TOLERANCE * _sizes(problem.constants, free)).all():
             free, here = free + step, problem.advance(here, step)
     own = FieldProblem(problem.sheet, problem.data, problem.constants.with_free(free))
-    held = _at_bounds(free, here.gradients.sum(axis=0), low, high)
+    slope = here.gradients.sum(axis=0)
+    held = ((free <= low) & (slope >= 0.0)) | ((free >= high) & (slope <= 0.0))  # the cost falls beyond it
     seen = np.flatnonzero(~held)
     converged, relative = ended.converged, np.sqrt(np.abs(np.diag(final)))
     if len(seen) and not (
@@ -652,11 +653,6 @@ def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[Float
         runs,
         rough,
     )
-
-
-def _at_bounds(free: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> BoolArray:
-    """Constants at a bound if the cost decreases beyond it, shape [p]."""
-    return np.asarray(((free <= low) & (gradient >= 0.0)) | ((free >= high) & (gradient <= 0.0)))
 
 
 @dataclass(frozen=True)

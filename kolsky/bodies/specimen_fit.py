@@ -14,7 +14,7 @@ information of n / a independent ones (Bartlett 1946).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -435,10 +435,7 @@ def fit(
 
 
 def _remote_starts(constants: Constants, count: int, seed: int) -> list[FloatArray]:
-    """The declared start and random others.
-
-    They are within `DECADES` for moduli, within the bounds for numbers.
-    """
+    """The declared start and random others: moduli within `DECADES`, numbers within their bounds."""
     first = constants.start
     if count == 1:
         return [first]
@@ -466,13 +463,10 @@ def _test_fit(
 
 
 def _with_bonds(one: TestFit, constants: Constants, response: Linearised, uncertainty: Intervals) -> TestFit:
-    """The test with its bonds checked.
-
-    It does not change if the bond cannot be shortened or a simulation fails.
-    """
+    """The test with its bonds checked, if they can be shortened and simulated."""
     test = one.test
     try:
-        shorter = test.model.shortened()
+        shorter = replace(test.model, shape=test.model.shape.shortened())
     except ValueError:
         return one
     answer = shorter.linearised(constants, constants.start, one.displacement)

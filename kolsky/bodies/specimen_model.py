@@ -18,7 +18,7 @@ from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_schema import TestSection
 from kolsky.equilibrium.meshes import Mesh, box, cross, dog_bone
 from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Prescribed, RigidSurface
-from kolsky.equilibrium.sensitivity import direct
+from kolsky.equilibrium.sensitivity import Sensitivities, direct
 from kolsky.equilibrium.solid import Solid
 from kolsky.equilibrium.solution import Solution
 from kolsky.equilibrium.solve import solve
@@ -327,13 +327,14 @@ class SpecimenModel:
 
     def force(self, solution: Solution) -> FloatArray:
         """Force on each end, tension positive [N], shape [n, ends]."""
-        return np.stack(
-            [
-                self.shape.multiplicity * solution.reaction(f"bond_{AXES[end]}+")[:, self.shape.along(end)]
-                for end in range(self.shape.ends)
-            ],
-            axis=-1,
-        )
+        return self._at_ends(solution)
+
+    def _at_ends(self, found: Solution | Sensitivities) -> FloatArray:
+        """Forces on the ends, or their derivatives [..], shape [n, .., ends]."""
+        reactions = [
+            found.reaction(f"bond_{AXES[end]}+")[..., self.shape.along(end)] for end in range(self.shape.ends)
+        ]
+        return np.asarray(self.shape.multiplicity * np.stack(reactions, axis=-1))
 
     def linearised(
         self, constants: Constants, free: FloatArray, displacement: FloatArray
@@ -357,19 +358,9 @@ class SpecimenModel:
         slopes = direct(solution, histories=histories)
         back = np.argsort(order, kind="stable")
         n_own = slopes.displacements.shape[1] - len(histories)
-        by_all = np.stack(
-            [
-                self.shape.multiplicity * slopes.reaction(f"bond_{AXES[end]}+")[:, :, self.shape.along(end)]
-                for end in range(self.shape.ends)
-            ],
-            axis=1,
-        )[back]
+        by_all = np.swapaxes(self._at_ends(slopes), 1, 2)[back]
         chain = constants.chain(free)
         return Linearised(self.force(solution)[back], by_all[..., :n_own] @ chain, by_all[..., n_own:])
-
-    def shortened(self) -> "SpecimenModel":
-        """The specimen with each bond one element shorter; see `Shape.shortened`."""
-        return replace(self, shape=self.shape.shortened())
 
 
 def strains(solution: Solution, step: int) -> tuple[FloatArray, FloatArray]:

@@ -185,21 +185,17 @@ def _write_hdf5(path: Path, fits: Sequence[SpecimenFit]) -> None:
 
 def plan_json(found: Sequence[Expected], free: Sequence[str]) -> dict[str, Any]:
     """A plan as one object of JSON types, the most informative choice first."""
-    return {
-        "choices": [
-            jsonable(
-                {
-                    "tests": one.tests,
-                    "relative_sigma": dict(zip(free, one.relative, strict=True)),
-                    "correlation": one.correlation,
-                    "criterion": one.criterion,
-                    "peak_force_N": one.peak_force,
-                },
-                "plan",
-            )
-            for one in found
-        ]
-    }
+    choices = [
+        {
+            "tests": one.tests,
+            "relative_sigma": dict(zip(free, one.relative, strict=True)),
+            "correlation": one.correlation,
+            "criterion": one.criterion,
+            "peak_force_N": one.peak_force,
+        }
+        for one in found
+    ]
+    return {"choices": jsonable(choices, "plan")}
 
 
 def plan_columns(found: Sequence[Expected], free: Sequence[str]) -> dict[str, Any]:
@@ -260,21 +256,6 @@ def field_tables(
     found: FieldFit, steps: Sequence[FieldFit | str], stiffness: StiffnessMap | None
 ) -> dict[str, dict[str, Any]]:
     """Tables of a fitted sheet: forces, misfits and the constants of every step fitted alone; its map."""
-    tables = {"steps": _step_columns(found, steps)}
-    if stiffness is not None:
-        mesh = found.problem.sheet.mesh
-        middle = mesh.points[mesh.cells].mean(axis=1)
-        blocks = range(len(stiffness.factors))
-        places = np.array([middle[stiffness.regions == r].mean(axis=0) for r in blocks])
-        tables["map"] = {
-            "x (m)": places[:, 0],
-            "y (m)": places[:, 1],
-            "stiffness over the fitted one (1)": stiffness.factors,
-        }
-    return tables
-
-
-def _step_columns(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, Any]:
     data = found.problem.data
     columns: dict[str, Any] = {
         "pad (m)": data.pad,
@@ -286,8 +267,19 @@ def _step_columns(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str,
     by_u, by_f = found.relative_by_displacement(1.0), found.relative_by_force(1.0)
     for j, name in enumerate(found.constants.free):
         if steps:
-            alone = [np.nan if isinstance(step, str) else float(step.values[j]) for step in steps]
-            columns[f"{name} of the step alone (SI)"] = ["" if np.isnan(x) else x for x in alone]
+            alone = ["" if isinstance(step, str) else float(step.values[j]) for step in steps]
+            columns[f"{name} of the step alone (SI)"] = alone
         columns[f"relative sigma of {name} per displacement noise (1/m)"] = by_u[:, j]
         columns[f"relative sigma of {name} per force noise (1/N)"] = by_f[:, j]
-    return columns
+    tables = {"steps": columns}
+    if stiffness is not None:
+        mesh = found.problem.sheet.mesh
+        middle = mesh.points[mesh.cells].mean(axis=1)
+        blocks = range(len(stiffness.factors))
+        places = np.array([middle[stiffness.regions == r].mean(axis=0) for r in blocks])
+        tables["map"] = {
+            "x (m)": places[:, 0],
+            "y (m)": places[:, 1],
+            "stiffness over the fitted one (1)": stiffness.factors,
+        }
+    return tables

@@ -141,8 +141,17 @@ def stiffness_map(
     data = problem.data
     degrees = len(data.pad) * (2.0 * float(problem.mass.sum()) / data.area + 1.0)
     logs = np.zeros(blocks.n)
+
+    def shifted(one: FloatArray) -> tuple[float, FloatArray]:
+        value, gradient = blocks.chi2(np.full(blocks.n, one[0]))
+        return value, np.array([gradient.sum()])
+
+    def total(at: FloatArray, tau: float) -> tuple[float, FloatArray]:
+        (value, gradient), (rough, slope) = blocks.chi2(at), total_variation(at, touching)
+        return value + tau * rough, gradient + tau * slope
+
     shift = minimize(
-        lambda one: _shifted(blocks, one),
+        shifted,
         np.zeros(1),
         jac=True,
         method="L-BFGS-B",
@@ -152,8 +161,9 @@ def stiffness_map(
     uniform, chi2, weight = float(shift.fun), float(shift.fun), float("inf")
     for weight in weights:
         minimum = minimize(
-            lambda at, tau=weight: _total(blocks, touching, at, tau),
+            total,
             logs,
+            args=(weight,),
             jac=True,
             method="L-BFGS-B",
             bounds=[(-LARGEST, LARGEST)] * blocks.n,
@@ -164,14 +174,3 @@ def stiffness_map(
         if chi2 <= EXPLAINED * degrees:
             break
     return StiffnessMap(np.exp(logs), regions, weight, chi2, degrees, uniform)
-
-
-def _shifted(blocks: _Blocks, one: FloatArray) -> tuple[float, FloatArray]:
-    value, gradient = blocks.chi2(np.full(blocks.n, one[0]))
-    return value, np.array([gradient.sum()])
-
-
-def _total(blocks: _Blocks, touching: FloatArray, logs: FloatArray, tau: float) -> tuple[float, FloatArray]:
-    value, gradient = blocks.chi2(logs)
-    rough, slope = total_variation(logs, touching)
-    return value + tau * rough, gradient + tau * slope

@@ -95,7 +95,6 @@ def follow(
     parameters: ArrayLike | None = None,
     steps: int = 200,
     longest: float = 4.0,
-    tolerance: float = 1e-8,
 ) -> ArcPath:
     """Follow equilibria from load 0 until the load first reaches `until`.
 
@@ -118,8 +117,6 @@ def follow(
         Maximum number of steps.
     longest : float
         Largest length of a step divided by that of the first [-].
-    tolerance : float
-        Largest residual as a share of the internal forces [-].
 
     Raises
     ------
@@ -136,7 +133,7 @@ def follow(
     equations = Equations(model, model.parameters(parameters))
     if equations.contacts:
         raise ValueError("a path by arc length meets no rigid plane: remove it")
-    stepper = _Stepper(equations, tuple(histories), fixed, tolerance)
+    stepper = _Stepper(equations, tuple(histories), fixed)
     state = stepper.begin()
     loads, found, arcs = [0.0], [np.zeros(model.n_dofs)], [0.0]
     if isinstance(state, Outcome):
@@ -183,11 +180,10 @@ def _path(
 class _Stepper:
     """Steps along a path."""
 
-    def __init__(
-        self, equations: Equations, histories: tuple[str, ...], others: dict[str, float], tolerance: float
-    ) -> None:
+    newton = Newton()
+
+    def __init__(self, equations: Equations, histories: tuple[str, ...], others: dict[str, float]) -> None:
         self.equations, self.histories, self.others = equations, histories, others
-        self.tolerance = tolerance
 
     def at(self, load: float) -> dict[str, float]:
         """Values of all histories."""
@@ -198,7 +194,7 @@ class _Stepper:
         start = self.equations.evaluate(np.zeros(self.equations.model.n_dofs), self.at(0.0))
         if not start.external.any():
             return start  # no load: it is at rest
-        return Iteration(self.equations, Newton(tolerance=self.tolerance)).equilibrium(start)
+        return Iteration(self.equations, self.newton).equilibrium(start)
 
     def slope(self, state: State) -> FloatArray | None:
         """b = du/dp of the unknowns, or None if the tangent stiffness is singular."""
@@ -227,7 +223,7 @@ class _Stepper:
             state = equations.evaluate(u, self.at(p), like=start)
             if state.inverted:
                 return Outcome.INVERTED
-            if equations.converged(state, self.tolerance) and number > 0:
+            if equations.converged(state, self.newton.tolerance) and number > 0:
                 return (state, p, number) if equations.closed(state) else Outcome.PENETRATION
             try:
                 factors = equations.factors(equations.stiffness(state), state)

@@ -20,6 +20,7 @@ import numpy as np
 from explicit.arrays import FloatArray
 from kolsky.equilibrium.elements import complete
 from kolsky.equilibrium.linear.base import Pattern
+from kolsky.equilibrium.meshes import components
 from kolsky.equilibrium.model import Model
 from kolsky.equilibrium.points import Points, PointState, element_forces
 from kolsky.equilibrium.solid import Volumetric
@@ -117,8 +118,7 @@ class Body:
         self.model, self.parameters = model, parameters
         self.points = Points(model)
         self.rows = self.points.rows(parameters)
-        d = model.dimension
-        dofs = (model.mesh.cells[..., None] * d + np.arange(d)).reshape(len(model.mesh.cells), -1)
+        dofs = components(model.mesh.cells, model.dimension)
         self.pattern = Pattern(dofs, model.unknowns.index, model.unknowns.count)
         self.field = MixedField(self.points, parameters) if self.points.mixed else None
 
@@ -215,11 +215,7 @@ class Body:
         return np.moveaxis(found, 2, 1).reshape(m, count, k * d)
 
     def _row_jacobians(self) -> FloatArray:
-        """d(kernels' row)/d(constants) of each region, shape [n_regions, n_row, n_parameters].
-
-        The row of most laws consists of their constants. If a law derives other numbers, differences of four
-        points are used. They are exact to 1e-11.
-        """
+        """d(row)/d(constants), [n_regions, n_row, n_parameters]; by four points (to 1e-11) if needed."""
         solid = self.model.solid
         found = []
         for values in self.parameters:

@@ -228,7 +228,8 @@ def march(
     first = equations.evaluate(u, at[0] if start_histories is None else dict(start_histories))
     if relaxing is not None:
         relaxing.accept(first.body)
-    now = _at_rest(equations, first, masses, u)
+    push = equations.factors(masses).solve(-first.residual)
+    now = Instant(u, np.zeros_like(u), equations.expanded(push))
     found = [now]
     shape = (n + 1, *model.mesh.points.shape)
     forces = np.full(shape, np.nan)
@@ -250,12 +251,6 @@ def march(
     moved[: len(found)] = np.reshape([one.u for one in found], (len(found), *shape[1:]))
     time = np.asarray(dt * np.arange(n + 1), dtype=np.float64)
     return Motion(model, time, moved, forces, outcome, len(found))
-
-
-def _at_rest(equations: Equations, state: State, masses: FloatArray, u: FloatArray) -> Instant:
-    """The start: zero velocity, and the acceleration from the forces."""
-    push = equations.factors(masses).solve(-state.residual)
-    return Instant(u, np.zeros_like(u), equations.expanded(push))
 
 
 class _Stepper:

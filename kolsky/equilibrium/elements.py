@@ -11,9 +11,10 @@ To add an element, write an `Element` and one line in `ELEMENTS`. An `Element` h
 coordinates and the monomials of its shape functions. The patch tests cover the registry.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import roots_jacobi
@@ -21,12 +22,15 @@ from scipy.special import roots_jacobi
 from explicit.arrays import FloatArray, IntArray
 
 
+def lattice(lines: Sequence[FloatArray | IntArray]) -> Any:
+    """All points with one coordinate of each line, the last varying fastest, shape [n, d]."""
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, len(lines))
+
+
 def hypercube_rule(gauss: int, dimension: int) -> tuple[FloatArray, FloatArray]:
     """Points in [-1, 1]^d, shape [gauss^d, d], and weights of sum 2^d, shape [gauss^d]."""
     x, w = np.polynomial.legendre.leggauss(_checked(gauss))
-    points = np.stack(np.meshgrid(*[x] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
-    weights = np.stack(np.meshgrid(*[w] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
-    return points, weights.prod(axis=1)
+    return lattice([x] * dimension), lattice([w] * dimension).prod(axis=1)
 
 
 def simplex_rule(gauss: int, dimension: int) -> tuple[FloatArray, FloatArray]:
@@ -42,10 +46,8 @@ def simplex_rule(gauss: int, dimension: int) -> tuple[FloatArray, FloatArray]:
         return points, np.full(dimension + 1, volume / (dimension + 1))
     # x_1 = t_1, x_2 = (1 - t_1) t_2, x_3 = (1 - t_1)(1 - t_2) t_3 with the weight (1 - t_i)^(d - i)
     rules = [roots_jacobi(gauss, dimension - 1 - i, 0.0) for i in range(dimension)]
-    t = np.stack(np.meshgrid(*[0.5 * (x + 1.0) for x, _ in rules], indexing="ij"), axis=-1)
-    scaled = [w * 0.5 ** (dimension - i) for i, (_, w) in enumerate(rules)]
-    weights = np.stack(np.meshgrid(*scaled, indexing="ij"), axis=-1).reshape(-1, dimension)
-    t = t.reshape(-1, dimension)
+    t = lattice([0.5 * (x + 1.0) for x, _ in rules])
+    weights = lattice([w * 0.5 ** (dimension - i) for i, (_, w) in enumerate(rules)])
     left = np.cumprod(np.column_stack([np.ones(len(t)), 1.0 - t[:, :-1]]), axis=1)
     return left * t, weights.prod(axis=1)
 
@@ -71,6 +73,10 @@ class Face:
     """Point s = 0 in the element's coordinates [-], shape [d]."""
     tangents: tuple[tuple[float, ...], ...]
     """One tangent for each coordinate s of the face [-], shape [d - 1, d]."""
+
+    def coordinates(self, xi: FloatArray) -> FloatArray:
+        """The coordinates s of points of the face [-], shape [n, d - 1]."""
+        return (xi - np.asarray(self.origin)) @ np.linalg.pinv(np.asarray(self.tangents))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,15 +173,13 @@ class Element:
 
 def complete(degree: int, dimension: int) -> IntArray:
     """Exponents of all monomials up to a total degree, shape [m, d]."""
-    grid = np.stack(np.meshgrid(*[np.arange(degree + 1)] * dimension, indexing="ij"), axis=-1)
-    flat = grid.reshape(-1, dimension)
-    return np.asarray(flat[flat.sum(axis=1) <= degree], dtype=np.int64)
+    exponents = tensor(degree, dimension)
+    return exponents[exponents.sum(axis=1) <= degree]
 
 
 def tensor(degree: int, dimension: int) -> IntArray:
     """Exponents of all monomials up to a degree in each coordinate, shape [m, d]."""
-    grid = np.stack(np.meshgrid(*[np.arange(degree + 1)] * dimension, indexing="ij"), axis=-1)
-    return np.asarray(grid.reshape(-1, dimension), dtype=np.int64)
+    return np.asarray(lattice([np.arange(degree + 1)] * dimension), dtype=np.int64)
 
 
 _QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0], [0, 0]], dtype=float)

@@ -7,7 +7,7 @@ from itertools import permutations
 import numpy as np
 
 from explicit.arrays import BoolArray, FloatArray, IntArray
-from kolsky.equilibrium.elements import Element, element
+from kolsky.equilibrium.elements import Element, element, lattice
 
 SIDES = (("left", "right"), ("bottom", "top"), ("back", "front"))
 """Names of the node sets at the smallest and the largest coordinate of each axis."""
@@ -67,6 +67,11 @@ class Mesh:
         if len(found) == 0:
             raise ValueError(f"the set {name!r} would be empty")
         return replace(self, sets={**self.sets, name: found})
+
+
+def components(nodes: IntArray, dimension: int) -> IntArray:
+    """Components of the displacement of points [m, k], point by point, shape [m, k d]."""
+    return (nodes[..., None] * dimension + np.arange(dimension)).reshape(len(nodes), -1)
 
 
 def box(size: Sequence[float], cells: Sequence[int], *, kind: str = "hex27") -> Mesh:
@@ -157,14 +162,13 @@ def _structured(size: Sequence[float], cells: Sequence[int], kind: str, keep: Bo
     order = int(item.exponents.max())
     patterns = _patterns(item) * order  # nodes in the unit cell, in steps of the lattice
     counts = np.asarray(cells)
-    corners = np.stack(np.meshgrid(*[np.arange(n) for n in cells], indexing="ij"), axis=-1)
-    chosen = corners.reshape(-1, d) if keep is None else corners[keep]
-    lattice = order * counts + 1
+    corners = lattice([np.arange(n) for n in cells])
+    chosen = corners if keep is None else corners[keep.ravel()]
+    nodes = order * counts + 1
     index = np.rint(order * chosen[:, None, None, :] + patterns[None]).astype(np.int64)
-    flat = np.ravel_multi_index(tuple(np.moveaxis(index, -1, 0)), tuple(lattice)).reshape(-1, item.n_nodes)
-    axes = [np.linspace(0.0, length, n) for length, n in zip(size, lattice, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
-    mesh = _used(Mesh(points, flat, kind))
+    flat = np.ravel_multi_index(tuple(np.moveaxis(index, -1, 0)), tuple(nodes)).reshape(-1, item.n_nodes)
+    axes = [np.linspace(0.0, length, n) for length, n in zip(size, nodes, strict=True)]
+    mesh = _used(Mesh(lattice(axes), flat, kind))
     sets = {}
     for axis, names in enumerate(SIDES[:d]):
         for name, end in zip(names, (0.0, size[axis]), strict=True):

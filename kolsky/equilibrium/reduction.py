@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.equations import Equations
-from kolsky.equilibrium.meshes import Mesh
+from kolsky.equilibrium.meshes import Mesh, components
 from kolsky.equilibrium.model import (
     Coupled,
     Gravity,
@@ -183,7 +183,6 @@ class ReducedModel:
             at[gravity] = 1.0
         self.weight = V.T @ equations.evaluate(np.zeros(model.n_dofs), at).carried
         used, cells = np.unique(model.mesh.cells[sample.cells], return_inverse=True)
-        d = model.dimension
         small = Mesh(model.mesh.points[used], cells.reshape(len(sample.cells), -1), model.mesh.kind)
         regions = model.cell_regions[sample.cells]
         present, regions = np.unique(regions, return_inverse=True)
@@ -191,10 +190,8 @@ class ReducedModel:
         """Regions of the sampled elements."""
         part = Model(small, model.solid, kinematics=model.kinematics, gauss=model.gauss, regions=regions)
         self._points = Points(part)
-        dofs = (used[:, None] * d + np.arange(d)).ravel()
-        self._rows_of = V[dofs]
-        local = (small.cells[..., None] * d + np.arange(d)).reshape(len(small.cells), -1)
-        self._of_cells = self._rows_of[local]
+        self._rows_of = V[components(used[:, None], model.dimension).ravel()]
+        self._of_cells = self._rows_of[components(small.cells, model.dimension)]
         self._weighted = sample.weights[:, None, None] * self._of_cells
 
     @property
@@ -241,7 +238,6 @@ class ReducedModel:
         *,
         start: FloatArray | None = None,
         rows: FloatArray | None = None,
-        weight: float = 1.0,
         tolerance: float = 1e-9,
     ) -> ReducedState:
         """Find the equilibrium under pressures [Pa] of shape [n_pressures] from amplitudes `start`."""
@@ -254,7 +250,7 @@ class ReducedModel:
             if inverted or not np.isfinite(internal).all():
                 return ReducedState(q, nothing, Outcome.INVERTED, iteration)
             unit, by = self.loads(q)
-            external = p @ unit + weight * self.weight
+            external = p @ unit + self.weight
             residual = internal - external
             K = tangent - np.tensordot(p, by, axes=1)
             scale = max(float(np.linalg.norm(internal)), float(np.linalg.norm(external)))
@@ -303,13 +299,11 @@ def shares(model: Model, basis: Basis, snapshots: FloatArray) -> FloatArray:
     """The elements' contributions to the reduced forces of projected snapshots [N], [n_snapshots r, m]."""
     points, V = Points(model), basis.modes
     rows = points.rows(model.parameters())
-    d = model.dimension
-    dofs = (model.mesh.cells[..., None] * d + np.arange(d)).reshape(len(model.mesh.cells), -1)
-    of_cells = V[dofs]
+    of_cells = V[components(model.mesh.cells, model.dimension)]
     found = []
     for u in snapshots:
         projected = V @ (V.T @ u)
-        state = points.evaluate(projected.reshape(-1, d), rows, tangent=False)
+        state = points.evaluate(projected.reshape(model.mesh.points.shape), rows, tangent=False)
         share = np.einsum("ekr,ek->re", of_cells, state.forces)
         found.append(share / np.linalg.norm(share.sum(axis=1)))
     return np.concatenate(found)

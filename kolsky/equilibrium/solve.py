@@ -389,10 +389,7 @@ class _Path:
         return equations.evaluate(moved + equations.expanded(change), at, like=last)
 
     def _continued(self, at: dict[str, float]) -> FloatArray | None:
-        """The path extrapolated by a polynomial.
-
-        None unless the histories continue straight.
-        """
+        """The path extrapolated by a polynomial; None unless the histories continue straight."""
         states = [*self.before, self.state]
         if len(states) < 2:
             return None

@@ -24,8 +24,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from explicit.arrays import BoolArray, FloatArray, IntArray
-from kolsky.equilibrium.elements import Element, complete, tensor
+from kolsky.equilibrium.elements import Element, complete, lattice, tensor
 from kolsky.equilibrium.loads import face_areas, faces_on, sizes
+from kolsky.equilibrium.meshes import components
 from kolsky.equilibrium.model import Model, SelfContact
 
 OUTSIDE = 0.01
@@ -35,9 +36,7 @@ OUTSIDE = 0.01
 def _face_element(element: Element) -> Element:
     """The Lagrange element of a face, its nodes in the order of their coordinates."""
     face = element.faces[0]
-    place = (element.nodes[element.nodes_on(face)] - np.asarray(face.origin)) @ np.linalg.pinv(
-        np.asarray(face.tangents)
-    )
+    place = face.coordinates(element.nodes[element.nodes_on(face)])
     place = np.round(place[_order(place)], 9)
     degree = int(element.exponents.max())
     space = (tensor if element.shape == "hypercube" else complete)(degree, place.shape[1])
@@ -45,23 +44,15 @@ def _face_element(element: Element) -> Element:
 
 
 def _contact_rule(item: Element) -> tuple[FloatArray, FloatArray]:
-    """Points [g, d - 1] and weights [g] on a face.
-
-    They include its corners, because walls may touch first at an edge.
-
-    In each coordinate, there are four points of Lobatto's rule (degree 5). On a triangle, the points are
-    corners, mid-points of the edges and centre (degree 3; Zienkiewicz and Taylor 2000, table 5.3).
-    """
-    if item.shape == "simplex" and item.dimension == 2:
+    """Points [g, d - 1] and weights [g] on a face, with its corners, because walls may touch there first."""
+    if item.shape == "simplex" and item.dimension == 2:  # degree 3 (Zienkiewicz and Taylor 2000, table 5.3)
         points = [[0, 0], [1, 0], [0, 1], [0.5, 0], [0, 0.5], [0.5, 0.5], [1 / 3, 1 / 3]]
         return np.array(points, dtype=float), 0.5 * np.repeat([1 / 20, 2 / 15, 9 / 20], [3, 3, 1])
-    inner = 1.0 / np.sqrt(5.0)
+    inner = 1.0 / np.sqrt(5.0)  # Lobatto's rule of degree 5
     line, of_line = np.array([-1.0, -inner, inner, 1.0]), np.array([1.0, 5.0, 5.0, 1.0]) / 6.0
     if item.shape == "simplex":
         return 0.5 * (line[:, None] + 1.0), 0.5 * of_line
-    lines = np.stack(np.meshgrid(*[line] * item.dimension, indexing="ij"), axis=-1)
-    weights = np.stack(np.meshgrid(*[of_line] * item.dimension, indexing="ij"), axis=-1)
-    return lines.reshape(-1, item.dimension), weights.reshape(-1, item.dimension).prod(axis=1)
+    return lattice([line] * item.dimension), lattice([of_line] * item.dimension).prod(axis=1)
 
 
 def _order(places: FloatArray) -> IntArray:
@@ -73,10 +64,8 @@ def _face_nodes(model: Model, where: str, item: Element) -> IntArray:
     mesh, found = model.mesh, []
     for faces in faces_on(mesh, where):
         local = mesh.element.nodes_on(faces.face)
-        place = (mesh.element.nodes[local] - np.asarray(faces.face.origin)) @ np.linalg.pinv(
-            np.asarray(faces.face.tangents)
-        )
-        found.append(mesh.cells[faces.cells][:, local[_order(place)]])
+        places = faces.face.coordinates(mesh.element.nodes[local])
+        found.append(mesh.cells[faces.cells][:, local[_order(places)]])
     return np.concatenate(found)
 
 
@@ -133,7 +122,7 @@ class SurfaceContact:
             raise ValueError(f"the surfaces of {condition} share points: they cannot touch there")
         d = model.dimension
         held = [dofs for dofs, *_ in model.unknowns.prescribed]
-        own = (np.unique([*self.first.ravel(), *self.second.ravel()])[:, None] * d + np.arange(d)).ravel()
+        own = components(np.unique([*self.first.ravel(), *self.second.ravel()])[:, None], d)
         if held and np.intersect1d(np.concatenate(held), own).size:
             raise ValueError(f"a surface of {condition} has prescribed displacements: hold another set")
         points, weights = _contact_rule(self.element)
@@ -210,9 +199,7 @@ class SurfaceContact:
     def _geometry(
         self, u: FloatArray, near: Touch
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Points [t, 2 k], D [t, 2 k], normals [t, d], tangents [t, d - 1, d], curvatures n . X,ab and the
-        slopes of the second faces' shape functions [t, k, d - 1].
-        """
+        """X [t, 2 k], D [t, 2 k], normals [t, d], tangents [t, d - 1, d], n . X,ab, slopes [t, k, d - 1]."""
         x = self.model.mesh.points + u.reshape(-1, self.model.dimension)
         own, g = np.divmod(near.points, len(self.values))
         second = self.second[near.faces]

@@ -199,10 +199,7 @@ def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> tuple[Uniaxia
 
 
 def _axis(tests: Sequence[UniaxialTest], treatment: Treatment) -> FloatArray:
-    """Equal steps from rest to the end that all tests reach.
-
-    The part in which a test is in its toe is left out.
-    """
+    """Equal steps from rest to the end that all tests reach, without their toes."""
     low, high = max(t.strain.min() for t in tests), min(t.strain.max() for t in tests)
     if treatment.last is not None:
         if not 0.0 < treatment.last <= high:

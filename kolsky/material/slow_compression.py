@@ -1,6 +1,5 @@
 """Quasi-static compression by the explicit solver, slow enough for the declared error."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, pi, sqrt
 from pathlib import Path
@@ -183,7 +182,6 @@ def slow_compression(
     stiffness_factor: float = 1.0,
     error: float = 2e-3,
     numerics: SlowNumerics | None = None,
-    progress: Callable[[float, float], None] = lambda duration, error: None,
 ) -> SlowCompression:
     """Compress a specimen slowly.
 
@@ -209,8 +207,6 @@ def slow_compression(
         error of the mesh is not included.
     numerics
         Mesh, Poisson's ratio and threads. Its duration is the start of the search; default: `FIRST`.
-    progress
-        Called with duration and largest error after each run.
     """
     if not 1e-4 <= error <= 0.1:
         raise ValueError(f"the wanted error of a slow run must be in [0.0001, 0.1], got {error:g}")
@@ -224,7 +220,6 @@ def slow_compression(
         return slow_run(law, specimen, strain, faces=faces, side=side, friction=friction, numerics=made)
 
     before = run(durations[0])
-    progress(durations[0], errors[0])
     factor = 2.0
     while True:
         durations.append(ceil(factor * durations[-1]))
@@ -232,7 +227,6 @@ def slow_compression(
         ratio = durations[-1] / durations[-2]
         left = np.abs(before.stress / found.stress - 1.0) / (ratio - 1.0)
         errors.append(float(left[strain >= min(LEAST_COMPARED_STRAIN, strain[-1])].max()))
-        progress(durations[-1], errors[-1])
         if errors[-1] <= error:
             break
         factor = max(2.0, MARGIN * errors[-1] / error)

@@ -380,10 +380,7 @@ def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[F
 
 
 def _noise(x: FloatArray, y: FloatArray) -> float:
-    """Noise from the distance of each sample to the line between its neighbours.
-
-    A kink has little effect on it.
-    """
+    """Noise from the distance of each sample to the line between its neighbours, whatever the kinks."""
     left, right = x[1:-1] - x[:-2], x[2:] - x[1:-1]
     apart = (left + right) > 0.0
     if not apart.any():

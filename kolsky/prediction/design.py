@@ -24,7 +24,7 @@ from kolsky.base.toml import TomlFile
 from kolsky.prediction.predict import Numbers, PlannedTest, Prediction, doubts, predict
 from kolsky.prediction.schema import TestFile
 from kolsky.virtual.motion import MOVES
-from kolsky.virtual.shot_file import KNOT, MOTION, toml_text
+from kolsky.virtual.shot_file import KNOT, MOTION, STEEL, si_texts, toml_text
 
 NAMES = tuple(field.name for field in fields(Numbers))
 """Results that can be prescribed."""
@@ -357,37 +357,21 @@ def write_specification(folder: Path, found: Prediction) -> Path:
     write_table(folder / MOTION, {"time (s)": bars.times[keep] - bars.times[first], "displacement (m)": path})
     largest = min(LARGEST_RECORDED, SHARE_OF_LARGEST * found.numbers.largest_strain)
     parts, m = list(test.transmission.values()), test.material
-    material: dict[str, Any] = {
-        "law": m.law,
-        "parameters": dict(m.parameters),
-        "shear_modulus": f"{m.shear_modulus:.9g} Pa",
-        "stiffness_factor": m.stiffness_factor,
-        "poisson": m.poisson,
-        "damping": f"{m.damping:.9g} s",
-        "mass_damping": f"{m.mass_damping:.9g} 1/s",
-    }
+    material = si_texts(
+        m, "law", "parameters", "shear_modulus", "stiffness_factor", "poisson", "damping", "mass_damping"
+    )
     if m.prony_strengths:
         material["prony_strengths"] = list(m.prony_strengths)
         material["prony_times"] = [f"{time:.9g} s" for time in m.prony_times]
     tables: dict[str, dict[str, Any]] = {
-        "specimen": {
-            "diameter": f"{test.specimen.diameter:.9g} m",
-            "length": f"{test.specimen.length:.9g} m",
-            "density": f"{test.specimen.density:.9g} kg/m^3",
-        },
+        "specimen": si_texts(test.specimen, "diameter", "length", "density"),
         "material": material,
-        "interface": {
-            "faces": test.interface.faces,
-            "side": test.interface.side,
-            "friction": test.interface.friction,
-        },
+        "interface": si_texts(test.interface, "faces", "side", "friction"),
         "transmission": {"support": "bar"},
         "transmission.bar": {
-            "diameter": f"{parts[-1].diameter:.9g} m",
+            **si_texts(parts[-1], "diameter"),
             "length": f"{sum(part.length for part in parts):.9g} m",
-            "youngs_modulus": f"{parts[-1].youngs_modulus:.9g} Pa",
-            "density": f"{parts[-1].density:.9g} kg/m^3",
-            "poisson": parts[-1].poisson,
+            **si_texts(parts[-1], *STEEL),
         },
         "motion": {"kind": "sampled", "file": MOTION, "compression": f"{100.0 * largest:.4g} %"},
     }

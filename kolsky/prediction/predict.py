@@ -96,14 +96,7 @@ def from_pulse(
 
 
 def _from_touch(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A recorded pulse, beginning at the striker's touch.
-
-    Times [s] and forces [N] both begin at 0.
-
-    Noise hides the first contact. At first, the shaper's force increases linearly, because the faces approach
-    at constant speed. A line through its first passages of two small forces, `LOADED`, is extrapolated to
-    zero.
-    """
+    """A recorded pulse from the striker's touch on, by a line through its passages of `LOADED`."""
     top = float(force.max(initial=0.0))
     passages = [np.flatnonzero(force >= share * top) for share in LOADED]
     first, second = (int(rows[0]) if top > 0.0 else 0 for rows in passages)
@@ -115,10 +108,7 @@ def _from_touch(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _unloading(compression: FloatArray, force: FloatArray) -> float | None:
-    """Mean slope from the largest compression to half its force.
-
-    None if the shaper does not unload that far.
-    """
+    """Mean slope from the largest compression to half its force; None if it does not unload so far."""
     turn = int(np.argmax(compression))
     below = np.flatnonzero(force[turn:] <= 0.5 * force[turn])
     if not below.size:

@@ -162,12 +162,15 @@ class GlobalSensitivity(ResultViews):
         return times, mean(self.outline.first), mean(self.outline.total)
 
 
+SEED = 1
+"""Seed of every draw."""
+
+
 def solver_sensitivity(
     shot: Shot,
     box: Box,
     *,
     n: int = 256,
-    rng: int = 1,
     numerics: Numerics | None = None,
 ) -> GlobalSensitivity:
     """Sobol' indices by the solver itself, n (d + 2) runs.
@@ -180,8 +183,6 @@ def solver_sensitivity(
         A box over parameters of `kolsky.inverse.parameters.PARAMETERS`.
     n
         Points of each of the d + 2 samples, a power of two.
-    rng
-        Seed of every draw.
     numerics
         Mesh, precision, device.
 
@@ -190,7 +191,7 @@ def solver_sensitivity(
     ValueError
         If a run does not complete, or if a parameter is unknown or outside its range.
     """
-    sample = SaltelliSample.draw(box.dimension, n, rng)
+    sample = SaltelliSample.draw(box.dimension, n, SEED)
     sets = [sample.A, sample.B, *(sample.mixed(i) for i in range(box.dimension))]
     points = box.scale(np.concatenate(sets))
     observables, vectors = _observed(shot, points, box, numerics)
@@ -200,9 +201,7 @@ def solver_sensitivity(
         """The stored runs. The same seed gives the same points."""
         return vectors[[row[point.tobytes()] for point in x]]
 
-    return _indices(
-        shot, box, observables, made, n=n, rng=rng, runs=len(points), errors={}, by_surrogate=False
-    )
+    return _indices(shot, box, observables, made, n=n, runs=len(points), errors={}, by_surrogate=False)
 
 
 def global_sensitivity(
@@ -212,14 +211,13 @@ def global_sensitivity(
     runs: int = 128,
     unseen: int = 32,
     n: int = 1024,
-    rng: int = 1,
     numerics: Numerics | None = None,
 ) -> GlobalSensitivity:
     """Sobol' indices by a tested surrogate of the response.
 
     Parameters
     ----------
-    shot, box, n, rng, numerics
+    shot, box, n, numerics
         As in `solver_sensitivity`.
     runs, unseen
         Runs of the surrogate's design, and further runs to test it.
@@ -232,8 +230,8 @@ def global_sensitivity(
         If the surrogate cannot be built, or if no part of it is accurate enough. The message gives the
         remedy.
     """
-    design = latin_hypercube(box, runs, rng=rng, optimise=True)
-    others = latin_hypercube(box, unseen, rng=rng + 1)
+    design = latin_hypercube(box, runs, rng=SEED, optimise=True)
+    others = latin_hypercube(box, unseen, rng=SEED + 1)
     points = np.concatenate([design.points, others.points])
     observables, vectors = _observed(shot, points, box, numerics)
     surrogate = ResponseSurrogate.fit(box, design.points, vectors[:runs], scale=observables.noise)
@@ -246,7 +244,6 @@ def global_sensitivity(
         observables,
         surrogate.predict,
         n=n,
-        rng=rng,
         runs=runs + unseen,
         errors=errors,
         by_surrogate=True,
@@ -280,7 +277,6 @@ def _indices(
     function: Callable[[FloatArray], FloatArray],
     *,
     n: int,
-    rng: int,
     runs: int,
     errors: dict[str, float],
     by_surrogate: bool,
@@ -294,14 +290,14 @@ def _indices(
         if part is None or name in refused:
             return None
         return history_indices(
-            box, lambda x: function(x)[:, part], scale=observables.noise[part], n=n, rng=rng
+            box, lambda x: function(x)[:, part], scale=observables.noise[part], n=n, rng=SEED
         )
 
     scalars = None
     if good:
         outputs = tuple(observables.outputs[i] for i in good)
         scalars = sobol_indices(
-            box, lambda x: observables.scalars(function(x))[:, good], outputs=outputs, n=n, rng=rng
+            box, lambda x: observables.scalars(function(x))[:, good], outputs=outputs, n=n, rng=SEED
         )
     return GlobalSensitivity(
         shot=shot.name,
@@ -323,7 +319,6 @@ def screening(
     box: Box,
     *,
     trajectories: int = 10,
-    rng: int = 1,
     numerics: Numerics | None = None,
 ) -> tuple[tuple[str, ...], ElementaryEffects]:
     """Morris' elementary effects on the misfits and the peak force, by the solver itself.
@@ -334,8 +329,6 @@ def screening(
         As in `solver_sensitivity`.
     trajectories
         Number of trajectories. Each needs one more run than there are parameters.
-    rng
-        Seed.
 
     Returns
     -------
@@ -349,6 +342,6 @@ def screening(
     ValueError
         If a run does not complete, or if a parameter is unknown or outside its range.
     """
-    walks = morris(box, trajectories, rng=rng)
+    walks = morris(box, trajectories, rng=SEED)
     observables, vectors = _observed(shot, walks.design.points, box, numerics)
     return observables.outputs, walks.effects(observables.scalars(vectors))

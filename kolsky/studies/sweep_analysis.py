@@ -176,10 +176,7 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable) -> SweepAnalysis:
 
 
 def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | None:
-    """Minimum of an interpolant by downhill simplex.
-
-    It starts from the best run and from the best point of a scan.
-    """
+    """Minimum of an interpolant by downhill simplex, from the best run and the best point of a scan."""
     surrogate = output.surrogate
     if surrogate is None:
         return None
@@ -234,11 +231,7 @@ def _output(name: str, box: Box, points: FloatArray, values: FloatArray) -> Outp
 
 
 def _too_large(error: float, runs: int, dimension: int) -> str:
-    """The reason for rejection, with the number of runs needed if the misfit is smooth.
-
-    For a smooth function, the error is of second order or higher in the distance of the runs. This distance
-    is proportional to their number to the power of -1/d.
-    """
+    """The reason for rejection. The runs needed assume an error of second order in their distance."""
     needed = int(np.ceil(runs * (error / LARGEST_ERROR) ** (dimension / 2.0)))
     return (
         f"an interpolant of {runs} runs is wrong by {100.0 * error:.0f} % of their standard deviation, at "

@@ -8,6 +8,7 @@ Transducer, amplifier, cable and recorder are applied one after the other. Each 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -256,14 +257,6 @@ def _text(path: Path, scope: Scope, delimiter: str, decimal: str) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def _comma(path: Path, scope: Scope) -> None:
-    _text(path, scope, ",", ".")
-
-
-def _semicolon(path: Path, scope: Scope) -> None:
-    _text(path, scope, ";", ",")
-
-
 def _workbook(path: Path, scope: Scope) -> None:
     from openpyxl import Workbook
 
@@ -296,10 +289,12 @@ def _tdms(path: Path, scope: Scope) -> None:
 
 _TIME = {"column": TIME, "unit": "s"}
 FORMATS = {
-    "csv": ScopeFormat("scope.csv", _comma, (INCIDENT, TRANSMITTED), {"time": _TIME}),
+    "csv": ScopeFormat(
+        "scope.csv", partial(_text, delimiter=",", decimal="."), (INCIDENT, TRANSMITTED), {"time": _TIME}
+    ),
     "csv semicolon": ScopeFormat(
         "scope.csv",
-        _semicolon,
+        partial(_text, delimiter=";", decimal=","),
         (INCIDENT, TRANSMITTED),
         {"time": _TIME, "layout": {"delimiter": ";", "decimal": ",", "header_line": 1}},
     ),

@@ -90,23 +90,17 @@ def write_shot(
 
 def _answer_tables(shot: ShotSpecification) -> dict[str, Any]:
     """Content of truth.json: the answer, and the specification."""
-    material = shot.quantities.material
+    material, relaxation = shot.quantities.material, shot.quantities.relaxation
     return {
         "m": material.stiffness_factor,
         "nu": material.poisson,
         "beta_s": material.damping,
         "friction": shot.quantities.imperfections.slip_friction or None,
-        **_relaxation(shot),
+        **({} if relaxation is None else {"relaxation": dict(relaxation.declared().values)}),
         "specification": shot.content,
         "specification_sha256": _hash(shot),
         "number": shot.number,
     }
-
-
-def _relaxation(shot: ShotSpecification) -> dict[str, Any]:
-    """The true constants of [relaxation] by parameter name; empty without relaxation."""
-    declared = shot.quantities.relaxation
-    return {} if declared is None else {"relaxation": dict(declared.declared().values)}
 
 
 def _hash(shot: ShotSpecification) -> str:
@@ -255,10 +249,7 @@ def _job(shot: ShotSpecification) -> Job:
 
 
 def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> list[list[Place]]:
-    """Batches of shots simulated together on a CPU.
-
-    A batch has shots of one model, limited to a share of a worker.
-    """
+    """Batches of shots of one model for a CPU, limited to a share of a worker."""
     groups: dict[Any, list[Place]] = {}
     for place, job in zip(todo, jobs, strict=True):
         groups.setdefault(job.group, []).append(place)

@@ -87,10 +87,7 @@ def rig_of(q: Specification, *, shot: int) -> Rig:
 
 
 def _crop(at: FloatArray, picture: tuple[int, int], sensor: tuple[int, int], camera: int) -> tuple[int, int]:
-    """Whole pixels of the offset that brings `at` to the picture's middle.
-
-    It is kept on the sensor if it is nearly inside.
-    """
+    """Whole pixels of the offset that brings `at` to the picture's middle, as far as the sensor allows."""
     wanted = np.rint(at - 0.5 * (np.array(picture) - 1.0))
     most = np.array(sensor) - np.array(picture)
     found = np.clip(wanted, 0, most)

@@ -191,10 +191,7 @@ def _channel(channel: ChannelTable) -> dict[str, Any]:
 
 
 def _no_droop(q: Specification) -> dict[str, str]:
-    """A time constant without effect.
-
-    It is used if [incident_force] would otherwise inherit that of [force].
-    """
+    """A time constant without effect, if [incident_force] would otherwise inherit that of [force]."""
     taken_over = q.transmitted.time_constant is not None and q.incident.time_constant is None
     return {"time_constant": f"{_NO_DROOP:.9g} s"} if taken_over else {}
 
@@ -237,6 +234,20 @@ KNOT = 2e-6
 """Time step of its samples [s]."""
 
 
+_UNITS = {"diameter": "m", "length": "m", "density": "kg/m^3", "youngs_modulus": "Pa", "shear_modulus": "Pa"}
+_UNITS |= {"damping": "s", "mass_damping": "1/s"}
+STEEL = ("youngs_modulus", "density", "poisson")
+"""Keys of a bar's material."""
+
+
+def si_texts(record: object, *names: str) -> dict[str, Any]:
+    """Attributes of a record as TOML values: texts with SI units, and plain ones as they are."""
+    values = {name: getattr(record, name) for name in names}
+    return {
+        name: f"{value:.9g} {_UNITS[name]}" if name in _UNITS else value for name, value in values.items()
+    }
+
+
 def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -> Path:
     """Write the specification of a shot, and its flyer's path.
 
@@ -263,11 +274,7 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
     volts = force.baseline_volts()
     bar = shot.transmission_bar
     tables: dict[str, dict[str, Any]] = {
-        "specimen": {
-            "diameter": f"{shot.specimen.diameter:.9g} m",
-            "length": f"{shot.specimen.length:.9g} m",
-            "density": f"{shot.specimen.density:.9g} kg/m^3",
-        },
+        "specimen": si_texts(shot.specimen, "diameter", "length", "density"),
         "material": {
             "law": "yeoh",
             "parameters": parameters,
@@ -278,11 +285,7 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
             "mass_damping": f"{shot.model.mass_damping:.9g} 1/s",
         },
         "quasi_static": {"largest_strain": f"{100.0 * (1.0 - shot.curve.stretch.min()):.9g} %"},
-        "interface": {
-            "faces": shot.interface.faces,
-            "side": shot.interface.side,
-            "friction": shot.interface.friction,
-        },
+        "interface": si_texts(shot.interface, "faces", "side", "friction"),
         "transmission": {"support": "rigid" if bar is None else "bar"},
         "motion": {
             "kind": "sampled",
@@ -310,13 +313,7 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
         },
     }
     if bar is not None:
-        tables["transmission.bar"] = {
-            "diameter": f"{bar.diameter:.9g} m",
-            "length": f"{bar.length:.9g} m",
-            "youngs_modulus": f"{bar.youngs_modulus:.9g} Pa",
-            "density": f"{bar.density:.9g} kg/m^3",
-            "poisson": bar.poisson,
-        }
+        tables["transmission.bar"] = si_texts(bar, "diameter", "length", *STEEL)
     sizes = declared_sizes(shot.uncertainty)
     if sizes:
         tables["budget"] = {json.dumps(key): size for key, size in sizes.items()}

@@ -78,10 +78,7 @@ class Draw(Section):
         return self
 
     def _bounds(self) -> tuple[float, float, str | None, bool]:
-        """The two numbers, their unit, and True if both are whole numbers.
-
-        Plain numbers have no unit.
-        """
+        """The two numbers, their unit (None for plain ones), and True if both are whole numbers."""
         first, second = (getattr(self, key) for key in _KINDS[self.spread])
         if isinstance(first, str) and isinstance(second, str):
             matches = [full_match(_WRITTEN, text) for text in (first, second)]

@@ -253,7 +253,7 @@ def _run(
 
 def _problem(jobs: Sequence[Job], shift: Sequence[FloatArray]) -> explicit.Problem:
     """The batch of jobs of one model. `shift` is added at the times of the force [m]."""
-    first = jobs[0].quantities
+    first, bar = jobs[0].quantities, _bar(jobs[0].quantities)
     last = max(job.last for job in jobs)
     times = KNOT * np.arange(int(np.ceil(last / KNOT)) + 1, dtype=np.float64)
     surface = np.unique(np.concatenate([job.frames[job.frames > 0.0] for job in jobs]))
@@ -266,7 +266,7 @@ def _problem(jobs: Sequence[Job], shift: Sequence[FloatArray]) -> explicit.Probl
         motions=tuple(_motion(job, add, times) for job, add in zip(jobs, shift, strict=True)),
         faces=jobs[0].contact[0],
         side=jobs[0].contact[1],
-        support=_support(first),
+        support=explicit.RIGID if bar is None else explicit.CharacteristicBar(bar.impedance, bar.round_trip),
         element=first.truth.element,
         relaxation=relaxation,
     )
@@ -306,11 +306,6 @@ def _motion(job: Job, add: FloatArray, times: FloatArray) -> explicit.PlatenMoti
         position = position + np.where(inside, add, add[inside][-1])
         velocity = velocity + np.where(inside, np.gradient(add, KNOT), 0.0)
     return explicit.PlatenMotion(start=0.0, step=KNOT, position=position - position[0], velocity=velocity)
-
-
-def _support(quantities: Specification) -> explicit.CharacteristicBar:
-    bar = _bar(quantities)
-    return explicit.RIGID if bar is None else explicit.CharacteristicBar(bar.impedance, bar.round_trip)
 
 
 def _bar(quantities: Specification) -> Bar | None:

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from kolsky.base.files import write_table
-from kolsky.bodies.actuator_markers import COUNT, marker_weights_of
+from kolsky.bodies.actuator_markers import COUNT, marker_weights
 
 SIZE = (1280, 960)
 SQUARE, DIAMETER, VIEWS = 6e-3, 2e-3, 12
@@ -67,7 +67,7 @@ def main() -> None:
         rest = np.array([float(r["rest x (m)"]) for r in own]) if rest is None else rest
         if pressure == 0.0:
             continue
-        places = marker_weights_of(rest, COUNT) @ line
+        places = marker_weights(rest) @ line
         picture = cam.draw_markers(TRUE, places, diameter=DIAMETER, size=SIZE, noise=given.noise, rng=rng)
         cv2.imwrite(str(given.out / f"{name}_{pressure:.0f}.png"), picture)
         found = seen.in_plane(cam.find_markers(picture, COUNT, TRUE.project(np.zeros((1, 2)))[0]).pixels)

@@ -271,8 +271,10 @@ def shares_off(result: Result) -> float:
 
 def closed_form(result: Result) -> dict[str, tuple[float, float]]:
     """Relative contributions to the peak stress: found, closed form."""
-    peak = float(np.abs(result.budget.value["stress"]).max())
-    rows = {row["quantity"]: row["contribution"] / peak for row in result.budget.table("stress")}
+    at, budget = result.budget.peak("stress"), result.budget
+    peak = abs(float(budget.value["stress"][at]))
+    found = zip(budget.quantities, budget.contribution["stress"][:, at], strict=True)
+    rows = {q.name: contribution / peak for q, contribution in found}
     size = {q.name: q.sigma / q.value for q in INPUTS if q.value}
     factors = {"Young's modulus": 1.0, "bar, diameter": 2.0, "specimen, diameter": -2.0, "gauge factor": -1.0}
     return {name: (rows[name], factor * size[name]) for name, factor in factors.items()}

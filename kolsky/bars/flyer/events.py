@@ -204,10 +204,7 @@ def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, rin
 
 
 def _back_face_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> FloatArray:
-    """Velocity of the bar's face under a force.
-
-    It is that of the emitted wave, plus twice its reflection from a free end.
-    """
+    """Velocity of the bar's face under a force: the emitted wave, plus twice its echoes from a free end."""
     at, F, _ = moving_average(force, ringing)
     returns = range(1, int((time[-1] - at[0]) / bar.round_trip) + 1)
     echoes = [np.interp(time - k * bar.round_trip, at, F, left=0.0) for k in returns]
@@ -399,10 +396,7 @@ def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None
 def _second_impact(
     motion: FlyerMotion, turn: int | None, incident: Signal | None, rest: float, ringing: float
 ) -> Event:
-    """The jump of the flyer's transducer, or of the slope of its displacement.
-
-    It occurs after the flyer turned back.
-    """
+    """The jump of the flyer's transducer, or of the slope of its displacement, after it turned back."""
     name = "second impact"
     if turn is None:
         return Event(name, None, None, "the flyer does not turn back in the record")

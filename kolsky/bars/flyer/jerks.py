@@ -142,9 +142,7 @@ def _searched(
 def _state_space(
     weight: FloatArray, spans: FloatArray, shared: tuple[FloatArray, FloatArray] | None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Matrices of the Kalman filter for the motion between frames: state (zero, x, v, a), and a correlated
-    error.
-    """
+    """Matrices of the Kalman filter between frames: state (zero, x, v, a), and a correlated error."""
     n, moving = weight.size, slice(weight.size - spans.size, weight.size)
     m = 4 if shared is None else 5
     kicks, steps = np.zeros((n, m)), np.tile(np.eye(m), (n, 1, 1))
@@ -324,9 +322,7 @@ class Evidences:
 
     @cached_property
     def _filtered(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Variances of the filter's predictions and its innovations over them [n, n_frames], its gains [n,
-        n_frames, m], and the factors I - K z' on the state [n, n_frames, m, m].
-        """
+        """Variances, innovations over them [n, n_frames], gains [.., m], factors I - K z' [.., m, m]."""
         # no displacement: no information on the noise
         own = np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)
         seen, steps, kicks, P = _state_space(self.weight, self.spans, self.shared)

@@ -415,10 +415,7 @@ def fit_flyer(
 
 
 def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: float) -> FloatArray:
-    """Hat functions of log tau over the spans.
-
-    There is one set from the start, and a further set from a restart.
-    """
+    """Hat functions of log tau over the spans: a set from the start, and another from a restart."""
     if restart is None:
         return hat_functions(frames)
     since = (restart - start) / frame
@@ -432,10 +429,7 @@ def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: 
 def _shared_noise(
     motion: FlyerMotion, t: FloatArray, sigma: FloatArray, seen: BoolArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Argument `shared` of `evidence`: size over sigma, and correlation between frames.
-
-    None without such an error.
-    """
+    """Argument `shared` of `evidence`: size over sigma, and correlation between frames; None without it."""
     if motion.shared_sigma is None or not motion.shared_sigma.any():
         return None
     size = np.zeros(t.size)
@@ -464,10 +458,7 @@ def whitening(
 
 
 def _without_gaps(time: FloatArray, frame: float) -> tuple[FloatArray, BoolArray]:
-    """Times with added frame times in gaps of more than one frame, and a mask of the measured ones.
-
-    Without knots in the gap, one constant jerk would have to accelerate a flyer from rest to its speed.
-    """
+    """Times with frame times added in gaps, where one jerk could not move the path; mask of the measured."""
     steps = np.diff(time)
     added = [
         before + np.arange(1, count) * (step / count)

@@ -23,11 +23,11 @@ _ROLL_OFF = 0.2
 """Width of a band's half-cosine edge, as a share of its limit. It ends at the limit."""
 
 
-def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None = None) -> Signal:
-    """The signal within a window. Outside, half-cosines fade it to zero.
+def windowed(signal: Signal, window: tuple[float, float]) -> Signal:
+    """The signal within a window. Outside, half-cosines over a fiftieth of the window fade it to zero.
 
     ``signal``: the signal. Samples inside the window do not change. ``window``: first and last time on the
-    shot's clock [s]. ``taper``: length of each fade [s]; default: a fiftieth of the window.
+    shot's clock [s].
     """
     first, last = window
     if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
@@ -35,7 +35,7 @@ def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None
             f"a window must be ascending and within [{signal.start:.6g}, {signal.end:.6g}] s, "
             f"got [{first:.6g}, {last:.6g}] s"
         )
-    length = 0.02 * (last - first) if taper is None else taper
+    length = 0.02 * (last - first)
     outside = np.maximum(np.maximum(first - signal.time, signal.time - last), 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(outside > 0.0, np.minimum(outside / length, 1.0), 0.0)
@@ -419,9 +419,7 @@ def _fit(
 
 
 def _above_noise(pulse: Signal) -> float | None:
-    """Frequency above which no component of a pulse exceeds five times its noise, plus the width of an
-    edge.
-    """
+    """Frequency above which a pulse is below five times its noise, plus the width of an edge."""
     if not pulse.sigma > 0.0:
         return None
     spectrum = np.abs(rfft(pulse.value))

@@ -87,11 +87,6 @@ def _onoe_slope(s: Array, value: Array) -> Array:
     return np.asarray(np.where(small, -0.25 - s / 48.0 - s**2 / 512.0, slope))
 
 
-def _check_poisson(poisson: float) -> None:
-    if not 0.0 <= poisson < 0.5:
-        raise ValueError(f"Poisson's ratio of a bar must be in [0, 0.5), got {poisson}")
-
-
 TABLE_ERROR = 1e-9
 """Largest relative error of a table's wavenumber [-], measured between its knots."""
 FIRST_TABLE = 8.0
@@ -106,7 +101,8 @@ def dispersion_table(poisson: float, largest: float = FIRST_TABLE) -> CubicHermi
     Knots satisfy the frequency equation and have exact slopes. Intervals are halved until the cubic between
     the knots is within `TABLE_ERROR` of the root in their middle.
     """
-    _check_poisson(poisson)
+    if not 0.0 <= poisson < 0.5:
+        raise ValueError(f"Poisson's ratio of a bar must be in [0, 0.5), got {poisson}")
     doublings = max(0, int(np.ceil(np.log2(max(largest, FIRST_TABLE) / FIRST_TABLE))))
     return _table(float(poisson), FIRST_TABLE * 2.0**doublings)
 
@@ -180,10 +176,7 @@ def _refined(
 
 
 def _slowest_root(w: FloatArray, poisson: float) -> FloatArray:
-    """Largest wavenumber at each frequency, which is the first mode.
-
-    A scan brackets the root; an iteration then refines it.
-    """
+    """Largest wavenumber at each frequency (the first mode), bracketed by a scan and then refined."""
     slowest = 0.9 * rayleigh_speed(poisson)
     k = np.empty_like(w)
     pending = np.arange(w.size)

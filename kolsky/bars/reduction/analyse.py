@@ -23,7 +23,6 @@ from kolsky.bars.reduction.separation import KEY as FREE_END
 from kolsky.bars.reduction.separation import check_length, free_end_limits, free_ends, overlapping_windows
 from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
-from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
 from kolsky.bars.reduction.windows import (
     FAR,
@@ -94,7 +93,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
     budget, summary = _budget_with_means(varied, best, reduction, summary)
     reduction = map_histories(reduction, lambda name, history: budget.history(name, history.unit))
     progress("waves", 3, 3)
-    sign = -1.0 if tension else 1.0
+    sign, soft = -1.0 if tension else 1.0, acts["radial inertia"].startswith("on: the specimen is soft")
     return WavesResult(
         name=given.name,
         specimen=given.specimen,
@@ -110,7 +109,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         remarks=(
             *given.notes,
             *quoted.remarks(reduction, budget, checks, given, summary),
-            *_soft(acts, valid),
+            *((f"validity of the curve: {valid.sentence}",) if soft and valid.nearly_empty else ()),
         ),
         analysis=given.analysis,
         valid=valid.window,
@@ -122,10 +121,7 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
 
 
 def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, tension: bool) -> Windows:
-    """Windows from the shot file or from travel times.
-
-    With two stations on a bar, the windows are those for overlapping pulses.
-    """
+    """Windows from the shot file, from travel times, or for pulses that overlap at two stations."""
     if given.windows is None and FAR in given.stations and given.switches["separation"]:
         return overlapping_windows(incident, station_of(given, FAR).signal, transmission, tension=tension)
     if not given.switches[FREE_END]:
@@ -134,12 +130,6 @@ def _windows(given: WavesInput, incident: BarSignal, transmission: BarSignal, te
     found = find_windows(incident, transmission, tension=tension, manual=given.windows, ends=ends)
     check_length(found, ends)
     return found
-
-
-def _soft(acts: Mapping[str, str], valid: Validity) -> tuple[str, ...]:
-    """The remark on a soft specimen for which the curve has almost no valid part."""
-    heavy = acts["radial inertia"].startswith("on: the specimen is soft")
-    return (f"validity of the curve: {valid.sentence}",) if heavy and valid.nearly_empty else ()
 
 
 def _left_out(given: WavesInput) -> dict[str, str]:

@@ -186,10 +186,7 @@ class SpecimenMotion:
 
 
 def _averaged_samples(reduction: Reduction, bars: Mapping[str, Bar]) -> int:
-    """Number of samples for centred means, odd.
-
-    It is the time of a wave across the thicker bar's diameter.
-    """
+    """Samples of centred means, odd: the time of a wave across the thicker bar's diameter."""
     step = float(reduction.time[1] - reduction.time[0])
     return max(3, round(max(bar.diameter / bar.wave_speed for bar in bars.values()) / step) | 1)
 
@@ -352,7 +349,9 @@ def compensate_mass(
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))
-    _not_negative(sigma_time=sigma_time, sigma_mass=mass.sigma)
+    for name, value in (("sigma_time", sigma_time), ("sigma_mass", mass.sigma)):
+        if not (np.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{name} is {value:g}, must be finite and >= 0")
     if not mass.value > 0.0:
         raise ValueError(f"{mass.name} is {mass.value:g} kg, must be > 0 kg")
     a = acceleration.value
@@ -370,9 +369,3 @@ def compensate_mass(
     )
     log = audited("mass compensation, incident", "mass", change, force.unit, apply, reason)
     return (History(force.value + change, sigma, force.unit) if apply else force), log
-
-
-def _not_negative(**values: float) -> None:
-    for name, value in values.items():
-        if not (np.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{name} is {value:g}, must be finite and >= 0")

@@ -224,23 +224,15 @@ def summary(result: ReducedTest) -> Mapping[str, Any]:
 
 def _test_summary(result: ReducedTest) -> dict[str, Any]:
     """Entries that only one kind of test has."""
+    valid = {"valid": None if result.valid is None else list(result.valid), "validity": result.validity}
     if isinstance(result, WavesResult):
         names = ("incident", "reflected", "transmitted")
         spans = {name: list(getattr(result.windows, name)) for name in names}
-        return {
-            "windows": {**spans, "source": result.windows.source},
-            "analysis": result.analysis,
-            "valid": None if result.valid is None else list(result.valid),
-            "validity": result.validity,
-        }
+        return {"windows": {**spans, "source": result.windows.source}, "analysis": result.analysis, **valid}
     assert isinstance(result, FlyerResult)  # there are only these two kinds
     keys = ("name", "time", "sigma", "how")
-    return {
-        "events": [dict(zip(keys, event, strict=True)) for event in result.events],
-        "valid": None if result.valid is None else list(result.valid),
-        "validity": result.validity,
-        "synchronisation": result.synchronisation,
-    }
+    events = [dict(zip(keys, event, strict=True)) for event in result.events]
+    return {"events": events, **valid, "synchronisation": result.synchronisation}
 
 
 _MEGA = 1e-6
@@ -298,6 +290,7 @@ def columns(result: WavesResult) -> dict[str, FloatArray]:
 def metadata(result: WavesResult) -> dict[str, str]:
     """Key -> value of the lines above the table."""
     first, second = result.incident.bar, result.transmission.bar
+    span = result.reduction.balanced
     said: dict[str, str] = {
         "format": DATABASE_FORMAT,
         "test_name": result.name,
@@ -321,7 +314,7 @@ def metadata(result: WavesResult) -> dict[str, str]:
         "uncertainty": "u_: combined standard uncertainty, k = 1",
         "corrections_applied": _names(result, True),
         "corrections_left_out": _names(result, False),
-        "force_equilibrium_s": _span(result.reduction.balanced),
+        "force_equilibrium_s": "none" if span is None else f"{span[0]:.6g} to {span[1]:.6g}",
         "validity": result.validity,
     }
     for name, (value, sigma, unit) in result.budget.results.items():
@@ -345,10 +338,6 @@ def _measured(value: float, sigma: float, unit: str) -> str:
 
 def _names(result: WavesResult, applied: bool) -> str:
     return ", ".join(dict.fromkeys(c.key for c in result.corrections if c.applied is applied)) or "none"
-
-
-def _span(span: tuple[float, float] | None) -> str:
-    return "none" if span is None else f"{span[0]:.6g} to {span[1]:.6g}"
 
 
 def _inside(time: FloatArray, span: tuple[float, float] | None) -> FloatArray:

@@ -108,11 +108,7 @@ def face_waves(
 def _widened(
     pairs: tuple[tuple[float, float], ...], incident: BarSignal, transmission: BarSignal
 ) -> tuple[tuple[float, float], ...]:
-    """Windows extended over the time in which the gauge measures only this wave, or no wave.
-
-    If a wave is cut off before its end, it has an edge. Dispersion spreads the edge's high frequencies into
-    the window. The fade of a tenth outside the window must not overlap the next wave.
-    """
+    """Windows extended, up to the next wave, so that dispersion spreads no cut edge into them."""
     before = (incident.strain.start, pairs[1][0], transmission.strain.start)
     widened = []
     for (begin, end), start, limit, signal in zip(
@@ -197,7 +193,10 @@ def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> t
     """
     first = recordings[0]
     start, interval = uniform_clock(first)
-    signals = [_shifted(r, offset - offsets[0]) for r, offset in zip(recordings, offsets, strict=True)]
+    signals = []
+    for r, offset in zip(recordings, offsets, strict=True):
+        begin, step = uniform_clock(r)
+        signals.append(Signal(begin + (offset - offsets[0]), step, r.value, 0.0, r.unit, r.channel))
     for other, signal in zip(recordings[1:], signals[1:], strict=True):
         if abs(signal.interval / interval - 1.0) * first.time.size > LARGEST_JITTER:
             raise ValueError(
@@ -220,11 +219,6 @@ def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> t
         replace(recording, time=time, value=sampled_from(signal, begin, count))
         for recording, signal in zip(recordings, signals, strict=True)
     )
-
-
-def _shifted(recording: Recording, shift: float) -> Signal:
-    start, interval = uniform_clock(recording)
-    return Signal(start + shift, interval, recording.value, 0.0, recording.unit, recording.channel)
 
 
 PADDING = 4
@@ -400,11 +394,7 @@ def _back(spectrum: ComplexArray, kept: NDArray[np.bool_], length: int) -> Float
 
 
 def _noise(response: FloatArray, decay: float, sigma: FloatArray, n: int, count: int) -> FloatArray:
-    """Sigma at each time from white noise of the gauges, Eq. (B.15).
-
-    `response` is the response to one sample in the weighted records, shape [j, length]. Without the weights
-    it increases by exp(decay) per sample.
-    """
+    """Sigma at each time from white noise, Eq. (B.15), by responses [j, length] in the weighted records."""
     length = response.shape[1]
     lag = np.arange(length)
     lag = np.where(lag > length // 2, lag - length, lag)

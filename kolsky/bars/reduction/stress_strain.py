@@ -319,7 +319,8 @@ def correct_punching(
         e, r = reduction.strain[key], reduction.rate[key]
         strain[key] = History(e.value - sunk, np.hypot(e.sigma, noise), e.unit)
         slope_noise = noise / (width * step)  # means of two neighbours at either end
-        rate[key] = History(r.value - _slope(sunk, step, width), np.hypot(r.sigma, slope_noise), r.unit)
+        slope = np.gradient(moving_mean(sunk, width), step)
+        rate[key] = History(r.value - slope, np.hypot(r.sigma, slope_noise), r.unit)
     change = strain["three waves"].value - reduction.strain["three waves"].value
     verb = "shortens" if apply else "would shorten"
     correction = Correction(
@@ -336,8 +337,3 @@ def correct_punching(
         ),
     )
     return (replace(reduction, strain=strain, rate=rate) if apply else reduction), correction
-
-
-def _slope(value: FloatArray, step: float, width: int) -> FloatArray:
-    """Derivative of the mean over `width` samples."""
-    return np.gradient(moving_mean(value, width), step)

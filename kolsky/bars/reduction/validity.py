@@ -395,7 +395,7 @@ def _window(
 ) -> Validity:
     valid = which == 3
     reasons = tuple(names[i] for i in which)
-    span = _longest(valid)
+    span = max(_runs(valid), key=lambda run: run[1] - run[0], default=None)
     counts = {name: float(np.mean(which == i)) for i, name in enumerate(names)}
     if span is None:
         worst = max(names[:3], key=lambda name: counts[name])
@@ -415,16 +415,6 @@ def _window(
         inertia=inertia,
         reasons=reasons,
     )
-
-
-def _longest(valid: BoolArray) -> tuple[int, int] | None:
-    """First and last index of the longest run of True."""
-    edges = np.diff(np.concatenate([[0], valid.astype(np.int8), [0]]))
-    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    if not starts.size:
-        return None
-    best = int(np.argmax(ends - starts))
-    return int(starts[best]), int(ends[best]) - 1
 
 
 def _mean(x: FloatArray, n: int) -> FloatArray:

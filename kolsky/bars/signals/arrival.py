@@ -133,10 +133,7 @@ def _first_run(flag: np.ndarray, length: int) -> int | None:
 
 
 def _extent(smooth: FloatArray, first: int, least: float) -> tuple[float, int | None]:
-    """Level of the pulse and the index of its end.
-
-    At the end, it is below a twentieth of the level and below the threshold.
-    """
+    """Level of the pulse and the index of its end, below a twentieth of the level and the threshold."""
     below = np.flatnonzero(smooth[first:] <= least)
     stop = first + int(below[0]) if below.size else smooth.size
     level = float(smooth[first:stop].max())
@@ -153,10 +150,7 @@ def _last_below(smooth: FloatArray, first: int, value: float) -> int:
 
 
 def _undithered_count(quiet: FloatArray, flank: FloatArray) -> float:
-    """The recorder's quantisation step, if the noise is too small to average it out; otherwise 0.
-
-    If the noise is below a quarter of a step, the true baseline may lie anywhere within the step.
-    """
+    """The recorder's step if the noise (a quarter of it) cannot average it out; otherwise 0."""
     gaps = np.diff(np.unique(np.concatenate([quiet, flank])))
     gaps = gaps[gaps > 1e-6 * np.abs(flank).max()]  # the same count, converted, differs in its last digits
     count = float(np.median(gaps)) if gaps.size else 0.0

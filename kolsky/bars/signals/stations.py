@@ -233,14 +233,7 @@ def _zeroed(
     values: Mapping[str, float],
     until: float,
 ) -> tuple[FloatArray, tuple[SignalZero, list[Quantity]]]:
-    """Remove or report the drift.
-
-    Returns zero and drift as quantities of the budget, with their values.
-
-    The zero is the baseline's mean. For a random walk of strength D over the baseline T, the variance of its
-    error at the baseline's end is that of the mean plus D T / 3. After the baseline, modes represent the
-    walk.
-    """
+    """The strain with its drift removed or reported, and zero and drift as quantities of the budget."""
     rest = measure_signal_zero(time, axial, baseline, name=gauge)
     verdict = "significant" if rest.drifts else "not significant"
     fixed = log.choose(
@@ -260,7 +253,7 @@ def _zeroed(
     interval = (rest.last - rest.first) / (rest.count - 1)
     memory = max(rest.noise.memory, 1.0)
     strength = diffusion(fixed[resting], interval, sigma=rest.noise.sigma, memory=memory)
-    walked = strength * (rest.last - rest.first) / 3.0
+    walked = strength * (rest.last - rest.first) / 3.0  # of the mean, at the baseline's end
     sigma = float(np.sqrt(rest.mean_sigma**2 + walked))
     zero = Quantity(f"{gauge}, zero", 0.0, sigma, "1", "A", rest.freedom)
     modes = drift_quantities(gauge, strength, until - rest.last)

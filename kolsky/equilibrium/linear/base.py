@@ -93,10 +93,7 @@ class Pattern:
         return places, found % self.count, np.searchsorted(found // self.count, np.arange(self.count + 1))
 
     def _keys(self, local: IntArray) -> IntArray:
-        """Row and column of each entry of the cells' matrices as one number.
-
-        -1 if either is missing.
-        """
+        """Row and column of each entry of the cells' matrices as one number; -1 if either is missing."""
         rows, columns = local[:, :, None], local[:, None, :]
         return np.where((rows >= 0) & (columns >= 0), rows * self.count + columns, -1).ravel()
 

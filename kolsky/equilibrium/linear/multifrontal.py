@@ -288,10 +288,7 @@ class Assembled:
 
 
 def _runs(places: IntArray, eliminated: int) -> list[tuple[int, int, int]]:
-    """Runs of a half's unknowns that are also neighbours in this front, all eliminated or none.
-
-    A run has its start in the half, its start in the front, and its length.
-    """
+    """Runs (start in the half, start in the front, length) of a half's unknowns, all eliminated or none."""
     if len(places) == 0:
         return []
     ends = (np.diff(places) != 1) | (places[1:] == eliminated)
@@ -385,15 +382,21 @@ class Multifrontal:
         if self.positive and right.ndim == 1:
             return self._solve_one(right)
         x = np.asarray(right, dtype=self._kind).reshape(self.count, -1)[self._order]
-        forward, backward = (_forward, _backward) if self.positive else (_lu_forward, _lu_backward)
-        if transposed:
-            forward, backward = _lu_forward_transposed, _lu_backward_transposed
-        for front, block in zip(self.fronts, self._blocks, strict=True):
-            if front.eliminated:
-                forward(x, front.own, front.outside, block)
-        for front, block in zip(reversed(self.fronts), reversed(self._blocks), strict=True):
-            if front.eliminated:
-                backward(x, front.own, front.outside, block)
+        steps = [
+            (front.own, front.outside, block, *_triangles(block, transposed=transposed))
+            for front, block in zip(self.fronts, self._blocks, strict=True)
+            if front.eliminated
+        ]
+        for own, outside, block, (triangle, options, beyond), _ in steps:
+            given = x[own] if self.positive or transposed else x[own][block[1]]
+            x[own] = _solved(triangle, given, **options)
+            x[outside] -= beyond @ x[own]
+        for own, outside, block, _, (triangle, options, beyond) in reversed(steps):
+            solved = _solved(triangle, x[own] - beyond @ x[outside], **options)
+            if transposed:
+                x[own][block[1]] = solved
+            else:
+                x[own] = solved
         found = np.empty((self.count, x.shape[1]))
         found[self._order] = x
         return found.reshape(np.shape(right))
@@ -452,42 +455,19 @@ def _lu(blocks: Blocks) -> tuple[FloatArray, ...]:
     return LU, rows, low, right
 
 
-def _forward(x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
-    L, low = block
-    x[own] = _solved(L, x[own], lower=1)
-    x[outside] -= low @ x[own]
+Triangle = tuple[FloatArray, dict[str, int], FloatArray]
+"""A triangle of a front with its options for ``trsm``, and the block that couples it to the boundary."""
 
 
-def _backward(x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
-    L, low = block
-    x[own] = _solved(L, x[own] - low.T @ x[outside], lower=1, trans_a=1)
-
-
-def _lu_forward(x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
-    LU, rows, low, _right = block
-    x[own] = _solved(LU, x[own][rows], lower=1, diag=1)
-    x[outside] -= low @ x[own]
-
-
-def _lu_backward(x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
-    LU, _rows, _low, right = block
-    x[own] = _solved(LU, x[own] - right @ x[outside], lower=0)
-
-
-def _lu_forward_transposed(
-    x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]
-) -> None:
-    LU, _rows, _low, right = block
-    x[own] = _solved(LU, x[own], lower=0, trans_a=1)
-    x[outside] -= right.T @ x[own]
-
-
-def _lu_backward_transposed(
-    x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]
-) -> None:
-    LU, rows, low, _right = block
-    solved = _solved(LU, x[own] - low.T @ x[outside], lower=1, diag=1, trans_a=1)
-    x[own][rows] = solved
+def _triangles(block: tuple[FloatArray, ...], *, transposed: bool) -> tuple[Triangle, Triangle]:
+    """Lower and upper triangle of a front in the order of the substitutions."""
+    if len(block) == 2:
+        L, low = block
+        return (L, {"lower": 1}, low), (L, {"lower": 1, "trans_a": 1}, low.T)
+    LU, _rows, low, right = block
+    if transposed:
+        return (LU, {"lower": 0, "trans_a": 1}, right.T), (LU, {"lower": 1, "diag": 1, "trans_a": 1}, low.T)
+    return (LU, {"lower": 1, "diag": 1}, low), (LU, {"lower": 0}, right)
 
 
 def _solved(L: FloatArray, right: FloatArray, **options: int) -> FloatArray:

@@ -17,6 +17,7 @@ from scipy.sparse.linalg import LinearOperator, cg, gmres, splu
 from explicit.arrays import FloatArray, IntArray
 from kolsky.equilibrium.linear.base import Factors, LinearSolver, Pattern, SingularError
 from kolsky.equilibrium.linear.multifrontal import Assembly, Multifrontal, dissect
+from kolsky.equilibrium.meshes import components
 
 TOLERANCE = 1e-10
 """Residual of a solution as a share of the right-hand side [-]."""
@@ -262,13 +263,10 @@ class BridgedSolver:
         return self._solver.factors(together, symmetric=symmetric)
 
     def _joined(self, known: IntArray) -> LinearSolver:
-        """The solver of the cells, with the blocks as further cells.
-
-        Missing components are fixed.
-        """
-        d, held = self.points.shape[1], len(self.pattern.index)
+        """The solver of the cells, with the blocks as further cells; missing components are fixed."""
+        held = len(self.pattern.index)
         own = self.pattern.dofs
-        further = (known[..., None] * d + np.arange(d)).reshape(len(known), -1)
+        further = components(known, self.points.shape[1])
         width = max(own.shape[1], further.shape[1])
         dofs = np.full((len(own) + len(further), width), held)
         dofs[: len(own), : own.shape[1]] = own

@@ -384,10 +384,7 @@ class _March:
         return False
 
     def _creep(self, to: float) -> bool:
-        """Overdamped motion to rest at a constant strain.
-
-        It is used if no equilibrium is near. False if it finds none.
-        """
+        """Overdamped motion to rest at a constant strain, if no equilibrium is near; False if it fails."""
         start = self.u.copy()
         start[self.glued] = -to * self.height
         self.crept, self.drag = self.u.copy(), FIRST_DRAG

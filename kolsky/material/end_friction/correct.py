@@ -200,10 +200,7 @@ def checked_test(
 
 
 def _curve_change(one: ModelOptimum, test: MeasuredSpecimen, strain: FloatArray) -> FloatArray:
-    """Change of ln T at some strains by ln S at the compared strains, shape [n, n_residuals].
-
-    With measured radii, it includes the change by the radii.
-    """
+    """Change of ln T at some strains by ln S and radii at the compared strains, shape [n, n_residuals]."""
     theta = test.own(one.theta)
     base = np.log(one.model.stress(theta, strain))
     h = 1e-5
@@ -276,11 +273,7 @@ def _chosen(band: CurveBand, test: MeasuredSpecimen) -> NDArray[np.int64]:
 
 
 def _noise(best: ModelOptimum, test: MeasuredSpecimen, response: FloatArray, band: CurveBand) -> FloatArray:
-    """Modes of ln T by errors of the stresses.
-
-    The errors are their noise, or the misfit if it is larger. Misfits of neighbouring strains are correlated:
-    they are treated as independent with `inflation` times the variance.
-    """
+    """Modes of ln T by errors of the stresses: their noise or, if larger, the correlated misfit."""
     n = test.strain.size
     own = (band.noise / band.stress)[_chosen(band, test)]
     size = np.maximum(own, best.misfit * np.sqrt(inflation(neighbour_correlation(best.off))))

@@ -11,26 +11,27 @@ from kolsky.base.arrays import FloatArray
 from kolsky.equilibrium.meshes import Mesh, grid
 from kolsky.equilibrium.points import geometry
 
+GRADING = 4.0
+"""Size of the largest element divided by that of the smallest [-]. The small ones lie at the side and at the
+face."""
 
-def half_cylinder(radius: float, height: float, n_radial: int, n_axial: int, *, grading: float = 4.0) -> Mesh:
+
+def half_cylinder(radius: float, height: float, n_radial: int, n_axial: int) -> Mesh:
     """Biquadratic elements between mid-height (z = 0) and the upper face. The lower half has the same number.
 
     The sets are "left" (axis), "right" (side), "bottom" (mid-height) and "top" (face), each in the order of
     its coordinate.
 
     ``radius``, ``height``: undeformed radius, and half of the undeformed length [m]. ``n_radial``,
-    ``n_axial``: elements across the radius and along the half length. ``grading``: size of the largest
-    element divided by that of the smallest [-]. The small ones lie at the side and at the face.
+    ``n_axial``: elements across the radius and along the half length.
     """
     if not (radius > 0.0 and height > 0.0):
         raise ValueError(f"radius and height must be > 0 m, got {radius} and {height}")
     if n_radial < 2 or n_axial < 2:
         raise ValueError(f"a mesh needs 2 x 2 elements or more, got {n_radial} x {n_axial}")
-    if not grading >= 1.0:
-        raise ValueError(f"the grading must be >= 1, got {grading}")
     lines = []
     for length, n in ((radius, n_radial), (height, n_axial)):
-        size = grading ** (-np.arange(n) / (n - 1))
+        size = GRADING ** (-np.arange(n) / (n - 1))
         lines.append(np.concatenate([[0.0], np.cumsum(size)]) * (length / size.sum()))
     return grid(lines, np.ones((n_radial, n_axial), dtype=bool), kind="quad9")
 

@@ -335,9 +335,6 @@ def _known() -> dict[str, Candidate]:
 
 
 def _remoteness(path: PathStability) -> float:
-    """Largest size of a principal logarithmic strain at the end of a path [-].
-
-    It is the same for one deformation under two names.
-    """
+    """Largest principal logarithmic strain at the end of a path [-], under any name of its deformation."""
     lam = np.stack(path.mode.principal_stretches(path.mode.at_rest + path.strain))
     return round(float(np.abs(np.log(lam)).max()), 9)

@@ -212,10 +212,7 @@ def healing(
 
 
 def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> SpecimenProperties:
-    """Young's modulus, constants up to the fracture, and the fracture.
-
-    Values that a test does not determine are missing.
-    """
+    """Young's modulus, constants up to the fracture, and the fracture, as far as the test has them."""
     if test.mode is not Mode.UNIAXIAL or not test.strain.max() > 0.0:
         raise ValueError(f"{test.name} is not a uniaxial tensile test")
     values: dict[str, float] = {}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.files import columns_of, jsonable
-from kolsky.material.fits.compare import Comparison, Row
+from kolsky.material.fits.compare import Comparison, PathStability, Row
 from kolsky.material.fits.fit import Fit, FitOutcome
 from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
@@ -24,11 +24,16 @@ CORRELATED = 1.0
 
 def tables(comparison: Comparison) -> dict[str, Columns]:
     """Columns by heading, of every table by name. Missing numbers are empty text."""
+    names = ("law", "constant", "value (SI)", "u (SI)", "unit", "state")
+    rows = ((row.candidate.name, *said) for row, f in _fitted(comparison) for said in _constants_of(f))
+    paths = (
+        {"law": row.candidate.name, **_path(path)} for row, _ in _fitted(comparison) for path in row.stability
+    )
     return {
         "material_laws": _laws(comparison),
-        "material_constants": _constants(comparison),
+        "material_constants": columns_of((dict(zip(names, row, strict=True)) for row in rows), names),
         "material_errors": _errors(comparison),
-        "material_stability": _stability(comparison),
+        "material_stability": columns_of(paths, ("law", "mode", "direction", "outcome", "strain")),
         "material_curves": _curves(comparison),
     }
 
@@ -58,10 +63,7 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
 
 
 def _properties(test: HomogeneousTest) -> dict[str, Any]:
-    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, and fracture.
-
-    None for a missing value.
-    """
+    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, and fracture; None if missing."""
     uniaxial = test.mode is Mode.UNIAXIAL
     modulus = youngs_modulus(test.strain, test.stress) if uniaxial else None
     across = poissons_ratio(test.deformation, test.lateral) if uniaxial and test.lateral is not None else None
@@ -98,39 +100,32 @@ def _row(row: Row) -> dict[str, Any]:
             "at_bound": list(f.at_bound),
             "outside": list(f.law.outside()),
             "shear_modulus": f.law.shear_modulus,
-            "youngs_modulus": f.youngs_modulus,
-            "poisson": f.poisson,
-            "bulk_modulus": f.bulk_modulus,
-            "D1": f.D1,
-            "bounds_cost": f.bounds_cost,
-            "sse": f.sse,
-            "rmse": f.rmse,
-            "r_squared": f.r_squared,
-            "aic": f.aic,
-            "bic": f.bic,
-            "durbin_watson": f.durbin_watson,
+            **{name: getattr(f, name) for name in _NUMBERS},
             "starts": len(f.ends),
             "starts_agreeing": f.agreeing,
         },
         "errors": [
-            {
-                "test": p.test.name,
-                "rmse": p.rmse,
-                "r_squared": p.r_squared,
-                "relative_rms": p.relative_rms,
-            }
+            {"test": p.test.name, "rmse": p.rmse, "r_squared": p.r_squared, "relative_rms": p.relative_rms}
             for p in f.parts
         ],
         "stable_over_data": row.stable,
-        "stability": [
-            {
-                "mode": path.mode.value,
-                "direction": path.direction,
-                "outcome": path.outcome.value,
-                "strain": path.strain,
-            }
-            for path in row.stability
-        ],
+        "stability": [_path(path) for path in row.stability],
+    }
+
+
+_NUMBERS = (
+    "youngs_modulus", "poisson", "bulk_modulus", "D1", "bounds_cost", "sse", "rmse", "r_squared", "aic",
+    "bic", "durbin_watson",
+)  # fmt: skip
+"""Numbers of a `Fit` in JSON."""
+
+
+def _path(path: PathStability) -> dict[str, Any]:
+    return {
+        "mode": path.mode.value,
+        "direction": path.direction,
+        "outcome": path.outcome.value,
+        "strain": path.strain,
     }
 
 
@@ -162,12 +157,6 @@ def _laws(comparison: Comparison) -> Columns:
     }
 
 
-def _constants(comparison: Comparison) -> Columns:
-    names = ("law", "constant", "value (SI)", "u (SI)", "unit", "state")
-    rows = ((row.candidate.name, *said) for row, f in _fitted(comparison) for said in _constants_of(f))
-    return columns_of((dict(zip(names, row, strict=True)) for row in rows), names)
-
-
 def _constants_of(f: Fit) -> Iterator[tuple[Any, ...]]:
     """Name, value, standard uncertainty, unit and state of each constant, and of a fitted Poisson's ratio."""
     rows = [(spec.name, f.values[spec.name], spec.unit) for spec in f.law.PARAMETERS]
@@ -190,17 +179,6 @@ def _errors(comparison: Comparison) -> Columns:
         "RMSE (Pa)": [p.rmse for _, p in parts],
         "R squared": [p.r_squared for _, p in parts],
         "relative rms": [p.relative_rms for _, p in parts],
-    }
-
-
-def _stability(comparison: Comparison) -> Columns:
-    paths = [(row, path) for row, _ in _fitted(comparison) for path in row.stability]
-    return {
-        "law": [row.candidate.name for row, _ in paths],
-        "mode": [path.mode.value for _, path in paths],
-        "direction": [path.direction for _, path in paths],
-        "outcome": [path.outcome.value for _, path in paths],
-        "strain": [path.strain for _, path in paths],
     }
 
 

@@ -267,10 +267,7 @@ def model_of(x: FloatArray) -> RateModel:
 
 
 def _logs_of(model: RateModel) -> FloatArray:
-    """The logarithms of a model, shape [1 + 2 n_branches].
-
-    A weaker branch gets the least allowed strength.
-    """
+    """The logarithms of a model, shape [1 + 2 n_branches], with the least allowed strength or more."""
     strengths = np.maximum(model.series.strengths, STRENGTHS[0])
     return np.log(np.concatenate([[model.factor], strengths, model.series.times]))
 

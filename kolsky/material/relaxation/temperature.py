@@ -251,10 +251,7 @@ def _begin(sweep: TemperatureSweep, held: int) -> FloatArray:
 
 
 def _covariance(jacobian: FloatArray, scatter: float) -> FloatArray:
-    """Covariance of a least squares problem, widened by its scatter.
-
-    Directions without information get a spread too large to constrain anything.
-    """
+    """Covariance of least squares, widened by the scatter; very large in directions without information."""
     size, axes = np.linalg.eigh(jacobian.T @ jacobian)
     return np.asarray((axes / np.maximum(size, 1e-12)) @ axes.T * max(1.0, scatter))
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from kolsky.studies.budget.realisation import (
     names_of,
     slopes_of,
 )
-from kolsky.studies.budget.records import FEWEST, Budget, JointShares, Source, joint_shares, shares_of_squares
+from kolsky.studies.budget.records import FEWEST, Budget, Source, joint_shares, shares_of_squares
 from kolsky.virtual.schema import Specification
 
 
@@ -147,8 +148,11 @@ def analysed(
     drawn_keys = [i for i, factor in enumerate(factors) if factor.key != NOISE]
     joint = joint_shares(points[at:][use][:, drawn_keys], rest[use]) if use.any() else None
     if joint is not None:
-        place = {factors[i].key: row for row, i in enumerate(drawn_keys)}
-        sources = [_with_joint(source, joint, place.get(source.factor.key)) for source in sources]
+        found: dict[str, dict[str, Any]] = {
+            factors[i].key: {"joint_share": float(share), "joint_interval": (float(low), float(high))}
+            for i, share, (low, high) in zip(drawn_keys, joint.shares, joint.intervals, strict=True)
+        }  # the noise has no separate share
+        sources = [replace(source, **found.get(source.factor.key, {})) for source in sources]
     outcomes = tuple(RealisationOutcome(run.outcome) for run in runs)
     jumped = [outcome is RealisationOutcome.OTHER_VALLEY for outcome in outcomes[at:]]
     return Budget(
@@ -178,11 +182,3 @@ def _alone(factor: Factor, reference: float, nodes: FloatArray, why: list[str]) 
     if refused:
         bias = u = slope = float("nan")
     return Source(factor, bias, u, slope, refused)
-
-
-def _with_joint(source: Source, joint: JointShares, row: int | None) -> Source:
-    """The source with its share in the draws of all errors. The noise has no separate share in them."""
-    if row is None:
-        return source
-    low, high = joint.intervals[row]
-    return replace(source, joint_share=float(joint.shares[row]), joint_interval=(float(low), float(high)))

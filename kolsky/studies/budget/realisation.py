@@ -397,19 +397,15 @@ class Realisations:
         numerics = self.settings.numerics
         return _truth(_true_part(quantities), self.folder, numerics.device, numerics.threads)
 
-    def _motion_file(self) -> str | None:
-        """SHA-256 of the sampled motion that the test names."""
-        name = self.quantities.motion.file
-        return None if name is None else hashlib.sha256(regular(self.folder / name).read_bytes()).hexdigest()
-
     def model_hash(self) -> bytes:
         """SHA-256 of all inputs of a realisation except its errors."""
-        numerics = replace(self.settings.numerics, threads=None)
+        numerics, name = replace(self.settings.numerics, threads=None), self.quantities.motion.file
+        motion = None if name is None else regular(self.folder / name).read_bytes()
         said = {
             "quantities": self.quantities.model_dump(mode="json"),
             "factors": [asdict(factor) for factor in self.factors],
             "settings": asdict(replace(self.settings, numerics=numerics)),
-            "motion": self._motion_file(),
+            "motion": None if motion is None else hashlib.sha256(motion).hexdigest(),
             "sources": source_hash(),
         }
         return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).digest()
@@ -426,10 +422,7 @@ def _true_part(quantities: Specification) -> Specification:
 
 
 def _truth(true: Specification, folder: Path, device: str, threads: int | None) -> Truth:
-    """The truth of a specification.
-
-    The last few are cached, because most realisations have the same truth.
-    """
+    """The truth of a specification. The last few are cached, because most realisations share theirs."""
     key = f"{folder} {true.model_dump_json()}"
     if key not in _TRUTHS:
         while len(_TRUTHS) >= KEPT:

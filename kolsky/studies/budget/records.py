@@ -178,14 +178,6 @@ class Budget(ResultViews):
         return None if np.isnan(low) else bool(low <= self.u_sum <= high)
 
     @property
-    def jumps(self) -> float:
-        """Share of the draws of all errors for which the complete search ends in another valley [-].
-
-        NaN without a complete search.
-        """
-        return len(self.elsewhere) / self.searched if self.searched else float("nan")
-
-    @property
     def counts(self) -> dict[str, int]:
         """Number of realisations by outcome."""
         return dict(Counter(outcome.value for outcome in self.outcomes))

@@ -492,10 +492,7 @@ def _unit(name: str) -> str:
 
 
 def _measured(value: float, U: float) -> str:
-    """A value and its expanded uncertainty.
-
-    Both are rounded to the second significant digit of the uncertainty.
-    """
+    """A value and its expanded uncertainty, to the second significant digit of the uncertainty."""
     if not (isfinite(U) and U > 0.0):
         return f"{value:.6g} ± {U:.2g}"
     digits = max(0, 1 - floor(log10(U)))

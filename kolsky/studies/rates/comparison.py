@@ -191,10 +191,7 @@ def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
 
 
 def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tuple[float, float]:
-    """Standard deviation between shots of the radius and of its residual [m].
-
-    It is an rms over common heights.
-    """
+    """Standard deviation between shots of the radius and its residual [m], as rms over common heights."""
     lengths = {shot.name: shot.specimen[1] for shot in shots}
     if len(shapes) < 2:
         return float("nan"), float("nan")

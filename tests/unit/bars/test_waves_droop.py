@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kolsky.bars.audit import Switches
-from kolsky.bars.budget import propagate
+from kolsky.bars.budget import budget_table, propagate
 from kolsky.bars.signals.transducers import compensate_droop, droop_sigma, force_history, force_signal
 from kolsky.base.apparatus import Transducer
 from kolsky.base.records import Recording
@@ -111,15 +111,14 @@ def test_budget_of_a_force():
 
     budget = propagate(model, made.quantities, noise={"force": made.signal.sigma})
     droop = made.corrections[0]
-    rows = {row["quantity"]: row for row in budget.table("force", 1900)}
+    table = budget_table(budget, {"force": ("force", 1900, "N")})
+    slope = {row.quantity.name: row.sensitivity.get("force") for row in table.contributions}
     # d(V + I / tau) / d tau = -I / tau^2: the correction over tau.
     expected = (force().signal.value - force(switches=Switches({"droop": False})).signal.value)[1900]
     assert expected == pytest.approx(droop.size, rel=0.2)
-    assert rows["transmission force, time constant"]["sensitivity"] == pytest.approx(
-        -expected / TAU, rel=4e-3
-    )
-    sensitivity = rows["transmission force, sensitivity"]["sensitivity"]
-    assert sensitivity == pytest.approx(-made.signal.value[1900] / 0.01, rel=2e-4)
+    assert slope["transmission force, time constant"] == pytest.approx(-expected / TAU, rel=4e-3)
+    sensitivity = -made.signal.value[1900] / 0.01
+    assert slope["transmission force, sensitivity"] == pytest.approx(sensitivity, rel=2e-4)
 
 
 def test_uncertainties_without_effect_are_refused():

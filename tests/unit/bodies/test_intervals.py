@@ -117,9 +117,10 @@ def _samples(x: object, force: object, sd: float, sf: float) -> Samples:
 def test_objective_adds_both_errors() -> None:
     samples = _samples([1.0, 2.0], [3.0, 5.0], 0.1, 0.5)
     x = np.array([[1.1], [1.8]])
-    assert chi_square(samples, x, np.array([[3.5], [4.0]])) == pytest.approx(1.0 + 4.0 + 1.0 + 4.0)
+    there = Linearised(np.array([[3.5], [4.0]]), np.empty(0), np.empty(0))
+    assert chi_square(samples, x, there) == pytest.approx(1.0 + 4.0 + 1.0 + 4.0)
     exact = _samples([1.0, 2.0], [3.0, 5.0], 0.0, 0.5)
-    assert chi_square(exact, exact.displacement, np.array([[3.5], [4.0]])) == pytest.approx(5.0)
+    assert chi_square(exact, exact.displacement, there) == pytest.approx(5.0)
 
 
 def test_eliminated_displacement_of_a_spring() -> None:

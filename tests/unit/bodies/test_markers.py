@@ -126,7 +126,7 @@ def test_planted_stiffness_comes_back_within_its_interval() -> None:
     pressures, sigma = np.array([15e3, 30e3]), 10e-6
     measured: dict[str, dict[float, np.ndarray]] = {}
     gravities = {"downward": DOWN, "upward": (0.0, 0.0, 9.81)}
-    weights = marker_weights(small)
+    weights = marker_weights(small.mesh.points[small.mesh.nodes("line"), 0])
     for name, g in gravities.items():
         places = marker_positions(small.simulate(g, pressures, constants=small.constants(1.2)), weights)
         noisy = places + sigma * rng.standard_normal(places.shape)
