@@ -197,6 +197,7 @@ def test_an_open_cavity_is_refused_with_its_place(shared, tmp_path):
     assert "14 of its edges belong to one loaded face only, at x = 39, y = 1.5 to 10.5" in run.stderr
 
 
+@pytest.mark.slow
 def test_a_closed_cavity_bends_as_felupe_says(shared, tmp_path):
     found = printed(shared / "data/cases/actuator/good.toml", tmp_path, "actuator", "simulate")
     angles = np.degrees(found["bends"]["downward"]["angle_rad"])

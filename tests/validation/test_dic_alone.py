@@ -5,19 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dic_radii import RADIUS, cylinder
+from shared_data import columns, data, named
 
 from dic.correlation import Shape
 from kolsky.pictures.measurement import measure_file, read_measurement
 
-SHARED = Path(__file__).parents[3] / "shared" / "data" / "dic"
 pytestmark = pytest.mark.slow
 
 
 def public(name: str, folder: Path, text: str) -> Path:
     """A folder of public pictures with a dic.toml beside links to them."""
-    if not (SHARED / name).is_dir():
-        pytest.skip(f"{SHARED / name} is not there")
-    for path in (SHARED / name).iterdir():
+    for path in data("dic", name).iterdir():
         (folder / path.name).symlink_to(path.resolve())
     (folder / "dic.toml").write_text(text)
     return folder / "dic.toml"
@@ -49,9 +47,6 @@ ends = [[256, 100], [256, 400]]
 
 
 def test_a_stereo_challenge_runs_from_ten_lines_and_agrees_with_a_peer(tmp_path):
-    import csv
-    import gzip
-
     text = """[dic]
 kind = "surface"
 region = { x = [700, 1200], y = [500, 620] }
@@ -65,17 +60,14 @@ file = "vic3d_project_cal.xml"
 """
     path = public("stereo_challenge1_S3_dspecimen", tmp_path, text)
     result = measure_file(read_measurement(path))
-    with gzip.open(tmp_path / "OpenCorr_GT4-0273_result.csv.gz", "rt") as file:
-        peer = list(csv.DictReader(file, skipinitialspace=True))
-    key = {name.strip(): name for name in peer[0] if name}
-    at = np.array([[float(row[key["x"]]), float(row[key["y"]])] for row in peer])
-    size = np.array([np.linalg.norm([float(row[key[k]]) for k in ("u", "v", "w")]) for row in peer])
+    peer = named(tmp_path / "OpenCorr_GT4-0273_result.csv.gz")
+    at, size = columns(peer, "x", "y"), np.linalg.norm(columns(peer, "u", "v", "w"), axis=1)
     near = np.hypot(*(at[:, None] - result.points[None]).transpose(2, 0, 1))
-    rows, columns = np.nonzero((near < 1.0) & result.surface.valid[1][None])
+    rows, places = np.nonzero((near < 1.0) & result.surface.valid[1][None])
     if not rows.size:  # the grids do not meet: nearest within a step, the field is smooth
-        columns = np.flatnonzero(result.surface.valid[1])
-        rows = near[:, columns].argmin(axis=0)
-    own = 1e3 * np.linalg.norm(result.surface.u[1, columns], axis=1)
+        places = np.flatnonzero(result.surface.valid[1])
+        rows = near[:, places].argmin(axis=0)
+    own = 1e3 * np.linalg.norm(result.surface.u[1, places], axis=1)
     # the two calibrations differ by 1 % in the baseline (README)
     assert np.median(own / size[rows]) == pytest.approx(1.0, abs=0.015)
 

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from shared_data import data, grey
 from synthetic_dic import true_rig
 
 from dic import StereoRig
@@ -26,13 +26,6 @@ SHOT_GRID = FiducialDots(columns=14, rows=10, pitch=1.2e-3, diameter=0.6e-3, hol
 
 NAMES = ("fx0", "cx0", "cy0", "k10", "fx1", "cx1", "cy1", "k11", "rx", "ry", "rz", "tx", "ty", "tz")
 """What is adjusted with square pixels and k1."""
-
-
-def grey(path: Path) -> np.ndarray:
-    """A picture, refused if it is not there."""
-    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    assert picture is not None, path
-    return picture
 
 
 def difference(found: StereoRig, true: StereoRig) -> np.ndarray:
@@ -67,11 +60,9 @@ def say(found: Calibration, z: np.ndarray | None = None, total: float = float("n
 
 
 @pytest.fixture(scope="module", params=["open-01", pytest.param("open-02", marks=pytest.mark.long)])
-def shot(request, shared):
+def shot(request):
     """What was detected in the calibration series of a shot with known cameras, and these cameras."""
-    folder = shared / "data" / "shots" / request.param
-    if not folder.is_dir():
-        pytest.skip(f"no {folder}")
+    folder = data("shots", request.param)
     views = [
         [detect(grey(folder / "calibration" / f"cam{c}_{k:02d}.png"), SHOT_GRID) for k in range(20)]
         for c in (0, 1)
@@ -120,9 +111,9 @@ SETS = {
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_dices_simulated_sets(shared, name):
+def test_dices_simulated_sets(name):
     """The gold file holds another program's solution of all 15 and 21 pairs; here are 4 of each."""
-    folder = shared / "data" / "dic" / "dice_calibration_targets"
+    folder = data("dic", "dice_calibration_targets")
     target, residual = SETS[name]
     views = [[detect(grey(folder / f"{name}_{k:02d}_{c}.jpeg"), target) for k in range(4)] for c in (0, 1)]
     found = calibrate(*views, target, sensors=((1920, 1200), (1920, 1200)), distortion="k1 k2")
@@ -142,9 +133,9 @@ def test_dices_simulated_sets(shared, name):
         assert np.hypot(*shift) < 0.5  # px at the corner, where the lens moves points by 10 px
 
 
-def test_dices_real_pairs_fit_no_worse_than_its_own_route(shared):
+def test_dices_real_pairs_fit_no_worse_than_its_own_route():
     """DICe's own test accepts 0.75 px; its route, centroids of outlines into OpenCV, is taken beside it."""
-    folder = shared / "data" / "dic" / "dice_calibration_targets"
+    folder = data("dic", "dice_calibration_targets")
     target = FiducialDots(columns=10, rows=8, pitch=3.5e-3, diameter=1.4e-3, hollow=((2, 2), (7, 2), (2, 5)))
     pictures = [[grey(folder / f"CalB-sys2-{k:04d}_{c}.jpeg") for k in range(1, 6)] for c in (0, 1)]
     views = [[detect(picture, target) for picture in own] for own in pictures]
@@ -210,9 +201,9 @@ ANCHORS = {  # read off the pictures: columns are printed above them, rows count
 BOARDS = {"201": ("02", "06", "22", "35", "44"), "202": ("01", "09", "13", "21", "25")}
 
 
-def test_multidics_cylinder_and_boards(shared):
+def test_multidics_cylinder_and_boards():
     """One pair of a dotted cylinder for the pose, boards of one camera for its lens, solved together."""
-    folder = shared / "data" / "dic" / "multidic_cylinder"
+    folder = data("dic", "multidic_cylinder")
     board = Chessboard(
         columns=14, rows=19, pitch=10e-3
     )  # the square is not stated; single views do not need it

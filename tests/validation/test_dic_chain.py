@@ -4,15 +4,16 @@ The pictures are a part of open-01, a shot with a known surface at every time. T
 so the tests need no calibration. `test_dic_shot.py` tests the whole chain.
 """
 
-import json
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 import tifffile
 from memory_pictures import Memory
+from shared_data import data
+from synthetic_dic import true_rig
 
-from dic import Camera, FrameOutcome, PointOutcome, StereoRig
+from dic import FrameOutcome, PointOutcome, StereoRig
 from dic.bodies.region import Region, find_regions
 from dic.chain import ChainError, ChainSettings, measure
 from dic.chain.follow_bodies import (
@@ -64,38 +65,16 @@ def chosen() -> np.ndarray:
     return np.concatenate([np.arange(STATIC), np.arange(12, LAST, STEP)])
 
 
-def rig_of(truth: dict) -> StereoRig:
-    """The cameras a shot was made with, for its cropped pictures."""
-    cameras = []
-    for part in truth["cameras"]:
-        K = np.array(part["K"])
-        cameras.append(
-            Camera(
-                fx=K[0, 0],
-                fy=K[1, 1],
-                cx=K[0, 2],
-                cy=K[1, 2],
-                distortion=tuple(part["dist"]),
-                rotation=np.array(part["R"]),
-                translation=np.array(part["t"]),
-                sensor=(512, 512),
-            )
-        )
-    return StereoRig(cameras=(cameras[0], cameras[1])).cropped(CROP, CROP)
-
-
 @pytest.fixture(scope="module")
-def case(shared) -> Case:
-    folder = shared / "data" / "shots" / "open-01"
-    if not folder.is_dir():
-        pytest.skip(f"no {folder}: its pictures are not shipped")
+def case() -> Case:
+    folder = data("shots", "open-01")
     stacks = [tifffile.imread(folder / f"cam{k}.tif")[chosen()] for k in (0, 1)]
     times = np.loadtxt(folder / "frames.csv", delimiter=",", skiprows=1)[:, 1]
     with np.load(folder / "truth_surface.npz") as stored:
         surface = {name: stored[name] for name in ("t", "y", "r", "d")}
     return Case(
         series=(recorded(stacks[0]), recorded(stacks[1])),
-        rig=rig_of(json.loads((folder / "truth.json").read_text())),
+        rig=true_rig(folder).cropped(CROP, CROP),
         t=times[chosen()],
         static=np.arange(len(chosen())) < STATIC,
         truth=surface,
@@ -242,9 +221,9 @@ def test_a_crop_offset_along_the_lines_of_sight_is_remarked_on(case, camera):
 
 
 @pytest.mark.slow
-def test_the_travel_with_camera_1_cut_off_is_right_or_refused(shared, case):
+def test_the_travel_with_camera_1_cut_off_is_right_or_refused(case):
     """Of 186 frames camera 1 has 60 %; the flyer's region is declared in the last, which it has not."""
-    folder = shared / "data" / "shots" / "open-01"
+    folder = data("shots", "open-01")
     stacks = [list(tifffile.imread(folder / f"cam{k}.tif")) for k in (0, 1)]
     n = len(stacks[0])
     stacks[1][int(0.6 * n) :] = [None] * (n - int(0.6 * n))
@@ -350,11 +329,8 @@ flyer's edge in the last frame [px]."""
 
 
 @pytest.mark.parametrize("name", TRUE)
-def test_regions_are_a_pixel_clear_of_the_true_edges(shared, name):
-    folder = shared / "data" / "shots" / name
-    if not folder.is_dir():
-        pytest.skip(f"no {folder}: its pictures are not shipped")
-    pictures = open_pictures(folder / "cam0.tif", bits=12)
+def test_regions_are_a_pixel_clear_of_the_true_edges(name):
+    pictures = open_pictures(data("shots", name) / "cam0.tif", bits=12)
     n = pictures.n_frames
     found = find_regions(pictures, np.arange(n) < 12, np.ones(n, dtype=bool), toward="up")
     top, bottom, edge = TRUE[name]

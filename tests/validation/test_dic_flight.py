@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from shared_data import data
 from synthetic_dic import true_rig
 
 from dic import FrameOutcome
@@ -91,11 +92,8 @@ def flight_of(folder):
 
 
 @pytest.fixture(scope="module", params=["open-01", pytest.param("open-02", marks=pytest.mark.long)])
-def shot(request, shared):
-    folder = shared / "data" / "shots" / request.param
-    if not folder.is_dir():
-        pytest.skip(f"no shot {request.param} in the shared folder")
-    return flight_of(folder)
+def shot(request):
+    return flight_of(data("shots", request.param))
 
 
 @pytest.mark.slow
@@ -138,11 +136,8 @@ def test_the_poses_are_those_of_a_flyer_that_goes_straight(shot):
 
 
 @pytest.fixture(scope="module")
-def flight(shared):
-    folder = shared / "data" / "shots" / "open-01"
-    if not folder.is_dir():
-        pytest.skip("no shot open-01 in the shared folder")
-    found = flight_of(folder)
+def flight():
+    found = flight_of(data("shots", "open-01"))
     said = report(found, LENGTH)
     assert isinstance(said, FlightOfSpecimen), said
     return found, said
@@ -182,7 +177,7 @@ if __name__ == "__main__":
     from kolsky.report.figures import SURFACES
 
     root = Path(__file__).resolve().parents[2]
-    found = flight_of(root.parent / "shared" / "data" / "shots" / "open-01")
+    found = flight_of(data("shots", "open-01"))
     figure = build(SURFACES["flight"], SimpleNamespace(flight=report(found, LENGTH)))
     figure.savefig(root / "docs" / "images" / "flight.png", dpi=200)
     error = found.axial_displacement.displacement - found.displacement

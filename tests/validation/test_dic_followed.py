@@ -1,12 +1,12 @@
 """Tracking in public pictures with a known field, and in a known-answer shot."""
 
 import json
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from shared_data import data, grey
+from synthetic_dic import true_rig
 
 from dic.camera import Camera
 from dic.correlation import Correlation, Shape
@@ -19,13 +19,13 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("every", [1, 2, 4])
-def test_compression_to_a_quarter(shared: Path, every: int) -> None:
+def test_compression_to_a_quarter(every: int) -> None:
     """FranckLab's series (qDIC, MIT): v = (λ - 1)(y + c), u = 0.499 (1 - λ)(x - x0), exact to 1e-5."""
-    folder = shared / "data" / "dic" / "qdic_compression_75pct"
+    folder = data("dic", "qdic_compression_75pct")
     names = sorted(folder.glob("lam_*.png"), reverse=True)
     assert len(names) == 39
     names = [*names[:-1:every], names[-1]]
-    pictures = np.stack([cv2.imread(str(name), cv2.IMREAD_UNCHANGED) for name in names])
+    pictures = np.stack([grey(name) for name in names])
     # the material that is still in view when it has spread to 1.37 times its width
     x, y = np.meshgrid(np.arange(76.0, 437.0, 12.0), np.arange(34.0, 482.0, 12.0))
     points = np.stack([x, y], axis=-1).reshape(-1, 2)
@@ -42,17 +42,6 @@ def test_compression_to_a_quarter(shared: Path, every: int) -> None:
     assert (place - plane @ fit).std(axis=0).max() < 0.030  # pyvale: 45/25 mpx with an update every frame
 
 
-def camera(truth: dict, crop: list[float]) -> Camera:
-    """Camera 0 of a known-answer shot, for its cropped pictures."""
-    known = truth["cameras"][0]
-    K = np.array(known["K"])
-    whole = Camera(
-        fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2], distortion=tuple(known["dist"]),
-        rotation=np.array(known["R"]), translation=np.array(known["t"]),
-    )  # fmt: skip
-    return whole.cropped((crop[0], crop[1]))
-
-
 def on_cylinder(view: Camera, points: np.ndarray, radius: float) -> np.ndarray:
     """Where the rays through pixels meet the resting specimen, whose axis is y [m]."""
     ray = np.column_stack([view.undistort(points), np.ones(len(points))]) @ view.rotation
@@ -63,10 +52,11 @@ def on_cylinder(view: Camera, points: np.ndarray, radius: float) -> np.ndarray:
     return eye + ((-b - np.sqrt(b * b - a * c)) / a)[:, None] * ray
 
 
-def test_known_answer_shot_in_one_camera(shared: Path) -> None:
-    folder = shared / "data" / "shots" / "open-01"
+def test_known_answer_shot_in_one_camera() -> None:
+    folder = data("shots", "open-01")
     facts = json.loads((folder / "facts.json").read_text())
-    view = camera(json.loads((folder / "truth.json").read_text()), facts["camera"]["crop_offset_px"])
+    x, y = facts["camera"]["crop_offset_px"]
+    view = true_rig(folder).cameras[0].cropped((x, y))
     radius = 0.5e-3 * facts["specimen"]["diameter_mm"]
     length = 1e-3 * facts["specimen"]["length_mm"]
     surface = np.load(folder / "truth_surface.npz", allow_pickle=False)

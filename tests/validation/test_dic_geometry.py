@@ -1,61 +1,37 @@
 """Triangulation and camera files against the results and files of VIC-3D, DICe and OpenCorr."""
 
-import gzip
 import json
 import re
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
-import tifffile
+from shared_data import columns, data, grey, named
+from synthetic_dic import true_rig
 
-from dic import Camera, StereoRig
+from dic import StereoRig
 from dic.calibration.solve import calibrate
 from dic.calibration.targets import FiducialDots
 from dic.calibration.views import detect
 from dic.camera_files import CameraFileError, read_rig, write_rig
-from dic.correlation import Correlation, Shape
-from dic.correlation.subsets import apply
-from dic.stereo.diagnose import Fault, diagnose
 from dic.stereo.geometry import epipolar_distance, triangulate
-from dic.stereo.match import match_stereo
-from dic.stereo.reconstruction import Reconstruction, calibration_sigma, calibration_slopes, reconstruct
-from dic.tracking import Tracking, track
+from dic.stereo.reconstruction import calibration_sigma, calibration_slopes
 
 
 @pytest.fixture
-def targets(shared: Path) -> Path:
+def targets() -> Path:
     """DICe's calibration files, two of them from VIC-3D."""
-    return found(shared / "data" / "dic" / "dice_calibration_targets")
+    return data("dic", "dice_calibration_targets")
 
 
 @pytest.fixture
-def challenge(shared: Path) -> Path:
+def challenge() -> Path:
     """Stereo-DIC Challenge 1.0, sample 3."""
-    return found(shared / "data" / "dic" / "stereo_challenge1_S3_dspecimen")
-
-
-def found(folder: Path) -> Path:
-    """The folder, or a skipped test."""
-    if not folder.is_dir():
-        pytest.skip(f"no folder {folder}: other people's data are not shipped")
-    return folder
-
-
-def opencorr_result(challenge: Path) -> np.ndarray:
-    """OpenCorr's table of 9997 points."""
-    with gzip.open(challenge / "OpenCorr_GT4-0273_result.csv.gz", "rt") as file:
-        return np.genfromtxt(file, delimiter=",", names=True)
-
-
-def columns(table: np.ndarray, *names: str) -> np.ndarray:
-    """Columns side by side."""
-    return np.stack([table[name] for name in names], axis=-1)
+    return data("dic", "stereo_challenge1_S3_dspecimen")
 
 
 def test_opencorr_s_points_are_triangulated(challenge: Path) -> None:
-    table = opencorr_result(challenge)
+    table = named(challenge / "OpenCorr_GT4-0273_result.csv.gz")
     rig = read_rig(challenge / "OpenCorr_camera_parameters.txt")
     unit = np.eye(2)
     for first, second, position in (
@@ -135,7 +111,7 @@ def test_files_that_are_no_calibration_of_two_cameras(targets: Path) -> None:
 
 def test_vic3d_s_radial_terms_are_even_powers(challenge: Path) -> None:
     """VIC-3D's calibration undone with several meanings of k1 and k2, on points that OpenCorr matched."""
-    table = opencorr_result(challenge)
+    table = named(challenge / "OpenCorr_GT4-0273_result.csv.gz")
     rig = read_rig(challenge / "vic3d_project_cal.xml")
     seen = (columns(table, "x", "y"), columns(table, "r2_x", "r2_y"))
     plain = [
@@ -163,94 +139,11 @@ def test_vic3d_s_radial_terms_are_even_powers(challenge: Path) -> None:
     assert dice > 50.0 * even  # K1 R + K2 R² on the radius, as DICe supposes
 
 
-N_FRAMES = 60
-"""Frames that are followed: 12 at rest, then the motion."""
-
-
-@pytest.fixture(scope="module")
-def shot(shared: Path) -> Path:
-    """open-01, or a skipped test."""
-    folder = shared / "data" / "shots" / "open-01"
-    if not folder.is_dir():
-        pytest.skip(f"no folder {folder}")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def full(shot: Path) -> StereoRig:
-    """The true cameras, of the whole sensor."""
-    first, second = (
-        Camera(
-            *(entry["K"][0][0], entry["K"][1][1], entry["K"][0][2], entry["K"][1][2], 0.0),
-            distortion=tuple(entry["dist"]),
-            rotation=np.array(entry["R"]),
-            translation=np.array(entry["t"]),
-        )
-        for entry in json.loads((shot / "truth.json").read_text())["cameras"]
-    )
-    return StereoRig((first, second))
-
-
-@pytest.fixture(scope="module")
-def crop(shot: Path) -> tuple[float, float]:
-    """Where the pictures lie on the sensor [px]."""
-    x, y = json.loads((shot / "facts.json").read_text())["camera"]["crop_offset_px"]
-    return x, y
-
-
-@pytest.fixture(scope="module")
-def surface(shot: Path, full: StereoRig, crop: tuple[float, float]) -> Reconstruction:
-    """A few points followed from the pictures."""
-    pictures = [tifffile.imread(shot / f"cam{k}.tif")[:N_FRAMES] for k in (0, 1)]
-    rig = full.cropped(crop, crop)
-    grid = np.stack(np.meshgrid(np.arange(40.0, 92.0, 10.0), np.arange(34.0, 95.0, 10.0)), -1).reshape(-1, 2)
-    settings = Correlation(shape=Shape.QUADRATIC)
-    match = match_stereo(pictures[0][0], pictures[1][0], grid, rig, settings, noise=20.0)
-    found = match.valid
-    points, tracking = grid[found], Tracking(correlation=settings)
-    first = track(pictures[0], points, tracking, noise=20.0)
-    start = {"start": match.warp[found], "start_covariance": match.covariance[found]}
-    second = track(pictures[1], points, tracking, noise=20.0, **start)
-    assert first.outcome.size > 0.9 * N_FRAMES * len(grid)
-    np.testing.assert_allclose(apply(points, first.warp[0]), points, atol=1e-12)
-    return reconstruct(rig, first, second)
-
-
 @pytest.mark.slow
-def test_a_sound_set_up(surface: Reconstruction, full: StereoRig, crop: tuple[float, float]) -> None:
-    assert diagnose(full.cropped(crop, crop), *surface.pixels) == ()
-    assert np.nanmedian(np.abs(surface.epipolar)) < 0.02  # matches of some mpx, no calibration error
-
-
-@pytest.mark.slow
-def test_exchanged_cameras(surface: Reconstruction, full: StereoRig, crop: tuple[float, float]) -> None:
-    first, second = full.cropped(crop, crop).cameras
-    (finding,) = diagnose(StereoRig((second, first)), *surface.pixels)
-    assert finding.fault is Fault.SWAPPED_CAMERAS
-
-
-@pytest.mark.slow
-def test_forgotten_crop(surface: Reconstruction, full: StereoRig, crop: tuple[float, float]) -> None:
-    (finding,) = diagnose(full, *surface.pixels)
-    assert finding.fault is Fault.CROP_OFFSET
-    np.testing.assert_allclose(finding.value, [*crop, *crop], atol=6.0)  # 3 of the sigmas it gives, 1 to 2 px
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("late", [1, -1, 2])
-def test_one_camera_late(
-    late: int, surface: Reconstruction, full: StereoRig, crop: tuple[float, float]
-) -> None:
-    first, second = surface.pixels
-    pair = (first[:-late], second[late:]) if late > 0 else (first[-late:], second[:late])
-    (finding,) = diagnose(full.cropped(crop, crop), *pair)
-    assert finding.fault is Fault.OUT_OF_STEP
-    assert finding.value[0] == pytest.approx(late, abs=0.05)  # quarter frames are told apart
-
-
-@pytest.mark.slow
-def test_the_calibration_s_share_of_sigma(shot: Path, full: StereoRig) -> None:
+def test_the_calibration_s_share_of_sigma() -> None:
     """Positions of a specimen by a calibration from pictures, against those by the true cameras."""
+    shot = data("shots", "open-01")
+    full = true_rig(shot)
     facts = json.loads((shot / "facts.json").read_text())["calibration_target"]
     target = FiducialDots(
         columns=facts["columns"],
@@ -260,7 +153,7 @@ def test_the_calibration_s_share_of_sigma(shot: Path, full: StereoRig) -> None:
         hollow=tuple((c, r) for c, r in facts["hollow_dots_column_row"]),
     )
     views = [
-        [detect(read_grey(path), target) for path in sorted(shot.glob(f"calibration/cam{k}_*.png"))[::2]]
+        [detect(grey(path), target) for path in sorted(shot.glob(f"calibration/cam{k}_*.png"))[::2]]
         for k in (0, 1)
     ]
     rig = calibrate(*views, target, sensors=((512, 512), (512, 512)), distortion="k1").rig
@@ -278,10 +171,3 @@ def test_the_calibration_s_share_of_sigma(shot: Path, full: StereoRig) -> None:
     # Chi-squared over the modes in which the calibration can move the specimen: 1e-3 of its tail.
     assert 4 <= strong.sum() <= 16
     assert square < strong.sum() + 3.1 * np.sqrt(2.0 * strong.sum()) + 3.0
-
-
-def read_grey(path: Path) -> np.ndarray:
-    """Grey values of one picture."""
-    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    assert picture is not None
-    return picture

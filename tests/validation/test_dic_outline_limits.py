@@ -6,6 +6,7 @@ docs/validation/cameras.md.
 
 import numpy as np
 import pytest
+from shared_data import data
 
 from benchmarks.dic_whole import shot_of
 from kolsky.shot.load import load_pictures
@@ -20,11 +21,9 @@ transmission platen."""
 
 
 @pytest.fixture(scope="module")
-def outline(shared, tmp_path_factory):
+def outline(tmp_path_factory):
     """The outline; of each row the place at rest, the error of Z and the misfit of a quadratic [m]."""
-    raw = shared / "data" / "shots" / "open-02"
-    if not raw.is_dir():
-        pytest.skip(f"no {raw}: its pictures are not shipped")
+    raw = data("shots", "open-02")
     folder = shot_of(tmp_path_factory.mktemp("shot"), raw)
     text = (folder / "shot.toml").read_text()
     for old, new in (

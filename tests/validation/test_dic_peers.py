@@ -4,12 +4,14 @@ dots.
 `pytest -s --slow tests/validation/test_dic_peers.py` prints the figures of docs/verification/dic_peers.md.
 """
 
-import cv2
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import qr, solve_triangular
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
+from shared_data import columns, data, grey, named
 
 from dic import StereoRig
 from dic.calibration.solve import calibrate
@@ -26,31 +28,18 @@ MPX = 1e3
 
 
 @pytest.fixture(scope="module")
-def challenge(shared):
-    folder = shared / "data" / "dic" / "stereo_challenge1_S3_dspecimen"
-    if not folder.is_dir():
-        pytest.skip(f"no folder {folder}: other people's data are not shipped")
-    return folder
+def challenge():
+    return data("dic", "stereo_challenge1_S3_dspecimen")
 
 
 @pytest.fixture(scope="module")
 def opencorr(challenge):
     """OpenCorr's table, read once."""
-    import gzip
-
-    with gzip.open(challenge / "OpenCorr_GT4-0273_result.csv.gz", "rt") as file:
-        return np.genfromtxt(file, delimiter=",", names=True)
-
-
-def columns(table, *names):
-    return np.stack([table[name] for name in names], axis=-1)
+    return named(challenge / "OpenCorr_GT4-0273_result.csv.gz")
 
 
 def pair(challenge, frame):
-    return tuple(
-        cv2.imread(str(challenge / f"GT4-{frame}_{camera}.png"), cv2.IMREAD_GRAYSCALE).astype(np.float32)
-        for camera in (0, 1)
-    )
+    return tuple(grey(challenge / f"GT4-{frame}_{camera}.png").astype(np.float32) for camera in (0, 1))
 
 
 def spread(values) -> float:
@@ -188,7 +177,7 @@ def test_who_is_noisier_out_of_the_plane(challenge, opencorr):
 @pytest.mark.slow
 def test_three_programs_at_the_same_points(challenge, opencorr):
     """Disparities at rest of DICe, of OpenCorr (the quadratic through 7 x 7 of its points) and ours."""
-    dice = np.genfromtxt(challenge / "DICe_gold_0.txt", delimiter=",", names=True)
+    dice = named(challenge / "DICe_gold_0.txt")
     dice = dice[dice["MATCH"] == 0.0]
     points, theirs = columns(dice, "COORDINATE_X", "COORDINATE_Y"), dice["CROSS_CORR_Q"]
     grid, disparity = columns(opencorr, "x", "y"), opencorr["r2_x"] - opencorr["x"]
@@ -241,12 +230,8 @@ def light_slope(picture, places):
 
 
 @pytest.mark.slow
-def test_what_dices_simulated_dots_differ_by(shared, challenge):
-    folder = shared / "data" / "dic" / "dice_calibration_targets"
-    if not folder.is_dir():
-        pytest.skip(f"no folder {folder}: other people's data are not shipped")
-    from dataclasses import replace
-
+def test_what_dices_simulated_dots_differ_by(challenge):
+    folder = data("dic", "dice_calibration_targets")
     gold = read_rig(folder / "sim_dot_cal_gold.xml")
     source = read_rig(challenge / "OpenCorr_camera_parameters.txt")
     # The gold cameras are no solution of these pictures but the challenge's: they were drawn with them.
@@ -255,10 +240,7 @@ def test_what_dices_simulated_dots_differ_by(shared, challenge):
     np.testing.assert_allclose(gold.relative[1], source.relative[1], atol=1e-7)  # their digits
     turn = Rotation.from_matrix(gold.relative[0] @ source.relative[0].T).magnitude()
     assert turn < 1e-5
-    pictures = [
-        [cv2.imread(str(folder / f"sim_dot_{k:02d}_{c}.jpeg"), cv2.IMREAD_GRAYSCALE) for k in range(4)]
-        for c in (0, 1)
-    ]
+    pictures = [[grey(folder / f"sim_dot_{k:02d}_{c}.jpeg") for k in range(4)] for c in (0, 1)]
     views = [[detect(picture, DOTS) for picture in own] for own in pictures]
 
     def solved(target, reach=0.0):

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from shared_data import data
 
 from dic import FrameOutcome, PointOutcome
 from dic.correlation import Correlation, Noise, PictureStack, correlate, subsets
@@ -13,19 +14,13 @@ N_FRAMES, STATIC = 186, 12
 
 
 @pytest.fixture(scope="module")
-def shot(shared):
-    folder = shared / "data" / "shots" / "open-01"
-    if not folder.is_dir():
-        pytest.skip("no shot open-01 in the shared folder")
-    return folder
+def shot():
+    return data("shots", "open-01")
 
 
 @pytest.fixture(scope="module")
-def pictures(shared):
-    folder = shared / "data" / "dic"
-    if not folder.is_dir():
-        pytest.skip("no pictures of others in the shared folder")
-    return folder
+def pictures():
+    return data("dic")
 
 
 def test_a_compressed_tiff_is_what_opencv_reads(shot):

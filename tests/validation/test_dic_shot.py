@@ -12,6 +12,7 @@ import pytest
 import tifffile
 from kolsky_command import json_of, run_kolsky
 from scipy.interpolate import CubicSpline
+from shared_data import data
 from typer.testing import CliRunner
 
 from benchmarks.dic_whole import PICTURES
@@ -39,11 +40,8 @@ def shot_file(last_frame: int, last_row: int) -> str:
 
 
 @pytest.fixture(scope="module")
-def source(shared) -> Path:
-    folder = shared / "data" / "shots" / "open-01"
-    if not folder.is_dir():
-        pytest.skip(f"no {folder}: its pictures are not shipped")
-    return folder
+def source() -> Path:
+    return data("shots", "open-01")
 
 
 @pytest.fixture(scope="module")
@@ -264,11 +262,8 @@ def errors(folder) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["open-01", "open-02", "open-03", "open-04"])
-def test_points_have_an_error_in_common_that_their_scatter_does_not_tell(shared, name) -> None:
-    folder = shared / "data" / "shots" / name
-    if not folder.is_dir():
-        pytest.skip(f"no {folder}")
-    error = errors(folder)
+def test_points_have_an_error_in_common_that_their_scatter_does_not_tell(name) -> None:
+    error = errors(data("shots", name))
     print(
         f"{name}: {error.size} points, mean {1e6 * error.mean():+.2f} um, scatter {1e6 * error.std():.2f} um"
     )

@@ -1,18 +1,16 @@
 """The stereo match on real pictures: a cylinder in five positions (MultiDIC), a steel specimen (Stereo-DIC
 Challenge), and the first pictures of a known-answer shot."""
 
-import csv
-import gzip
 import json
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import tifffile
 from numpy.typing import NDArray
+from shared_data import columns, data, grey, named
+from synthetic_dic import true_rig
 
 from dic.camera import Camera, StereoRig
 from dic.camera_files import read_rig
@@ -30,10 +28,9 @@ from dic.tracking import Tracking, track
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-SHARED = Path(__file__).resolve().parents[2].parent / "shared" / "data"
-CYLINDER = SHARED / "dic" / "multidic_cylinder"
-CHALLENGE = SHARED / "dic" / "stereo_challenge1_S3_dspecimen"
-SHOT = SHARED / "shots" / "open-01"
+CYLINDER = ("dic", "multidic_cylinder")
+CHALLENGE = ("dic", "stereo_challenge1_S3_dspecimen")
+SHOT = ("shots", "open-01")
 
 QUADRATIC = Correlation(subset=41, shape=Shape.QUADRATIC)
 STEP = 40
@@ -43,14 +40,9 @@ STEEPEST = np.radians(70.0)
 """A point is visible if both lines of sight meet the surface at less than this from its normal."""
 
 
-def needs(folder: Path) -> None:
-    if not folder.is_dir():
-        pytest.skip(f"no {folder.name} in the folder 'shared' beside the repository")
-
-
 # ------------------------------------------------------------------------------------------ the cylinder
 def multidic_rig() -> StereoRig:
-    found = json.loads((CYLINDER / "reference_calibration.json").read_text())
+    found = json.loads((data(*CYLINDER) / "reference_calibration.json").read_text())
     cameras = []
     for k in (1, 2):
         K, d = np.array(found[f"K{k}"]), np.ravel(found[f"D{k}"])
@@ -62,10 +54,7 @@ def multidic_rig() -> StereoRig:
 
 
 def state(number: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    first, second = (
-        cv2.imread(str(CYLINDER / "speckle" / f"{camera}_{number}.jpg"), cv2.IMREAD_GRAYSCALE)
-        for camera in (201, 202)
-    )
+    first, second = (grey(data(*CYLINDER) / "speckle" / f"{camera}_{number}.jpg") for camera in (201, 202))
     return first.astype(np.float32), second.astype(np.float32)
 
 
@@ -132,7 +121,7 @@ def cylinder_states() -> list[State]:
 
 @pytest.mark.slow
 def test_the_radius_of_a_cylinder_stays_as_it_is_moved() -> None:
-    needs(CYLINDER)
+    data(*CYLINDER)
     radii = [found.cylinder.radius for found in cylinder_states()]
     assert np.ptp(radii) < 0.05e-3  # pyvale 2026.10.2 on the same pictures: 0.16 mm
     for found in cylinder_states():
@@ -143,7 +132,7 @@ def test_the_radius_of_a_cylinder_stays_as_it_is_moved() -> None:
 
 @pytest.mark.slow
 def test_nearly_all_that_both_cameras_see_is_matched() -> None:
-    needs(CYLINDER)
+    data(*CYLINDER)
     for found in cylinder_states():
         assert found.visible.sum() > 800
         assert found.match.valid[found.visible].mean() > 0.9  # pyvale: 65 % of its points
@@ -151,7 +140,7 @@ def test_nearly_all_that_both_cameras_see_is_matched() -> None:
 
 @pytest.mark.slow
 def test_a_rigid_motion_has_next_to_no_strain() -> None:
-    needs(CYLINDER)
+    data(*CYLINDER)
     states = cylinder_states()
     first = states[0]
     some = first.match.valid
@@ -181,7 +170,7 @@ def test_a_rigid_motion_has_next_to_no_strain() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("wrong", ["upside down", "another part"])
 def test_another_surface_has_no_match(wrong: str) -> None:
-    needs(CYLINDER)
+    data(*CYLINDER)
     first, second = state(1)
     second = second[::-1].copy() if wrong == "upside down" else np.roll(second, 300, axis=0)
     anything = Correlation(subset=41, shape=Shape.QUADRATIC, least_zncc=0.0)
@@ -194,31 +183,16 @@ def test_another_surface_has_no_match(wrong: str) -> None:
 
 # ------------------------------------------------------------------------------- the known-answer shot
 def shot_rig() -> StereoRig:
-    truth = json.loads((SHOT / "truth.json").read_text())["cameras"]
-    left, top = json.loads((SHOT / "facts.json").read_text())["camera"]["crop_offset_px"]
-    cameras = []
-    for found in truth:
-        K, d = np.array(found["K"]), found["dist"]
-        cameras.append(
-            Camera(
-                K[0, 0],
-                K[1, 1],
-                K[0, 2],
-                K[1, 2],
-                distortion=(d[0], d[1], d[2], d[3], d[4]),
-                rotation=np.array(found["R"]),
-                translation=np.array(found["t"]),
-            )
-        )
-    return StereoRig((cameras[0], cameras[1])).cropped((left, top), (left, top))
+    left, top = json.loads((data(*SHOT) / "facts.json").read_text())["camera"]["crop_offset_px"]
+    return true_rig(data(*SHOT)).cropped((left, top), (left, top))
 
 
 def test_a_resting_specimen_is_the_cylinder_it_is() -> None:
-    needs(SHOT)
+    data(*SHOT)
     rig = shot_rig()
     x, y = np.arange(8.0, 121.0, 5.0), np.arange(16.0, 112.0, 5.0)
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    pictures = [tifffile.imread(SHOT / f"cam{camera}.tif", key=0) for camera in (0, 1)]
+    pictures = [tifffile.imread(data(*SHOT) / f"cam{camera}.tif", key=0) for camera in (0, 1)]
     noise = Noise(floor=10.5, gain=0.36)  # from their static frames: 17 at grey 530, 33 at 2700
     match = match_stereo(*pictures, points, rig, Correlation(subset=21, shape=Shape.QUADRATIC), noise=noise)
     some = match.valid
@@ -239,31 +213,23 @@ def test_a_resting_specimen_is_the_cylinder_it_is() -> None:
 
 # ------------------------------------------------------------------------------ the steel specimen
 def challenge(frame: str) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    first, second = (
-        cv2.imread(str(CHALLENGE / f"GT4-{frame}_{camera}.png"), cv2.IMREAD_GRAYSCALE) for camera in (0, 1)
-    )
+    first, second = (grey(data(*CHALLENGE) / f"GT4-{frame}_{camera}.png") for camera in (0, 1))
     return first.astype(np.float32), second.astype(np.float32)
-
-
-def columns(path: Path, *names: str) -> FloatArray:
-    raw = path.read_bytes()
-    text = (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode()
-    lines = csv.DictReader(text.splitlines())
-    return np.array([[float(line[name]) for name in names] for line in lines])
 
 
 @pytest.mark.slow
 def test_frame_273_moves_as_opencorr_says() -> None:
-    needs(CHALLENGE)
-    path = CHALLENGE / "OpenCorr_GT4-0273_result.csv.gz"
+    data(*CHALLENGE)
+    path = data(*CHALLENGE) / "OpenCorr_GT4-0273_result.csv.gz"
     every = slice(None, None, 20)
+    table = named(path)[every]
     theirs = {
-        "points": columns(path, "x", "y")[every],
-        "right": columns(path, "r2_x", "r2_y")[every],
-        "displacement": columns(path, "u", "v", "w")[every] / 1e3,
-        "zncc": columns(path, "r1r2 ZNCC", "r1t1 ZNCC", "r1t2 ZNCC")[every],
+        "points": columns(table, "x", "y"),
+        "right": columns(table, "r2_x", "r2_y"),
+        "displacement": columns(table, "u", "v", "w") / 1e3,
+        "zncc": columns(table, "r1r2_ZNCC", "r1t1_ZNCC", "r1t2_ZNCC"),
     }
-    points, rig = theirs["points"], read_rig(CHALLENGE / "OpenCorr_camera_parameters.txt")
+    points, rig = theirs["points"], read_rig(data(*CHALLENGE) / "OpenCorr_camera_parameters.txt")
     before, after = challenge("0000"), challenge("0273")
     # theirs are subsets of 33 px, affine in time and quadratic between the cameras
     settings = Tracking(correlation=Correlation(subset=33), search=100)
@@ -302,12 +268,13 @@ def test_frame_273_moves_as_opencorr_says() -> None:
 
 @pytest.mark.slow
 def test_frame_5_moves_as_dice_says() -> None:
-    needs(CHALLENGE)
-    path = CHALLENGE / "DICe_gold_5.txt"
-    theirs = columns(path, "COORDINATE_X", "COORDINATE_Y", "CROSS_CORR_Q", "CROSS_CORR_R")
-    matched = columns(path, "MATCH")[:, 0] == 0.0
-    moved = columns(path, "DISPLACEMENT_X", "DISPLACEMENT_Y")[matched]
-    points, right = theirs[matched, :2], theirs[matched, 2:]
+    data(*CHALLENGE)
+    path = data(*CHALLENGE) / "DICe_gold_5.txt"
+    table = named(path)
+    table = table[table["MATCH"] == 0.0]
+    moved = columns(table, "DISPLACEMENT_X", "DISPLACEMENT_Y")
+    points = columns(table, "COORDINATE_X", "COORDINATE_Y")
+    right = columns(table, "CROSS_CORR_Q", "CROSS_CORR_R")
     before, after = challenge("0000"), challenge("0005")
     settings = Correlation(subset=25)
     followed = track(np.stack([before[0], after[0]]), points, Tracking(correlation=settings), noise=1.5)
@@ -316,7 +283,7 @@ def test_frame_5_moves_as_dice_says() -> None:
     off = followed.warp[1, some, :2] - moved[some]
     assert np.all(np.abs(np.median(off, axis=0)) < 0.02)
     assert np.all(off.std(axis=0) < 0.02)
-    rig = read_rig(CHALLENGE / "dice_format_cal.xml")
+    rig = read_rig(data(*CHALLENGE) / "dice_format_cal.xml")
     match = match_stereo(*before, points, rig, settings, noise=1.5)
     assert match.valid.mean() > 0.9  # a point every 100 px: the last ones have no neighbours
     off = match.warp[match.valid, :2] - right[match.valid]

@@ -162,6 +162,7 @@ def rms(values):
     return float(np.sqrt(np.mean(values**2)))
 
 
+@pytest.mark.slow
 def test_force_and_outline_are_those_of_this_packages_solver():
     """Its meshes converge to FElupe's result at their order, with 1.2 at the least."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_data import data
 
 from kolsky.bars.flyer.events import flyer_events
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer, path_strain
@@ -100,11 +101,8 @@ SHOTS = ("open-01", "open-02")
 
 
 @pytest.fixture(params=SHOTS)
-def shot(request, shared) -> SoftShot:
-    folder = shared / "data" / "shots" / request.param
-    if not folder.is_dir():
-        pytest.skip(f"no {folder}")
-    return soft_shot(folder)
+def shot(request) -> SoftShot:
+    return soft_shot(data("shots", request.param))
 
 
 @pytest.fixture

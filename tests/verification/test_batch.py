@@ -6,13 +6,10 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise, table
 
 from explicit import Model, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import marlow_from_curve, neo_hookean
-
-FloatArray = NDArray[np.float64]
 
 TITLE = "Batches and precision"
 END = 1.5e-3

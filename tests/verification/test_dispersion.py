@@ -9,9 +9,8 @@ import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber, printed_equation
 from bars_scene import POISSON, RADIUS, STEEL, YOUNG, part
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import table
+from scene import FloatArray, table
 from scipy.optimize import brentq
 
 from explicit.bars import elastic_bar
@@ -20,8 +19,6 @@ from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.waveguide import ElasticWaveguide, rayleigh_speed
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
-
-FloatArray = NDArray[np.float64]
 
 TITLE = "Dispersion of bar waves"
 FIGURE_SIZE = (6.7, 6.2)
@@ -263,14 +260,10 @@ therefore the mesh error, and it falls below {100 * PULSE_TOLERANCE:g} %.
 pytestmark = pytest.mark.slow  # a finite-element bar of 44 000 elements
 
 
-def test_roots_of_the_frequency_equation() -> None:
+def test_roots_of_the_frequency_equation_and_pulses_carried_by_them() -> None:
     result = case()
     assert result.roots.max() < ROOT_TOLERANCE
     assert result.reference_error < ROOT_TOLERANCE
-
-
-def test_pulses_are_carried_and_recovered() -> None:
-    result = case()
     assert result.forward.max() < PULSE_TOLERANCE
     assert result.back.max() < PULSE_TOLERANCE
     assert result.shift.min() > 20.0 * PULSE_TOLERANCE  # there is something to correct

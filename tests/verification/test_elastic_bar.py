@@ -23,17 +23,14 @@ from bars_scene import (
 )
 from coupled_parts import contact_radius, couple
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import label_sizes, rms, speed_after_rise, table
+from scene import FloatArray, label_sizes, rms, speed_after_rise, table
 from scipy.interpolate import CubicSpline
 
 from explicit import CharacteristicBar, Model, Samples, Sampling, cylinder, run
 from explicit.bars import Section, elastic_bar, loaded_line, section_force
 from explicit.bars.elastic import mesh_of, pressed_share
 from explicit.materials import neo_hookean
-
-FloatArray = NDArray[np.float64]
 
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
 SIZES = np.array([3.75e-3, 1.875e-3, 0.9375e-3])

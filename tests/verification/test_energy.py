@@ -5,9 +5,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise, table
 
 from explicit import (
     CharacteristicBar,
@@ -21,8 +20,6 @@ from explicit import (
     run,
 )
 from explicit.materials import neo_hookean
-
-FloatArray = NDArray[np.float64]
 
 TITLE = "Energy balance"
 TOLERANCE = 1e-3
@@ -180,12 +177,8 @@ mean force over 0.5 µs, and the ledger refers to the beginning of a step.
 
 
 @pytest.mark.parametrize("kind", ["deviatoric", "full"])
-def test_work_is_the_sum_of_its_parts(kind: str) -> None:
+def test_work_is_the_sum_of_its_parts_and_every_one_is_there(kind: str) -> None:
     assert case().ledgers[kind].imbalance().max() < TOLERANCE
-
-
-@pytest.mark.parametrize("kind", ["deviatoric", "full"])
-def test_every_term_is_there(kind: str) -> None:
     ledger = case().ledgers[kind]
     for name in TERMS:
         values = getattr(ledger, name)[1:, -1]  # all but f = 0, which has no friction

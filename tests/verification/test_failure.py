@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise, table
 from test_batch import same_bits
 
 from explicit import Mesh, Model, Outcome, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
 from explicit.mesh import element_geometry
 from explicit.time_loop.element_sweeps import CHECK_EVERY, MOTION_LIMIT
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,13 @@ import test_frictionless as frictionless
 import test_patch as patch
 import test_static_bonded as static
 from elements import Evaluated, evaluate
-from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
 from scene import (
     DENSITY,
     LENGTH,
     RADIUS,
     CommonLimit,
+    FloatArray,
     common_limit,
     corner_exponent,
     limit,
@@ -38,8 +38,6 @@ from explicit.elements import element as element_named
 from explicit.elements.base import INVERTED
 from explicit.materials import MarlowLaw, MaterialLaw, neo_hookean
 from explicit.precision import precision
-
-FloatArray = NDArray[np.float64]
 
 DIFFERENCES = np.geomspace(1e-2, 1e-9, 15)
 """Steps of the central differences over an element's size [-]."""
@@ -653,8 +651,10 @@ def test_patch_and_rigid_motion_of_every_element(element: str, precision: str) -
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
-def test_damping_power_of_every_element(element: str) -> None:
+def test_damping_energy_and_frictionless_compression_of_every_element(element: str) -> None:
     assert abs(single(element).rate_power) < 1e-13  # sums of a few products of order one
+    assert max(single(element).imbalance.values()) < energy.TOLERANCE
+    assert single(element).frictionless < frictionless.FORCE_TOLERANCE
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
@@ -667,16 +667,6 @@ def test_forces_are_the_gradient_of_the_energy(element: str, law: object) -> Non
     assert errors[-1] > 1e2 * errors.min()  # round-off over the step
     # a hundred times closer, four digits
     assert np.log10(errors[0] / errors[2]) == pytest.approx(2.0 * np.log10(np.sqrt(10.0) ** 2), abs=0.1)
-
-
-@pytest.mark.parametrize("element", list(ELEMENTS))
-def test_energy_balance_of_every_element(element: str) -> None:
-    assert max(single(element).imbalance.values()) < energy.TOLERANCE
-
-
-@pytest.mark.parametrize("element", list(ELEMENTS))
-def test_frictionless_compression_of_every_element(element: str) -> None:
-    assert single(element).frictionless < frictionless.FORCE_TOLERANCE
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
@@ -733,6 +723,7 @@ def static_force(poisson: float) -> float:
     return float(response.force_transmission[0, 0])
 
 
+@pytest.mark.slow
 def test_coarse_static_force_and_radius() -> None:
     found = static.compress(static.COARSE, element="fbar")
     assert found.completed
@@ -741,6 +732,7 @@ def test_coarse_static_force_and_radius() -> None:
     assert (found.hourglass == 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", list(ELEMENTS))
 def test_impact_on_every_mesh(element: str) -> None:
     errors = impact_errors(element, 5e3)
@@ -750,6 +742,7 @@ def test_impact_on_every_mesh(element: str) -> None:
     assert (np.diff(errors) < 0.0).all()
 
 
+@pytest.mark.slow
 def test_both_elements_converge_to_one_impact() -> None:
     assert limit_differences(5e3, dynamic.END)[2] < AGREEMENT
 

@@ -7,14 +7,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, invert, quintic, shear_modulus, smooth_stroke, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, invert, quintic, shear_modulus, smooth_stroke, table
 
 from explicit import Model, Samples, Sampling, cylinder, run
 from explicit.materials import MarlowLaw, MaterialLaw, marlow_from_curve, neo_hookean
-
-FloatArray = NDArray[np.float64]
 
 TITLE = "Frictionless static compression"
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "C_frictionless_analytic.csv"

@@ -21,9 +21,8 @@ from bars_scene import (
     unbonded,
 )
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, speed_after_rise, table
 
 from explicit import Model, Samples, cylinder
 from explicit.bars import (
@@ -40,8 +39,6 @@ from explicit.bars import (
 from explicit.bars.coupling import FlyerTest
 from explicit.bars.lines import Events, FlightHistory, SpecimenForce
 from explicit.materials import neo_hookean
-
-FloatArray = NDArray[np.float64]
 
 FINE_STEP = STRIKER.travel_time / 512
 """Time step of the closed forms [s]: a whole number of steps along the striker."""

@@ -7,9 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 import test_which_element as runs
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import rms, table
+from scene import FloatArray, rms, table
 from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import minimize_scalar
 from test_dynamic_bonded import low_pass
@@ -29,8 +28,6 @@ from explicit.incompressible import COMPRESSIBLE
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.settings import Numerics
-
-FloatArray = NDArray[np.float64]
 
 POISSON = (0.49, 0.495, 0.499, 0.4999)
 """Poisson's ratios of the study of steps and time [-]."""

@@ -6,15 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 import warp as wp
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import table
+from scene import FloatArray, table
 
 from explicit.device import select_device
 from explicit.materials import MarlowLaw, marlow_from_curve, neo_hookean
 from explicit.precision import precision
-
-FloatArray = NDArray[np.float64]
 
 TITLE = "Marlow's law"
 C1, C2, C3 = 13.4e3, 1.34e3, 0.268e3
@@ -256,8 +253,16 @@ expected of a correct derivative.
 """
 
 
-def test_neo_hookean_curve_gives_the_neo_hookean_law() -> None:
+def test_the_law_of_a_curve_has_its_values_slopes_and_limits() -> None:
     assert case().neo_hookean_error < 1e-13  # a constant quotient: round-off
+    # The fit is a line in s^2 over s < 0.3; it leaves out 3 C3 s^4 / C1 <= 5e-4, a tenth reaches s = 0.
+    assert case().origin_error[2] < 1e-4
+    assert case().uniaxial_error < 1e-13  # knots on the data: round-off
+    value, slope = case().jump
+    assert value < 1e-6  # the slope times the probe of 1e-7
+    assert slope < 1e-6  # round-off 1e-16 over the probe 1e-7, with a factor
+    # The stable step relies on it; 1e-3 for the second difference's own error.
+    assert case().tangent_ratio < 1.0 + 1e-3
 
 
 def test_yeoh_curve_converges_with_the_number_of_points() -> None:
@@ -265,15 +270,6 @@ def test_yeoh_curve_converges_with_the_number_of_points() -> None:
     assert result.yeoh_error[2] < 1e-5  # 41 points; third order from 2e-4 at 11
     # A monotone cubic is of third order where its slopes are limited by one-sided data, else better.
     assert_order(1.0 / np.array(POINTS), result.yeoh_error, 3.0, 0.2, at_least=True)
-
-
-def test_limit_at_rest_is_a_third_of_the_modulus() -> None:
-    # The fit is a line in s^2 over s < 0.3; it leaves out 3 C3 s^4 / C1 <= 5e-4, a tenth reaches s = 0.
-    assert case().origin_error[2] < 1e-4
-
-
-def test_uniaxial_stress_of_the_law_is_the_curve() -> None:
-    assert case().uniaxial_error < 1e-13  # knots on the data: round-off
 
 
 def test_stress_is_the_derivative_of_the_energy() -> None:
@@ -285,20 +281,9 @@ def test_stress_is_the_derivative_of_the_energy() -> None:
     assert_order(DIFFERENCES[-4:], error[-4:], -1.0, 0.3)  # round-off / h; scatter of the rounding
 
 
-def test_stress_and_slope_are_continuous_past_the_data() -> None:
-    value, slope = case().jump
-    assert value < 1e-6  # the slope times the probe of 1e-7
-    assert slope < 1e-6  # round-off 1e-16 over the probe 1e-7, with a factor
-
-
 @pytest.mark.parametrize(("precision", "tolerance"), [("fp64", 1e-14), ("fp32", 2e-6)])
 def test_warp_twin_is_the_numpy_law(precision: str, tolerance: float) -> None:
     assert case().twin[precision] < tolerance  # round-off of some twenty operations
-
-
-def test_tangent_bounds_the_curvature_of_the_energy() -> None:
-    # The stable step relies on it; 1e-3 for the second difference's own error.
-    assert case().tangent_ratio < 1.0 + 1e-3
 
 
 def test_data_limit_is_the_largest_s_of_the_curve() -> None:

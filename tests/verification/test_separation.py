@@ -8,14 +8,12 @@ import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scene import table
+from scene import FloatArray, table
 
 from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide, Waveguide
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.bars.reduction.separation import SeparatedWaves, separate
 from kolsky.base.apparatus import Bar
-
-FloatArray = NDArray[np.float64]
 
 TITLE = "Separation of overlapping waves"
 FIGURE_SIZE = (6.7, 5.6)

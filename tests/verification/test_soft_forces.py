@@ -8,8 +8,7 @@ import pytest
 import test_impact as impact
 from bars_scene import BAR, PLATEN, TRANSDUCER, low_pass
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
-from scene import DENSITY, LENGTH, RADIUS, rms, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, rms, table
 
 from kolsky.bars.flyer.events import Event, FlyerEvents, flyer_events
 from kolsky.bars.flyer.path import path_strain
@@ -19,8 +18,6 @@ from kolsky.bars.reduction.inertia import axial_stress, compensate_mass, path_ac
 from kolsky.bars.reduction.validity import Reason, Validity, validity
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import FlyerMotion
-
-FloatArray = NDArray[np.float64]
 
 TITLE = "Forces and events of a soft specimen"
 FIGURE_SIZE = (6.7, 6.4)

@@ -369,6 +369,7 @@ def test_coarse_static_force_and_radius_against_the_reference() -> None:
 EARLY = COMPRESSION < 0.45
 
 
+@pytest.mark.slow
 def test_face_forces_differ_by_the_drag_on_the_centre_of_mass() -> None:
     for found in study():
         expected = drag_difference(found, STUDY_DRAG)
@@ -376,11 +377,13 @@ def test_face_forces_differ_by_the_drag_on_the_centre_of_mass() -> None:
         np.testing.assert_allclose(found.difference[EARLY], expected, rtol=0.03)
 
 
+@pytest.mark.slow
 def test_the_loading_part_of_the_static_force_halves_with_the_speed() -> None:
     fast, slow = loading_part(study())
     np.testing.assert_allclose(fast[EARLY], 2.0 * slow[EARLY], rtol=0.1)  # first order; inertia is the rest
 
 
+@pytest.mark.slow
 def test_the_loading_part_is_the_drag_on_the_deformation() -> None:
     runs = study()
     forces = [homogeneous_drag(one, STUDY_DRAG) for one in runs]

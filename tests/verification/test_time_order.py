@@ -6,14 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, shear_modulus, smooth_stroke, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, smooth_stroke, table
 
 from explicit import Model, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
-
-FloatArray = NDArray[np.float64]
 
 TITLE = "Order in time"
 DURATION = 4e-4

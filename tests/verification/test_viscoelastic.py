@@ -6,8 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
-from scene import DENSITY, LENGTH, RADIUS, smooth_stroke, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, smooth_stroke, speed_after_rise, table
 from shot_evidence import ShotEvidence
 
 from explicit import Model, PlatenMotion, Response, Samples, Sampling, cylinder, run
@@ -16,8 +15,6 @@ from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_str
 from explicit.relaxation.base import RateDependence
 from kolsky.material.relaxation.evidence import Evidence, HistoryTest, RateModel
 from kolsky.material.relaxation.rate_fit import fit_prony, required_branches
-
-FloatArray = NDArray[np.float64]
 
 SHOT_LAW = neo_hookean(20e3)
 PLANTED = RateModel(1.05, PronySeries((0.35,), (4e-4,)))

@@ -7,16 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from elements import evaluate
-from numpy.typing import NDArray
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, CommonLimit, common_limit, limit, rms, table
+from scene import DENSITY, LENGTH, RADIUS, CommonLimit, FloatArray, common_limit, limit, rms, table
 from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import minimize_scalar
 from test_dynamic_bonded import low_pass
 from test_fbar import states
 
 from doe import Box
-from explicit import Model, Response, cylinder
+from explicit import Response, cylinder
 from explicit.materials import neo_hookean
 from explicit.mesh import element_geometry
 from kolsky.inverse.coarse_search import search
@@ -26,7 +25,6 @@ from kolsky.inverse.problem import PreparedShot, prepare_shot
 from kolsky.inverse.settings import Numerics
 from kolsky.shot.load import load_shot
 
-FloatArray = NDArray[np.float64]
 Mesh = tuple[int, int]
 
 SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
@@ -369,12 +367,6 @@ def test_viscous_control_leaves_linear_fields_alone() -> None:
     )
     scale = 0.6 * np.sqrt(27e3 * element_geometry(mesh).hourglass_y * element_geometry(mesh).volume)
     assert found.artificial.max() < 1e-20 * scale.max()  # the square of round-off in gamma . v
-
-
-def test_an_unknown_form_is_refused() -> None:
-    given = shot().forward.model(Numerics(mesh=(2, 2)))
-    with pytest.raises(ValueError, match="hourglass_form must be 'stiffness' or 'viscous', got 'enhanced'"):
-        Model(given.mesh, given.density, given.materials, given.motions, hourglass_form="enhanced")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("form", list(FORMS))

@@ -231,7 +231,7 @@ def test_kept_templates_give_the_same_bits(shape):
     np.testing.assert_array_equal(again.warp, once.warp[rows])
 
 
-def test_a_reference_that_changed_must_be_forgotten():
+def test_templates_are_for_their_settings_and_rows_until_they_are_forgotten():
     first, second = pair()
     where, settings = np.array([[40.0, 40.0], [60.0, 50.0]]), Correlation(subset=15)
     templates = Templates.of(2, settings)
@@ -243,10 +243,6 @@ def test_a_reference_that_changed_must_be_forgotten():
     assert np.any(stale.warp[0] != fresh.warp[0])  # so the templates are used
     np.testing.assert_array_equal(found.warp[0], fresh.warp[0])
     np.testing.assert_array_equal(found.warp[1], stale.warp[1])
-
-
-def test_templates_are_for_their_settings_and_rows():
-    first, second = pair()
     where, settings = np.array([[40.0, 40.0]]), Correlation(subset=15)
     templates = Templates.of(1, settings)
     with pytest.raises(ValueError, match="templates are for"):

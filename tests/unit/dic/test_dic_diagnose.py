@@ -61,16 +61,12 @@ def test_nothing_wrong_nothing_said() -> None:
 
 
 @pytest.mark.parametrize("outliers", [0.0, 0.3])
-def test_swapped_cameras(outliers: float) -> None:
+def test_swapped_cameras_and_a_crop_left_out(outliers: float) -> None:
     (finding,) = diagnose(SWAPPED, *seen(outliers=outliers))
     assert finding.fault is Fault.SWAPPED_CAMERAS
     assert finding.before > 3.0  # what the misalignment of this bench leaves
     assert finding.after < 0.05  # noise of 0.02 √2 px, medians of magnitudes 0.67 of that
     assert "exchanged" in finding.what
-
-
-@pytest.mark.parametrize("outliers", [0.0, 0.3])
-def test_crop_left_out(outliers: float) -> None:
     (finding,) = diagnose(FULL, *seen(outliers=outliers))
     assert finding.fault is Fault.CROP_OFFSET
     # Each component to three of the pixels that the text gives as its sigma.
@@ -119,10 +115,13 @@ def test_right_cameras_are_not_doubted_for_their_noise() -> None:
         assert diagnose(RIG, *pixels) == ()
 
 
-def test_swapped_and_crop_left_out() -> None:
+def test_two_faults_at_once() -> None:
     first, second = diagnose(StereoRig((FULL.cameras[1], FULL.cameras[0])), *seen())
     assert (first.fault, second.fault) == (Fault.SWAPPED_CAMERAS, Fault.CROP_OFFSET)
     np.testing.assert_allclose(second.value, [192.0] * 4, atol=6.0)
+    first, second = diagnose(SWAPPED, *seen(1.0))
+    assert (first.fault, second.fault) == (Fault.SWAPPED_CAMERAS, Fault.OUT_OF_STEP)
+    assert second.value[0] == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize("outliers", [0.0, 0.3])
@@ -136,12 +135,6 @@ def test_cameras_out_of_step(late: float, outliers: float) -> None:
         assert f"the first {abs(late):.0f} frame" in finding.cure
         assert f"of camera {0 if late > 0 else 1}" in finding.cure
         assert finding.after < 0.6 * finding.before
-
-
-def test_swapped_and_out_of_step() -> None:
-    first, second = diagnose(SWAPPED, *seen(1.0))
-    assert (first.fault, second.fault) == (Fault.SWAPPED_CAMERAS, Fault.OUT_OF_STEP)
-    assert second.value[0] == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_camera_that_turned_is_the_calibration() -> None:

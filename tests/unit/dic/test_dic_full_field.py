@@ -51,7 +51,7 @@ def test_an_extensometer_follows_a_homogeneous_stretch_exactly():
     np.testing.assert_allclose(found.strain, [0.0, after / before - 1.0], atol=1e-12)
 
 
-def test_the_sigma_of_an_elongation_is_that_of_two_means_of_nine():
+def test_the_sigma_of_an_elongation_is_that_of_two_means():
     # ends on points, windows of 3 x 3: nine equal weights each, and subsets of 9 px every 10 px share nothing
     points, surface = stretched()
     ends = Extensometer("y", ((30, 20), (30, 80)))
@@ -60,11 +60,6 @@ def test_the_sigma_of_an_elongation_is_that_of_two_means_of_nine():
     rest = np.full((len(points), 3), SIGMA)
     both = extension(surface, points, ends, step=STEP, subset=SUBSET, reference_sigma=rest)
     np.testing.assert_allclose(both.sigma, SIGMA * np.sqrt(4.0 / 9.0), rtol=1e-12)
-
-
-def test_subsets_that_overlap_make_the_mean_of_an_end_noisier():
-    # side 20, distance 10: neighbours share 1/2, diagonal ones 1/4: the sum over 3 x 3 is (3 + 2)² of 81
-    points, surface = stretched()
     found = extension(surface, points, Extensometer("y", ((30, 20), (30, 80))), step=STEP, subset=20.0)
     one_end = (3.0 + 4.0 * 0.5) ** 2 / 81.0
     np.testing.assert_allclose(found.sigma, SIGMA * np.sqrt(2.0 * one_end), rtol=1e-12)
@@ -100,14 +95,11 @@ def moments(h=1.0):
     return [np.mean(x**k) for k in (2, 4, 6)]
 
 
-def test_a_first_order_leaves_the_mean_of_a_parabola():
+def test_what_shape_functions_leave_of_parabola_and_quartic():
     field = (3.0 * subset_nodes(2.0)[:, :1] ** 2)[None]
     np.testing.assert_allclose(polynomial_bias(field, Shape.AFFINE), [[3.0 * moments()[0]]], rtol=1e-12)
     np.testing.assert_allclose(polynomial_bias(field, Shape.QUADRATIC), [[0.0]], atol=1e-12)
     assert moments()[0] == pytest.approx(1.0 / 3.0, rel=1.0 / NODES**2)
-
-
-def test_a_second_order_leaves_three_thirtyfifths_of_a_quartic():
     field = (subset_nodes(2.0)[:, :1] ** 4)[None]
     m2, m4, m6 = moments()
     by_hand = (m4 * m4 - m2 * m6) / (m4 - m2 * m2)  # least squares of x⁴ by 1 and x², at the centre
@@ -197,6 +189,11 @@ def test_arrays_in_memory_are_a_series():
     assert series.frame(1).max() == 1
     with pytest.raises(ValueError, match="one array"):
         PicturesInMemory([])
+    dark = np.zeros((4, 6))
+    hole = dark.copy()
+    hole[2, 3] = np.nan
+    with pytest.raises(ValueError, match="picture 1, row 2, column 3 is nan: grey values must be finite"):
+        PicturesInMemory([dark, hole])
 
 
 @pytest.mark.parametrize(
@@ -213,14 +210,6 @@ def test_floating_point_pictures_have_one_scale_for_all(values, wanted):
     series = PicturesInMemory([np.full((4, 6), value, dtype=np.float32) for value in values])
     assert series.bits == 16
     assert [int(series.frame(k).max()) for k in range(series.n_frames)] == pytest.approx(wanted, abs=1)
-
-
-def test_a_floating_point_value_that_is_no_number_is_refused():
-    dark = np.zeros((4, 6))
-    hole = dark.copy()
-    hole[2, 3] = np.nan
-    with pytest.raises(ValueError, match="picture 1, row 2, column 3 is nan: grey values must be finite"):
-        PicturesInMemory([dark, hole])
 
 
 RADIUS, SCALE = 4.75e-3, 1.0 / 18e3  # 18 px/mm

@@ -146,12 +146,9 @@ def unlike(level: dict[int, float]) -> list[int]:
     return np.flatnonzero(found[1]).tolist()
 
 
-def test_a_patch_has_a_point_of_ten_times_the_residual_of_the_better_ones():
+def test_a_patch_has_a_point_of_ten_times_the_residual_and_all_around_it():
     assert unlike({MIDDLE: 10.0 * INSIDE}) == []
     assert unlike({MIDDLE: 10.0 * OUTSIDE}) == [MIDDLE]
-
-
-def test_a_patch_holds_all_around_it_with_half_as_much_again():
     beside, farther, apart = MIDDLE + 2, MIDDLE + 4, MIDDLE + 4 * SIDE
     around = {MIDDLE: 20.0, beside: 1.5 * OUTSIDE, farther: 1.5 * OUTSIDE, apart: 1.5 * OUTSIDE}
     assert unlike(around) == [MIDDLE, beside, farther]  # from one to the next, two cells at a time

@@ -314,7 +314,7 @@ def at_rest(u: np.ndarray, sigma: float = 2e-6) -> SurfaceHistory:
     )
 
 
-def test_points_that_move_alike_are_motion_of_the_cameras():
+def test_motion_of_the_cameras_and_noise_in_space_are_told_apart():
     u = 1e-6 * np.array([-1.0, 0.0, 1.0])[:, None] * np.ones(5)
     found = noise_floor(at_rest(u), np.ones(3, dtype=bool))
     # (1 + 0 + 1) / (3 - 1) = 1; nothing is left between the points.
@@ -323,9 +323,6 @@ def test_points_that_move_alike_are_motion_of_the_cameras():
     np.testing.assert_allclose(found.space, 0.0, atol=1e-18)
     np.testing.assert_allclose(found.ratio, [0.5, 1.0, 1.5], rtol=1e-12)
     assert (found.n_frames, found.n_points) == (3, 5)
-
-
-def test_points_that_move_against_each_other_are_noise_in_space():
     u = 1e-6 * np.array([[1.0, -1.0], [-1.0, 1.0], [0.0, 0.0]])
     found = noise_floor(at_rest(u), np.ones(3, dtype=bool))
     np.testing.assert_allclose(found.time[0], 1e-6, rtol=1e-12)  # (1 + 1 + 0) / 2 of either point

@@ -70,7 +70,7 @@ def test_a_ray_that_misses_the_flyer_shows_none_of_it():
     assert np.ptp(columns) < 2.0 * 0.5e-3 * FOCAL / 0.299 + 1.0  # its silhouette, of 128 columns
 
 
-def test_what_holds_no_point_is_not_followed(monkeypatch):
+def test_what_holds_no_point_is_not_followed_and_said(monkeypatch):
     def no_room(inputs, region, mask):
         raise ValueError("no room")
 
@@ -83,9 +83,6 @@ def test_what_holds_no_point_is_not_followed(monkeypatch):
     assert follow_bodies.follow_before_rim(None, None, region(3)) is None
     outcome[1, 2] = int(PointOutcome.VALID)
     assert follow_bodies.follow_before_rim(None, None, region(3)) is body
-
-
-def test_it_is_said():
     assert remarks.of_rim(0.0, False) == []
     (left_out,), (kept,) = remarks.of_rim(1.74, True), remarks.of_rim(1.74, False)
     assert "1.7 px past the rim" in left_out.text

@@ -122,7 +122,7 @@ def found(
     return result
 
 
-def test_what_the_rows_are_off_by_is_in_the_sigma_of_a_frame_that_moves(monkeypatch):
+def test_what_the_rows_share_is_in_the_sigma_of_a_frame_that_moves(monkeypatch):
     """0.2 um of noise, half of its variance the reference's, and 1.2 um of the row at the region's end."""
     edges = {k: (0.2e-6, 1.2e-6 if k < 6 else 0.05e-6) for k in range(FIRST)}
     result = found(monkeypatch, edges)
@@ -133,8 +133,5 @@ def test_what_the_rows_are_off_by_is_in_the_sigma_of_a_frame_that_moves(monkeypa
     assert 1.2e-6 < result.rest_sigma < 1.6e-6
     np.testing.assert_allclose(result.sigma[STATIC:6], np.sqrt(own**2 + 1.2e-6**2))
     np.testing.assert_allclose(result.sigma[6:FIRST], np.sqrt(own**2 + 0.05e-6**2))
-
-
-def test_where_nothing_is_shared_a_moving_frame_is_known_as_one_at_rest(monkeypatch):
     result = found(monkeypatch, {k: (0.2e-6, 0.0) for k in range(FIRST)})
     np.testing.assert_allclose(result.sigma[:FIRST], 0.2e-6 / np.sqrt(2.0))

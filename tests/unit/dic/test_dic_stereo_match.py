@@ -4,10 +4,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from epipolar_numpy import correlation, curve_distances, points_along, shows
+from epipolar_numpy import points_along, shows
 from epipolar_numpy import search as search_in_numpy
 from numpy.typing import NDArray
-from speckle_pictures import RenderedCylinder
 from stereo_scene import CYLINDER, DISTANCE, FOCAL, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
 
 from dic.camera import Camera, StereoRig
@@ -28,7 +27,7 @@ from dic.stereo.epipolar_search import (
     subsets,
     visible_piece,
 )
-from dic.stereo.geometry import directions, epipolar_distance, triangulate
+from dic.stereo.geometry import directions, triangulate
 from dic.stereo.match import (
     Gate,
     GateValues,
@@ -52,7 +51,7 @@ def case(request: pytest.FixtureRequest) -> tuple[float, StereoMatch]:
     return request.param, matched(request.param)
 
 
-def test_every_point_that_both_cameras_see_is_found_where_it_is(case: tuple[float, StereoMatch]) -> None:
+def test_every_point_is_found_on_the_cylinder_with_its_slope(case: tuple[float, StereoMatch]) -> None:
     angle, match = case
     exact = truth(grid(), angle)
     seen = np.all((exact > 10.0) & (exact < SHAPE[1] - 11.0), axis=1)  # whole subsets in both pictures
@@ -68,19 +67,11 @@ def test_every_point_that_both_cameras_see_is_found_where_it_is(case: tuple[floa
     assert np.abs(error[plain].mean(axis=0)).max() < 5.0e-3
     # what a quadratic shape function leaves of the cylinder's steep flanks is below 0.05 px
     assert np.abs(error[match.valid]).max() < 0.05
-
-
-def test_no_accepted_point_is_off_the_cylinder(case: tuple[float, StereoMatch]) -> None:
-    angle, match = case
     some = match.valid
     pixels = match.points[some], apply(match.points, match.warp)[some]
     X = triangulate(rig(angle), *pixels, np.eye(2) * 1e-6, match.covariance[some]).position
     off = np.hypot(X[:, 0], X[:, 2]) - RADIUS
     assert np.abs(off).max() < 8e-6  # noise 1.0 µm, five sigma; a false match is off by a speckle, 350 µm
-
-
-def test_the_facets_slope_is_the_surfaces(case: tuple[float, StereoMatch]) -> None:
-    angle, match = case
     X = CYLINDER.hit(rig(angle).cameras[0], grid())
     n = CYLINDER.normal(X)
     to = [camera.centre - X for camera in rig(angle).cameras]
@@ -269,50 +260,10 @@ def test_normals_face_the_cameras_alike_and_turn_by_what_is_asked() -> None:
     np.testing.assert_allclose(np.sum(n[:, 1] * across, axis=1), 0.0, atol=1e-12)
 
 
-def test_a_curve_is_walked_in_equal_steps_from_rim_to_rim() -> None:
-    s = curve_distances(rig(), PIXELS, SHAPE, None, 1.0)
-    for k, row in enumerate(s):
-        row = row[np.isfinite(row)]
-        assert np.all(np.diff(row) > 0.0)
-        places = rig().cameras[1].project(points_along(rig(), PIXELS[k : k + 1], row[None])[0])
-        # cut out of the whole curve to the next of 64 knots, 2.0 px apart
-        assert np.sort(places[[0, -1], 0]) == pytest.approx([0.0, SHAPE[1] - 1.0], abs=2.5)
-        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-        np.testing.assert_allclose(steps, 1.0, atol=0.01)  # linear between the knots
-        off = epipolar_distance(rig(), np.repeat(PIXELS[k : k + 1], len(places), axis=0), places)
-        np.testing.assert_allclose(off, 0.0, atol=1e-9)
-
-
-def test_a_lens_model_that_folds_back_shows_nothing_twice() -> None:
-    first, second = rig().cameras
-    folding = replace(second, distortion=(-60.0, 0.0, 0.0, 0.0, 0.0))  # turns at r = 0.075, 400 px
-    folded = replace(rig(), cameras=(first, folding))
-    s = curve_distances(folded, PIXELS, SHAPE, None, 1.0)
-    places = folding.project(points_along(folded, PIXELS, np.nan_to_num(s, nan=0.3)))[np.isfinite(s)]
-    assert np.all((places > -3.0) & (places < SHAPE[1] + 2.0))
-    assert np.isfinite(s).sum(axis=1).max() < 1.3 * SHAPE[1]
-
-
-def test_declared_distances_are_kept() -> None:
-    s = curve_distances(rig(), PIXELS, SHAPE, (0.29, 0.305), 1.0)
-    assert np.nanmin(s) >= 0.29
-    assert np.nanmax(s) == pytest.approx(0.305)
-
-
 def test_distance_is_measured_along_the_line_of_sight() -> None:
     X = facet_geometry(rig(), PIXELS, DISTANCES).X
     np.testing.assert_allclose(distance_along(rig(), PIXELS, X), DISTANCES, rtol=1e-12)
     np.testing.assert_allclose(rig().cameras[0].project(X), PIXELS, atol=1e-8)
-
-
-def test_correlation_is_that_of_the_samples_with_weight() -> None:
-    rng = np.random.default_rng(2)
-    g, t = rng.random((2, 7, 50)).astype(np.float32)
-    weight = (rng.random((7, 50)) < 0.6).astype(np.float32)
-    some = weight > 0.0
-    expected = [np.corrcoef(a[k], b[k])[0, 1] for a, b, k in zip(g, t, some, strict=True)]
-    np.testing.assert_allclose(correlation(g, t, weight), expected, atol=1e-5)  # single precision
-    assert correlation(np.ones((1, 50), np.float32), t[:1], weight[:1])[0] == -1.0
 
 
 def lattice(n: int = 6, step: float = 10.0) -> FloatArray:
@@ -331,13 +282,10 @@ def bent(points: FloatArray) -> FloatArray:
     return warp
 
 
-def test_neighbours_agree_on_a_displacement_of_second_order() -> None:
+def test_neighbours_agree_on_a_second_order_and_see_the_one_elsewhere() -> None:
     points = lattice()
     near, valid = neighbourhood(points, 8), np.ones(36, dtype=bool)
     np.testing.assert_allclose(disagreement(points, bent(points), near, valid), 0.0, atol=1e-12)
-
-
-def test_neighbours_see_the_one_that_is_elsewhere() -> None:
     points, warp = lattice(), bent(lattice())
     warp[14, :2] += (0.9, -1.2)
     valid = np.ones(36, dtype=bool)
@@ -431,18 +379,6 @@ def test_settings_out_of_range_are_refused(make, words: str) -> None:
         make()
 
 
-def test_a_rendered_ray_ends_on_the_cylinder() -> None:
-    cylinder = RenderedCylinder(4.75e-3, x=1e-4, z=-2e-4)
-    camera = rig().cameras[0]
-    X = cylinder.hit(camera, PIXELS)
-    np.testing.assert_allclose(np.hypot(X[:, 0] - 1e-4, X[:, 2] + 2e-4), 4.75e-3, rtol=1e-12)
-    np.testing.assert_allclose(camera.project(X), PIXELS, atol=1e-8)
-    assert np.all(np.sum(cylinder.normal(X) * (camera.centre - X), axis=1) > 0.0)  # the near side
-    assert np.isnan(cylinder.hit(camera, np.array([[400.0, 64.0]]))).all()
-    flat = cylinder.picture(camera, SHAPE, lambda arc, height: np.full(arc.shape, 0.7), oversample=2)
-    np.testing.assert_allclose(flat, 0.7, rtol=1e-12)
-
-
 LIMITS = (0.015, 6.0)
 
 
@@ -498,7 +434,7 @@ def test_without_a_box_a_place_behind_the_camera_is_in_no_piece() -> None:
     np.testing.assert_allclose(piece[0], [1.0 / 200.0, 1.0 / 0.2], rtol=1e-12)
 
 
-@pytest.mark.parametrize("angle", np.linspace(6.0, 24.0, 7))
+@pytest.mark.parametrize("angle", [6.0, 12.0, 18.0, 24.0])
 def test_surfaces_are_found_whatever_the_angle(angle: float) -> None:
     pair, points = rig(angle), grid(32, 32)
     images = [picture.astype(np.float32) for picture in pictures(angle)]

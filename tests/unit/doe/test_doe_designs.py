@@ -97,14 +97,11 @@ def test_sobol_is_more_uniform_than_random() -> None:
     assert worst_sobol < best_random
 
 
-def test_sobol_is_balanced() -> None:
+def test_sobol_is_balanced_and_its_first_points_are_known() -> None:
     # (t, m, s)-net: each half, quarter, ... of each parameter holds the same number of points.
     cells = np.floor(sobol(BOX, 32, rng=3).unit_points * 32).astype(int)
     for column in cells.T:
         assert sorted(column) == list(range(32))
-
-
-def test_unscrambled_sobol_by_hand() -> None:
     box = Box(("x", "y"), (0, 0), (1, 1))
     points = sobol(box, 4, rng=0, scramble=False).points
     # The first four points of the two-dimensional sequence in Gray-code order.
@@ -288,6 +285,7 @@ def test_a_factor_that_is_no_factor_is_refused(
         profile_likelihoods(linear[0], [0.5, 0.5], correlation=wrong)
 
 
+@pytest.mark.slow
 def test_power_of_the_likelihood_widens_the_posterior(linear: tuple[Likelihood, np.ndarray]) -> None:
     pytest.importorskip("emcee")
     likelihood, covariance = linear

@@ -9,7 +9,6 @@ from scipy.optimize import lsq_linear
 from doe import Box, SearchOutcome, nelder_mead
 from doe.least_squares import STEP, Whitening, least_squares
 from doe.uncertainty import Channel, Likelihood, VerdictKind, profile_likelihoods, verdicts
-from doe.uncertainty.profile import LEVEL
 
 FloatArray = NDArray[np.float64]
 BOX = Box(("a", "b"), (0.1, 1e-6), (3.0, 1e-3), (False, True))
@@ -176,15 +175,12 @@ DENSE = np.diag(SIGMA**2) + PATTERNS.T @ PATTERNS
 ROWS = RNG.normal(size=(4, 9))
 
 
-def test_squares_of_whitened_rows_are_chi_square() -> None:
+def test_whitened_rows_precision_and_determinant_are_the_dense_ones() -> None:
     white = Whitening(SIGMA, PATTERNS).apply(ROWS)
     expected = np.einsum("ik,kl,il->i", ROWS, np.linalg.inv(DENSE), ROWS)
     np.testing.assert_allclose((white**2).sum(axis=1), expected, rtol=1e-12)  # round-off
     # Not only their lengths: products of two rows too.
     np.testing.assert_allclose(white @ white.T, ROWS @ np.linalg.inv(DENSE) @ ROWS.T, rtol=1e-11)
-
-
-def test_precision_and_determinant_are_the_dense_ones() -> None:
     one = Whitening(SIGMA, PATTERNS)
     np.testing.assert_allclose(one.precision(ROWS), ROWS @ np.linalg.inv(DENSE), rtol=1e-11)
     assert one.log_determinant == pytest.approx(np.linalg.slogdet(DENSE)[1], rel=1e-13)
@@ -249,23 +245,17 @@ def test_rosenbrock_on_a_face() -> None:
     assert "widen" in result.outcome.cure
 
 
-def test_linear_function_ends_in_the_corner() -> None:
+def test_corner_kink_and_logarithm_are_found() -> None:
     result = nelder_mead(lambda p: float(p[0] - 2.0 * p[1]), SEARCH_BOX)
     assert result.at_bound == {"x": "lower", "y": "upper"}
     np.testing.assert_allclose(result.x, [-2.0, 3.0], atol=4e-5)
-
-
-def test_logarithmic_parameter_in_one_dimension() -> None:
+    result = nelder_mead(lambda p: float(abs(p[0] - 1.12) + abs(p[1] - 0.3)), SEARCH_BOX)
+    np.testing.assert_allclose(result.x, [1.12, 0.3], atol=4e-5)
     box = Box(("damping",), (1e-6,), (1e-2,), (True,))
     result = nelder_mead(lambda p: float(np.log10(p[0] / 2.5e-5) ** 2), box)
     assert result.outcome is SearchOutcome.CONVERGED
     # 10 tolerances of 1e-6 over a range of log(1e4) = 9.2.
     assert result.x[0] == pytest.approx(2.5e-5, rel=1e-4)
-
-
-def test_kink_is_found() -> None:
-    result = nelder_mead(lambda p: float(abs(p[0] - 1.12) + abs(p[1] - 0.3)), SEARCH_BOX)
-    np.testing.assert_allclose(result.x, [1.12, 0.3], atol=4e-5)
 
 
 @pytest.mark.parametrize("d", [1, 2, 3, 4])
@@ -355,18 +345,3 @@ def test_an_interval_three_times_longer_than_alone_rests_on_the_others(inflation
     assert x.inflation == pytest.approx(inflation, rel=1e-4)  # the ends' tolerance
     assert ("times longer" in x.text) is leans
     assert [p.name for p in x.partners] == (["y"] if leans else [])
-
-
-def test_level_is_the_square_of_the_normal_quantile() -> None:
-    assert pytest.approx(1.959963984540054**2, rel=1e-12) == LEVEL  # tables
-
-
-@pytest.mark.parametrize("correlation", [1.0, 4.0])
-def test_correlation_widens_an_interval_by_its_root(correlation: float) -> None:
-    likelihood = of_inflation(2.0)
-    found = profile_likelihoods(likelihood, (0.1, 0.1), correlation=correlation)
-    low, high = found["x"].interval
-    assert low is not None
-    assert high is not None
-    # sigma = 0.1 x inflation
-    assert high - low == pytest.approx(2.0 * 1.959963984540054 * np.sqrt(correlation) * 0.2, rel=1e-5)

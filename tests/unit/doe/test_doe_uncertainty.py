@@ -180,6 +180,7 @@ def test_posterior_of_a_linear_model_is_the_profile() -> None:
     assert posterior.prior == "x: uniform in [-2, 3]; y: uniform in [-2, 4]"
 
 
+@pytest.mark.slow
 def test_posterior_of_a_discrepancy() -> None:
     pytest.importorskip("emcee", reason="the extra [bayes] is not installed")
     k = 400

@@ -210,16 +210,12 @@ BAR = CharacteristicBar(300.0, 7e-5)
 
 
 @ELEMENTS
-def test_every_term_of_the_ledger_is_there(element: str) -> None:
+def test_every_term_of_the_ledger_is_there_and_impulses_are_integrals(element: str) -> None:
     ledger = pressed(element).energy
     # Second order in the step; each of these terms is ten times the balance's error or more.
     assert ledger.imbalance()[0] < 2e-4
     for name in ("kinetic", "elastic", "damping", "friction"):
         assert getattr(ledger, name)[0, -1] > 2e-3 * ledger.external[0, -1], name
-
-
-@ELEMENTS
-def test_impulses_are_the_integral_of_the_forces(element: str) -> None:
     found = pressed(element)
     for force, impulse in (
         (found.force_flyer[0], found.impulse_flyer[0]),

@@ -137,16 +137,13 @@ def never() -> str:
     raise AssertionError("it was there to be found")
 
 
-def test_a_translation_is_made_once(folder: Path) -> None:
+def test_a_translation_is_made_once_for_its_constant_function_choice_and_source(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert cached_translation(kernel_of(1), "worker 8 fp64", lambda: "code") == "code"
     assert cached_translation(kernel_of(1), "worker 8 fp64", never) == "code"
     (file,) = (folder / "lanes").iterdir()
     assert file.read_text() == "code"
-
-
-def test_another_constant_function_choice_or_source_is_another_translation(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     cached_translation(kernel_of(1), "worker 8 fp64", lambda: "first")
     assert cached_translation(kernel_of(2), "worker 8 fp64", lambda: "constant") == "constant"
     assert cached_translation(kernel_of(1, twice=True), "worker 8 fp64", lambda: "function") == "function"

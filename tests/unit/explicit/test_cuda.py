@@ -261,12 +261,9 @@ FEW = int(SPREAD * 132)
 LARGE = 64 * 86
 
 
-def test_a_large_mesh_that_is_alone_has_the_most() -> None:
+def test_the_more_simulations_the_fewer_blocks_each() -> None:
     assert cluster_for(1, LARGE, Device(), False) == CLUSTERS[0] == 16
     assert cluster_for(FEW // 16, LARGE, Device(), False) == 16
-
-
-def test_more_simulations_have_fewer_each() -> None:
     assert cluster_for(FEW // 16 + 1, LARGE, Device(), False) == 4
     assert cluster_for(FEW // 4, LARGE, Device(), False) == 4
     assert cluster_for(FEW // 4 + 1, LARGE, Device(), False) == 1

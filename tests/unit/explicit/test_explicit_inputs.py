@@ -25,6 +25,7 @@ from explicit import (
 from explicit.arguments import SPARE, batch_of, body_of, fits_on_chip, node_order, output_of
 from explicit.contact import contact_law
 from explicit.device import select_device
+from explicit.elements import element
 from explicit.layout.lanes import WARPS
 from explicit.layout.state import (
     ON_CHIP_BOUNDARY,
@@ -34,7 +35,7 @@ from explicit.layout.state import (
     on_chip_elements,
 )
 from explicit.layout.structs import CONTROL_SIZE, GROUP, Total
-from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
+from explicit.materials import MarlowLaw, bulk_modulus, law_class, neo_hookean
 from explicit.mesh import element_geometry
 from explicit.precision import PRECISIONS, precision
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
@@ -163,6 +164,8 @@ class OtherLaw(MarlowLaw):
         ({"motions": (motion(), motion(start=0.5))}, "a model needs flyer motions, all with one start time"),
         ({"damping_kind": "shear"}, "damping_kind must be 'deviatoric' or 'full', got 'shear'"),
         ({"hourglass": -0.1}, "hourglass must be >= 0, got -0.1"),
+        ({"past_data": "hold"}, "past_data must be 'continue' or 'stop', got 'hold'"),
+        ({"hourglass_form": "e"}, "hourglass_form must be 'stiffness' or 'viscous', got 'e'"),
         ({"element": "cubic"}, r"element must be one of \['.*one_point'\], got 'cubic'"),
         ({"faces": "sticky"}, r"contact law must be one of \['bonded', .*\], got 'sticky'"),
         ({"side": "none"}, r"contact law must be one of .*, got 'none'"),
@@ -180,11 +183,12 @@ def test_a_model_starts_when_its_motions_do_and_stands_rigid() -> None:
     assert (RIGID.impedance, RIGID.round_trip) == (float("inf"), float("inf"))
 
 
+@pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan")])
 @pytest.mark.parametrize("name", ["impedance", "round_trip"])
-def test_a_bar_needs_positive_numbers(name: str) -> None:
+def test_a_bar_needs_positive_numbers(name: str, wrong: float) -> None:
     good = CharacteristicBar(impedance=6910.0, round_trip=617e-6)
-    with pytest.raises(ValueError, match=f"{name} must be > 0 .*, got -1.0"):
-        replace(good, **{name: -1.0})
+    with pytest.raises(ValueError, match=f"{name} must be > 0 .*, got {wrong}"):
+        replace(good, **{name: wrong})
 
 
 # Samples ---------------------------------------------------------------------------------------------
@@ -305,6 +309,9 @@ def test_a_motion_is_exact_for_a_cubic_and_goes_on_at_its_last_velocity() -> Non
     late = np.array([1.0, 1.5, 3.0])
     np.testing.assert_allclose(found(late), place(1.0) + speed(1.0) * (late - 1.0), rtol=1e-13)
     assert found.end == pytest.approx(1.0, rel=1e-15)
+    found = PlatenMotion.sampled(lambda t: 5.0 + t, lambda t: np.ones_like(t), start=2.0, end=3.0)
+    assert found.position[0] == 0.0
+    assert found(np.array([2.5]))[0] == pytest.approx(0.5, rel=1e-13)
 
 
 @pytest.mark.parametrize("n_knots", [2, 3, 9])
@@ -348,12 +355,6 @@ def test_the_cubics_of_a_motion_are_those_of_hermite_and_a_straight_line_follows
     np.testing.assert_allclose(there.numpy(), np.append(spline(times), line), rtol=1e-12, atol=100 * atol)
 
 
-def test_a_sampled_motion_is_measured_from_its_start() -> None:
-    found = PlatenMotion.sampled(lambda t: 5.0 + t, lambda t: np.ones_like(t), start=2.0, end=3.0)
-    assert found.position[0] == 0.0
-    assert found(np.array([2.5]))[0] == pytest.approx(0.5, rel=1e-13)
-
-
 # Run -----------------------------------------------------------------------------------------------------
 
 
@@ -371,6 +372,10 @@ def test_a_sampled_motion_is_measured_from_its_start() -> None:
         (lambda: select_device("cuda:99"), r"device must be one of \['cpu'.*\], got 'cuda:99'"),
         (lambda: precision("fp16"), r"precision must be one of \['fp32', 'fp64'\], got 'fp16'"),
         (lambda: contact_law("glued"), "contact law must be one of .*, got 'glued'"),
+        (lambda: element("Q8"), r"element must be one of \['fbar', 'one_point'\], got 'Q8'"),
+        (lambda: law_class("hooke"), r"law must be one of \['arruda_boyce', .*'yeoh'\], got 'hooke'"),
+        (lambda: model(volumetric="hooke"), "volumetric must be one of .*, got 'hooke'"),
+        (lambda: replace(_early(), ledger_every=0), "ledger_every must be >= 1, got 0"),
     ],
 )  # fmt: skip
 def test_runs_that_cannot_be_are_refused(prepare: Callable[[], Any], message: str) -> None:
@@ -518,7 +523,7 @@ def test_a_node_where_five_elements_meet_is_refused() -> None:
         body_of(kernel_of(five), five, numbers, where)
 
 
-def test_what_fits_on_a_chip() -> None:
+def test_what_fits_on_a_chip_has_room_there() -> None:
     fp64, fp32 = PRECISIONS["fp64"], PRECISIONS["fp32"]
     usual, finer = (cylinder(1.0, 1.0, n_radial=r, n_axial=a) for r, a in ((16, 22), (24, 32)))
     assert fits_on_chip(usual, fp64)
@@ -530,9 +535,6 @@ def test_what_fits_on_a_chip() -> None:
     assert thin.n_elements <= ON_CHIP_ELEMENTS
     assert len(surface_of(thin)) > ON_CHIP_BOUNDARY
     assert not fits_on_chip(thin, fp64)
-
-
-def test_what_lies_on_a_chip_has_room_there() -> None:
     assert CONTROL_SIZE + Total.COUNT * WARPS <= ON_CHIP_CONTROL
     fields = 4 * ON_CHIP_NODES + 2 * (4 * ON_CHIP_ELEMENTS + 1)
     sums, marks = 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, ON_CHIP_BOUNDARY

@@ -218,11 +218,6 @@ def test_a_fit_may_leave_the_bounds_and_the_law_says_so() -> None:
     assert law.strain_energy(2.0, 2.0**-0.5, 2.0**-0.5) > 0.0
 
 
-def test_an_unknown_law_is_refused_with_the_names_there_are() -> None:
-    with pytest.raises(ValueError, match=r"law must be one of \['arruda_boyce', .*'yeoh'\], got 'hooke'"):
-        law_class("hooke")
-
-
 EXAMPLES: list[AnyLaw] = [law.example() for law in LAWS.values()]
 SLOTS_OF_A_LAW = 5
 """Numbers that the kernel writes for each law: tau_rr, tau_ry, tau_tt, the tangent, the energy."""
@@ -612,8 +607,3 @@ def test_past_locking_a_run_ends_and_says_so() -> None:
     law, samples = Gent(25e3, 0.05), Samples.of(poisson=0.495)
     response = impact((law,), samples)
     assert not response.completed.any()
-
-
-def test_an_unknown_form_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"volumetric must be one of .*, got 'hooke'"):
-        impact((NeoHookean(25e3),), Samples.of(), volumetric="hooke")

@@ -201,25 +201,24 @@ def creep_reference(F: FloatArray, substeps: int = 40) -> FloatArray:
     return corner_forces(added, M)
 
 
-def test_a_prony_point_is_the_convolution_to_second_order() -> None:
-    sizes, errors = [40, 80, 160, 320], []
-    for n in sizes:
-        F = path(n)
-        errors.append(np.abs(walk(POINTS_SERIES, F)[0] - prony_reference(F)).max())
-    scale = np.abs(prony_reference(path(320))).max()
-    # the rule is a Pade quotient at half steps, the reference piecewise linear: both of second order
-    assert_order([1.0 / n for n in sizes], errors, 2.0, 0.2)
-    assert errors[-1] < 1e-4 * scale  # (h / tau)^2 / 10 for h = END / 320, tau = 0.05
-
-
-def test_a_creeping_point_follows_its_equations() -> None:
-    sizes, errors = [40, 80, 160], []
-    for n in sizes:
-        F = path(n)
-        errors.append(np.abs(walk(NETWORK, F)[0] - creep_reference(F, 3200 // n)).max())
-    scale = np.abs(creep_reference(path(40))).max()
-    assert_order([1.0 / n for n in sizes], errors, 1.0, 0.2)  # trial and flow in turn: first order
-    assert errors[-1] < 0.01 * scale  # and halves with every halving of the step
+@pytest.mark.parametrize(
+    ("branches", "reference", "sizes", "order", "last"),
+    [
+        # a Pade quotient at half steps, the reference piecewise linear: both of second order;
+        # (h / tau)^2 / 10 for h = END / 320, tau = 0.05
+        (POINTS_SERIES, prony_reference, [40, 80, 160, 320], 2.0, 1e-4),
+        # trial and flow in turn: first order, so that the last error halves with every halving of the step
+        (NETWORK, lambda F: creep_reference(F, 1600 // (len(F) - 1)), [40, 80, 160], 1.0, 0.01),
+    ],
+    ids=["convolution of a series", "equations of a creeping point"],
+)
+def test_a_point_follows_its_own(
+    branches: RateDependence, reference: Any, sizes: list[int], order: float, last: float
+) -> None:
+    exact = [reference(path(n)) for n in sizes]
+    errors = [np.abs(walk(branches, path(n))[0] - e).max() for n, e in zip(sizes, exact, strict=True)]
+    assert_order([1.0 / n for n in sizes], errors, order, 0.2)
+    assert errors[-1] < last * np.abs(exact[-1]).max()
 
 
 @pytest.mark.parametrize("branches", [POINTS_SERIES, NETWORK], ids=["prony", "creep"])

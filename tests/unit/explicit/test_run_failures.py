@@ -139,11 +139,6 @@ def test_the_volume_of_a_mesh() -> None:
     np.testing.assert_allclose(raised.centres, mesh.centres, atol=1e-15)  # round-off of 1 m
 
 
-def test_past_data_is_a_choice_of_two() -> None:
-    with pytest.raises(ValueError, match="past_data must be 'continue' or 'stop', got 'hold'"):
-        model(stroke(LENGTH), past_data="hold")
-
-
 LEDGER_TIMES = np.linspace(0.0, 4e-4, 24)[1:]
 
 
@@ -173,8 +168,3 @@ def test_entries_left_out_are_nan_and_the_others_keep_their_bits(n: int) -> None
     assert np.array_equal(full.force_transmission, thin.force_transmission)
     assert np.array_equal(full.surface_r, thin.surface_r)
     assert np.isfinite(thin.energy.imbalance()).all()
-
-
-def test_a_ledger_needs_a_positive_distance() -> None:
-    with pytest.raises(ValueError, match=r"ledger_every must be >= 1, got 0"):
-        Sampling(force_times=LEDGER_TIMES, surface_times=LEDGER_TIMES, ledger_every=0)

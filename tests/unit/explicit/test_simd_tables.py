@@ -341,7 +341,9 @@ def test_a_product_that_is_added_is_rounded_once(numbers: Precision, mapping: Ma
 
 
 @LANES
-def test_everything_else_is_rounded_as_numpy_does(numbers: Precision, mapping: Mapping) -> None:
+def test_everything_else_is_rounded_as_numpy_does_and_what_is_no_number(
+    numbers: Precision, mapping: Mapping
+) -> None:
     got, d = results(numbers, mapping).values, given(numbers)
     with np.errstate(all="ignore"):
         expected = {
@@ -351,11 +353,6 @@ def test_everything_else_is_rounded_as_numpy_does(numbers: Precision, mapping: M
         }  # fmt: skip
     for slot, values in expected.items():
         np.testing.assert_array_equal(got[:, slot], values.astype(numbers.dtype), err_msg=f"slot {slot}")
-
-
-@LANES
-def test_what_is_not_a_number(numbers: Precision, mapping: Mapping) -> None:
-    got, d = results(numbers, mapping).values, given(numbers)
     # A number wins over NaN, as in C's fmax, Warp and CUDA.
     np.testing.assert_array_equal(got[:, 9], np.fmax(d.x, d.y))
     np.testing.assert_array_equal(got[:, 10], np.fmax(d.x, d.y))
@@ -439,7 +436,9 @@ def evaluated(numbers: Precision, mapping: Mapping, x: np.ndarray, y: np.ndarray
 
 
 @LANES
-def test_they_are_those_of_numpy(numbers: Precision, mapping: Mapping) -> None:
+def test_exponentials_and_logarithms_are_those_of_numpy_to_their_ends(
+    numbers: Precision, mapping: Mapping
+) -> None:
     rng = np.random.default_rng(5)
     wide = 700.0 if numbers.name == "fp64" else 85.0
     x = np.concatenate([rng.uniform(-wide, wide, 10 * N), rng.normal(0.0, 1e-3, 10 * N), rng.normal(size=N)])
@@ -450,10 +449,6 @@ def test_they_are_those_of_numpy(numbers: Precision, mapping: Mapping) -> None:
     last = 2.0 * float(np.finfo(numbers.dtype).eps)
     np.testing.assert_allclose(got[:, 0], np.exp(x.astype(float)), rtol=last)
     np.testing.assert_allclose(got[:, 1], np.log(y.astype(float)), rtol=last)
-
-
-@LANES
-def test_where_numbers_end(numbers: Precision, mapping: Mapping) -> None:
     infinity, tiny = np.inf, float(np.finfo(numbers.dtype).smallest_subnormal)
     x = np.array([0.0, -0.0, infinity, -infinity, np.nan, 800.0, -800.0, 1e30, -1e30, 1.0, 0.0, 0.0, 0.0])
     y = np.array([0.0, -0.0, infinity, -infinity, np.nan, -1.0, 1.0, tiny, 3.0 * tiny, 2.0, 1.0, 1.0, 1.0])
