@@ -1,8 +1,7 @@
 """Tracking of bodies by two cameras: points matched between them, tracked in each, reconstructed.
 
-The two cameras of a body that deforms are tracked together, frame by frame. Rigid bodies are tracked in
-parallel: in another process on a CPU, in another thread on a GPU. A forked process cannot use a GPU. The
-results are bitwise equal.
+The two cameras of a body that deforms are tracked together, frame by frame. Other bodies are tracked in
+parallel, if possible in another process. A forked process cannot use a GPU. It uses the CPU.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,7 +19,7 @@ from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.processes import background
+from dic.processes import background, may_fork
 from dic.stereo.match import StereoMatch, match_stereo
 from dic.stereo.reconstruction import Reconstruction, reconstruct
 from dic.tracking import Track, Tracking, View, track_together
@@ -224,11 +223,9 @@ def follow_bodies(
     """
     report = progress or (lambda stage, done, total: None)
     first, *others = bodies
-    forked = all(body.device == "cpu" for body in others)
-    forked &= sum(body.size for body in others) <= MOST_SENT
-    with background(
-        lambda: list(map(track_body, others)), fork=None if forked and others else False
-    ) as tracks_of_others:
+    forked = may_fork() and 0 < sum(body.size for body in others) <= MOST_SENT
+    placed = [replace(body, device="cpu") if forked else body for body in others]
+    with background(lambda: list(map(track_body, placed)), fork=forked) as tracks_of_others:
         tracks = [track_body(first, partial(report, first.name)), *tracks_of_others()]
     for body in others:
         report(body.name, len(body.health[1]), len(body.health[1]))

@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from dataclasses import make_dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -278,7 +279,9 @@ sharing = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of p
 
 def processes(monkeypatch, *sizes, device="cpu"):
     """Processes that follow bodies with so many points times frames, and what is told of the progress."""
-    monkeypatch.setattr(follow, "track_body", lambda body, told=None: (body.name, os.getpid()))
+    monkeypatch.setattr(
+        follow, "track_body", lambda body, told=None: (body.name, f"{os.getpid()} {body.device}")
+    )
     monkeypatch.setattr(follow, "_common_of", lambda body, stereo, tracks: len(body.name))
     monkeypatch.setattr(follow, "reconstruct", lambda rig, *tracks, common: (tracks, common))
 
@@ -287,11 +290,9 @@ def processes(monkeypatch, *sizes, device="cpu"):
         return tracks
 
     monkeypatch.setattr(follow, "_tracked", tracked)
-    bodies = [
-        SimpleNamespace(name=f"body {k}", size=size, device=device, health=(np.zeros(9), np.zeros(9)))
-        for k, size in enumerate(sizes)
-    ]
-    told = []
+    body = make_dataclass("Body", ("name", "size", "device", "health"))
+    health = (np.zeros(9), np.zeros(9))
+    bodies, told = [body(f"body {k}", size, device, health) for k, size in enumerate(sizes)], []
     with allow_forks():
         found = follow.follow_bodies(bodies, None, None, progress=lambda *said: told.append(said))
     assert [name for name, _ in found] == [f"body {k}" for k in range(len(sizes))]
@@ -302,10 +303,13 @@ def processes(monkeypatch, *sizes, device="cpu"):
 @sharing
 def test_other_bodies_are_followed_by_another_process_where_what_it_sends_is_small(monkeypatch):
     here, there, same = processes(monkeypatch, 10**9, 1000, follow.MOST_SENT - 1000)
-    assert here == os.getpid()
+    assert here == f"{os.getpid()} cpu"
     assert same == there != here
     assert processes(monkeypatch, 1, 1000, follow.MOST_SENT) == [here] * 3
-    assert processes(monkeypatch, 1, 1000, device="cuda:0") == [here] * 2
+    on_gpu, on_cpu = processes(monkeypatch, 1, 1000, device="cuda:0")  # a fork cannot use a GPU
+    assert on_gpu == f"{os.getpid()} cuda:0"
+    assert on_cpu.endswith(" cpu")
+    assert on_cpu != here
 
 
 def rigid_series():
