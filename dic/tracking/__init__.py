@@ -6,6 +6,7 @@ reference when it correlates with this one again.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -323,9 +324,9 @@ def track_together(
     as for `track`; a material picture only with one view.
     """
     chosen = settings or Tracking()
-    if len({view.size for view in views}) > 1:
-        options = {"mask": mask, "first": first, "device": device, "progress": progress}
-        return [track_together([view], chosen, **options)[0] for view in views]  # type: ignore[arg-type]
+    if len(views) > 1 and len({view.size for view in views}) > 1:
+        alone = partial(track_together, settings=chosen, mask=mask, first=first, device=device)
+        return [alone([view], progress=progress)[0] for view in views]
     views = [replace(view, points=np.ascontiguousarray(view.points, dtype=np.float64)) for view in views]
     for view in views:
         _check(view, material, first)
@@ -400,10 +401,11 @@ class _Run:
         self.scenes: list[Scene] = []
         self.updates = _ReferenceUpdates(self.references, settings, self.parts)
         self.last = LatestFrame.none(n)
-        valid = np.full(self.n_frames, int(FrameOutcome.VALID))
+        self.frame_outcome = np.full((len(views), self.n_frames), int(FrameOutcome.VALID))
+        self.excess = [np.full((self.n_frames, size), np.nan) for size in sizes]
         self.tracks = [
-            replace(Track.empty(v.points, MATERIAL, valid), excess=np.full((self.n_frames, size), np.nan))
-            for v, size in zip(views, sizes, strict=True)
+            replace(Track.empty(view.points, MATERIAL, outcome), excess=excess)
+            for view, outcome, excess in zip(views, self.frame_outcome, self.excess, strict=True)
         ]
 
     def begin(self, first: int, material: Picture | None) -> None:
@@ -453,7 +455,7 @@ class _Run:
             track = self.tracks[c]
             track.warp[first], track.covariance[first] = warp[part], covariance
             track.zncc[first], track.outcome[first] = match.zncc[part], match.outcome[part]
-            track.reference[first], track.excess[first] = first, 0.0
+            track.reference[first], self.excess[c][first] = first, 0.0
 
     def _key(self, camera: int, frame: int) -> int:
         """Number of a frame of a view as a reference."""
@@ -473,7 +475,8 @@ class _Run:
 
     def step(self, frame: int) -> None:
         """Match the points in one frame of all views."""
-        pictures, stacks = {}, []
+        pictures: dict[int, Picture] = {}
+        stacks: list[PictureStack] = []
         searched = np.full(len(self.views), -1)
         guess, predicted = np.zeros((len(self.camera), 12)), np.zeros(len(self.camera), dtype=bool)
         for camera, (view, frames, part) in enumerate(zip(self.views, self.frames, self.parts, strict=True)):
@@ -483,7 +486,7 @@ class _Run:
             else:
                 outcome = self.scenes[camera].judge(picture)
             if picture is None or not outcome.ok:
-                self.tracks[camera].frame_outcome[frame] = int(outcome)
+                self.frame_outcome[camera, frame] = int(outcome)
                 continue
             searched[camera] = len(stacks)
             stacks.append(frames.prepared(frame, picture))
@@ -509,10 +512,10 @@ class _Run:
             track.warp[frame], track.covariance[frame] = current.warp[part], covariance[part]
             track.zncc[frame], track.outcome[frame] = current.zncc[part], current.outcome[part]
             track.reference[frame] = current.template.frame[part] - self._key(camera, 0)
-            track.excess[frame] = excess[part]
+            self.excess[camera][frame] = excess[part]
             valid = np.flatnonzero(track.outcome[frame] == int(PointOutcome.VALID))
             if not len(valid):
-                track.frame_outcome[frame] = int(FrameOutcome.LOST)
+                self.frame_outcome[camera, frame] = int(FrameOutcome.LOST)
             self.predictors[camera].add(frame, valid, track.warp[frame, valid])
         self.last = self.last.updated(LatestFrame(keys, current.warp, carried, current.valid, excess), seen)
         self.references.tidy(keep=set(self.last.frame.tolist()))

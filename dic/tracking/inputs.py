@@ -98,7 +98,7 @@ class Track:
             zncc=np.full(size, np.nan),
             outcome=np.full(size, int(PointOutcome.NO_PICTURE)),
             reference=np.full(size, reference),
-            frame_outcome=np.array(frame_outcome),
+            frame_outcome=frame_outcome,
         )
 
 

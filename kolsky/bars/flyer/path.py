@@ -321,7 +321,7 @@ def mixed_covariance(
     """
     same, count = ~drawn, int((~drawn).sum())
     columns = np.column_stack([seen_by[:, same] * prior[same], seen_by[:, drawn], y])
-    R = np.linalg.qr(np.concatenate([columns, np.eye(count, columns.shape[1])]), mode="r")
+    R = np.asarray(np.linalg.qr(np.concatenate([columns, np.eye(count, columns.shape[1])]), mode="r"))
 
     def solution(prior: FloatArray) -> tuple[FloatArray, FloatArray]:
         mean, own, _ = posterior(R[count:, -1], R[count:, count:-1] * prior)
