@@ -1,7 +1,7 @@
 """Tracking of bodies by two cameras: points matched between them, tracked in each, reconstructed.
 
-The two cameras are tracked in parallel: in two processes on a CPU, in two threads on a GPU. A forked process
-cannot use a GPU. The results are bitwise equal.
+The two cameras of a body that deforms are tracked together, frame by frame. Other bodies are tracked in
+parallel, if possible in another process. A forked process cannot use a GPU. It uses the CPU.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,10 +19,10 @@ from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.processes import background
+from dic.processes import background, may_fork
 from dic.stereo.match import StereoMatch, match_stereo
 from dic.stereo.reconstruction import Reconstruction, reconstruct
-from dic.tracking import Track, Tracking, track
+from dic.tracking import Track, Tracking, View, track_together
 from dic.tracking.matcher import in_material, shares
 from dic.tracking.rigid import track_rigid
 
@@ -119,32 +119,33 @@ def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -
     return min(settings.least_pixels, STRIP * float(share[y, x].max()))
 
 
-def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], None] | None = None) -> Track:
-    """Track a body's points in one camera. In camera 1 only the matched points are tracked."""
-    first, points, match = camera == 0, body.points, body.match
-    matched = np.ones(len(points), dtype=bool) if first else match.valid
-    if not matched.any():
-        return _all_points(dict(vars(_empty_track(points, match, body.health[camera]))), points, match)
-    start, covariance = (None, None) if first else (match.warp[matched], match.covariance[matched])
+def track_body(body: MatchedBody, progress: Callable[[int, int], None] | None = None) -> tuple[Track, Track]:
+    """Track a body's points in both cameras. In camera 1 only the matched points are tracked."""
+    points, match, tracking = body.points, body.match, body.tracking
+    views = [View(body.pictures[0], points, body.noise[0], frame_outcome=body.health[0])]
+    if match.valid.any():
+        start, covariance = match.warp[match.valid], match.covariance[match.valid]
+        views.append(
+            View(body.pictures[1], points[match.valid], body.noise[1], start, covariance, body.health[1])
+        )
+    options: dict[str, Any] = {"mask": body.mask, "first": body.material, "device": body.device}
     if body.rigid:
-        result = track_rigid(
-            body.pictures[camera], points[matched], body.tracking.correlation, noise=body.noise[camera],
-            mask=body.mask, start=start, start_covariance=covariance, first=body.material,
-            frame_outcome=body.health[camera], device=body.device, progress=progress,
-        )  # fmt: skip
+        reports = [progress, None][: len(views)]
+        tracks = [
+            track_rigid(settings=tracking.correlation, progress=report, **vars(view), **options)
+            for view, report in zip(views, reports, strict=True)
+        ]
     else:
-        result = track(
-            body.pictures[camera], points[matched], body.tracking, noise=body.noise[camera],
-            mask=body.mask, start=start, start_covariance=covariance, first=body.material,
-            frame_outcome=body.health[camera], device=body.device, progress=progress,
-        )  # fmt: skip
-    variances = np.einsum("...ii->...i", result.covariance)
-    variances += EXACT
-    if first:
-        return result
-    fields = dict(vars(result))
-    del result  # each array can be freed after it is expanded
-    return _all_points(fields, points, match)
+        tracks = track_together(views, tracking, progress=progress, **options)
+    for one in tracks:
+        variances = np.einsum("...ii->...i", one.covariance)
+        variances += EXACT
+    if len(tracks) == 1:
+        tracks.append(Track.empty(points[:0], body.material, body.health[1]))
+    first, second = tracks
+    fields = dict(vars(second))
+    del tracks, second  # each array can be freed after it is expanded
+    return first, _all_points(fields, points, match)
 
 
 def material_frame(health: tuple[IntArray, IntArray], preferred: int) -> int:
@@ -157,19 +158,6 @@ def material_frame(health: tuple[IntArray, IntArray], preferred: int) -> int:
     if not usable.size:
         raise ValueError("no frame has a usable picture of both cameras")
     return int(usable[np.argmin(np.abs(usable - preferred))])
-
-
-def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Track:
-    """The track of camera 1 when no point was matched between the cameras."""
-    return Track(
-        points=points[:0],
-        warp=np.empty((len(health), 0, 12)),
-        covariance=np.empty((len(health), 0, 2, 2)),
-        zncc=np.empty((len(health), 0)),
-        outcome=np.empty((len(health), 0), dtype=np.int64),
-        reference=np.empty((len(health), 0), dtype=np.int64),
-        frame_outcome=health,
-    )
 
 
 def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) -> Track:
@@ -194,7 +182,7 @@ Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, done, total)``."""
 
 MOST_SENT = 400_000
-"""Largest number of points times frames of all bodies for tracks in a forked process, which sends back about
+"""Largest number of points times frames for tracks in a forked process, which sends back about
 70 MB. Larger tracks are computed in threads: with more points per match, threads block each other less."""
 
 
@@ -228,23 +216,19 @@ def follow_bodies(
     *,
     progress: Progress | None = None,
 ) -> list[TrackedBody]:
-    """Track matched bodies, with the two cameras in parallel.
+    """Track matched bodies in both cameras, the first in parallel with the others.
 
-    ``progress``: called with the number of finished frames. For camera 1 it is called once, at the end.
+    ``progress``: called with the number of finished frames of the first body. For other bodies it is called
+    once, at the end.
     """
     report = progress or (lambda stage, done, total: None)
-
-    def seen_by(camera: int) -> list[Track]:
-        return [
-            track_body(body, camera, partial(report, f"{body.name}, camera 0") if camera == 0 else None)
-            for body in bodies
-        ]
-
-    forked = sum(body.size for body in bodies) <= MOST_SENT and all(body.device == "cpu" for body in bodies)
-    with background(partial(seen_by, 1), fork=None if forked else False) as tracks_1:
-        tracks = list(zip(seen_by(0), tracks_1(), strict=True))
-    for body in bodies:
-        report(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
+    first, *others = bodies
+    forked = may_fork() and 0 < sum(body.size for body in others) <= MOST_SENT
+    placed = [replace(body, device="cpu") if forked else body for body in others]
+    with background(lambda: list(map(track_body, placed)), fork=forked) as tracks_of_others:
+        tracks = [track_body(first, partial(report, first.name)), *tracks_of_others()]
+    for body in others:
+        report(body.name, len(body.health[1]), len(body.health[1]))
     common = [_common_of(body, stereo, pair) for body, pair in zip(bodies, tracks, strict=True)]
     reconstructions = [
         reconstruct(rig, *pair, common=shared) for pair, shared in zip(tracks, common, strict=True)

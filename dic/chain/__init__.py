@@ -1,7 +1,7 @@
 """Measurement of surfaces from two series of pictures and their calibrated cameras.
 
 `measure` runs the stages one after the other and records their wall times. Each stage is a module of this
-package. Both cameras' pictures are tracked in parallel. The flyer's motion and the specimen's surface are
+package. The flyer is tracked in parallel with the specimen. The flyer's motion and the specimen's surface are
 also computed in parallel.
 """
 

@@ -1,5 +1,6 @@
 """Match of all points in one frame; initial guesses from prediction, neighbours and search."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -230,6 +231,19 @@ class Neighbours:
         return np.ascontiguousarray(np.moveaxis(self.step, -1, 0))
 
     @classmethod
+    def joined(cls, sets: Sequence["Neighbours"]) -> "Neighbours":
+        """Neighbours in several sets of points, which are numbered one set after the other."""
+        k, parts, first = max(one.exists.shape[1] for one in sets), [], 0
+        for one in sets:
+            n, missing = len(one.index), k - one.exists.shape[1]
+            itself = np.repeat(np.arange(n)[:, None], missing, axis=1)
+            index = np.concatenate([one.index, itself], axis=1) + first
+            room = ((0, 0), (0, missing))
+            parts.append((index, np.pad(one.step, (*room, (0, 0))), np.pad(one.exists, room)))
+            first += n
+        return cls(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    @classmethod
     def of(cls, points: FloatArray) -> "Neighbours":
         """Neighbours of `points` (x, y) [px], shape [n, 2]."""
         n = len(points)
@@ -313,11 +327,12 @@ class RetrySchedule:
         """Points that are not searched in the next frame, shape [n]."""
         return np.asarray((self.lost >= TRIES) & (self.lost % EVERY != 0))
 
-    def add(self, valid: BoolArray, neighbours: Neighbours) -> None:
-        """Update the counts with the points found in a frame, shape [n]."""
+    def add(self, valid: BoolArray, seen: BoolArray, neighbours: Neighbours) -> None:
+        """Update the counts with the points found in a frame, and the points with a picture, shape [n]
+        each."""
         back = valid & (self.lost > 0)
-        self.lost = np.where(valid, 0, self.lost + 1)
-        self.lost[~valid & neighbours.any(back)] = 0
+        self.lost = np.where(valid, 0, self.lost + seen)
+        self.lost[seen & ~valid & neighbours.any(back)] = 0
 
 
 SEEDS = 40
@@ -326,12 +341,14 @@ SEEDS = 40
 
 @dataclass
 class FrameMatch:
-    """State of the match of n points in one frame."""
+    """State of the match of n points of one or more cameras in one frame."""
 
-    picture: Picture
-    """The picture as recorded, shape [rows, columns]."""
+    pictures: dict[int, Picture]
+    """Pictures by camera as recorded, shape [rows, columns] each; only usable ones."""
     stack: PictureStack
-    """The prepared picture."""
+    """The prepared pictures."""
+    searched: IntArray
+    """Index of each camera's picture in the stack; -1: no usable picture."""
     matcher: Matcher
     neighbours: Neighbours
     settings: Tracking
@@ -355,8 +372,9 @@ class FrameMatch:
     @classmethod
     def begin(
         cls,
-        picture: Picture,
+        pictures: dict[int, Picture],
         stack: PictureStack,
+        searched: IntArray,
         matcher: Matcher,
         neighbours: Neighbours,
         settings: Tracking,
@@ -367,23 +385,27 @@ class FrameMatch:
     ) -> "FrameMatch":
         """Match the points with a guess (`predicted`, shape [n]), then their neighbours by propagation.
 
-        Points in `skipped`, shape [n], keep the outcome `before`, shape [n]. If the frame needs seeds, they
-        are searched too.
+        Points in `skipped`, shape [n], keep the outcome `before`, shape [n]. If the frame of a camera needs
+        seeds, they are searched too. Points of a camera without a usable picture are not searched.
         """
         n = len(guess)
+        seen = searched[matcher.camera] >= 0
+        outcome = np.where(skipped, before, int(PointOutcome.NO_FIRST_GUESS))
         match = cls(
-            picture, stack, matcher, neighbours, settings, guess, np.array(guess),
+            pictures, stack, searched, matcher, neighbours, settings, guess, np.array(guess),
             matcher.references.template(np.arange(n)),
             np.full((n, 2, 2), np.nan), np.full(n, np.nan),
-            np.where(skipped, before, int(PointOutcome.NO_FIRST_GUESS)), np.array(skipped),
+            np.where(seen, outcome, int(PointOutcome.NO_PICTURE)), skipped | ~seen,
             np.full((n, 12), np.nan),
         )  # fmt: skip
-        rows = np.flatnonzero(predicted & ~skipped)
+        rows = np.flatnonzero(predicted & ~match.skipped)
         match.attempt(rows, guess[rows])
         match.propagate()
-        if np.mean(match.valid) < settings.least_valid and settings.search > 0:
-            match.skipped[:] = False
-            match.seed()
+        found = [match.valid[matcher.camera == camera] for camera in pictures]
+        poor = [c for c, valid in zip(pictures, found, strict=True) if np.mean(valid) < settings.least_valid]
+        if poor and settings.search > 0:
+            for camera in poor:
+                match.seed(camera)
             match.propagate()
         if match.confirm():
             match.propagate()
@@ -402,7 +424,9 @@ class FrameMatch:
         if len(rows) == 0:
             return rows
         template_rows = self.template.take(rows) if template is None else template
-        match = self.matcher.match(self.stack, rows, guess, template_rows, current=template is None)
+        match = self.matcher.match(
+            self.stack, self.searched, rows, guess, template_rows, current=template is None
+        )
         self.warp[rows], self.zncc[rows], self.outcome[rows] = match.warp, match.zncc, match.outcome
         self.covariance[rows] = match.covariance
         matched = rows[self.valid[rows]]
@@ -449,10 +473,15 @@ class FrameMatch:
         self.outcome[valid[wrong]] = int(PointOutcome.LOW_CORRELATION)
         return bool(wrong.any())
 
-    def seed(self) -> None:
-        """Search some of the points far from their predicted positions, by features and by windows."""
-        references = self.matcher.references
-        failed = np.flatnonzero(~self.valid)
+    def seed(self, camera: int) -> None:
+        """Search some of a camera's points far from their predicted positions, by features and by windows.
+
+        Its other points are not skipped.
+        """
+        references, picture = self.matcher.references, self.pictures[camera]
+        seen = self.matcher.camera == camera
+        self.skipped[seen] = False
+        failed = np.flatnonzero(seen & ~self.valid)
         rows = spread(self.matcher.points, failed, SEEDS)
         template = self.template.take(rows)
         expected = apply(self.matcher.points[rows], self.guess[rows])
@@ -463,10 +492,10 @@ class FrameMatch:
             part = np.flatnonzero(template.frame == frame)
             reference = references.pictures[int(frame)]
             ways = (
-                affine_consensus(*match_features(reference, self.picture), origin[part]),
+                affine_consensus(*match_features(reference, picture), origin[part]),
                 (
                     correlate_windows(
-                        reference, self.picture, origin[part], expected[part], since[part],
+                        reference, picture, origin[part], expected[part], since[part],
                         half=half, search=self.settings.search,
                     )[0],
                     since[part],

@@ -12,7 +12,7 @@ from dic.basics import FloatArray, IntArray, cv2
 from dic.correlation import Noise, PictureStack
 from dic.correlation.subsets import TOGETHER, Correlation
 from dic.images.series import PictureError, Pictures
-from dic.outcome import FrameOutcome
+from dic.outcome import FrameOutcome, PointOutcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +86,20 @@ class Track:
     root: FloatArray | None = None
     """Covariance of the positions due to the noise of the first reference only, in the material picture
     [px²], shape [n_points, 2, 2]. NaN for points without a template, None if not known."""
+
+    @classmethod
+    def empty(cls, points: FloatArray, reference: int, frame_outcome: IntArray) -> "Track":
+        """A track without a found point. ``reference``: the reference in all frames."""
+        size = len(frame_outcome), len(points)
+        return cls(
+            points=points,
+            warp=np.full((*size, 12), np.nan),
+            covariance=np.full((*size, 2, 2), np.nan),
+            zncc=np.full(size, np.nan),
+            outcome=np.full(size, int(PointOutcome.NO_PICTURE)),
+            reference=np.full(size, reference),
+            frame_outcome=frame_outcome,
+        )
 
 
 Picture = NDArray[Any]

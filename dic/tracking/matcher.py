@@ -12,6 +12,7 @@ covariance grows by ``1 + κ e``. κ is `ALONG` in the flattened direction and `
 equal `EVEN` without flattening (docs/theory/pictures.md). The match itself scales both directions by 1 + e.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -89,7 +90,10 @@ NAMES = tuple(field.name for field in fields(Template))
 
 
 class References:
-    """The chains of references of n points, and the pictures that they use."""
+    """The chains of references of n points, and the pictures that they use.
+
+    Frames of several cameras have different numbers (`dic.tracking`).
+    """
 
     def __init__(self, n: int, templates: Templates | None = None) -> None:
         self.templates = templates
@@ -168,9 +172,9 @@ class References:
         self.level[rows] -= 1
         self._changed(rows)
 
-    def tidy(self, keep: int) -> None:
-        """Discard the pictures that no chain uses, except frame `keep`."""
-        used = {keep, *self._in_use()}
+    def tidy(self, keep: Iterable[int]) -> None:
+        """Discard the pictures that no chain uses, except the frames `keep`."""
+        used = {*keep, *self._in_use()}
         for frame in [frame for frame in self._stacks if frame not in used]:
             del self._stacks[frame], self.pictures[frame]
             self._forget(frame)
@@ -244,48 +248,53 @@ class Matcher:
     settings: Correlation
     references: References
     mask: BoolArray | None
-    noise: Noise
+    noise: tuple[Noise, ...]
+    """Noise of each camera."""
+    camera: IntArray
+    """Camera of each point, shape [n]."""
 
     def template(
         self,
         rows: IntArray,
-        frame: int,
+        frame: IntArray,
         warp: FloatArray,
         before: FloatArray,
         subset: IntArray,
         excess: FloatArray,
     ) -> Template:
-        """A frame as the reference of points `rows`: warps, covariances, subsets and excess there."""
-        picture = self.references.pictures[frame]
-        places = apply(self.points[rows], warp)
-        return Template(
-            np.full(len(rows), frame),
-            warp,
-            before,
-            np.zeros(len(rows), dtype=bool),
-            subset,
-            local_variance(picture, places, self.settings.subset),
-            excess,
-        )
+        """Frames as the references of points `rows`: frames, warps, covariances, subsets and excess there."""
+        places, variance = apply(self.points[rows], warp), np.empty(len(rows))
+        for one in set(frame.tolist()):
+            of = frame == one
+            picture = self.references.pictures[one]
+            variance[of] = local_variance(picture, places[of], self.settings.subset)
+        return Template(frame, warp, before, np.zeros(len(rows), dtype=bool), subset, variance, excess)
 
-    def excess(self, zncc: FloatArray, template: Template) -> FloatArray:
-        """Residuals beyond the noise (`dic.tracking.matcher`), shape [m]."""
-        grey = float(np.mean(self.references.pictures[int(template.frame[0])])) if len(zncc) else 0.0
-        return excess(zncc, template.variance, self.noise, grey)
+    def excess(self, rows: IntArray, zncc: FloatArray, template: Template) -> FloatArray:
+        """Residuals beyond the noise (`dic.tracking.matcher`) of points `rows`, shape [m]."""
+        beyond = np.empty(len(rows))
+        for camera, noise in enumerate(self.noise):
+            of = self.camera[rows] == camera
+            if of.any():
+                grey = float(np.mean(self.references.pictures[int(template.frame[of][0])]))
+                beyond[of] = excess(zncc[of], template.variance[of], noise, grey)
+        return beyond
 
     def match(
         self,
         deformed: PictureStack,
+        searched: IntArray,
         rows: IntArray,
         guess: FloatArray,
         template: Template,
         *,
         current: bool = False,
     ) -> Match:
-        """Match points `rows` in a picture.
+        """Match points `rows` in the pictures of their cameras.
 
-        ``rows``: points, shape [m]. ``guess``: initial total warps, shape [m, 12]. ``current``: True if the
-        references are the points' current references; their templates are stored.
+        ``searched``: index of each camera's picture in the stack. ``rows``: points, shape [m]. ``guess``:
+        initial total warps, shape [m, 12]. ``current``: True if the references are the points' current
+        references; their templates are stored.
         """
         stack, picture = self.references.prepared(template.frame)
 
@@ -297,6 +306,7 @@ class Matcher:
                 guess[part],
                 self.settings if subset == self.settings.subset else replace(self.settings, subset=subset),
                 reference_picture=picture[part],
+                deformed_picture=searched[self.camera[rows[part]]],
                 reference_warp=template.warp[part],
                 mask=self.mask,
                 templates=self.references.templates if current else None,

@@ -68,15 +68,7 @@ def track_rigid(
     inner, within = points - BORDER, None if mask is None else mask[BORDER:-BORDER, BORDER:-BORDER]
     frames = FramesAhead(pictures, noise=noise, prefilter=settings.prefilter, device=device, border=BORDER)
     stack, templates = frames.prepared(first, pictures.frame(first)), Templates.of(n, settings)
-    result = Track(
-        points=points,
-        warp=np.full((n_frames, n, 12), np.nan),
-        covariance=np.full((n_frames, n, 2, 2), np.nan),
-        zncc=np.full((n_frames, n), np.nan),
-        outcome=np.full((n_frames, n), int(PointOutcome.NO_PICTURE)),
-        reference=np.full((n_frames, n), first),
-        frame_outcome=np.array(frame_outcome),
-    )
+    result = Track.empty(points, first, np.array(frame_outcome))
     result.warp[first], result.covariance[first], result.zncc[first] = root, common, 1.0
     result.outcome[first] = int(PointOutcome.VALID)
     orders = [range(first + 1, n_frames), range(first - 1, -1, -1)]

@@ -9,6 +9,7 @@ import json
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from time import perf_counter
 from typing import Any, Literal
@@ -21,6 +22,7 @@ from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, meas
 from dic.correlation import Correlation, Shape, load_kernels
 from dic.images import of_colours
 from dic.outcome import FrameOutcome
+from dic.processes import background
 from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.base.arrays import FloatArray
@@ -243,9 +245,10 @@ def correlate(
     section = declared.dic
     assert section is not None  # shots with pictures have it
     # other processes may detect the target meanwhile
-    with suppress(ValueError):  # the message about the device comes from its first use
-        load_kernels(device)
-    places = places_of(pictures)
+    with background(partial(places_of, pictures)) as found_places:
+        with suppress(ValueError):  # the message about the device comes from its first use
+            load_kernels(device)
+        places = found_places()
     static = np.arange(pictures.time.size) < declared.frames.static
     try:
         inspection = inspect_pictures(pictures.series, static, pictures.health)

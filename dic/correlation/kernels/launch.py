@@ -151,8 +151,8 @@ def in_parts(
 
 
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
-SHARE = 512
-"""Number of points that a CPU thread takes at a time."""
+LEAST_SHARE, SHARE = 128, 512
+"""Smallest number of points for a CPU thread, and the largest number that it takes at a time."""
 WARPS_PER_PROCESSOR = 16
 """Number of warps that run at once on a GPU's multiprocessor. Each has one template."""
 
@@ -376,14 +376,17 @@ def _launch_on_device(kernel: Any, job: Any, lane: Lane, n: int) -> None:
 
 def _launch_on_host(kernel: Any, job: Any, n: int, device: Any, threads: int) -> None:
     """Search all points of a job, divided between threads."""
-    threads = min(threads, -(-n // SHARE))
+    threads = max(1, min(threads, n // LEAST_SHARE))
+    share = min(SHARE, -(-n // threads))
     load_kernel(kernel, device.alias, 1)
     if threads == 1:
-        _share(kernel, job, device, range(0, n, SHARE), n)
+        _share(kernel, job, device, range(0, n, share), share, n)
         return
     with ThreadPoolExecutor(threads) as pool:
-        shares = [range(thread * SHARE, n, threads * SHARE) for thread in range(threads)]
-        for future in [pool.submit(_share, kernel, _copy(job), device, share, n) for share in shares]:
+        shares = [range(thread * share, n, threads * share) for thread in range(threads)]
+        for future in [
+            pool.submit(_share, kernel, _copy(job), device, firsts, share, n) for firsts in shares
+        ]:
             future.result()
 
 
@@ -412,12 +415,12 @@ def load_kernels(device: str) -> None:
         load_kernel(search_kernel(int(shape)), where.alias, BLOCK if where.is_cuda else 1)
 
 
-def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:
-    """Search the points of a CPU thread, in increasing order."""
+def _share(kernel: Any, job: Any, device: Any, firsts: range, share: int, n: int) -> None:
+    """Search the points of a CPU thread, in increasing order, `share` at a time."""
     scratch = np.empty(ARRAYS * job.room, dtype=np.float32)
     job.scratch = scratch.ctypes.data
     for first in firsts:
-        inputs = [job, 1, first, min(SHARE, n - first), 1]
+        inputs = [job, 1, first, min(share, n - first), 1]
         wp.launch(kernel, dim=1, inputs=inputs, device=device, block_dim=1)
 
 

@@ -274,10 +274,6 @@ class Deviances(Protocol):
         """Their gradients, shape [n_rows, n]."""
 
 
-Solution = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Mean and covariance of the jerks with some smoothness and noise."""
-
-
 def controls_in_gaps(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: FloatArray) -> BoolArray:
     """Control points of log tau that affect a span with an end in no frame, shape [n_controls]."""
     hidden = np.isin(knots, t[~seen])
@@ -307,15 +303,39 @@ def importance_draws(
 
 
 def mixed_covariance(
-    drawn: FloatArray, weights: FloatArray, jerk: FloatArray, solution: Solution
+    y: FloatArray,
+    seen_by: FloatArray,
+    prior: FloatArray,
+    drawn: BoolArray,
+    tau: FloatArray,
+    weights: FloatArray,
 ) -> FloatArray:
-    """Covariance of the jerks about those of the path, over draws of their smoothness, shape [n, n]."""
-    total = np.zeros((jerk.size, jerk.size))
+    """Covariance of the unknowns about those of the path, over draws of some priors, shape [n, n].
+
+    The unknowns with the same prior in all draws are eliminated once.
+
+    ``y``, ``seen_by``: data, and their response to each unknown, in units of the noise, shapes [n_frames] and
+    [n_frames, n]. ``prior``: prior standard deviations for the path, shape [n]. ``drawn``: unknowns with
+    another prior in each draw, shape [n]. ``tau``, ``weights``: these priors and the weights of the draws,
+    shapes [n_draws, n_drawn] and [n_draws].
+    """
+    same, count = ~drawn, int((~drawn).sum())
+    columns = np.column_stack([seen_by[:, same] * prior[same], seen_by[:, drawn], y])
+    R = np.asarray(np.linalg.qr(np.concatenate([columns, np.eye(count, columns.shape[1])]), mode="r"))
+
+    def solution(prior: FloatArray) -> tuple[FloatArray, FloatArray]:
+        mean, own, _ = posterior(R[count:, -1], R[count:, count:-1] * prior)
+        return prior * mean, prior[:, None] * own * prior
+
+    about, mixed = solution(prior[drawn])[0], np.zeros((tau.shape[1],) * 2)
     kept = weights > LEAST_WEIGHT * weights.max()
-    for one, weight in zip(drawn[kept], weights[kept] / weights[kept].sum(), strict=True):
+    for one, weight in zip(tau[kept], weights[kept] / weights[kept].sum(), strict=True):
         mean, covariance = solution(one)
-        total += weight * (covariance + np.outer(mean - jerk, mean - jerk))
-    return total
+        mixed += weight * (covariance + np.outer(mean - about, mean - about))
+    root, by_drawn = np.zeros((prior.size, count)), np.zeros((prior.size, tau.shape[1]))
+    root[same] = prior[same, None] * solve_triangular(R[:count, :count], np.eye(count))
+    by_drawn[drawn], by_drawn[same] = np.eye(tau.shape[1]), -root[same] @ R[:count, count:-1]
+    return np.asarray(root @ root.T + by_drawn @ mixed @ by_drawn.T)
 
 
 FEWEST_STATIC = 3
@@ -384,17 +404,13 @@ def fit_flyer(
     spread = u[:, None] * V[1:, 1:] * u
     free = np.append(np.zeros(log_scales.size, dtype=bool), controls_in_gaps(hats, t, seen, knots))
     if free.any():
-
-        def solution(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-            tau = np.exp(hats @ theta[log_scales.size :])
-            mean, own, _ = posterior(whitened(y), whitened(G * np.append(ZERO_PRIOR, tau)))
-            size = tau * unit / frame**3
-            return size * mean[1:], size[:, None] * own[1:, 1:] * size
-
         data = (y, weight, np.diff(knots) / frame, hats, parts, shared)
         likeliest = np.concatenate([log_scales, log_tau])
         draws = importance_draws(likeliest, free, lambda rows: Evidences(rows, *data))
-        spread = mixed_covariance(*draws, u * z[1:], solution)
+        drawn = np.append(False, (hats[:, free[log_scales.size :]] > 0.0).any(axis=1))
+        tau = np.exp(draws[0][:, log_scales.size :] @ hats[drawn[1:]].T)
+        mixed = mixed_covariance(whitened(y), whitened(G), prior, drawn, tau, draws[1])
+        spread = (unit / frame**3) ** 2 * mixed[1:, 1:]
     if covariance is not None:
         # Of the jerks by the displacements.
         gain = u[:, None] * whitened((V @ seen_by.T)[1:].T, back=True).T / sigma

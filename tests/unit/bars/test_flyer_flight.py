@@ -200,12 +200,24 @@ def test_the_same_call_draws_the_same():
 
 
 def test_a_mixture_has_the_covariances_and_the_spread_of_the_means():
-    """Weights 1/4 and 3/4, jerks 5 and 1 about 2, variances 1 and 3: 1/4 (1 + 9) + 3/4 (3 + 1)."""
-    drawn = np.array([[5.0, 1.0], [1.0, 3.0]])
-    found = mixed_covariance(
-        drawn, np.array([0.25, 0.75]), np.array([2.0]), lambda one: (one[:1], one[1:].reshape(1, 1))
-    )
-    assert found.item() == pytest.approx(0.25 * 10.0 + 0.75 * 4.0)
+    """Weights 1/4 and 3/4 of two priors, each with the dense normal equations of all five unknowns."""
+    rng = np.random.default_rng(3)
+    y, H, prior = rng.standard_normal(8), rng.standard_normal((8, 5)), np.array([9.0, 0.5, 2.0, 1.0, 0.3])
+    drawn = np.array([False, True, False, True, False])
+    tau, weights = np.array([[0.2, 3.0], [1.5, 0.1]]), np.array([0.25, 0.75])
+
+    def dense(prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        covariance = np.linalg.inv(H.T @ H + np.diag(prior**-2.0))
+        return covariance @ H.T @ y, covariance
+
+    expected, about = np.zeros((5, 5)), dense(prior)[0]
+    for one, weight in zip(tau, weights, strict=True):
+        other = prior.copy()
+        other[drawn] = one
+        mean, covariance = dense(other)
+        expected += weight * (covariance + np.outer(mean - about, mean - about))
+    found = mixed_covariance(y, H, prior, drawn, tau, weights)
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)  # round-off
 
 
 def test_the_smoothness_of_spans_beside_unseen_frames_is_free():

@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from dataclasses import make_dataclass
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,15 +17,16 @@ from dic import tracking
 from dic.bodies import follow
 from dic.calibration import solve
 from dic.calibration.bundle import SHARED_PARAMETERS
-from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
+from dic.correlation import Correlation, Noise, PictureStack, Shape, Templates, correlate
 from dic.correlation.kernels import launch
 from dic.correlation.kernels import launch as transfer
 from dic.correlation.kernels.device import select_device
+from dic.correlation.subsets import identity
 from dic.images import PictureError
 from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.processes import allow_forks, background, background_pool, can_fork, run_parallel
-from dic.tracking import inputs, rigid, track
+from dic.tracking import Tracking, View, inputs, rigid, track, track_together
 from dic.tracking.rigid import track_rigid
 
 SIDE = 90
@@ -78,6 +80,39 @@ def test_a_track_with_blocks_ahead_is_that_of_single_frames(monkeypatch, blocks,
     assert len(read) == len(set(read)) == 7  # each is decoded once
     assert found.frame_outcome[3] == FrameOutcome.UNREADABLE
     assert np.mean(found.outcome[[k for k in range(7) if k != 3]] == 0) > 0.9
+
+
+@pytest.mark.parametrize("cut", [0, 6])
+def test_two_cameras_tracked_together_are_each_tracked_as_alone(monkeypatch, cut):
+    """One camera misses frame 3 and the other frame 5; noise, points and start differ, then the size too."""
+    monkeypatch.setattr(tracking, "QUORUM", 0.2)
+    monkeypatch.setattr(tracking.frame_match, "TRIES", 1)
+    monkeypatch.setattr(tracking.frame_match, "EVERY", 2)
+    _, points = frames()
+    pattern, square = speckle_pattern((SIDE, SIDE), size=4.0, seed=3), (SIDE, SIDE)
+    pictures = np.stack(
+        [
+            render(pattern, square, material=lambda p, k=k: p * (1.0, 1.0 + 0.02 * k), noise=1.0, seed=k)
+            for k in range(7)
+        ]
+    )
+    usable = np.full(7, int(FrameOutcome.VALID))
+    usable[5] = int(FrameOutcome.BLACK)
+    noisy = pictures[::-1, : SIDE - cut].astype(float)
+    noisy[3] += np.random.default_rng(1).normal(0.0, 40.0, noisy[3].shape)  # loses points, then finds them
+    start, covariance = identity(20), np.tile(1e-4 * np.eye(2), (20, 1, 1))
+    views = [
+        View(Damaged(tuple(pictures)), points, 1.0),
+        View(PicturesInMemory(tuple(noisy)), points[:20], Noise(2.0, 0.1), start, covariance, usable),
+    ]
+    settings = Tracking(update_stretch=1.02, return_every=2)
+    found = track_together(views, settings, first=2)
+    for one, view in zip(found, views, strict=True):
+        alone = track(settings=settings, first=2, **vars(view))
+        same(one, alone, (*NAMES, "excess"))
+        assert (one.root is None) == (view.start is not None)
+        assert len(np.unique(one.reference[one.outcome == 0])) >= 2  # points changed their references
+    assert (found[1].outcome[3] != 0).any()  # the noisy picture
 
 
 def test_a_rigid_track_with_blocks_ahead_is_that_of_single_frames(monkeypatch):
@@ -243,9 +278,10 @@ sharing = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of p
 
 
 def processes(monkeypatch, *sizes, device="cpu"):
-    """Processes that follow camera 0 and camera 1 of bodies with so many points times frames, and what is
-    told of the progress."""
-    monkeypatch.setattr(follow, "track_body", lambda body, camera, told: (body.name, camera, os.getpid()))
+    """Processes that follow bodies with so many points times frames, and what is told of the progress."""
+    monkeypatch.setattr(
+        follow, "track_body", lambda body, told=None: (body.name, f"{os.getpid()} {body.device}")
+    )
     monkeypatch.setattr(follow, "_common_of", lambda body, stereo, tracks: len(body.name))
     monkeypatch.setattr(follow, "reconstruct", lambda rig, *tracks, common: (tracks, common))
 
@@ -254,28 +290,26 @@ def processes(monkeypatch, *sizes, device="cpu"):
         return tracks
 
     monkeypatch.setattr(follow, "_tracked", tracked)
-    bodies = [
-        SimpleNamespace(name=f"body {k}", size=size, device=device, health=(np.zeros(9), np.zeros(9)))
-        for k, size in enumerate(sizes)
-    ]
-    told = []
+    body = make_dataclass("Body", ("name", "size", "device", "health"))
+    health = (np.zeros(9), np.zeros(9))
+    bodies, told = [body(f"body {k}", size, device, health) for k, size in enumerate(sizes)], []
     with allow_forks():
         found = follow.follow_bodies(bodies, None, None, progress=lambda *said: told.append(said))
-    assert [[track[:2] for track in tracks] for tracks in found] == [
-        [(f"body {k}", 0), (f"body {k}", 1)] for k in range(len(sizes))
-    ]
-    assert told == [(f"body {k}, camera 1", 9, 9) for k in range(len(sizes))]
-    return [{track[2] for track in column} for column in zip(*found, strict=True)]
+    assert [name for name, _ in found] == [f"body {k}" for k in range(len(sizes))]
+    assert told == [(f"body {k}", 9, 9) for k in range(1, len(sizes))]
+    return [process for _, process in found]
 
 
 @sharing
-def test_cameras_are_followed_by_two_processes_where_what_they_send_is_small(monkeypatch):
-    here, there = processes(monkeypatch, 1000, follow.MOST_SENT - 1000)
-    assert here == {os.getpid()}
-    assert len(there) == 1
-    assert there != here
-    assert processes(monkeypatch, 1000, follow.MOST_SENT) == [here, here]
-    assert processes(monkeypatch, 1000, device="cuda:0") == [here, here]
+def test_other_bodies_are_followed_by_another_process_where_what_it_sends_is_small(monkeypatch):
+    here, there, same = processes(monkeypatch, 10**9, 1000, follow.MOST_SENT - 1000)
+    assert here == f"{os.getpid()} cpu"
+    assert same == there != here
+    assert processes(monkeypatch, 1, 1000, follow.MOST_SENT) == [here] * 3
+    on_gpu, on_cpu = processes(monkeypatch, 1, 1000, device="cuda:0")  # a fork cannot use a GPU
+    assert on_gpu == f"{os.getpid()} cuda:0"
+    assert on_cpu.endswith(" cpu")
+    assert on_cpu != here
 
 
 def rigid_series():

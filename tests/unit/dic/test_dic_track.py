@@ -576,7 +576,7 @@ def test_a_residual_is_kept_through_changes_of_reference() -> None:
         template=replace(template(identity(3)), excess=np.array([0.0, 5.0, 2.0])),
         warp=identity(3),
         zncc=np.ones(3),
-        matcher=SimpleNamespace(excess=lambda zncc, template: np.array([3.0, 1.0])),
+        matcher=SimpleNamespace(excess=lambda rows, zncc, template: np.array([3.0, 1.0])),
     )
     np.testing.assert_array_equal(_compose_points(here)[2], [3.0, 5.0, np.nan])
 
