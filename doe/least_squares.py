@@ -222,16 +222,13 @@ def newton_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, high
     Coordinates that pass a bound stop there, and the steps of the others are found again. ``low`` <= 0 <=
     ``high``: bounds of the step.
     """
-    step, free = np.zeros(len(low)), np.ones(len(low), dtype=bool)
-    while free.any():
-        fixed = -gradient - hessian @ np.where(free, 0.0, step)
-        step[free] = np.linalg.solve(hessian[np.ix_(free, free)], fixed[free])
-        beyond = free & ((step < low) | (step > high))
-        if not beyond.any():
-            break
+    step, free = np.linalg.solve(hessian, -gradient), np.ones(len(low), dtype=bool)
+    while (beyond := free & ((step < low) | (step > high))).any():
         step = np.clip(step, low, high)
         free &= ~beyond
-    return step
+        fixed = -gradient - hessian @ np.where(free, 0.0, step)
+        step[free] = np.linalg.solve(hessian[np.ix_(free, free)], fixed[free])
+    return np.asarray(step)
 
 
 def least_squares(

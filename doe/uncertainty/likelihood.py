@@ -186,13 +186,14 @@ class Likelihood:
         """
         u = np.clip(np.asarray(start, dtype=np.float64), 0.0, 1.0)
         free = np.array([j for j in range(self.box.dimension) if j not in held], dtype=int)
-        residual = self.residuals(u)[0]
-        tau = self.discrepancies(residual)
-        value = self.deviance(residual, tau)
+        rows = self.residuals(_neighbours(u, free))
+        tau = self.discrepancies(rows[0])
+        value = self.deviance(rows[0], tau)
         moving = any(channel.discrepancy == "profiled" for channel in self.channels)
         converged = not len(free)
-        for _ in range(ROUNDS if len(free) else 0):
-            trial, residual, ok = self._least_squares(u, free, tau, rest)
+        for turn in range(ROUNDS if len(free) else 0):
+            rows = self.residuals(_neighbours(u, free)) if turn else rows
+            trial, residual, ok = self._least_squares(u, rows, free, tau, rest)
             trial_tau = self.discrepancies(residual)
             lower = self.deviance(residual, trial_tau)
             gain = value - lower
@@ -205,25 +206,21 @@ class Likelihood:
         return Fit(u, self.box.scale(u), tau, value, converged)
 
     def _least_squares(
-        self, u: FloatArray, free: NDArray[np.int_], tau: FloatArray, rest: float
+        self, u: FloatArray, rows: FloatArray, free: NDArray[np.int_], tau: FloatArray, rest: float
     ) -> tuple[FloatArray, FloatArray, bool]:
         """Bounded Levenberg-Marquardt search: the point, its residual, and True if it converged.
 
-        Each trial point is evaluated together with its neighbours for central differences.
+        Each trial point is evaluated together with its neighbours for central differences. ``rows``:
+        residuals at the start and its neighbours.
         """
         n = len(free)
-        shift = np.zeros((2 * n, len(u)))
-        shift[np.arange(n), free] = STEP
-        shift[n:] = -shift[:n]
 
-        def linearised(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-            beside = np.clip(at + shift, 0.0, 1.0)
-            rows = self.residuals(np.concatenate([at[None], beside]))
-            apart = (beside[:n] - beside[n:]).sum(axis=1)
+        def linearised(points: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            apart = (points[1 : 1 + n] - points[1 + n :]).sum(axis=1)
             slope = (rows[1 : 1 + n] - rows[1 + n :]) / apart[:, None]
             return rows[0], self.whitened(rows[0], tau), self.whitened(slope, tau).T
 
-        raw, residual, slope = linearised(u)
+        raw, residual, slope = linearised(_neighbours(u, free), rows)
         damping = LEAST_DAMPING
         for _ in range(MOST_STEPS):
             normal = slope.T @ slope
@@ -235,7 +232,8 @@ class Likelihood:
                 return u, raw, True
             trial = u.copy()
             trial[free] = np.clip(u[free] + step, 0.0, 1.0)
-            found = linearised(trial)
+            points = _neighbours(trial, free)
+            found = linearised(points, self.residuals(points))
             if float(found[1] @ found[1]) < float(residual @ residual):
                 u, (raw, residual, slope) = trial, found
                 damping = max(0.1 * damping, LEAST_DAMPING)
@@ -244,3 +242,9 @@ class Likelihood:
             else:
                 damping *= 10.0
         return u, raw, False
+
+
+def _neighbours(u: FloatArray, free: NDArray[np.int_]) -> FloatArray:
+    """A point of the unit box, then those above and below it in each free coordinate, shape [1 + 2 n, d]."""
+    step = STEP * np.eye(len(u))[free]
+    return np.clip(np.concatenate([u[None], u + step, u - step]), 0.0, 1.0)

@@ -3,8 +3,8 @@
 First a design covers the whole box. Then a surrogate is fitted, and more runs are made near the optimum.
 
 With one parameter, a second design of seven levels about the first optimum is enough. With several, runs are
-placed in small batches (`doe.refine`). One parameter is searched by a simplex, several by bounded least
-squares. `CorrectedSurrogate` is corrected to agree with a run on another mesh.
+placed in small batches (`doe.refine`). The surrogate is searched by bounded least squares.
+`CorrectedSurrogate` is corrected to agree with a run on another mesh.
 
 Replicates of the fitted path give the patterns of data changes by the noise of the front face's motion.
 `weigh_front_noise` finds the optimum again with weights that include them.
@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import SURROGATES, Box, Surrogate, from_points
-from doe import nelder_mead as minimise
 from doe.refine import Refinement, refine
 from doe.surrogates import ProcessSurrogate, ResponseSurrogate, SurrogateError, SurrogateKind
 from doe.surrogates.quality import Fitness, fitness
@@ -54,7 +53,6 @@ def search(
     part: Part = "joint",
     *,
     start: FloatArray | None = None,
-    tolerance: float = 1e-7,
 ) -> Optimum:
     """Find the optimum and the discrepancies at it.
 
@@ -71,32 +69,21 @@ def search(
     part
         The joint objective, or its part for the force or for the outline.
     start
-        Start, shape [d]; default: the middle of the box. For several parameters it is the best point of a
-        grid with `STARTS` values of each.
-    tolerance
-        Tolerance of the simplex, in the unit box.
+        Start, shape [d]; default: the best point of a grid, see `STARTS`.
     """
     for _ in range(3):
-        if box.dimension == 1:
-            start = _by_simplex(box, objective, model, part, start, tolerance)
-        else:
-            start = _by_least_squares(box, objective, model, part, start)
+        start = _by_least_squares(box, objective, model, part, start)
         objective = objective.with_discrepancy(model(start)[0])
     assert start is not None
     return Optimum(start, objective)
 
 
-def _by_simplex(
-    box: Box, objective: Objective, model: Model, part: Part, start: FloatArray | None, tolerance: float
-) -> FloatArray:
-    def cost(x: FloatArray) -> float:
-        return float(objective.chi2(model(x)[0], part)) + objective.prior_chi2(x, part)
-
-    return minimise(cost, box, start=start, tolerance=tolerance).x
-
-
 STARTS = 3
-"""Number of values along each edge of the box from which the best one is the start."""
+"""Number of values along each edge of the box from which the best one is the start, because the model may
+have several minima; for one parameter its cube."""
+REST = 1e-6
+"""The search ends if it expects a smaller decrease of chi-square. The optimum is then a thousandth of a
+standard deviation away."""
 
 
 def _by_least_squares(
@@ -108,15 +95,16 @@ def _by_least_squares(
         weighted = objective.whitened(model(points) - objective.data, part)
         return weighted if prior is None else np.hstack([weighted, prior.residuals(points)])
 
-    if start is None:  # the model may have several minima
-        levels = np.meshgrid(*[(np.arange(STARTS) + 0.5) / STARTS] * box.dimension)
+    if start is None:
+        each = STARTS if box.dimension > 1 else STARTS**3
+        levels = np.meshgrid(*[(np.arange(each) + 0.5) / each] * box.dimension)
         points = np.stack([axis.ravel() for axis in levels], axis=1)
     else:
         points = box.unit(np.clip(start, box.lower, box.upper)[None])
     left = residuals(box.scale(points))
     k = left.shape[1]
     likelihood = Likelihood(box, residuals, np.zeros(k), [Channel("data and prior", np.ones(k))])
-    return likelihood.maximise(points[np.argmin((left**2).sum(axis=1))]).point
+    return likelihood.maximise(points[np.argmin((left**2).sum(axis=1))], rest=REST).point
 
 
 @dataclass(frozen=True)
@@ -182,8 +170,6 @@ MOST_REFINEMENTS = 3
 """Maximum number of second designs, each around the optimum of the previous one."""
 MOST_ROUNDS = 10
 """Maximum number of batches of adaptive refinement."""
-TOLERANCE_BETWEEN_BATCHES = 1e-4
-"""Tolerance of the searches between two batches, in the unit box."""
 
 
 @dataclass(frozen=True)
@@ -272,7 +258,7 @@ def _refine(runner: Runner, objective: Objective) -> Refinement:
 
     def locate(surrogate: Surrogate, region: Box, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         model = CorrectedSurrogate(surrogate).predict
-        best = search(region, objective, model, start=start, tolerance=TOLERANCE_BETWEEN_BATCHES)
+        best = search(region, objective, model, start=start)
         covariance = best.objective.covariance(jacobian(model, region, best.x), model(best.x)[0])
         return best.x, np.sqrt(np.diag(covariance))
 

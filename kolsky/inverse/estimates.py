@@ -23,7 +23,7 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.path_noise import rms_amplitude
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import (
-    SIMPLEX,
+    LEAST_SQUARES,
     Comparison,
     Estimate,
     Identification,
@@ -277,7 +277,7 @@ def with_own_method(result: Identification) -> Identification:
         return result
     last = result.surrogate["check_shift_sigmas"]
     method = Method.compared(
-        SIMPLEX,
+        LEAST_SQUARES,
         own,
         answer={p: e.on_mesh for p, e in result.estimates.items()},
         half_width={p: 2.0 * e.sigma for p, e in result.estimates.items()},

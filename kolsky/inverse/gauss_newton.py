@@ -31,7 +31,7 @@ from kolsky.inverse.path_noise import (
     likely_amplitudes,
     rms_amplitude,
 )
-from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, check_run
+from kolsky.inverse.refined_search import RefinedOptimum, check_run
 from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.runner import Mesh, Runner
 from kolsky.inverse.settings import Numerics
@@ -88,14 +88,22 @@ def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: 
     return step + np.linalg.solve(normal, pull)
 
 
+CONFIRMED = 0.5
+"""A run confirms the optimum if the step from it is shorter than this [standard deviations]. The answer is
+moved by this step; in `runs/open-05` an uncorrected step leaves a third of the distance."""
+LONGER = 3.0
+"""Largest length of a corrected step over that of the step itself [-]. In `runs/open-05` it is 1.5."""
+
+
 @dataclass(frozen=True)
 class RefinedRun:
     """A run on the refined mesh and the step computed from it."""
 
     x: FloatArray
-    """Point of the run, shape [d]."""
+    """Point of the run, or of the optimum estimated from it, shape [d]."""
     vector: FloatArray
-    """Its data vector, shape [k]. An outline point that the run does not reach has the measured value."""
+    """Data vector at this point, shape [k]. An outline point that the run does not reach has the measured
+    value."""
     check: CompletedRuns
     """The run."""
     numerics: Numerics
@@ -112,6 +120,21 @@ class RefinedRun:
     def confirmed(self) -> bool:
         """True if the run confirms the optimum."""
         return self.step.moved <= CONFIRMED
+
+    @property
+    def corrected_step(self) -> FloatArray:
+        """Step to the optimum, corrected by the pace, shape [d]."""
+        change, sigma = self.step.change, self.step.sigma
+        if self.pace is None:
+            return change
+        step = -self.pace @ change
+        reach, size = (float(np.linalg.norm(each / sigma)) for each in (LONGER * change, step))
+        return step if size <= reach else np.asarray(step * (reach / size))
+
+    def moved_by_step(self, slope: FloatArray, box: Box) -> RefinedRun:
+        """The linear model at the optimum estimated from the run. ``slope``: of the step, shape [k, d]."""
+        x = np.clip(self.x + self.corrected_step, *_box_bounds(box))
+        return replace(self, x=x, vector=self.vector + slope @ self.step.change)
 
 
 def judge_run(
@@ -136,7 +159,7 @@ def judge_run(
 def run_deviance(run: RefinedRun) -> float:
     """-2 ln of likelihood and prior at a run, up to a constant."""
     weighed = run.step.objective
-    return float(weighed.deviance(run.vector[None])[0]) + weighed.prior_chi2(run.x)
+    return float(weighed.chi2(run.vector)) + weighed.whitening().log_determinant + weighed.prior_chi2(run.x)
 
 
 def _box_bounds(box: Box) -> tuple[FloatArray, FloatArray]:
@@ -224,9 +247,9 @@ amplitude has a standard normal prior."""
 
 
 SearchUnderPath = Callable[
-    [Runner, Objective, FloatArray, FloatArray, Numerics], tuple[RefinedRun, FloatArray]
+    [Runner, Objective, FloatArray, FloatArray, Numerics, FloatArray | None], tuple[RefinedRun, FloatArray]
 ]
-"""Function from slopes, shape [k, d], and a start, shape [d], to the optimum on a mesh and its slopes."""
+"""Function from slopes, [k, d], a start, [d], and a pace to the optimum on a mesh and its slopes."""
 
 
 def follow_on_refined(
@@ -250,7 +273,7 @@ def follow_on_refined(
         front = replace(front, amplitudes=amplitudes)
         path = FrontPath.following(front)
         under = replace(objective, front=path.noise)
-        last, slope = search(runner.under(path), under, slope, last.x, last.numerics)
+        last, slope = search(runner.under(path), under, slope, last.x, last.numerics, last.pace)
         if not last.confirmed:
             break
     return last, slope, path
@@ -268,9 +291,6 @@ WORSE_STEP = 4.0
 the coarser mesh lead to a point near the least misfit. There a good step may cause a smaller rise."""
 MOST_RUNS = 8
 """Maximum number of iterations on the refined mesh with the slopes of the coarser one."""
-LONGER = 3.0
-"""Largest length of a corrected step over that of the step itself [-]. In `runs/open-05` a step leaves a
-third of the distance, and the correction is 1.5."""
 MISLED = 2
 """Number of steps with increasing misfit after which those slopes are replaced."""
 DIFFERENCE_STEP = 0.5
@@ -324,7 +344,9 @@ def _search_on(
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on a mesh from a nearby point, and the slopes used to assess it, shape [k, d]."""
     last = _chord_steps(runner, objective, slope, start, numerics, pace)
-    return (last, slope) if last.confirmed else descend(runner, objective, slope, last)
+    if not last.confirmed:
+        last, slope = descend(runner, objective, slope, last)
+    return (last.moved_by_step(slope, runner.problem.box) if last.confirmed else last), slope
 
 
 def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
@@ -374,11 +396,7 @@ def _chord_steps(
                 break
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
-            change, sigma = run.step.change, run.step.sigma
-            step = -pace @ change
-            longer = float(np.linalg.norm(step / sigma) / np.linalg.norm(change / sigma))
-            step *= min(LONGER / longer, 1.0)
-            found, x = run, np.clip(run.x + step, *_box_bounds(runner.problem.box))
+            found, x = run, np.clip(run.x + run.corrected_step, *_box_bounds(runner.problem.box))
     assert found is not None
     return found
 

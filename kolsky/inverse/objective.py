@@ -40,8 +40,6 @@ from kolsky.inverse.observations import Observations, Prediction
 DEGREES = 4
 """Number of polynomials in height and in time, constant to cubic. They describe offset, scale, tilt and
 curvature of a measured surface, and their change as the specimen shortens."""
-FEW_PATTERNS = 16
-"""Up to this number of patterns, sums are computed without BLAS."""
 LARGEST_AMPLITUDE = 1e6
 """Largest amplitude searched, divided by its uncertainty from the independent errors [-]."""
 TRIAL_AMPLITUDES = np.linspace(-5.0, float(np.log(LARGEST_AMPLITUDE)), 40)
@@ -114,15 +112,9 @@ def residual_without_common(
     identity reduces the inverse to the number of rows of M.
     """
     weight: FloatArray = own_sigma**-2
-    inner = np.eye(len(common)) + _product(common * weight, common.T)
-    spread = _product(np.asarray(np.linalg.inv(inner), dtype=np.float64), common)
-    share = np.einsum("ik,k->i", common, weight * residual)
-    return residual - np.einsum("ik,i->k", spread, share), np.einsum("ik,ik->k", spread, common)
-
-
-def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Matrix product; without BLAS for few rows, where its threads cost more than the sums."""
-    return np.asarray(a @ b if len(a) > FEW_PATTERNS else np.einsum("ik,kj->ij", a, b))
+    inner = np.eye(len(common)) + (common * weight) @ common.T
+    spread: FloatArray = np.linalg.inv(inner) @ common
+    return residual - (common @ (weight * residual)) @ spread, np.einsum("ik,ik->k", spread, common)
 
 
 ROUNDS = 6
@@ -152,7 +144,7 @@ def most_likely_discrepancies(
 
 def _root_of_mean(excess: FloatArray, weight: FloatArray) -> float:
     """Square root of a weighted mean; zero if the mean is negative or there are no values."""
-    return float(np.sqrt(max(np.average(excess, weights=weight), 0.0))) if excess.size else 0.0
+    return float(np.sqrt(max(weight @ excess / weight.sum(), 0.0))) if excess.size else 0.0
 
 
 BLOCKS = (2, 4, 8, 16)

@@ -21,7 +21,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.run_table import DesignTable, Terms
 
-SIMPLEX = "surrogate and simplex"
+LEAST_SQUARES = "surrogate and least squares"
 PROFILE = "profile likelihood"
 POSTERIOR = "posterior median"
 
@@ -34,7 +34,7 @@ class Method:
     """The free parameters by one search method, from the same data."""
 
     name: str
-    """`SIMPLEX`, `PROFILE` or `POSTERIOR`."""
+    """`LEAST_SQUARES`, `PROFILE` or `POSTERIOR`."""
     values: dict[str, float]
     """The values it finds, in parameter units."""
     distances: dict[str, float]

@@ -49,8 +49,6 @@ WINDOW_SHARES = (0.9, 0.8)
 """Alternative window lengths, as shares of the full length [-]."""
 LEAST_BINS = 8
 """Smallest number of force bins for a search."""
-SEARCH_TOLERANCE = 1e-5
-"""Tolerance of the searches, in the unit box."""
 SEARCHED = "searched again on the surrogate"
 AT_EDGE = "searched again on the surrogate, whose range the optimum would leave: at least so much"
 
@@ -212,10 +210,7 @@ def _halves(
 def _optimum(found: ParameterProfiles, start: FloatArray, data: Data) -> FloatArray:
     objective, model = data
     box: Box = found.box
-    inside = np.clip(start, box.lower, box.upper)
-    return search(
-        box, objective, model, start=inside if len(inside) > 1 else None, tolerance=SEARCH_TOLERANCE
-    ).x
+    return search(box, objective, model, start=np.clip(start, box.lower, box.upper)).x
 
 
 @dataclass(frozen=True)
@@ -307,13 +302,13 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
     Raises
     ------
     ValueError
-        If a run with a changed input does not complete.
+        If a run with another value of an input that is declared uncertain does not complete.
     ImportError
         If the posterior is requested and emcee is not installed.
     """
     with runner.work.stage("inputs"):
         directions = input_directions(runner, answer.x, answer.objective, answer.vector)
-        systematic = declarations(runner, directions)
+        systematic = declarations(runner.problem.shot, directions)
     found: ParameterProfiles | None = None
     said = []
     try:

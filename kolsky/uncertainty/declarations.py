@@ -8,11 +8,11 @@ from typing import Any
 
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.result import Declaration
-from kolsky.inverse.runner import Runner
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import INPUTS
-from kolsky.uncertainty.input_changes import InputDirections, input_directions, no_part, plain_amount
+from kolsky.shot.records import Shot
+from kolsky.uncertainty.input_changes import InputDirections, plain_amount
 
 UNDECLARED = "not declared, counted as exact"
 VARIED = "varied"
@@ -20,50 +20,26 @@ ALIKE = 0.95
 """The data cannot distinguish two inputs if the cosine of their residual changes exceeds this value [-]."""
 
 
-def declarations(runner: Runner, directions: InputDirections) -> tuple[Declaration, ...]:
+def declarations(shot: Shot, directions: InputDirections) -> tuple[Declaration, ...]:
     """Every key that shot.toml may declare uncertain, and the shift of the optimum due to it.
 
     Parameters
     ----------
-    runner
-        Runs points of the identification's problem.
+    shot
+        The shot with its declared uncertainties.
     directions
         Effect of every input at the optimum.
-
-    Raises
-    ------
-    ValueError
-        If a run with an input changed by its declared uncertainty does not complete.
     """
-    shot, box = runner.problem.shot, runner.problem.box
-    told = {
-        key: no_part(
-            key,
-            free=box.names,
-            held=runner.problem.settings.held,
-            shot=shot,
-            seen=runner.problem.observations,
-        )
-        for key in IDENTIFY_KEYS
-    }
-    declared = {key: sigma for key, sigma in shot.uncertainty.items() if sigma > 0.0 and not told.get(key)}
-    shifts: dict[str, Mapping[str, float]] = {}
-    if declared:
-        x, objective, vector = directions.x, directions.objective, directions.vector
-        moved = input_directions(runner, x, objective, vector, steps=declared, only=tuple(declared))
-        lost = [why for key, why in moved.absent.items() if key in declared]
-        if lost:
-            raise ValueError(f"{lost[0]}; a declared uncertainty cannot be left out: declare a smaller one")
-        shifts = {
-            key: _by_name(moved.names, moved.repeated_shift(key, sigma)) for key, sigma in declared.items()
-        }
+    declared, names = shot.uncertainty, directions.names
     return tuple(
         Declaration(
             key=key,
-            sigma=shot.uncertainty.get(key, float("nan")),
+            sigma=declared.get(key, float("nan")),
             unit=INPUTS[key].unit,
-            shifts=shifts.get(key, {}),
-            status=_status(key, shot.uncertainty, told[key] or directions.absent.get(key, "")),
+            shifts=_by_name(names, directions.repeated_shift(key, declared[key]))
+            if declared.get(key, 0.0) > 0.0 and key in directions.keys
+            else {},
+            status=_status(key, declared, directions.absent.get(key, "")),
             **_sensitivity(directions, key),
         )
         for key in IDENTIFY_KEYS

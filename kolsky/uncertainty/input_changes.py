@@ -20,7 +20,7 @@ the linear model, with the discrepancies estimated again (`InputDirections.repea
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import floor, log10
@@ -505,17 +505,13 @@ def input_directions(
     x: FloatArray,
     objective: Objective,
     vector: FloatArray,
-    *,
-    steps: Mapping[str, float] | None = None,
-    only: Collection[str] | None = None,
 ) -> InputDirections:
     """Change every input with an effect on the answer, and return the changes of the data vector.
 
     ``runner``: runs points of the identification's problem. ``x``: the optimum in SI, shape [d].
     ``objective``: with the discrepancies of the optimum. ``vector``: predicted data vector at the optimum on
-    the refined mesh, shape [k]. ``steps``: key -> step that replaces the default one, for example a declared
-    uncertainty. ``only``: inputs to be changed; default: all. Raises ValueError if the run at the optimum or
-    a run for the Jacobian does not complete.
+    the refined mesh, shape [k]. Raises ValueError if the run at the optimum, a run for the Jacobian, or a run
+    with another value of an input that is declared uncertain does not complete.
     """
     shot, box, held = runner.problem.shot, runner.problem.box, runner.problem.settings.held
     absent = {
@@ -525,9 +521,7 @@ def input_directions(
         and (why := no_part(key, free=box.names, held=held, shot=shot, seen=runner.problem.observations))
     }
     wanted = {
-        key: (steps or {}).get(key, _step(one, shot, objective))
-        for key, one in INPUTS.items()
-        if one.step and key not in absent and (only is None or key in only)
+        key: _step(one, shot, objective) for key, one in INPUTS.items() if one.step and key not in absent
     }
     runner.work.progress("inputs", 0, len(wanted))
     batch = MovedRuns(runner, x, objective, wanted)
@@ -542,6 +536,10 @@ def input_directions(
             try:
                 change = batch.change(key, step)
             except RunLost as lost:
+                if shot.uncertainty.get(key):
+                    raise ValueError(
+                        f"{lost}; the answer's uncertainty needs it: remove {key} from [uncertainty]"
+                    ) from None
                 absent[key] = str(lost)
                 continue
             if key == "specimen_diameter" and shot.axis_by_radius:

@@ -10,7 +10,7 @@ import pytest
 
 from kolsky.diagnosis.fit_quality import leading_lag
 from kolsky.identification import identify
-from kolsky.inverse.result import AGREEMENT, PROFILE, SIMPLEX, Identification, Verdict
+from kolsky.inverse.result import AGREEMENT, LEAST_SQUARES, PROFILE, Identification, Verdict
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import to_json
@@ -86,7 +86,7 @@ def test_force_and_shape_agree_with_the_joint_optimum(case: tuple[Shot, Identifi
 def test_all_methods_agree(case: tuple[Shot, Identification, float]):
     _, found, _ = case
     by_method = {method.name: method.distances["stiffness_factor"] for method in found.methods}
-    assert {SIMPLEX, PROFILE} <= set(by_method)
+    assert {LEAST_SQUARES, PROFILE} <= set(by_method)
     assert all(abs(distance) < AGREEMENT for distance in by_method.values())
     assert all(method.converged for method in found.methods)
     assert not any("methods disagree" in text for text in found.warnings)

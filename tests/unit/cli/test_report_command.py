@@ -172,7 +172,7 @@ def test_every_number_is_in_the_file(tmp_path: Path) -> None:
             converged=True,
             ended="at rest",
         )
-        for name in ("surrogate and simplex", "profile likelihood")
+        for name in ("surrogate and least squares", "profile likelihood")
     )
     made = replace(synthetic(), profiles=(profile,), systematic=(moved,), methods=ways)
     e = replace(made.estimates["stiffness_factor"], sigma_systematic=0.0014)

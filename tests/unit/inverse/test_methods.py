@@ -8,7 +8,7 @@ import pytest
 from synthetic import CHECKS, synthetic
 
 from kolsky.base.apparatus import Interface
-from kolsky.inverse.result import AGREEMENT, PROFILE, SIMPLEX, Identification, Method, disagreements
+from kolsky.inverse.result import AGREEMENT, LEAST_SQUARES, PROFILE, Identification, Method, disagreements
 from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.numbers import NOTHING
@@ -29,20 +29,20 @@ def method(name: str, value: float, *, half_width: float = 0.02) -> Method:
 
 
 def test_distance_in_half_widths() -> None:
-    assert method(SIMPLEX, 1.115).distances["stiffness_factor"] == pytest.approx(0.75)
-    assert method(SIMPLEX, 1.09).distances["stiffness_factor"] == pytest.approx(-0.5)
+    assert method(LEAST_SQUARES, 1.115).distances["stiffness_factor"] == pytest.approx(0.75)
+    assert method(LEAST_SQUARES, 1.09).distances["stiffness_factor"] == pytest.approx(-0.5)
     with pytest.raises(ValueError, match="values for"):
         Method.compared("x", {"a": 1.0}, answer={"b": 1.0}, half_width={"b": 1.0}, runs=1)
 
 
 def test_who_disagrees() -> None:
     near, far = (
-        method(SIMPLEX, 1.1 + 0.9 * AGREEMENT * 0.02),
+        method(LEAST_SQUARES, 1.1 + 0.9 * AGREEMENT * 0.02),
         method(PROFILE, 1.1 - 1.1 * AGREEMENT * 0.02),
     )
     assert [(m.name, p) for m, p, _ in disagreements([near, far])] == [(PROFILE, "stiffness_factor")]
     # What is not known agrees with nothing.
-    assert len(list(disagreements([method(SIMPLEX, 1.1, half_width=0.0)]))) == 1
+    assert len(list(disagreements([method(LEAST_SQUARES, 1.1, half_width=0.0)]))) == 1
 
 
 def test_a_user_is_told() -> None:
@@ -51,7 +51,7 @@ def test_a_user_is_told() -> None:
     values = {p: q.value for p, q in found.estimates.items()}
     answer, half = dict(values), {p: 2.0 * q.sigma for p, q in found.estimates.items()}
     off = {**values, name: e.value + e.sigma}
-    own = Method.compared(SIMPLEX, values, answer=answer, half_width=half, runs=17)
+    own = Method.compared(LEAST_SQUARES, values, answer=answer, half_width=half, runs=17)
     other = Method.compared(
         PROFILE, off, answer=answer, half_width=half, runs=66, converged=False, ended="it is rough"
     )
@@ -63,7 +63,7 @@ def test_a_user_is_told() -> None:
     assert "0.5 of the k = 2 half width" in told[0]
     assert "it is rough" in told[0]
     saved = to_json(result)["methods"]
-    assert [each["name"] for each in saved] == [SIMPLEX, PROFILE]
+    assert [each["name"] for each in saved] == [LEAST_SQUARES, PROFILE]
     assert saved[1]["distances"][name] == pytest.approx(0.5)
     assert saved[1]["runs"] == 66
     assert any(PROFILE in row and "not at rest" in text for row, text in details(result).items())
@@ -91,7 +91,7 @@ def page(result: Identification) -> str:
 
 def test_the_report_lists_them() -> None:
     found = synthetic(nodes=False)
-    one = (method(SIMPLEX, 1.115), replace(method(PROFILE, 1.09), ended="it is rough"))
+    one = (method(LEAST_SQUARES, 1.115), replace(method(PROFILE, 1.09), ended="it is rough"))
     text = page(replace(found, methods=one))
     assert "Optimum by method" in text
     assert "It is rough" in text
@@ -99,6 +99,6 @@ def test_the_report_lists_them() -> None:
 
 
 def test_the_result_file_keeps_them(tmp_path: Path) -> None:
-    methods = (method(SIMPLEX, 1.115), replace(method(PROFILE, 1.09), converged=False, shared_runs=3))
+    methods = (method(LEAST_SQUARES, 1.115), replace(method(PROFILE, 1.09), converged=False, shared_runs=3))
     write_identification(tmp_path / "identification.h5", replace(synthetic(), methods=methods))
     assert read_identification(tmp_path / "identification.h5").methods == methods

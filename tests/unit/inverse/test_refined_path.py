@@ -15,6 +15,7 @@ from doe import Box
 from kolsky.inverse.coarse_search import jacobian
 from kolsky.inverse.gauss_newton import (
     AMPLITUDES_STAY,
+    CONFIRMED,
     MISLED,
     MOST_MOVES,
     MOST_RUNS,
@@ -31,7 +32,6 @@ from kolsky.inverse.gauss_newton import (
 )
 from kolsky.inverse.objective import FrontNoise, Objective
 from kolsky.inverse.path_noise import FrontPath, MovedFront, PathModes
-from kolsky.inverse.refined_search import CONFIRMED
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
@@ -97,12 +97,14 @@ class Mesh:
             x=np.zeros(1),
             numerics=STEPS,
             confirmed=confirmed,
+            pace=self.path,
         )
 
     def search(
-        self, runner: Mesh, objective: Any, slope: np.ndarray, x: np.ndarray, numerics: Numerics
+        self, runner: Mesh, objective: Any, slope: np.ndarray, x: np.ndarray, numerics: Numerics, pace: Any
     ) -> Any:
         assert numerics is STEPS
+        assert pace == (self.searches[-1] if self.searches else self.path)  # that of the search before
         assert objective.front is runner.front.noise
         self.searches.append(runner.path)
         return runner.run(), slope + 1.0

@@ -12,14 +12,15 @@ from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.gauss_newton import (
+    CONFIRMED,
     RefinedRun,
     Step,
     _chord_steps,
+    _search_on,
 )
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.path_noise import FrontPath
-from kolsky.inverse.refined_search import CONFIRMED
 from kolsky.inverse.run_table import Runs, RunTable
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics, Settings
@@ -232,11 +233,25 @@ def test_a_corrected_step_is_three_times_as_long_at_most() -> None:
     assert made.visited[:3] == pytest.approx([-9.0, -8.1, -8.1 + 3.0 * 0.81], rel=1e-6)
 
 
-def test_a_run_confirms_when_no_step_is_longer_than_a_fifth_of_sigma() -> None:
-    for change, confirmed in (([0.19, -0.38], True), ([0.21, 0.0], False), ([0.0, -0.42], False)):
+def test_a_run_confirms_when_no_step_is_longer_than_half_of_sigma() -> None:
+    for change, confirmed in (([0.49, -0.98], True), ([0.51, 0.0], False), ([0.0, -1.02], False)):
         step = Step(np.array(change), np.array([1.0, 2.0]), None)  # type: ignore[arg-type]
         run = RefinedRun(TRUTH, TIME, None, Numerics(), step, TIME)  # type: ignore[arg-type]
         assert run.confirmed is confirmed
+
+
+def test_the_optimum_of_a_linear_force_is_a_corrected_step_from_the_run_that_confirms_it() -> None:
+    """With a slope of 1.5 for a force x of slope 1, the run at -0.1 of the noise is 0.3 sigma away."""
+    made: Any = Bins()
+    slope, one = np.full((10, 1), 1.5), objective(np.zeros(10), np.empty(0))
+    start, pace = -0.1 * one.noise[:1], np.array([[-1.5]])
+    found, _ = _search_on(made, one, slope, start, made.problem.refined, pace)
+    assert found.step.moved == pytest.approx(0.1 * np.sqrt(10.0), rel=1e-6)
+    assert made.visited == pytest.approx(start)
+    np.testing.assert_allclose([*found.x, *found.vector], 0.0, atol=1e-9 * one.noise[0])
+    # Inside the box.
+    made.box = Box.of({"damping": (-1.0, 0.5 * float(start[0]))})
+    assert _search_on(made, one, slope, start, made.problem.refined, pace)[0].x == 0.5 * start
 
 
 def test_a_mesh_in_step_with_another_is_run_at_shifted_points() -> None:

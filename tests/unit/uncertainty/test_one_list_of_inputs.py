@@ -1,5 +1,6 @@
 """One list of a shot's inputs: the use of an entry by all its readers, also of an added entry."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ from kolsky.shot.input_records import UNCHANGED, Cause, Change, Input, Laborator
 from kolsky.shot.inputs import INPUTS, causes
 from kolsky.studies.budget.realisation import factors_of, usual_sizes
 from kolsky.uncertainty import input_changes
-from kolsky.uncertainty.input_changes import ModelAtOptimum, input_directions
+from kolsky.uncertainty.input_changes import ModelAtOptimum, RunLost, input_directions
 from kolsky.virtual.shot_file import declared_sizes
 
 MADE = Input(
@@ -53,7 +54,8 @@ def test_an_input_that_is_added_to_the_list_is_seen_by_all(monkeypatch: pytest.M
     one = objective()
     runs = SimpleNamespace(reference_and_jacobian=lambda: (response(), np.ones((12, 1))))
     monkeypatch.setattr(input_changes, "MovedRuns", lambda *_: runs)
-    found = input_directions(runner(), np.ones(1), one, one.data, only=("made_up",))
+    monkeypatch.setattr(input_changes, "INPUTS", {"made_up": MADE})  # the others need runs
+    found = input_directions(runner(), np.ones(1), one, one.data)
     # Half of the largest force, which is 95 N.
     np.testing.assert_allclose(found["made_up"].change, [47.5] * 10 + [0.0] * 2, rtol=1e-12)
     tried = next(c for c in causes() if c.key == "force.made_up")
@@ -62,6 +64,21 @@ def test_an_input_that_is_added_to_the_list_is_seen_by_all(monkeypatch: pytest.M
     (_, factor) = factors_of({"imperfections.baseline": usual_sizes()["imperfections.baseline"]})
     assert (factor.words, factor.shared) == ("a made-up step of the force", False)
     assert declared_sizes({"made_up": 0.25}) == {"imperfections.baseline": "0.25 N"}
+
+
+def test_a_lost_run_of_an_input_is_an_error_only_if_it_is_declared(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(key: str, step: float) -> None:
+        raise RunLost(f"the run with a changed {key} ended folded")
+
+    runs = SimpleNamespace(reference_and_jacobian=lambda: (response(), np.ones((12, 1))), change=lost)
+    monkeypatch.setattr(input_changes, "MovedRuns", lambda *_: runs)
+    monkeypatch.setattr(input_changes, "INPUTS", {"made_up": replace(MADE, seen=None)})
+    one, made = objective(), runner()
+    found = input_directions(made, np.ones(1), one, one.data)
+    assert found.absent == {"made_up": "the run with a changed made_up ended folded"}
+    made.problem.shot.uncertainty["made_up"] = 0.25
+    with pytest.raises(ValueError, match=r"ended folded; .* remove made_up from \[uncertainty\]"):
+        input_directions(made, np.ones(1), one, one.data)
 
 
 @pytest.mark.parametrize(
