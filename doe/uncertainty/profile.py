@@ -29,8 +29,6 @@ LOWER = 0.01
 there."""
 REST = 1e-6
 """Error of a rise by the end of a search [-]; small beside the level."""
-END = 1e-6
-"""Error of an end of an interval, in the unit box and relative to its coordinate there."""
 RESTARTS = 5
 """Largest number of restarts from better optima."""
 
@@ -166,12 +164,8 @@ class _Walk:
         self.first = min(0.5 / np.sqrt(information), WIDEST_STEP) if information > 0.0 else WIDEST_STEP
         self.first = max(self.first, 1e-7)
 
-    def at(self, u: float, near: Fit, further: Fit | None = None) -> Fit:
-        """The fit at a value, started from another one, or on the line through two others."""
-        start = near.unit_point.copy()
-        apart = 0.0 if further is None else start[self.j] - further.unit_point[self.j]
-        if further is not None and apart:
-            start += (u - start[self.j]) / apart * (start - further.unit_point)
+    def at(self, u: float, warm: Fit) -> Fit:
+        start = warm.unit_point.copy()
         start[self.j] = u
         return self.likelihood.maximise(start, held=self.held, rest=REST)
 
@@ -184,7 +178,7 @@ class _Walk:
         u, end = float(self.best.unit_point[self.j]), 0.5 * (1.0 + sign)
         while u != end:
             u = end if abs(end - u) <= 1.2 * step else u + sign * step
-            fits.append(self.at(u, *fits[:-3:-1]))
+            fits.append(self.at(u, fits[-1]))
             change = abs(self.rise(fits[-1]) - self.rise(fits[-2]))
             if self.rise(fits[-1]) > BEYOND * level or change < 0.25 * level:
                 step = min(1.6 * step, WIDEST_STEP)
@@ -192,7 +186,7 @@ class _Walk:
                 step = max(0.5 * step, 1e-7)
         # Then back: this finds a valley that begins farther out.
         for i in range(len(fits) - 2, 0, -1):
-            refit = self.at(float(fits[i].unit_point[self.j]), *fits[i + 1 : i + 3])
+            refit = self.at(float(fits[i].unit_point[self.j]), fits[i + 1])
             if refit.deviance < fits[i].deviance:
                 fits[i] = refit
         return fits
@@ -213,7 +207,7 @@ class _Walk:
 
             if excess(b) <= 0.0:  # the other start found a better fit there
                 continue
-            return float(brentq(excess, a, b, xtol=END, rtol=END)), i
+            return float(brentq(excess, a, b, xtol=1e-9, rtol=1e-9)), i
         return None, len(fits)
 
     def interval(self, fits: list[Fit], level: float) -> tuple[Interval, tuple[float, ...]]:

@@ -43,7 +43,7 @@ class RefinedOptimum:
     """The optimum on the refined mesh, confirmed or not by its last run."""
 
     x: FloatArray
-    """The answer, shape [d]. The last run is at this point."""
+    """The answer, shape [d]. A confirming run is at this point, or a short step away."""
     front: FrontPath
     """The front face's path of the runs."""
     box: Box
