@@ -133,7 +133,7 @@ class Match:
     """`dic.PointOutcome`, shape [n]."""
 
 
-MOST_TEMPLATES = 256 * 2**20
+MOST_TEMPLATES = 512 * 2**20
 """Largest memory for templates [bytes]. If the points need more, templates are recomputed in every call."""
 PACK = 32
 """Number of pixels in a pack; a subset is stored in whole packs."""

@@ -12,7 +12,7 @@ covariance grows by ``1 + κ e``. κ is `ALONG` in the flattened direction and `
 equal `EVEN` without flattening (docs/theory/pictures.md). The match itself scales both directions by 1 + e.
 """
 
-from collections.abc import Iterable
+from collections.abc import Set
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -113,11 +113,19 @@ class References:
         self._joined: tuple[PictureStack, IntArray] | None = None
         self.pictures: dict[int, Picture] = {}
         """Pictures by frame, as recorded."""
+        self._variance: dict[int, FloatArray] = {}
 
     def add(self, frame: int, picture: Picture, stack: PictureStack) -> None:
         """Store a picture that points may use as their reference."""
         self._stacks[frame], self.pictures[frame] = stack, picture
+        self._variance.pop(frame, None)
         self._forget(frame)
+
+    def variance(self, frame: int, side: int) -> FloatArray:
+        """`local_variance` of a stored picture, with one side for all calls."""
+        if frame not in self._variance:
+            self._variance[frame] = local_variance(self.pictures[frame], side)
+        return self._variance[frame]
 
     def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
         """A stack with the pictures of these frames, and their indices in it, shape of `frames`."""
@@ -172,8 +180,9 @@ class References:
         self.level[rows] -= 1
         self._changed(rows)
 
-    def tidy(self, keep: Iterable[int]) -> None:
+    def tidy(self, keep: Set[int]) -> None:
         """Discard the pictures that no chain uses, except the frames `keep`."""
+        self._variance = {frame: self._variance[frame] for frame in self._variance.keys() & keep}
         used = {*keep, *self._in_use()}
         for frame in [frame for frame in self._stacks if frame not in used]:
             del self._stacks[frame], self.pictures[frame]
@@ -191,14 +200,12 @@ EVEN = 0.5
 """κ in both directions of a subset that is not flattened (`populations.dic_sigmas`, scenes "chosen")."""
 
 
-def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArray:
-    """Variance of the grey values in squares around positions [grey²], shape [n]."""
+def local_variance(picture: Picture, side: int) -> FloatArray:
+    """Variance of the grey values in squares around each pixel [grey²], shape [rows, columns]."""
     grey = np.asarray(picture, dtype=np.float64)
     grey = grey - grey.mean()
     mean, square = (cv2.boxFilter(values, -1, (side, side)) for values in (grey, grey * grey))
-    limit = np.array(grey.shape[::-1]) - 1
-    column, row = np.clip(np.round(places), 0, limit).astype(np.int64).T
-    return np.asarray(np.maximum(square - mean**2, 0.0)[row, column])
+    return np.asarray(np.maximum(square - mean**2, 0.0))
 
 
 def excess(zncc: FloatArray, variance: FloatArray, noise: Noise, grey: float) -> FloatArray:
@@ -266,8 +273,10 @@ class Matcher:
         places, variance = apply(self.points[rows], warp), np.empty(len(rows))
         for one in set(frame.tolist()):
             of = frame == one
-            picture = self.references.pictures[one]
-            variance[of] = local_variance(picture, places[of], self.settings.subset)
+            around = self.references.variance(one, self.settings.subset)
+            limit = np.array(around.shape[::-1]) - 1
+            column, row = np.clip(np.round(places[of]), 0, limit).astype(np.int64).T
+            variance[of] = around[row, column]
         return Template(frame, warp, before, np.zeros(len(rows), dtype=bool), subset, variance, excess)
 
     def excess(self, rows: IntArray, zncc: FloatArray, template: Template) -> FloatArray:
