@@ -235,14 +235,12 @@ def find_column(
     purpose: str = "",
     cure: str = "correct its name, or give its number; `kolsky channels FILE` lists them",
 ) -> int:
-    """Index of a column by its name or, without such a name, by its number.
-
-    A path of HDF5 may lack its slash.
+    """Index of a column by its name (of an HDF5 path, without its slash too) or, failing that, its number.
 
     ``path``, ``line``, ``cure``: for messages. ``what``: the column's kind, e.g. "time column". ``numbers``:
     numbers of the columns, if a number identifies one. ``listed``: the columns in words, if not their names.
-    ``purpose``: what it is for, e.g. " for the stress".
-    Raises InputError if no column, or more than one, has the name.
+    ``purpose``: what it is for, e.g. " for the stress". Raises InputError if no column, or more than one, has
+    the name.
     """
     found = [i for i, name in enumerate(names) if name in (wanted, f"/{wanted}")]
     if not found and str(wanted).isdecimal():

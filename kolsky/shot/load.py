@@ -146,23 +146,23 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     if is_bar_driven(file):
         return load_bar_driven(file)
     toml, frames = _open(file)
-    declared, folder = toml.declared, toml.path.parent
+    declared = toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
+    moves = _moves(toml, rest)
     surface, flyer, table, inputs = declared.surface, None, None, dict[str, str]()
     if surface is not None:
         centre_line, flyer, inputs = measured_surface(toml, surface, frames)
-        source_of_line = folder / surface.pattern
+        source_of_line = toml.path.parent / surface.pattern
     elif declared.flyer is None or declared.centre_line is None:
         return _with_pictures(toml, frames, rest, measure)
     if flyer is None:
         assert declared.flyer is not None  # checked by the schema
-        check = _moves(toml, rest)
-        flyer, inputs[declared.flyer.file] = flyer_motion(frames, declared.flyer, toml, check=check)
+        flyer, inputs[declared.flyer.file] = flyer_motion(frames, declared.flyer, toml, check=moves)
     else:
-        _moves(toml, rest)(flyer)
+        moves(flyer)
         body_moves(flyer, rest, source_of_line, toml)
     if surface is None:
-        assert declared.centre_line is not None
+        assert declared.centre_line is not None  # checked above
         centre_line, table = read_outline(frames, declared.centre_line, toml)
         source_of_line, inputs[declared.centre_line.file] = table.path, table.sha256
     base = _base(toml, frames, inputs)

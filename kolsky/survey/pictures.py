@@ -7,6 +7,7 @@ of pictures. The cameras are numbered by the order of the names. A remark states
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,31 +85,27 @@ def _series(folder: Path) -> Iterator[SeriesEntry]:
     """Every series in a folder and its subfolders. Files that cannot be opened are left out."""
     from dic.images import PictureError
 
-    numbered: dict[str, list[Path]] = {}
+    whole: list[str] = []
+    numbered: Counter[str] = Counter()
     below = (p for p in sorted(folder.iterdir()) if p.is_dir() and p.name != "results")
     for place in (folder, *below):
         for path in sorted(p for p in place.iterdir() if p.is_file()):
             name = path.relative_to(folder).as_posix()
             if (number := _NUMBER.fullmatch(path.stem)) and path.suffix.lower() in NUMBERED:
                 pattern = f"{number[1]}*{number[3]}{path.suffix}"
-                numbered.setdefault((path.parent / pattern).relative_to(folder).as_posix(), []).append(path)
-            if path.suffix.lower() not in ONE_FILE:
-                continue
+                numbered[(path.parent / pattern).relative_to(folder).as_posix()] += 1
+            if path.suffix.lower() in ONE_FILE:
+                whole.append(name)
+    patterns = [pattern for pattern, count in numbered.items() if count >= FEWEST]
+    for key, names in (("file", whole), ("pattern", patterns)):
+        for name in names:
             try:
-                pictures = open_source(folder, "file", name)
+                pictures = open_source(folder, key, name)
             except (PictureError, OSError):
                 continue
             if pictures.n_frames >= FEWEST:
                 crop = pictures.crop_offset if pictures.crop_offset != (0.0, 0.0) else None
-                yield SeriesEntry(name, "file", pictures.n_frames, pictures.shape, crop)
-    for pattern, files in numbered.items():
-        if len(files) < FEWEST:
-            continue
-        try:
-            pictures = open_source(folder, "pattern", pattern)
-        except (PictureError, OSError):
-            continue
-        yield SeriesEntry(pattern, "pattern", pictures.n_frames, pictures.shape, None)
+                yield SeriesEntry(name, key, pictures.n_frames, pictures.shape, crop)
 
 
 def first_change(folder: Path, survey: PictureSurvey) -> tuple[int, str] | None:

@@ -481,7 +481,7 @@ def test_pairs_out_of_order_are_refused_with_the_order_that_would_fit(tmp_path, 
     (tmp_path / "calibration.toml").write_text(TEXT)
     toml, section = read_calibration_toml(tmp_path)
     series = SimpleNamespace(n_frames=N, shape=SIZE[0][::-1], numbers=tuple(range(N)))
-    monkeypatch.setattr(calibration, "_series", lambda *given: series)
+    monkeypatch.setattr(calibration, "calibration_pictures", lambda *given: [series, series])
     views = mixed(true_poses(N))
     seen = nullcontext(lambda progress: views)
     monkeypatch.setattr(dic.calibration.views, "detect_in_background", lambda *given: seen)

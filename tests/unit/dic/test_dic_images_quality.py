@@ -349,8 +349,8 @@ def test_pictures_without_a_partner_are_named(tmp_path, monkeypatch):
     numbers = {"camera_0": (0, 1, 2, 3), "camera_1": (1, 2, 3)}
     monkeypatch.setattr(
         calibration,
-        "_series",
-        lambda toml, name, pattern: SimpleNamespace(n_frames=len(numbers[name]), numbers=numbers[name]),
+        "calibration_pictures",
+        lambda *given: [SimpleNamespace(n_frames=len(own), numbers=own) for own in numbers.values()],
     )
     monkeypatch.setattr(
         dic.calibration.views, "detect_in_background", lambda *given: pytest.fail("not reached")
