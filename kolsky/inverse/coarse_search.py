@@ -11,7 +11,7 @@ Replicates of the fitted path give the patterns of data changes by the noise of 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,8 +117,8 @@ class CorrectedSurrogate:
     """Point of the run, shape [d]; None without a run."""
     shift: FloatArray | float = 0.0
     """The run minus the surrogate, shape [k]."""
-    slope: FloatArray | float = 0.0
-    """Derivative of that difference by the parameters, shape [k, d]."""
+    slope: FloatArray = field(default_factory=lambda: np.zeros((1, 1)))
+    """Derivative of that difference by the parameters, shape [k, d]; without a run not used."""
 
     def predict(self, points: FloatArray) -> FloatArray:
         """Data vectors at points of shape [n, d] or [d], shape [n, k]."""

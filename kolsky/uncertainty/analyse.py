@@ -182,11 +182,14 @@ def _narrower_bins(
                 answer.vector[n:],
             ]
         ),
-        # Both halves get the slope correction of the finer mesh for the bin.
-        steeper=np.concatenate([np.repeat(answer.steeper[:n], 2, axis=0), answer.steeper[n:]]),
+        slope=twice(answer.slope.T).T,
     )
     model, objective = surrogate_of((points, halved(prediction)), fine, found.box, runner.problem.box)
-    return objective, model.predict
+    # Both halves get the slope correction of the finer mesh for the bin.
+    pairs = model.slope[: 2 * n].reshape(n, 2, -1).mean(axis=1)
+    return objective, replace(
+        model, slope=np.concatenate([pairs.repeat(2, axis=0), model.slope[2 * n :]])
+    ).predict
 
 
 def _halves(

@@ -130,19 +130,15 @@ class LinearisedOptimum:
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     slope: FloatArray
     """Jacobian of `vector`, shape [k, d]."""
-    steeper: FloatArray
-    """Jacobian on the refined mesh minus that of the surrogate, shape [k, d]."""
     smooth: bool = False
     """True if the response is smooth about the optimum. For one parameter it always is."""
 
     @classmethod
     def of(cls, fine: RefinedOptimum) -> LinearisedOptimum:
-        """The optimum by the model corrected to the last run on the refined mesh, and its surrogate."""
+        """The optimum by the model corrected to the last run on the refined mesh."""
         x, local = fine.x, fine.box
         slope = jacobian(fine.model, local, x)
-        steeper = slope - jacobian(fine.surrogate, local, x)
-        smooth = fine.roughness is None
-        return cls(x, local, fine.objective, fine.model(x)[0], slope, steeper, smooth)
+        return cls(x, local, fine.objective, fine.model(x)[0], slope, fine.roughness is None)
 
     @property
     def correlation(self) -> FloatArray:
@@ -269,8 +265,11 @@ def surrogate_of(
     surrogate = surrogate_kind(box, smooth=smooth).fit(
         box, points[use], objective.vectors(prediction)[use], scale=objective.noise
     )
-    steeper = None if box == whole else answer.steeper[kept]
-    return CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept], steeper), objective
+    plain = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
+    if box == whole:
+        return plain, objective
+    steeper = answer.slope[kept] - jacobian(plain.predict, box, answer.x)
+    return replace(plain, slope=steeper), objective
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
