@@ -142,10 +142,7 @@ class AuditLog:
         return tuple(self._entries)
 
     def add(self, *corrections: Correction) -> None:
-        """Append entries that another function has measured.
-
-        Raises ValueError if a key is unknown.
-        """
+        """Append entries that another function has measured. Raises ValueError if a key is unknown."""
         self._entries.extend([replace(entry, key=correction_key(entry.key)) for entry in corrections])
 
     def complete(self, reasons: Mapping[str, str]) -> None:

@@ -338,12 +338,7 @@ def pressures_for(
     tip: Sequence[float] | FloatArray | None = None,
     most: float,
 ) -> Inversion:
-    """Find the pressure of each cavity for a target angle and, if given, a target position of the tip.
-
-    ``actuator``, ``gravity``, ``most``: as for `pressure_for`. Every pressure is between 0 and most.
-    ``angle``: target angle [rad]. ``tip``: target position of the tip from the origin [m], shape [3]. None:
-    only the angle is a target.
-    """
+    """Find the pressure of each cavity, in [0, most], for a target angle [rad] and, if given, tip [m]."""
     count, memory = len(actuator.cavities), _Memory(actuator, gravity)
     size = float(np.ptp(actuator.mesh.points[:, 0]))
 

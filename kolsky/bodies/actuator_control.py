@@ -338,9 +338,9 @@ def run_loop(
 ) -> Closed:
     """Run the closed loop for target angles [rad] of shape [n], one per tick.
 
-    The pressure in the actuator follows the requested one with the plant's lag. The camera measures its angle
-    with noise and a delay of some ticks. In real time, each tick waits for its scheduled time, and the
-    wake-up delay is part of its wall time. Otherwise the ticks follow each other without waiting.
+    The pressure follows the requested one with the plant's lag. The camera measures the angle with noise and
+    a delay of some ticks. In real time, each tick waits for its scheduled time, and the wake-up delay is part
+    of its wall time.
     """
     rng = np.random.default_rng(seed)
     bend = PchipInterpolator(plant.pressure, plant.angle)
@@ -459,8 +459,7 @@ def run_control(
 ) -> tuple[dict[str, Closed], dict[str, Reduction]]:
     """Reduce the actuator, simulate the plant, and run the closed loop.
 
-    ``basis``: folder in which the reductions and the plants' bends are stored. They are reused if the inputs
-    are equal. None: nothing is stored or reused.
+    ``basis``: folder of stored reductions and plants, reused if the inputs are equal; None: none is stored.
     """
     prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
     controllers = {}
@@ -522,13 +521,10 @@ def _prepared(
 def check_targets(
     name: str, made: Reduction, plant: Plant, section: ControlSection, *, reach: tuple[float, float]
 ) -> None:
-    """Check that model and plant reach the target angles.
+    """Check that model and plant reach the target angles, and that the model is accurate up to them.
 
-    The reduced model must also be accurate up to them.
-
-    ``name``: the direction of gravity. ``reach``: angles of the model at pressures 0 and `most` [rad].
-
-    Raises ValueError with the range, or with the error and its limit.
+    ``reach``: angles of the model at pressures 0 and `most` [rad]. Raises ValueError with the range or the
+    error.
     """
     ranges = {
         "the model": reach,

@@ -141,13 +141,9 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
 def fit_measured(
     measured: MeasuredField, *, gate: float, progress: Progress = SILENT
 ) -> tuple[MeasuredField, FieldFit]:
-    """Fit a measured sheet and readmit suspected points that it predicts.
+    """Fit a measured sheet and readmit suspected points that it predicts, until there are none.
 
-    This is repeated until there are no such points.
-
-    ``progress``: see `fit_field`.
-
-    Raises ValueError as `fit_field`.
+    Arguments and errors are those of `fit_field`.
     """
     begun = measured.problem.constants.start
     found = fit_field(measured.problem, progress=progress)
@@ -183,11 +179,7 @@ class LackingFactor:
 def lacking_factor(
     measured: FloatArray, simulated: FloatArray, covariance: FloatArray, sigma: float
 ) -> LackingFactor:
-    """Factor of measured values that fits the simulated values best, Eq. (P.2).
-
-    ``measured``, ``simulated``: shape [n]. ``covariance``: of the simulated values, shape [n, n]. ``sigma``:
-    standard deviation of each measured value.
-    """
+    """Factor of measured values [n] that fits the simulated values with their covariance best, Eq. (P.2)."""
     size = float(measured @ measured)
     k = float(simulated @ measured) / size
     own = float(measured @ covariance @ measured) + (k * sigma) ** 2 * size
@@ -195,12 +187,10 @@ def lacking_factor(
 
 
 def one_change(measured: MeasuredField, found: FieldFit) -> str:
-    """A single change of the data that lets the sheet explain field and force, in words.
+    """A single change of the data that lets the sheet explain field and force, in words, or no words.
 
-    Empty if there is none.
-
-    ``measured``: the field, with the initial constants. ``found``: its fit. Common factors of the force, the
-    displacements and the mesh, and mirrored axes are tried. Each is confirmed by a fit.
+    Common factors of the force, the displacements and the mesh, and mirrored axes are tried. Each is
+    confirmed by a fit.
     """
     if found.explained:
         return ""

@@ -133,10 +133,7 @@ class FieldProblem:
         return FieldProblem(self.sheet, self.data.only(len(self.data.pad) - 1), self.constants)
 
     def cost(self, free: FloatArray, near: SheetState | None = None) -> Cost | str:
-        """Eqs. (K.3-K.6) with derivatives from du/dm, or the reason of a failure.
-
-        `near`: a start state.
-        """
+        """Eqs. (K.3-K.6) with derivatives from du/dm, or the reason of a failure. `near`: a start state."""
         state = sheet_state(self.sheet, self.constants, free, self.data.pad, near)
         return state if isinstance(state, str) else self._cost_of(state)
 
@@ -668,9 +665,7 @@ class LocalMinimum:
 
 
 def with_other_starts(fit: FieldFit, begun: FloatArray, *, progress: Progress = SILENT) -> FieldFit:
-    """The best fit from several starts, with the other minima.
-
-    `begun`: start of the first fit.
+    """The best fit from several starts, with the other minima; `begun`: start of the first fit.
 
     Other starts are tried only if the model does not explain the data, or if a constant is at its bound. If
     the model explains the data, the cost at the result is that of noise, and no other minimum can be lower.

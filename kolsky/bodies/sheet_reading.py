@@ -335,10 +335,9 @@ class SimulatedSheet:
 
 
 def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> SimulatedSheet:
-    """Simulated data of a sheet with the declared constants, at the points and pad positions of its files.
+    """Simulated data of a sheet with the declared constants, at the positions and noise of its files.
 
-    ``measured``: the sheet. Only the positions and the noise of its data are used. ``seed``: seed of the
-    noise of displacements and forces; None: no noise.
+    ``seed``: seed of the noise of displacements and forces; None: no noise.
     """
     problem = measured.problem
     cost = _simulated(problem)

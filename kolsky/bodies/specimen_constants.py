@@ -229,9 +229,8 @@ def law_curve(
 ) -> CurveBand:
     """The curve of a fitted law, positive along its branch, with the uncertainty of its constants.
 
-    ``constants``: the fitted law. ``covariance``: of its free constants, SI, shape [p, p]. It is not finite
-    if unknown; the curve then has no modes. ``branch``, ``largest_strain``: tension or compression, and the
-    largest nominal strain, > 0 and in compression < 1.
+    ``covariance``: of the free constants, SI, shape [p, p]. It is not finite if unknown; the curve then has
+    no modes. ``largest_strain``: nominal, > 0 and in compression < 1.
     """
     side = 1.0 if branch == "tension" else -1.0
     stretch = np.linspace(1.0, 1.0 + side * largest_strain, POINTS)

@@ -47,10 +47,7 @@ class Specification:
         return self.toml.path.stem
 
     def test(self, name: str) -> SlowTest:
-        """A test with its data.
-
-        Raises InputError if it has no file.
-        """
+        """A test with its data. Raises InputError if it has no file."""
         if name not in self.samples:
             raise self.toml.error(
                 f"tests.{name}", "has no data", cure="name its file, or `kolsky specimen simulate`"

@@ -148,10 +148,7 @@ class Body:
         return BodyState(u, self.pattern.vector(state.forces), state)
 
     def stiffness(self, state: BodyState, *, single: bool = False) -> FloatArray:
-        """Element stiffness of a state [N/m], shape [m, k d, k d].
-
-        `single`: in single precision.
-        """
+        """Element stiffness of a state [N/m], shape [m, k d, k d]. `single`: in single precision."""
         at = state.u.reshape(-1, self.model.dimension)
         pressure, curvature = None, None
         if self.field is not None:

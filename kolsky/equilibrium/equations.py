@@ -110,10 +110,7 @@ class Equations:
         like: State | None = None,
         multipliers: tuple[FloatArray, ...] | None = None,
     ) -> State:
-        """State at displacements [m] of shape [n d].
-
-        `like`: a near state, for multipliers and thickness.
-        """
+        """State at displacements [m] of shape [n d]. `like`: a near state, for multipliers and thickness."""
         body = self.body.evaluate(u, start=None if like is None else like.body)
         if multipliers is None:
             multipliers = tuple(np.zeros(len(c.nodes)) for c in self.contacts)

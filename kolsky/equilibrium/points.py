@@ -103,8 +103,8 @@ def element_forces(T: FloatArray, weighted: FloatArray) -> FloatArray:
 def element_stiffness(T: FloatArray, weighted: FloatArray) -> FloatArray:
     """Sum over the points of E A dV E: stiffness of each element [N/m], shape [m, k d, k d].
 
-    A is symmetric. Blocks (i, j) with i > j are therefore transposes. `weighted` is A times the point's
-    volume, shape [m, g, d D, d D]. The result has the precision of T, shape [m, g, D, k].
+    `weighted` is A dV, shape [m, g, d D, d D]. A is symmetric: blocks (i, j) with i > j are transposes. The
+    result has the precision of T, shape [m, g, D, k].
     """
     m, g, columns, k = T.shape
     d = weighted.shape[-1] // columns

@@ -138,10 +138,7 @@ class Solid(Protocol):
         ...
 
     def scaled(self, factor: float) -> Self:
-        """The material with every stress multiplied by a factor.
-
-        Pure numbers do not change.
-        """
+        """The material with every stress multiplied by a factor. Pure numbers do not change."""
         ...
 
     @property

@@ -25,10 +25,7 @@ class QuasiNewtonTangent:
     """An approximate inverse of the tangent."""
 
     def __init__(self, factors: Factors, *, learns: bool) -> None:
-        """Store the factors.
-
-        Only symmetric tangents of smooth problems are updated (`learns`).
-        """
+        """Store the factors. Only symmetric tangents of smooth problems are updated (`learns`)."""
         self.factors, self.learns = factors, learns
         self.uses = 0
         """Iterations made with it."""
@@ -108,10 +105,7 @@ class Iteration:
         self._poor = 0
 
     def factorised(self, state: State) -> FloatArray:
-        """Factorise the tangent of a state and keep it.
-
-        Returns the factorised element matrices.
-        """
+        """Factorise the tangent of a state and keep it. Returns the factorised element matrices."""
         self.factorisations += 1
         equations = self.equations
         if self.single:
@@ -327,10 +321,7 @@ class _Path:
         self.before: list[State] = []
 
     def to(self, target: dict[str, float], guess: FloatArray | None) -> Outcome:
-        """Go to the target.
-
-        The step is halved if an iteration fails.
-        """
+        """Go to the target. The step is halved if an iteration fails."""
         if guess is not None:
             state = self.equations.evaluate(
                 self.equations.with_prescribed(guess, target), target, like=self.state

@@ -71,11 +71,7 @@ def slow_run(
     friction: float = 0.0,
     numerics: SlowNumerics,
 ) -> SlowRun:
-    """Compress a specimen once; the arguments are those of `slow_compression`.
-
-    Raises ValueError if the strains are not ascending inside (0, 1), or if the simulation does not complete.
-    The message gives outcome, time and place of its end.
-    """
+    """Compress a specimen once; the arguments and errors are those of `slow_compression`."""
     if strain.size < 2 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
         raise ValueError("strains of a slow test must ascend inside (0, 1), at least two of them")
     passage = specimen.length / sqrt(3.0 * law.initial_shear_modulus / DENSITY)

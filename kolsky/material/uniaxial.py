@@ -226,13 +226,10 @@ class Hold:
 
 
 def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold | None]:
-    """A ramp that ends when its strain is reached, and the hold after it.
+    """A ramp that ends when its strain is reached, if there is a hold after it; else the unchanged ramp.
 
     With noise, the largest strain of a record lies somewhere in the hold. The ramp up to it would include
     relaxed stresses.
-
-    ``ramp``: one of its loading ramps. Returns: the ramp to its first strain near the end if it is held
-    there. Otherwise, the unchanged ramp.
     """
     strain = test.strain
     begin, stop = int(ramp.start), int(ramp.stop)
@@ -392,16 +389,12 @@ def _noise(x: FloatArray, y: FloatArray) -> float:
 
 
 def noise_about_curve(strain: FloatArray, value: FloatArray, axis: FloatArray) -> FloatArray:
-    """Standard deviation of a reading about a smooth curve, shape of `axis`.
+    """Standard deviation of the few readings of a test about a smooth curve, shape of `axis`.
 
-    The test has few readings.
-
-    Between few readings, a smooth curve bends by more than their noise, and second differences contain the
+    A smooth curve bends between few readings by more than their noise, and second differences contain the
     bend. They are therefore taken from the residuals of a polynomial, of the fifth order with twenty readings
     or more. Few readings do not show whether noise grows with the reading. The larger of a constant and a
-    proportional noise is therefore taken.
-
-    ``strain``, ``value``: readings in any order [-] and [Pa], shape [n], at least four. ``axis``: places [-].
+    proportional noise is therefore taken. ``strain``, ``value``: in any order [-] and [Pa], at least four.
     """
     order = np.argsort(strain, kind="stable")
     x, y = strain[order], value[order]
@@ -438,11 +431,9 @@ class ApparentModulus:
 def apparent_modulus(
     band: CurveBand, *, compression: bool, time: FloatArray | None = None
 ) -> ApparentModulus:
-    """E_a of a curve, Eq. (M.9).
+    """E_a of a curve, Eq. (M.9). Raises ValueError if a strain is not > 0: there is no quotient.
 
-    ``band``: nominal stress over nominal strain, both positive along the branch, no point at rest.
-    ``compression``: True if the branch is compression. ``time``: time of each point since the strain was zero
-    [s], shape [n]. Raises ValueError if a strain is not > 0, because the quotient then has no value.
+    ``band``: positive along the branch. ``time``: time of each point since the strain was zero [s].
     """
     if (band.strain <= 0.0).any():
         raise ValueError(f"E_a needs strains > 0, got {band.strain.min():.6g}: leave out the point at rest")

@@ -175,10 +175,7 @@ class PlannedTest:
         return self.file.path.parent
 
     def apparatus(self) -> Apparatus:
-        """Striker, shaper, bars, joint and flyer.
-
-        Raises InputError if the shaper's file contains no law.
-        """
+        """Striker, shaper, bars, joint and flyer. Raises InputError if the shaper's file contains no law."""
         test = self.declared
         striker, incident = _section_of(test.striker), _section_of(test.incident)
         return Apparatus(

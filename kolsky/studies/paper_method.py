@@ -254,7 +254,7 @@ def paper_method(
     surface = search.factorial(whole, [LEVELS if whole.dimension > 1 else LEVELS_ALONE], numerics, "design")
     surfaces, told = [surface], FRICTION in whole.names
     if FRICTION in whole.names:
-        delta = search.delta(surface, numerics)
+        delta = delta_of(search.run(surface.fit.box, surface.optimum, numerics)[1])  # Eq. (M.8)
         told = friction_constrained(surface.fit, delta)
         if not told:
             if contact_law(shot.interface.faces).needs_friction:
@@ -263,20 +263,18 @@ def paper_method(
             surface = search.factorial(whole, [LEVELS_ALONE], numerics, "design")
             surfaces.append(surface)
     fine = numerics.with_mesh(refined_mesh)
-    refined, checks, last, predicted, moved = search.refine(whole, surface, fine)
-    x = np.array([last.parameters[name] for name in whole.names])
-    factor = float(x[whole.names.index(MOVED)])
-    assert last.terms is not None  # `refine` refuses a run that did not complete
+    refined, checks, (parameters, terms), predicted, moved = search.refine(whole, surface, fine)
+    factor = float(parameters[MOVED])
     coarse = whole.as_dict(surface.optimum)
-    interval = cost_interval(*profile(surface.fit), delta_of(last.terms))
+    interval = cost_interval(*profile(surface.fit), delta_of(terms))
     return PaperAnswer(
         shot=shot.name,
         factor=factor,
         interval=interval.moved(factor - coarse[MOVED]),
-        friction=last.parameters.get(FRICTION),
+        friction=parameters.get(FRICTION),
         friction_told=told,
         coarse=coarse,
-        terms=last.terms,
+        terms=terms,
         predicted=predicted,
         confirmed=moved <= CONFIRMED and not at_bound(factor, given[MOVED]),
         error=surface.fit.loo_rms,
@@ -312,23 +310,19 @@ class _Search:
         )
         return surface_of(runs)
 
-    def run(self, box: Box, point: FloatArray, numerics: Numerics) -> single.Simulation:
-        """Run one point; it must complete."""
+    def run(self, box: Box, point: FloatArray, numerics: Numerics) -> tuple[dict[str, float], Terms]:
+        """Parameters and misfits of a run at one point; it must complete."""
         values = {**self.held, **box.as_dict(point)}
         made = single.simulate(self.shot, values, numerics=numerics)
         if made.terms is None:
             raise ValueError(f"the run at the optimum ended {made.response.describe(0)}")
-        return made
-
-    def delta(self, surface: Surface, numerics: Numerics) -> float:
-        """delta Phi, Eq. (M.8), at the optimum of a surface."""
-        found = self.run(surface.fit.box, surface.optimum, numerics).terms
-        assert found is not None
-        return delta_of(found)
+        return made.parameters, made.terms
 
     def refine(
         self, whole: Box, coarse: Surface, fine: Numerics
-    ) -> tuple[Surface, tuple[tuple[dict[str, float], float], ...], single.Simulation, float, float]:
+    ) -> tuple[
+        Surface, tuple[tuple[dict[str, float], float], ...], tuple[dict[str, float], Terms], float, float
+    ]:
         """Surface, runs at its optimum, the last of them, its predicted cost, and its shift of m."""
         shares = dict(zip(BOUNDS, REFINED_SHARE, strict=True))
         levels = [REFINED_LEVELS[list(BOUNDS).index(name)] for name in whole.names]
@@ -347,8 +341,7 @@ class _Search:
             self.progress("check", number, MOST_CHECKS)
             predicted = fit.cost(x)
             last = self.run(box, x, fine)
-            assert last.terms is not None
-            checks.append((box.as_dict(x), cost_of(last.terms)))
+            checks.append((box.as_dict(x), cost_of(last[1])))
             if np.abs(box.unit(fit.points) - box.unit(x)).max(axis=1).min() > SAME:
                 costs = np.append(costs, checks[-1][1])
                 fit = CostSurrogate.fit(box, np.vstack([fit.points, x]), costs)
@@ -372,21 +365,17 @@ def rows(answer: PaperAnswer) -> dict[str, str]:
     if ends_open:
         range_ += f", open {' and '.join(ends_open)}: the design ends there"
     confirmed = "confirmed" if answer.confirmed else "NOT CONFIRMED"
+    friction = "no slip" if answer.friction is None else f"{answer.friction:.3g}"
+    if FRICTION in answer.surfaces[0].fit.box.names and not answer.friction_told:
+        friction += ", as the data do not constrain it"
     force_alone = "" if answer.terms.has_shape else ", of the force alone"
     return {
         "m, paper's method": f"{answer.factor:.4g}, {confirmed} on {refined[0]}x{refined[1]}",
         "m, paper's, interval (M.6-M.8)": range_,
         "m, paper's, before refinement": f"{answer.coarse[MOVED]:.4g} on {coarse[0]}x{coarse[1]}",
-        "f, paper's": _friction(answer),
+        "f, paper's": friction,
         "Phi, paper's": f"{answer.cost:.4g} +- {answer.delta:.2g}{force_alone}",
     }
-
-
-def _friction(answer: PaperAnswer) -> str:
-    case = "no slip" if answer.friction is None else f"{answer.friction:.3g}"
-    if FRICTION not in answer.surfaces[0].fit.box.names or answer.friction_told:
-        return case
-    return f"{case}, as the data do not constrain it"
 
 
 def paper_warnings(answer: PaperAnswer) -> list[str]:

@@ -68,10 +68,7 @@ class SlowDynamics(ResultViews):
 
     @property
     def sentence(self) -> str:
-        """The number of branches in words.
-
-        No branch is needed if a curve of the strain fits equally well.
-        """
+        """The number of branches in words. No branch is needed if a curve of the strain fits equally well."""
         best = self.comparison.best
         return self.comparison.sentence if best.name == CURVE else self.verdict.sentence
 

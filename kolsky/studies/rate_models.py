@@ -278,22 +278,11 @@ def joint_models(slow: Slow, branches: int) -> list[tuple[str, RelaxationKind, i
 
 
 def compare_joint(results: Mapping[str, JointResult]) -> ModelComparison:
-    """Compare models identified from the same shots and slow tests.
-
-    Each is compared with an elastic model.
+    """Compare models identified from the same shots and slow tests with an elastic model.
 
     Each result contains its criteria minus those of the elastic model on the same data, with the mesh error
-    (`kolsky.inverse.joint_result.ModelChoice`). The elastic deviance is therefore 0 here.
-
-    Parameters
-    ----------
-    results
-        Joint identifications by the name of the relaxation.
-
-    Raises
-    ------
-    ValueError
-        If a result was made without the comparison, or if the results do not use the same values.
+    (`kolsky.inverse.joint_result.ModelChoice`). The elastic deviance is therefore 0 here. ``results``: by the
+    name of the relaxation. Raises ValueError if one was made without the comparison or with other values.
     """
     found: list[Candidate] = []
     sizes = []

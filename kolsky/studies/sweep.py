@@ -271,9 +271,7 @@ def least_run(table: DesignTable) -> int | None:
 
 
 def least_misfit(result: Sweep) -> dict[str, Any]:
-    """The completed run with the smallest Phi, and its parameters in SI.
-
-    Without an outline, with the smallest Phi_F.
+    """The completed run with the smallest Phi (without an outline, Phi_F), and its parameters in SI.
 
     Values are None if no run completed.
     """

@@ -196,9 +196,7 @@ def measure_outline(quantities: Specification, truth: Truth, *, shot: int) -> Ou
 
 
 def free_outline(surface: SurfaceHistory, frame: int) -> tuple[FloatArray, FloatArray]:
-    """Height and radius of the free side surface in one frame [m].
-
-    They form a fine curve with ascending heights.
+    """Height and radius of the free side surface in one frame [m], with ascending heights.
 
     Nodes on a platen are left out, except the last one on each side. Between nodes, the curve is a cubic
     spline over the node index.

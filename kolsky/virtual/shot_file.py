@@ -249,13 +249,10 @@ def si_texts(record: object, *names: str) -> dict[str, Any]:
 
 
 def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -> Path:
-    """Write the specification of a shot, and its flyer's path.
+    """Write the specification of a shot, and its flyer's path; returns the specification's file.
 
-    Returns the specification's file.
-
-    ``shot``: a loaded shot with a flyer, an outline and a force channel. ``folder``: output folder.
-    ``answer``: identified parameters by name. Missing ones have the shot file's values, and the stiffness
-    factor is 1.
+    ``shot``: with a flyer, an outline and a force channel. ``answer``: identified parameters by name. Missing
+    ones have the shot file's values, and the stiffness factor is 1.
     """
     flyer, force, line = shot.flyer, shot.force, shot.centre_line
     if not isinstance(flyer, FlyerMotion) or not isinstance(force, ForceChannel) or line is None:
@@ -341,8 +338,7 @@ def declared_sizes(uncertainty: Mapping[str, float]) -> dict[str, str | float]:
 def yeoh_of(curve: MaterialCurve) -> tuple[dict[str, float], float]:
     """Yeoh's law through a curve: constants divided by the shear modulus, and the shear modulus [Pa].
 
-    The method is non-negative least squares in the stress, weighted by its sigma. The law is linear in its
-    constants.
+    The law is linear in its constants: non-negative least squares in the stress, weighted by its sigma.
     """
     lam = curve.stretch
     x = lam**2 + 2.0 / lam - 3.0

@@ -95,11 +95,7 @@ def maximum_likelihood(
     parts: FloatArray | None = None,
     shared: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Log noise scales, and log tau at the control points, of largest marginal likelihood.
-
-    Returns: log of noise over declared sigma, at least 0, and logs of the further parts, shape [n_parts].
-    Then log tau at the control points, shape [n_controls].
-    """
+    """Log noise scales [n_parts], >= 0, and log tau [n_controls] of largest marginal likelihood."""
     # Highest tau: the whole travel within a frame. Lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
     n, n_parts = hats.shape[1], 1 if parts is None else parts.shape[1]

@@ -220,14 +220,10 @@ def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:
 
 
 def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[History, History, History]:
-    """Nominal compression, its rate and its second derivative for one moving face.
+    """Nominal compression [-], its rate and its second derivative for one face that moves along a path.
 
-    The other face is at rest.
-
-    ``path``: the moving face, toward the specimen; at rest before the path's start. ``time``: times, not
-    after the path's end [s], shape [n]. ``length``: length of the specimen before the test [m]. Returns: in
-    [-], [1/s] and [1/s^2]. Raises ValueError if the length is not positive, or if a time is after the path's
-    end.
+    The other face is at rest. ``time``: times, not after the path's end [s]. ``length``: of the specimen
+    before the test [m].
     """
     if not length > 0.0:
         raise ValueError(f"length is {length:g} m, must be > 0 m")

@@ -24,11 +24,7 @@ _ROLL_OFF = 0.2
 
 
 def windowed(signal: Signal, window: tuple[float, float]) -> Signal:
-    """The signal within a window. Outside, half-cosines over a fiftieth of the window fade it to zero.
-
-    ``signal``: the signal. Samples inside the window do not change. ``window``: first and last time on the
-    shot's clock [s].
-    """
+    """The signal within a window [s]. Outside, half-cosines over a fiftieth of it fade it to zero."""
     first, last = window
     if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
         raise ValueError(

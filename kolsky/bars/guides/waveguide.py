@@ -284,14 +284,11 @@ def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
 
 
 def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
-    """Axial strain averaged over the section, divided by that on the surface [-].
-
-    Gauges are bonded to the surface.
+    """Axial strain averaged over the section, divided by that on the surface with the gauges [-].
 
     This is the factor M1 of Tyas and Watson (2001). Their M2 is the mean stress divided by E times the mean
     strain. It equals (c / c0)^2, which follows from the balance of axial momentum at a free surface.
-
-    ``frequency``: omega a / c0 [-], real or complex. ``poisson``: Poisson's ratio, in [0, 0.5).
+    ``frequency``: omega a / c0 [-], real or complex.
     """
     if not poisson > 0.0:
         raise ValueError("without Poisson's ratio the mean strain is that of the surface")

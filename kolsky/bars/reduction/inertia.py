@@ -128,9 +128,7 @@ def correct_axial_inertia(
 ) -> tuple[History, Correction]:
     """Mean nominal stress along the specimen from that at its resting back face, see `axial_stress`.
 
-    ``back_stress``: nominal stress at the transmission side (one wave) [Pa]. ``second``: second derivative of
-    the nominal compression [1/s^2]. ``apply``: False returns the stress unchanged. Raises ValueError if
-    shapes differ.
+    ``back_stress``: by one wave [Pa]. ``second``: second derivative of the nominal compression [1/s^2].
     """
     _one_shape(back_stress.value, (second,))
     rho, length = specimen.density, specimen.length
@@ -231,13 +229,10 @@ def inertial_stress(reduction: Reduction, specimen: Specimen, motion: SpecimenMo
 def corrections_that_act(
     reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], switches: Switches, *, share: float
 ) -> dict[str, str]:
-    """The entries of `KEYS` that are applied: key -> reason.
+    """The entries of `KEYS` that are applied: key -> reason, which begins with "on" or "off".
 
-    Without a given switch, a correction is on for a soft specimen.
-
-    ``reduction``: the reduction before these corrections. ``specimen``: the specimen before the test.
-    ``share``: share of the stress above which inertia is significant [-]. A specimen that reaches it is soft.
-    Returns: an entry for each key of `KEYS`. The reason begins with "on" or "off".
+    Without a given switch, a correction is on for a soft specimen: one in which inertia reaches the share of
+    the stress. ``reduction``: before these corrections.
     """
     part = inertial_share(reduction, specimen, bars)
     size = f"inertia reaches {100.0 * part:.2g} % of the largest stress, the limit is {100.0 * share:g} %"
@@ -255,10 +250,9 @@ def corrections_that_act(
 def correct_inertia(
     reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], acts: Mapping[str, str]
 ) -> tuple[Reduction, tuple[Correction, ...]]:
-    """The stresses corrected for the inertia of the specimen, if the switches are on.
+    """The stresses corrected for the inertia of the specimen, if the switches are on, and the log.
 
-    ``specimen``: the specimen before the test; its density is used. Returns: both entries of the log, applied
-    or not. Their sizes are those of the stress by three waves.
+    Both entries are in the log, applied or not. Their sizes are those of the stress by three waves.
     """
     motion = specimen_motion(reduction, bars)
     strain = reduction.strain[WAY]
@@ -291,9 +285,7 @@ def valid_span(
 ) -> Validity:
     """The span in which imbalance and uncorrected inertia stay within a share of the stress.
 
-    ``reduction``: the reduction before corrections of inertia, compression positive. ``specimen``: the
-    specimen before the test. ``bars``: the bars by side. ``share``: the share [-]. ``tension``: True for a
-    tension test.
+    ``reduction``: before corrections of inertia, compression positive.
     """
     sign = -1.0 if tension else 1.0
     added = sign * inertial_stress(reduction, specimen, specimen_motion(reduction, bars))
@@ -313,12 +305,11 @@ SIDES = ("incident", "transmission")
 
 
 def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
-    """Acceleration of a face with a known path, by image correlation or from bar waves.
+    """Acceleration of a face with a known path and its standard uncertainty [m/s^2].
 
-    ``path``: smooth path from rest. It is from `kolsky.bars.flyer.path.fit_flyer`, or from
-    `kolsky.bars.flyer.front_path.front_path` for the interface velocity of bar waves. ``time``: times, not
-    after the path's end [s], shape [n]. Before the path's start the face is at rest. Returns: acceleration
-    and its standard uncertainty [m/s^2]. Raises ValueError if a time is after the path's end.
+    The path is from `kolsky.bars.flyer.path.fit_flyer`, or from `kolsky.bars.flyer.front_path.front_path` for
+    the interface velocity of bar waves. ``time``: times, not after the path's end [s]. Before the path's
+    start the face is at rest.
     """
     t = np.asarray(time, dtype=np.float64)
     moving = t >= path.start
@@ -337,15 +328,11 @@ def compensate_mass(
     apply: bool = True,
     source: str = "the face's motion",
 ) -> tuple[History, Correction]:
-    """Force on the specimen from that at a gauge, with a moving mass between them.
+    """Force on the specimen from that at a gauge, with a moving mass between: ``F = F_gauge - m a``.
 
-    ``F = F_gauge - m a`` in front of the specimen.
-
-    ``time``: times of the histories on one clock [s], shape [n], increasing. ``force``: force at the gauge
-    [N]. ``acceleration``: acceleration of the mass in the direction of the incident wave [m/s^2]. ``mass``:
-    mass between the sensing plane and the specimen [kg]. ``sigma_time``: standard uncertainty of the
-    acceleration's clock against the force's [s]. ``apply``: False returns the force unchanged. The correction
-    is still measured.
+    ``time``: times on one clock [s], shape [n]. ``acceleration``: of the mass in the direction of the
+    incident wave [m/s^2]. ``sigma_time``: standard uncertainty of its clock against the force's [s].
+    ``apply``: False returns the force unchanged. The correction is still measured.
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))

@@ -242,12 +242,7 @@ DATABASE_FORMAT = "kolsky bar test, version 1"
 
 
 def write_database(path: Path, result: WavesResult) -> Path:
-    """Write metadata as lines "# key: value", then the table of the reported analysis.
-
-    Returns the path.
-
-    ``path``: path of the file. An existing file is replaced atomically.
-    """
+    """Write metadata as lines "# key: value", then the table of the reported analysis; returns the path."""
     with replacing(Path(path)) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         for key, value in metadata(result).items():
             file.write(f"# {_one_line(key)}: {_one_line(value)}\n")

@@ -148,11 +148,10 @@ def _at_face(
 
 
 def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
-    """A signal's values at ``start + k * interval``, band-limited between its samples.
+    """A signal's values at ``start + k * interval`` [s], band-limited between its samples, shape [count].
 
-    ``start``: time of the first value [s]. A fraction of a sample is applied as a phase shift in the Fourier
-    transform of the samples. Before this, the line through their ends is subtracted, and `GUARD` samples are
-    added on both sides. ``count``: number of values. Returns: values in the signal's unit, shape [count].
+    A fraction of a sample is applied as a phase shift in the Fourier transform of the samples. Before this,
+    the line through their ends is subtracted, and `GUARD` samples are added on both sides.
     """
     place = (start - signal.start) / signal.interval
     whole = round(place)

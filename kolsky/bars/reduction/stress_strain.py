@@ -212,9 +212,7 @@ def hencky_strain(strain: History) -> History:
 def cauchy_stress(stress: History, strain: History) -> History:
     """True stress of a specimen of constant volume, compression positive: s (1 - e), Eq. (R.14).
 
-    A compressed specimen is wider, and its true stress is smaller than the nominal one. A stretched specimen
-    is thinner. Barrelling and necking are not considered. The sigma assumes that the two noises are
-    independent.
+    Barrelling and necking are not considered. The sigma assumes that the two noises are independent.
     """
     left = _stretch(strain)
     sigma = np.sqrt((left * stress.sigma) ** 2 + (stress.value * strain.sigma) ** 2)
@@ -299,11 +297,8 @@ def correct_punching(
     Eq. (R.16): e - (C1 F1 + C2 F2) / L, with the forces of the analysis: F2 twice for one wave, F1 twice for
     two, both for three. The difference quotient of the same term is subtracted from the rate. It is taken
     over the time of a wave across the bar's diameter. Over shorter times, the indentation is not
-    quasi-static. The velocities of the faces remain those of one-dimensional theory.
-
-    ``reduction``: the reduction. ``incident_bar``, ``transmission_bar``: the bars. ``apply``: False returns
-    the reduction unchanged, with the correction for comparison. Returns: the correction's sizes are changes
-    of the nominal strain by three waves.
+    quasi-static. The velocities of the faces remain those of one-dimensional theory. ``apply``: False returns
+    the reduction unchanged. The sizes of the correction are changes of the nominal strain by three waves.
     """
     C1 = punching_compliance(incident_bar, specimen.radius)
     C2 = punching_compliance(transmission_bar, specimen.radius)

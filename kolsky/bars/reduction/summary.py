@@ -350,9 +350,7 @@ def span_quantities(summary: Summary) -> list[Quantity]:
 
 
 def with_both_sides(budget: Budget) -> Budget:
-    """The budget.
-
-    The contribution to a result is the root mean square of its changes to either side.
+    """The budget with the root mean square of the changes to either side as contributions.
 
     Let c be the central difference and b the second difference. Over one standard uncertainty, the value
     changes by c + b and by b - c, in the mean square by c^2 + b^2. If two waves are shifted relative to each

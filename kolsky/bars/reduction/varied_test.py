@@ -233,10 +233,7 @@ class VariedTest:
         return reduction, (punching, *inertia)
 
     def span(self, reduction: Reduction, faces: FaceWaves, values: Mapping[str, float]) -> Span | None:
-        """Span of the means of a varied reduction.
-
-        The values of the budget's inputs shift its ends.
-        """
+        """Span of the means of a varied reduction. The values of the budget's inputs shift its ends."""
         return find_span(
             reduction,
             analysis=self.given.analysis,

@@ -226,17 +226,12 @@ def first_rise(
     level: float | None = None,
     smallest: float = 0.0,
 ) -> FirstRise | None:
-    """Time at which the rising flank of the largest pulse crosses a low level.
+    """Time at which the rising flank of the largest pulse crosses a low level; None if it does not.
 
     The averaged signal first exceeds `HALF` of its largest value on the pulse's flank. From this point, the
     flank is followed down to the level. A foot of a different slope, such as the elastic rise of a specimen
-    that then flows, is also followed. There is no extrapolation.
-
-    ``signal``: the signal without its baseline. ``sign``: +1 for a pulse of positive values, -1 for negative
-    ones. ``average``: averaging time [s], > 0. ``after``, ``before``: the pulse is searched between these
-    times [s]. ``level``: the level, > 0; default: `low_level` of the largest value. ``smallest``: the largest
-    value of a pulse must exceed this, in the signal's unit. Returns: None if the signal does not exceed the
-    level.
+    that then flows, is also followed. There is no extrapolation. Arguments are those of `find_arrival`.
+    ``level``: default: `low_level` of the largest value.
     """
     width = max(1, round(average / signal.interval))
     smooth = sign * moving_mean(signal.value, width)

@@ -66,10 +66,7 @@ def estimate_noise(value: FloatArray, *, freedom_lost: int = 1) -> Noise:
 
     The sample autocorrelation has the divisor n and is therefore that of a noise. It is tapered by a Parzen
     window over four times the reach at which its sum settles (Sokal 1997: five correlation times), at most
-    half of the record.
-
-    ``value``: residuals at rest, shape [n], n >= 8. ``freedom_lost``: number of parameters fitted for the
-    residuals. Raises ValueError if there are fewer than 8 samples, or if all are zero.
+    half of the record. ``value``: residuals at rest of a fit of `freedom_lost` parameters, shape [n], n >= 8.
     """
     n = value.size
     if n < 8:
@@ -145,10 +142,7 @@ class SignalZero:
         return abs(self.slope) > limit * self.slope_sigma
 
     def line(self, time: FloatArray) -> FloatArray:
-        """The drift relative to the baseline's middle, at any time [unit].
-
-        It is zero in the middle.
-        """
+        """The drift relative to the baseline's middle, at any time [unit]. It is zero in the middle."""
         return self.slope * (time - 0.5 * (self.first + self.last))
 
 
@@ -202,16 +196,12 @@ def measure_signal_zero(
 
 
 def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, float]) -> None:
-    """Raise ValueError if the baseline contains part of a pulse.
+    """Raise ValueError, with the time at which the rest ends, if the baseline contains part of a pulse.
 
-    Means over `width` samples are compared with their median. The signal is not at rest if two successive
-    means, or the last one, deviate by more than `REST` times their median deviation. Noise, hum and a steady
-    drift are accepted, because the median deviation contains them.
-
-    ``value``: samples of the baseline, shape [n]. ``width``: number of samples per mean, >= 1. It covers the
-    fastest rise of a pulse. ``name``: name of the signal, for messages. ``times``: first and last time of the
-    baseline [s], for messages. Raises ValueError if the signal is not at rest. The message gives the time at
-    which the rest ends.
+    Means over `width` samples, the fastest rise of a pulse, are compared with their median. The signal is not
+    at rest if two successive means, or the last one, deviate by more than `REST` times their median
+    deviation. Noise, hum and a steady drift are accepted, because the median deviation contains them.
+    ``times``: first and last time of the baseline [s].
     """
     count = value.size // width
     if count < _FEWEST_BLOCKS:
@@ -235,9 +225,7 @@ def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, 
 
 
 def quantisation_step(value: FloatArray) -> float:
-    """Distance of neighbouring codes: the median gap of the distinct values.
-
-    It is 0 if most samples are distinct.
+    """Distance of neighbouring codes: the median gap of the distinct values; 0 if most are distinct.
 
     If the codes are far finer than the noise, a short record does not show them. They then have no effect.
     """
@@ -248,16 +236,12 @@ def quantisation_step(value: FloatArray) -> float:
 
 
 def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_scale: float | None) -> None:
-    """Check that a signal stayed within the recorder's range.
+    """Raise ValueError if a signal left the recorder's range, with the first such sample.
 
-    With a full scale, no sample may reach it. Without a full scale, a signal is clipped under two conditions.
-    Its largest or smallest value occurs in at least 8 successive samples, and in three times as many as any
-    value of the baseline. Noise does not disappear at the top of a pulse.
-
-    ``value``: recorded samples with their offset, shape [n]. ``baseline``: of the same samples. ``name``:
-    name of the signal, for messages. ``full_scale``: largest magnitude that the recorder can show, in the
-    unit of `value`; None if unknown. Raises ValueError if a sample is clipped. The message gives the first
-    such sample.
+    With a full scale, no sample may reach it. Without a full scale (None), a signal is clipped under two
+    conditions. Its largest or smallest value occurs in at least 8 successive samples, and in three times as
+    many as any value of the baseline. Noise does not disappear at the top of a pulse. ``value``: recorded
+    samples with their offset, shape [n].
     """
     if full_scale is not None:
         if not full_scale > 0.0:
@@ -349,10 +333,9 @@ def drift_quantities(gauge: str, strength: float, length: float) -> list[Quantit
 
 
 def drift_at(time: FloatArray, end: float, length: float, amplitudes: FloatArray) -> FloatArray:
-    """Drift after the baseline's end for amplitudes of its modes, shape [n]. It is zero before.
+    """Drift after the baseline's end [s] for amplitudes of its modes, shape [n]. It is zero before.
 
-    ``time``: times [s], shape [n]. ``end``: the baseline's last time [s]. ``length``: as for
-    `drift_quantities`. ``amplitudes``: one per mode, shape [MODES].
+    ``length``: as for `drift_quantities`.
     """
     t = np.clip((time - end) / length, 0.0, 1.0)
     k = np.arange(1, amplitudes.size + 1)

@@ -67,14 +67,8 @@ class Front:
 def dissect(centres: FloatArray, components: IntArray, count: int) -> list[Front]:
     """Fronts in the order of elimination, children before parents.
 
-    Parameters
-    ----------
-    centres : array, shape [m, d]
-        Centres of the cells [m].
-    components : array, shape [m, k d]
-        Unknown of each component of a cell; -1 for a held component.
-    count : int
-        Number of unknowns.
+    ``centres``: of the cells [m], shape [m, d]. ``components``: unknown of each component of a cell, -1 for a
+    held one, shape [m, k d]. ``count``: number of unknowns.
     """
     leaf_cells = max(1, LEAF_COMPONENTS // components.shape[1])
     order, ranges, children = _bisect(centres, leaf_cells)
@@ -229,10 +223,7 @@ class Assembly:
         ]
 
     def start(self, elements: FloatArray, *, lower: bool) -> "Assembled":
-        """Start with the element matrices [m, k d, k d].
-
-        `lower`: only lower triangles are filled.
-        """
+        """Start with the element matrices [m, k d, k d]. `lower`: only lower triangles are filled."""
         p, q = self.shapes[:, 0].astype(np.int64), self.shapes[:, 1].astype(np.int64)
         sizes = np.stack([p * p, p * q, np.zeros_like(p) if lower else p * q], axis=1)
         starts = np.concatenate([[0], np.cumsum(sizes)])
@@ -269,10 +260,7 @@ class Assembled:
         self._sizes, self._at = sizes.tolist(), at.tolist()
 
     def front(self, number: int) -> Blocks:
-        """Blocks of a front.
-
-        F22 is read when its parent is requested, and may then be overwritten.
-        """
+        """Blocks of a front. F22 is read when its parent is requested, and may then be overwritten."""
         (p, q), (at_11, at_21, at_12, at_22) = self._sizes[number], self._at[number]
         F22 = _block(self._left, at_22, q, q)
         F22.fill(0.0)
@@ -318,10 +306,7 @@ class _Substitution:
         self._kernel: Any = substitution_kernel(wp.dtype_from_numpy(kept.dtype))
 
     def solve(self, x: FloatArray) -> None:
-        """Solve L L^T x = b in place, shape [n].
-
-        The unknowns are in the order of elimination.
-        """
+        """Solve L L^T x = b in place, shape [n]. The unknowns are in the order of elimination."""
         inputs = [*self._given, _warp_array(x), _warp_array(self._scratch)]
         wp.launch(self._kernel, 1, inputs=inputs, device="cpu")
 

@@ -42,10 +42,7 @@ class Hierarchy:
         self._first: dict[float, int] = {}
 
     def preconditioner(self, matrix: csr_array) -> LinearOperator:
-        """The preconditioner of the hierarchy.
-
-        If there is no hierarchy, it is made from this matrix.
-        """
+        """The preconditioner of the hierarchy. If there is no hierarchy, it is made from this matrix."""
         if self._levels is None:
             try:
                 from pyamg import smoothed_aggregation_solver

@@ -439,11 +439,8 @@ def range_drift(
 
     With J_S and r_S the rows of a range, d = -(J_S^T J_S)^-1 J_S^T r_S is the change to the optimum of this
     range. For a correct law its covariance is V = s^2 [(J_S^T J_S)^-1 - (J^T J)^-1]. The excess is d_j^2 -
-    k^2 V_jj with k = 2.
-
-    ``jacobian``: divided by standard deviations, shape [m, n]. ``residual``: at the optimum of all rows,
-    divided in the same way, shape [m]. ``ranges``: numbers of rows. ``excess``: s^2, variance of the residual
-    over the declared one.
+    k^2 V_jj with k = 2. ``jacobian`` [m, n] and ``residual`` [m] are divided by standard deviations;
+    ``excess``: s^2.
     """
     n = jacobian.shape[1]
     whole = np.linalg.pinv(jacobian.T @ jacobian)

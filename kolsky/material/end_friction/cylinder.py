@@ -17,13 +17,10 @@ face."""
 
 
 def half_cylinder(radius: float, height: float, n_radial: int, n_axial: int) -> Mesh:
-    """Biquadratic elements between mid-height (z = 0) and the upper face. The lower half has the same number.
+    """Biquadratic elements between mid-height (z = 0) and the upper face at `height` [m].
 
-    The sets are "left" (axis), "right" (side), "bottom" (mid-height) and "top" (face), each in the order of
-    its coordinate.
-
-    ``radius``, ``height``: undeformed radius, and half of the undeformed length [m]. ``n_radial``,
-    ``n_axial``: elements across the radius and along the half length.
+    The lower half has the same number. The sets are "left" (axis), "right" (side), "bottom" (mid-height) and
+    "top" (face), each in the order of its coordinate.
     """
     if not (radius > 0.0 and height > 0.0):
         raise ValueError(f"radius and height must be > 0 m, got {radius} and {height}")

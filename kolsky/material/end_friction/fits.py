@@ -189,10 +189,8 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptim
 def model_weights(found: list[ModelOptimum], test: MeasuredSpecimen) -> FloatArray:
     """Weights of the models: exp(-BIC / 2), Eq. (N.2).
 
-    The noise is that of the best model's misfit if it is larger.
-
     With n residuals, k unknowns and S = chi2, the criterion is S / v + k ln n, where v = max(1, S_best / (n -
-    k)).
+    k)): the noise is that of the best model's misfit if it is larger.
     """
     criteria = bic(found, test)
     likelihood = np.exp(-0.5 * (criteria - criteria.min()))

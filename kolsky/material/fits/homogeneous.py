@@ -116,10 +116,9 @@ def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) ->
 def compressible_stress(
     law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike
 ) -> FloatArray:
-    """Nominal stress of a compressible solid with free faces without stress, Eq. (Q.4).
+    """Nominal stress of a compressible solid with free faces without stress [Pa], Eq. (Q.4).
 
-    ``deformation``: stretch along the load, or amount of shear [-], shape [...]. Returns: nominal stress,
-    tension-positive [Pa].
+    ``deformation``: stretch along the load, or amount of shear [-], shape [...].
     """
     if mode is Mode.SIMPLE_SHEAR:
         return incompressible_stress(law, mode, deformation)

@@ -205,9 +205,7 @@ declared."""
 
 
 def turning_point(strain: FloatArray) -> int | None:
-    """Index of the last point before a strain reverses over its previous range.
-
-    None if it does not.
+    """Index of the last point before a strain reverses over its previous range; None if it does not.
 
     A strain is monotonic if it never reverses by more than `TURNED_BACK` of its range. A compression followed
     by a tension in one file jumps back, but has fewer than three points in the previous range.

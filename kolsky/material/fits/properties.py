@@ -74,10 +74,9 @@ def youngs_modulus(strain: FloatArray, stress: FloatArray) -> Measured | None:
 
 
 def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
-    """Slope of -ln(lateral stretch) over ln(stretch) through rest.
+    """Slope of -ln(lateral stretch) over ln(stretch) through rest [-], with its standard error.
 
-    Returns: ratio [-] with the regression's standard error. None with fewer than `FEWEST` points away from
-    rest.
+    None with fewer than `FEWEST` points away from rest.
     """
     x, y = np.log(stretch), -np.log(lateral)
     away = x != 0.0

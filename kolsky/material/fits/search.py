@@ -138,10 +138,7 @@ class Residuals:
         return lateral + sum(int(np.count_nonzero(factor)) for factor in self.counted)
 
     def build(self, unknowns: FloatArray) -> AnyLaw:
-        """The law for given unknowns.
-
-        Raises ValueError if they give no valid law.
-        """
+        """The law for given unknowns. Raises ValueError if they give no valid law."""
         values = dict(self.held)
         values.update({spec.name: float(x) for spec, x in zip(self.free, unknowns * self.units, strict=True)})
         values.pop(_FREE_POISSON.name, None)

@@ -406,11 +406,10 @@ def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
 def dynamic_modulus(
     *, factor: float, sigma_factor: float, young: float, strain: float, duration: float, label: str
 ) -> ApparentModuli:
-    """The point of a shot: E_a,dyn = m E_a,qs, Eq. (M.1).
+    """The point of a shot: E_a,dyn = m E_a,qs [Pa], Eq. (M.1).
 
-    ``factor``, ``sigma_factor``: the identified m and its standard uncertainty [-]. ``young``: E_a,qs of the
-    curve that m multiplies [Pa]. ``strain``: largest nominal strain in the window, tension-positive [-].
-    ``duration``: length of the window [s]. The age of the strain is half of it.
+    ``strain``: largest nominal strain in the window, tension-positive [-]. ``duration``: length of the window
+    [s]. The age of the strain is half of it.
     """
     for name, value in (("duration", duration), ("young", young), ("factor", factor)):
         if not 0.0 < value < np.inf:

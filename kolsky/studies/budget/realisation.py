@@ -112,12 +112,10 @@ WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> FloatArray:
-    """Changes of the re-fits by one standard uncertainty of each source, shape [k, c].
+    """Changes of the re-fits by one standard uncertainty of each source, shape [k, columns].
 
-    The change is zero for the noise, and for a source with a node that gave no answer.
-
-    ``factors``: sources of error, length k. ``alone``: runs of `design` from row 1 on. ``columns``: number c
-    of the parameters in a record.
+    The change is zero for the noise, and for a source with a node that gave no answer. ``alone``: runs of
+    `design` from row 1 on.
     """
     found, at = np.zeros((len(factors), columns)), 1
     for i, factor in enumerate(factors):

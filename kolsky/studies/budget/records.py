@@ -39,13 +39,9 @@ class JointShares:
 
 
 def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray) -> FloatArray:
-    """Intervals of shares u_i^2 / sum u^2.
+    """95 % intervals of shares u_i^2 / sum u^2 by bootstrap, shape [k, 2]; NaN if u is NaN.
 
-    One u is a standard deviation of a few values.
-
-    ``u``: standard uncertainties, shape [k]. Those that are NaN have no part. ``drawn``: index of the u that
-    is the standard deviation of `values`. ``values``: the draws, shape [n]. Returns: 95 % intervals by
-    bootstrap, shape [k, 2]; NaN if u is NaN.
+    ``drawn``: index of the u that is the standard deviation of the few `values`.
     """
     rng = np.random.default_rng(1)
     again = values[rng.integers(len(values), size=(RESAMPLES, len(values)))].var(axis=1, ddof=1)
@@ -234,11 +230,7 @@ def slope_half_width(rates: FloatArray, sigma: float) -> float:
 
 
 def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) -> Campaign:
-    """The smallest number of shots, half at each of two rates, for a requested uncertainty of the slope.
-
-    ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: requested expanded uncertainty of the
-    slope per decade, 95 % [-]. ``sigma``: result of `shot_sigma` [-].
-    """
+    """The smallest number of shots, half at each of two rates [1/s], for a wanted U of the slope [-]."""
     if not 0.0 < lowest < highest < np.inf:
         raise ValueError(f"rates must be > 0 and ascend, got {lowest:g} and {highest:g} 1/s")
     if not wanted > 0.0:

@@ -352,10 +352,9 @@ class Slope:
 
 
 def rate_trend(part: FloatArray, rates: FloatArray) -> FloatArray:
-    """The part of an error proportional to the logarithm of the rate, shape [n].
+    """The part of an error proportional to the logarithm of the rate [1/s], shape [n].
 
-    ``part``: error of each value if it is completely common, shape [n]. ``rates``: rates [1/s], shape [n].
-    The trend has a root mean square of one over the shots.
+    ``part``: error of each value if it is completely common. The trend has a root mean square of one.
     """
     x = np.log10(rates) - np.log10(rates).mean()
     size = float(np.sqrt(np.mean(x**2)))
