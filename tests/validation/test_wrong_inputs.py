@@ -11,7 +11,7 @@ from populations.wrong_input_rows import CURVE, RIGHT, ROWS, VOLTAGE
 from populations.wrong_inputs import judged, summary, table
 
 RESULTS = Path(__file__).parents[2] / "populations" / "results"
-COMMITTED = [RESULTS / name for name in ("wrong_inputs.json", "wrong_inputs_34127.json")]
+COMMITTED = [RESULTS / name for name in ("wrong_inputs.json", "wrong_inputs_felupe.json")]
 ALARMS = 2
 """Right shots of 80 that may be named or not called identified."""
 BY_NAME = {row.name: row for row in ROWS}
