@@ -126,7 +126,8 @@ def summary(jobs: list[dict[str, Any]]) -> dict[str, float]:
 
     "first", "first two": shares with the correct cause at this rank, including rejections that report it;
     "confident": wrong answers without a reported cause; "harmless": shots that are excluded from the shares;
-    "right": number of correct shots; "alarms": number of these with an alarm.
+    "right": number of correct shots; "alarms": number of these with an alarm; "inside": number of these with
+    the truth inside k = 2.
     """
     rows = {row.name: row for row in ROWS}
     ends = [(rows[said["row"]], judged(rows[said["row"]], said)) for said in jobs]
@@ -143,6 +144,11 @@ def summary(jobs: list[dict[str, Any]]) -> dict[str, float]:
         "harmless": wrong.count("harmless"),
         "right": len(right),
         "alarms": right.count("alarm"),
+        "inside": sum(
+            abs(said["value"] - said["truth"]) <= 2.0 * said["sigma"]
+            for said in jobs
+            if said["row"].startswith(RIGHT) and not said["refused"]
+        ),
     }
 
 

@@ -550,8 +550,8 @@ def _stretched_runs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Tr
 
     A run with all times multiplied by s, all stresses and forces by 1 / s^2, and the damping by s is the run
     with the frames' times multiplied by s at the stiffness factor m / s^2. Its outline in the frames is
-    unchanged. If the rate is wrong, the answer follows the film, not the force's clock. No linear step leads
-    from there to the right phase of the force, but this one does.
+    unchanged. If the rate is wrong, the answer follows the film, not the force's clock. Linear steps end in
+    another valley of Poisson's ratio.
     """
     model, names = search.model, search.problem.box.names
     rate = [c for c in candidates if c.key == FRAME_RATE]

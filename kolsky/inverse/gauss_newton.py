@@ -132,7 +132,13 @@ class RefinedRun:
         return step if size <= reach else np.asarray(step * (reach / size))
 
     def moved_by_step(self, slope: FloatArray, box: Box) -> RefinedRun:
-        """The linear model at the optimum estimated from the run. ``slope``: of the step, shape [k, d]."""
+        """The linear model at the optimum estimated from the run.
+
+        The pace corrects the parameters only: the step's slopes give the change of the data, and the pace the
+        parameters that cause it.
+
+        ``slope``: of the step, shape [k, d].
+        """
         x = np.clip(self.x + self.corrected_step, *_box_bounds(box))
         return replace(self, x=x, vector=self.vector + slope @ self.step.change)
 

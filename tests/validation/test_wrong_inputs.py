@@ -70,7 +70,7 @@ def test_a_summary_has_shares_of_what_matters() -> None:
         said(half.name, value=1.0, sigma=0.01),  # harmless
         said(CURVE),  # no share of it
     ]
-    right = [said(RIGHT), said(RIGHT, "specimen.length")]
+    right = [said(RIGHT), said(RIGHT, "specimen.length", value=1.021)]  # of 1 ± 0.02
     assert summary([*wrong, *right]) == {
         "wrong": 4,
         "first": 0.5,
@@ -79,6 +79,7 @@ def test_a_summary_has_shares_of_what_matters() -> None:
         "harmless": 1,
         "right": 2,
         "alarms": 1,
+        "inside": 1,
     }
     assert summary([said(half.name, value=1.5, sigma=0.01)])["confident"] == 1
 
