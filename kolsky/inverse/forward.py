@@ -392,7 +392,7 @@ class Forward:
         model = replace(self.model(numerics, sliding=any_slides(points)), relaxation=relaxing)
         sampling = replace(self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY)
         stepping = explicit.Stepping(
-            safety=numerics.safety, precision=numerics.precision, max_steps=self.most_steps
+            safety=numerics.safety, precision=numerics.precision or "fp64", max_steps=self.most_steps
         )
         return explicit.Problem(model, samples, replace(sampling, all_nodes=all_nodes), stepping)
 

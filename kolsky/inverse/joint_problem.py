@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.least_squares import Whitening, least_squares
+from explicit.contact import contact_law
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.inverse.joint_result import Slow
 from kolsky.inverse.joint_runs import JointRuns, Unknowns, curve_bytes, smoothness
 from kolsky.inverse.objective import BLOCKS, FrontNoise, Objective, Prior
 from kolsky.inverse.observations import Observations
-from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.path_noise import drawn_modes, noise_of
 from kolsky.inverse.settings import JointSettings, Numerics
 from kolsky.inverse.slow_tests import slow_measured, slow_predicted
@@ -246,15 +247,23 @@ class JointProblem:
         known += max(self.unknowns.nodes - 2, 0)
         self.stack = Stack(tuple(shots), values, sigma, known)
 
-    @property
+    @cached_property
+    def slides(self) -> bool:
+        """True if a surface of the shots slides. Single runs then jump."""
+        faces = self.first.shot.interface
+        laws = [contact_law(faces.faces), contact_law(faces.side)]
+        freed = any_slides([*self.unknowns.bounds, *self.runs.held])
+        return freed or any(law.needs_friction for law in laws)
+
+    @cached_property
     def mesh(self) -> Numerics:
         """Numerics of the search."""
-        return self.settings.numerics
+        return self.settings.numerics if self.slides else self.settings.numerics.for_search()
 
     @property
     def refined(self) -> Numerics:
         """Numerics of the answer."""
-        return self.mesh.with_mesh(self.settings.refined_mesh)
+        return self.settings.numerics.with_mesh(self.settings.refined_mesh)
 
     def predict(self, stage: str, points: FloatArray, numerics: Numerics) -> FloatArray:
         """All predictions in one vector, shape [n, k]; NaN in the row of a point with a failed run."""

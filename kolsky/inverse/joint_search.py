@@ -25,7 +25,6 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, stdtrit
 
 from doe.least_squares import Whitening, bounded_step, secant
-from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import coarser_graded
 from kolsky.inverse.joint_problem import (
@@ -36,7 +35,7 @@ from kolsky.inverse.joint_problem import (
     information,
 )
 from kolsky.inverse.joint_result import Scatter, is_strength, rate_of
-from kolsky.inverse.parameters import MOVED, PARAMETERS, any_slides
+from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.settings import Numerics
 from kolsky.inverse.valleys import VALLEY, local_minima, valley_levels
 
@@ -249,21 +248,13 @@ def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
     converged, or the run on the graded mesh fails. The last case is reported with the mesh's part of the
     interval.
     """
-    if not (problem.settings.replicates and found.confirmed) or shots_slide(problem):
+    if not (problem.settings.replicates and found.confirmed) or problem.slides:
         return found
     numerics = coarser_graded(problem.mesh, problem.settings.refined_mesh)
     if np.isnan(problem.predict("noise", found.x[None], numerics)).any():
         return found
     problem.learn_noise(found.x, numerics)
     return replace(refined_optimum(problem, found.x, found.slopes), start=found.start)
-
-
-def shots_slide(problem: JointProblem) -> bool:
-    """True if a surface of the shots slides. Single runs then jump."""
-    faces = problem.first.shot.interface
-    laws = [contact_law(faces.faces), contact_law(faces.side)]
-    freed = any_slides([*problem.unknowns.bounds, *problem.runs.held])
-    return freed or any(law.needs_friction for law in laws)
 
 
 LARGEST = 0.5

@@ -320,7 +320,7 @@ class InverseProblem:
     @property
     def numerics(self) -> Numerics:
         """The numerical choices of the surrogate's mesh."""
-        return self.settings.numerics
+        return self.settings.numerics if self._is_rough else self.settings.numerics.for_search()
 
     @property
     def refined(self) -> Numerics:
@@ -328,8 +328,8 @@ class InverseProblem:
         a surface slides; runs with a correction for Poisson's ratio use other meshes.
         """
         if self._is_graded:
-            return graded(self.numerics, self.settings.refined_mesh)
-        return self.numerics.with_mesh(self.settings.refined_mesh)
+            return graded(self.settings.numerics, self.settings.refined_mesh)
+        return self.settings.numerics.with_mesh(self.settings.refined_mesh)
 
     @property
     def halfway(self) -> Numerics:
@@ -338,8 +338,11 @@ class InverseProblem:
 
     @property
     def _is_graded(self) -> bool:
-        sliding = rough(self.shot, [*self.freed.free, *self.settings.held])
-        return self.numerics.compressible is None and not sliding
+        return self.settings.numerics.compressible is None and not self._is_rough
+
+    @property
+    def _is_rough(self) -> bool:
+        return rough(self.shot, [*self.freed.free, *self.settings.held])
 
     @property
     def first(self) -> Numerics:

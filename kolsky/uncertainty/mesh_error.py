@@ -15,7 +15,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.inverse.forward import coarser_graded, graded
 from kolsky.inverse.joint_problem import JointProblem, Stack
-from kolsky.inverse.joint_search import Optimum, shots_slide
+from kolsky.inverse.joint_search import Optimum
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.runner import Runner
@@ -301,9 +301,10 @@ def _joint_graded(problem: JointProblem, found: Optimum) -> tuple[GradedChange |
     The change is None if a run fails. It is not computed if a surface slides (single runs jump), or if runs
     are corrected for Poisson's ratio (this uses other meshes).
     """
-    if shots_slide(problem) or problem.mesh.compressible is not None:
+    if problem.slides or problem.mesh.compressible is not None:
         return None, []
-    few, many = (mesh(problem.mesh, problem.settings.refined_mesh) for mesh in (coarser_graded, graded))
+    few = coarser_graded(problem.mesh, problem.settings.refined_mesh)
+    many = graded(problem.refined, problem.settings.refined_mesh)
     coarse, same = (problem.predict("check", found.x[None], numerics)[0] for numerics in (few, many))
     lost = [
         _joint_lost(problem, numerics, vector, is_graded=True)
