@@ -244,7 +244,7 @@ RUNS_OF_A_DESIGN = 64
 
 
 def compile_for(problem: InverseProblem, work: Work) -> None:
-    """Compile the solver in parallel for single runs, for a design and for the other element.
+    """Compile the solver in parallel for single runs, a design, the refined mesh and the other element.
 
     The first call on a machine takes some seconds (stage "compile"). Later calls do nothing.
     """
@@ -256,7 +256,7 @@ def compile_for(problem: InverseProblem, work: Work) -> None:
         return problem.prepared.forward.problem(columns, numerics)
 
     explicit.compile_time_loops(
-        [of(numerics, 1), of(numerics, RUNS_OF_A_DESIGN)],
+        [of(numerics, 1), of(numerics, RUNS_OF_A_DESIGN), of(problem.refined, 1)],
         also=[lambda: of(numerics.with_other_element(), 1)],
         device=numerics.device,
         threads=numerics.threads,

@@ -299,14 +299,9 @@ def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, Any] = {}
     stages_told: list[tuple[str, int, int]] = []
 
-    class Numerics(SimpleNamespace):
-        def with_other_element(self) -> "Numerics":
-            return Numerics(**{**vars(self), "element": "fbar"})
-
-    numerics = Numerics(device="cpu", threads=2, element="one_point")
-
     def problem(points: dict[str, Any], numerics: Numerics) -> tuple[Any, ...]:
-        return numerics.element, {name: value.tolist() for name, value in points.items()}
+        values = {name: value.tolist() for name, value in points.items()}
+        return numerics.element, numerics.precision, values
 
     def compiled(problems: Any, *, also: Any, device: str, threads: int, progress: Any) -> int:
         asked.update(problems=problems, also=[make() for make in also], device=device, threads=threads)
@@ -314,13 +309,16 @@ def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
         return 3
 
     monkeypatch.setattr(explicit, "compile_time_loops", compiled)
-    prepared: Any = SimpleNamespace(forward=SimpleNamespace(problem=problem))
-    freed = Freed(Settings(numerics=numerics, held={"damping": 2e-5}), by_default=False, reasons={})
+    shot = SimpleNamespace(interface=SimpleNamespace(faces="bonded", side="bonded"))
+    prepared: Any = SimpleNamespace(forward=SimpleNamespace(problem=problem, shot=shot))
+    settings = Settings(free={}, numerics=Numerics(threads=2), held={"damping": 2e-5})
+    freed = Freed(settings, by_default=False, reasons={})
     made = InverseProblem(prepared, freed, Box.of({"stiffness_factor": (0.5, 2.0)}), None)
     compile_for(made, Work(lambda *at: stages_told.append(at)))
     one = {"damping": [2e-5], "stiffness_factor": [0.5]}
     many = {name: value * RUNS_OF_A_DESIGN for name, value in one.items()}
-    assert asked["problems"] == [("one_point", one), ("one_point", many)]
-    assert asked["also"] == [("fbar", one)]
+    coarse = [("one_point", "fp32", one), ("one_point", "fp32", many)]
+    assert asked["problems"] == [*coarse, ("one_point", None, one)]  # the last is on the refined mesh
+    assert asked["also"] == [("fbar", "fp32", one)]
     assert (asked["device"], asked["threads"]) == ("cpu", 2)
     assert stages_told == [("compile", 1, 3)]

@@ -212,6 +212,7 @@ class Shot:
     """A prepared shot whose motion has a scale of its own; its runs only say what they were asked for."""
 
     observations = None
+    forward = SimpleNamespace(shot=SimpleNamespace(interface=SimpleNamespace(faces="bonded", side="bonded")))
 
     def __init__(self, lost: tuple[int, ...] = ()) -> None:
         self.lost, self.motion, self.material = lost, np.empty(0), np.empty(0)
@@ -231,7 +232,7 @@ class Shot:
 def runner(shot: Any, monkeypatch: pytest.MonkeyPatch) -> Runner:
     for module in (run_table, runner_module):
         monkeypatch.setattr(module, "predict", lambda rows, observations: rows)
-    settings, box = Settings(replicates=3), Box.of({"stiffness_factor": (0.5, 2.0)})
+    settings, box = Settings(free={}, replicates=3), Box.of({"stiffness_factor": (0.5, 2.0)})
     problem = InverseProblem(shot, Freed(settings, by_default=False, reasons={}), box, None)
     return Runner(problem, FrontPath(PATH), RunTable(box.names), Work(), np.random.default_rng(1))
 

@@ -13,7 +13,7 @@ from kolsky.uncertainty.mesh_error import joint_mesh_change
 SETTINGS = SimpleNamespace(refined_mesh=(32, 43))
 
 
-def problem(lost: dict[str, int], *, faces: str = "bonded") -> Any:
+def problem(lost: dict[str, int], *, slides: bool = False) -> Any:
     """Two shots with two entries each; `lost` says of which shot a mesh's or an element's run is lost."""
     vectors = {"(16, 22)": 1.0, "fbar": 3.0, "(20, 27)": 6.0, "(32, 43)": 5.0}
 
@@ -24,22 +24,15 @@ def problem(lost: dict[str, int], *, faces: str = "bonded") -> Any:
             row[2 * lost[key] : 2 * lost[key] + 2] = np.nan
         return row[None]
 
-    shots = [
-        SimpleNamespace(
-            name=name, interface=SimpleNamespace(faces=faces, side=faces, friction=0.3), window=(0.0, 1.0)
-        )
-        for name in ("slow", "fast")
-    ]
+    shots = [SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(name=n))) for n in ("slow", "fast")]
     return SimpleNamespace(
         mesh=Numerics(mesh=(16, 22)),
+        refined=Numerics(mesh=SETTINGS.refined_mesh),
+        slides=slides,
         settings=SETTINGS,
         predict=predict,
         stack=SimpleNamespace(parts=lambda vector: np.split(vector, 2)),
-        first=SimpleNamespace(shot=shots[0]),
-        unknowns=SimpleNamespace(bounds={"stiffness_factor": (0.5, 2.0)}),
-        runs=SimpleNamespace(
-            held={}, prepared=[SimpleNamespace(forward=SimpleNamespace(shot=shot)) for shot in shots]
-        ),
+        runs=SimpleNamespace(prepared=shots),
     )
 
 
@@ -77,7 +70,7 @@ def test_the_other_element_that_is_lost_is_said_and_graded_runs_stay() -> None:
 
 
 def test_sliding_shots_have_no_graded_runs_on_purpose() -> None:
-    change = joint_mesh_change(problem({"(32, 43)": 1}, faces="coulomb"), FOUND)
+    change = joint_mesh_change(problem({"(32, 43)": 1}, slides=True), FOUND)
     assert (change.graded, change.lost) == (None, ())
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from doe.least_squares import Whitening, secant
-from kolsky.base.apparatus import Interface
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse import joint_search
 from kolsky.inverse.joint_runs import Unknowns, kind_of, node_strains, smoothness, with_factors
@@ -51,16 +50,12 @@ class Made:
     """Two data, x + 1 and 2 x + 1 on an infinitely fine mesh; other meshes err, each by its own amount."""
 
     def __init__(
-        self, *, side: str = "bonded", replicates: int = 4, lost: tuple[int, int] | None = None
+        self, *, slides: bool = False, replicates: int = 4, lost: tuple[int, int] | None = None
     ) -> None:
-        interface = Interface(faces="bonded", side=side, friction=0.2)
-        self.first = SimpleNamespace(shot=SimpleNamespace(interface=interface))
+        self.slides = slides
         self.settings = SimpleNamespace(replicates=replicates, refined_mesh=REFINED)
         self.mesh, self.refined = NUMERICS, NUMERICS.with_mesh(REFINED)
-        self.unknowns = SimpleNamespace(
-            bounds={"stiffness_factor": None}, box=SimpleNamespace(lower=(-9.0,), upper=(9.0,))
-        )
-        self.runs = SimpleNamespace(held={})
+        self.unknowns = SimpleNamespace(box=SimpleNamespace(lower=(-9.0,), upper=(9.0,)))
         shot = SimpleNamespace(objective=SimpleNamespace(times=np.array([0.0, 1.0])))
         self.stack = SimpleNamespace(data=np.array([3.0, 5.0]), shots=(shot,), ends=(2,))
         self.lost, self.learnt = lost, []  # type: ignore[var-annotated]
@@ -116,7 +111,7 @@ def test_patterns_are_made_at_the_refined_optimum_and_the_search_goes_on_with_th
 
 @pytest.mark.parametrize(
     ("given", "confirmed"),
-    [({"side": "coulomb"}, True), ({"replicates": 0}, True), ({"lost": (10, 14)}, True), ({}, False)],
+    [({"slides": True}, True), ({"replicates": 0}, True), ({"lost": (10, 14)}, True), ({}, False)],
     ids=["slides", "no noise", "lost", "not at rest"],
 )
 def test_what_has_no_patterns_of_a_fine_mesh_stays_as_it_is(given: dict[str, Any], confirmed: bool) -> None:
