@@ -114,6 +114,10 @@ SWITCHES: dict[str, Switch] = {
         "the path's correction on the mesh of the steps", ((f"{STEPS}.follow_on_refined", _unmoved),)
     ),
     "half_patterns": Switch("half of the patterns of the path's noise", ((f"{INVERSE}.runner.PATTERNS", 8),)),
+    "single_precision": Switch(
+        "single precision on coarse meshes",
+        settings=lambda one: replace(one, numerics=replace(one.numerics, precision="fp64")),
+    ),
     "discrepancy": Switch(
         "the discrepancies in the weights",
         ((f"{INVERSE}.objective.Objective.with_discrepancy", lambda self, vector: self),),

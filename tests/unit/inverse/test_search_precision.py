@@ -41,7 +41,7 @@ def test_a_chosen_precision_is_that_of_all_runs(problem: InverseProblem, chosen:
     assert set(precisions(InverseProblem.of(problem.shot, settings))) == {chosen}
 
 
-@pytest.mark.parametrize("precision, solver", [(None, "fp64"), ("fp64", "fp64"), ("fp32", "fp32")])
+@pytest.mark.parametrize(("precision", "solver"), [(None, "fp64"), ("fp64", "fp64"), ("fp32", "fp32")])
 def test_without_a_choice_the_solver_uses_double_precision(
     problem: InverseProblem, precision: str | None, solver: str
 ) -> None:
