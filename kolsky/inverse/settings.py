@@ -112,9 +112,9 @@ class Numerics:
     def for_search(self) -> "Numerics":
         """The same choices for the coarse meshes of a search: in single precision, if none is chosen.
 
-        Its rounding moves an optimum by less than 0.02 standard uncertainties (`tests/unit/inverse`). This is
-        not valid if a surface slides, where single runs jump. Runs corrected for Poisson's ratio stay in
-        double precision: differences of coarse meshes are extrapolated.
+        Its rounding moves an optimum by less than 0.02 of its standard uncertainty. It is not used if a
+        surface slides, where single runs jump. Runs corrected for Poisson's ratio stay in double precision,
+        because differences of coarse meshes are extrapolated.
         """
         if self.precision is not None or self.compressible is not None:
             return self
