@@ -6,11 +6,13 @@ Every point that at least one camera sees is used. The rim of the flyer's face g
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from dic.basics import MEDIAN_LENGTH, BoolArray, FloatArray, IntArray, median
+from dic.basics import MEDIAN_LENGTH, BoolArray, FloatArray, IntArray
 from dic.bodies.edge_registration import SEARCH_RANGE, RegisteredEdge, consistent_frames, registered_edges
 from dic.bodies.follow import TrackedBody
 from dic.bodies.rest_from_rim import RestGeometry, Rim, face_width, find_rim
@@ -43,9 +45,11 @@ GATE = 5.0
 
 @dataclass(frozen=True)
 class ObservedPoints:
-    """Points of a body in one frame of one camera."""
+    """Points of a body in several frames of one camera, frame by frame."""
 
     camera: Camera
+    frame: IntArray
+    """Index of the frame of each observation, in increasing order, shape [n]."""
     rows: IntArray
     """The points, shape [n]."""
     places: FloatArray
@@ -62,24 +66,32 @@ class ObservedPoints:
 
     @classmethod
     def of(
-        cls, camera: Camera, track: Track, k: int, places: FloatArray, finite: BoolArray
+        cls, camera: Camera, track: Track, frames: IntArray, places: FloatArray, finite: BoolArray
     ) -> "ObservedPoints":
-        """The `finite` points that were found in frame `k`."""
-        rows = np.flatnonzero(finite & (track.outcome[k] == PointOutcome.VALID))
-        pixels = apply(track.points[rows], track.warp[k, rows])
-        return cls(camera, rows, places[rows], pixels, track.covariance[k, rows])
+        """The `finite` points that were found in these frames."""
+        k, rows = np.nonzero(finite & (track.outcome[frames] == PointOutcome.VALID))
+        pixels = apply(track.points[rows], track.warp[frames[k], rows])
+        return cls(camera, k, rows, places[rows], pixels, track.covariance[frames[k], rows])
 
-    def off(self, frame: SpecimenFrame, move: FloatArray) -> FloatArray:
-        """Residuals: observed pixels minus those of a body displaced by `move` [px], shape [n, 2]."""
-        return np.asarray(self.pixels - self.camera.project(frame.in_rig(self.places + move)))
+    def off(self, frame: SpecimenFrame, moves: FloatArray) -> FloatArray:
+        """Residuals: observed pixels minus those of a body displaced by `moves` [px], shape [n, 2].
+        ``moves``: displacement in each frame [m], shape [n_frames, 3]."""
+        return np.asarray(self.pixels - self.camera.project(frame.in_rig(self.places + moves[self.frame])))
 
     def inliers(self, off: FloatArray) -> BoolArray:
-        """Points within `GATE` robust standard deviations of the body's motion, shape [n]."""
-        if not len(off):
-            return np.zeros(0, dtype=bool)
-        size = np.linalg.norm(off - median(off), axis=1)
-        spread = max(1.0, float(median(size / self.noise)) / MEDIAN_LENGTH)
+        """Points within `GATE` robust standard deviations of the body's motion in their frame, shape [n]."""
+        size = np.linalg.norm(off - _medians(off, self.frame), axis=1)
+        spread = np.maximum(1.0, _medians(size / self.noise, self.frame) / MEDIAN_LENGTH)
         return np.asarray(size <= GATE * spread * self.noise)
+
+
+def _medians(values: FloatArray, frame: IntArray) -> FloatArray:
+    """Median over the values of the same frame for each value, shape of `values`. Frames are in order."""
+    first, end = (np.searchsorted(frame, frame, side=side) for side in ("left", "right"))
+    columns = np.atleast_2d(values.T)
+    ordered = np.stack([column[np.lexsort((column, frame))] for column in columns], axis=1)
+    middle = 0.5 * (ordered[(first + end - 1) // 2] + ordered[(first + end) // 2])
+    return np.asarray(middle.reshape(values.shape))
 
 
 def lateral_places(
@@ -111,55 +123,55 @@ def lateral_places(
     return place, np.clip(speed * apart, low, high), scatter
 
 
-def _translation_in(
+MOST_OBSERVATIONS = 200_000
+"""Largest number of points times frames that are fitted together. The memory grows with it."""
+
+
+def _translations_in(
     body: TrackedBody,
     rig: StereoRig,
     frame: SpecimenFrame,
-    k: int,
+    frames: IntArray,
     places: FloatArray,
     finite: BoolArray,
     near: FloatArray,
-    lateral: float,
+    lateral: FloatArray,
     overlap: csr_array,
-) -> tuple[float, float, int] | None:
-    """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
-    visible. ``lateral``: prior standard deviation of the translation across y from the lateral position of
-    `near` [m]."""
+) -> tuple[BoolArray, FloatArray, FloatArray, IntArray]:
+    """Frames that show the body, its translations along y [m], their standard deviations and the numbers of
+    points, shape of `frames` each. ``lateral``: prior standard deviations of the translation across y from
+    the lateral position of `near` [m]."""
     observed = [
-        ObservedPoints.of(camera, track, k, places, finite)
+        ObservedPoints.of(camera, track, frames, places, finite)
         for camera, track in zip(rig.cameras, body.tracks, strict=True)
     ]
-    if not any(points.rows.size for points in observed):
-        return None
-    move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in observed]
-    off = [points.off(frame, move) for points in observed]
-    across = lateral**-2
-    counted_before: list[BoolArray] = [np.zeros(0, dtype=bool) for _ in observed]
-    shared: list[FloatArray] = [np.zeros(0) for _ in observed]  # covariances of the points used
+    moves, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in observed]
+    off = [points.off(frame, moves) for points in observed]
+    shows = np.ones(len(frames), dtype=bool)
     for _ in range(3):
-        H = np.diag([across, 0.0, across])
-        g = H @ (near - move)
-        for i, (points, fine, away) in enumerate(zip(observed, keep, off, strict=True)):
-            if not fine.any():
-                continue
-            J = projection_slope(points.camera, frame.in_rig(points.places[fine] + move)) @ frame.rotation.T
-            if not np.array_equal(fine, counted_before[i]):  # mostly the same points
-                rows = points.rows[fine]
-                together = np.bincount(rows, minlength=len(places)).astype(np.float64)
-                factor = (overlap @ together)[rows]
-                counted_before[i], shared[i] = fine, points.covariance[fine] * factor[:, None, None]
-            weighted = np.linalg.solve(shared[i], J)
-            H += np.tensordot(J, weighted, axes=([0, 1], [0, 1]))
-            g += np.tensordot(weighted, away[fine], axes=([0, 1], [0, 1]))
-        move = move + np.linalg.solve(H, g)
-        off = [points.off(frame, move) for points in observed]
+        used = np.zeros((len(observed), len(places), len(frames)))
+        for points, fine, by_point in zip(observed, keep, used, strict=True):
+            by_point[points.rows[fine], points.frame[fine]] = 1.0
+        shows &= used.any(axis=(0, 1))
+        H = lateral[:, None, None] ** -2 * np.diag([1.0, 0.0, 1.0])
+        g = (H @ (near - moves)[..., None])[..., 0]
+        for points, fine, away, by_point in zip(observed, keep, off, used, strict=True):
+            k, at = points.frame[fine], points.places[fine] + moves[points.frame[fine]]
+            J = projection_slope(points.camera, frame.in_rig(at)) @ frame.rotation.T
+            factor = (overlap @ by_point)[points.rows[fine], k]
+            weighted = np.linalg.solve(points.covariance[fine] * factor[:, None, None], J)
+            first = np.flatnonzero(np.diff(k, prepend=-1))
+            H[k[first]] += np.add.reduceat(np.swapaxes(J, 1, 2) @ weighted, first)
+            g[k[first]] += np.add.reduceat(np.einsum("nij,ni->nj", weighted, away[fine]), first)
+        H[~shows] = np.eye(3)
+        moves = moves + np.linalg.solve(H, g[..., None])[..., 0]
+        off = [points.off(frame, moves) for points in observed]
         keep = [points.inliers(away) for points, away in zip(observed, off, strict=True)]
-        if not any(fine.any() for fine in keep):
-            return None
-    counted = np.unique(
-        np.concatenate([points.rows[fine] for points, fine in zip(observed, keep, strict=True)])
-    )
-    return float(move[1]), float(np.sqrt(np.linalg.inv(H)[1, 1])), len(counted)
+    counted = np.zeros((len(frames), len(places)), dtype=bool)
+    for points, fine in zip(observed, keep, strict=True):
+        counted[points.frame[fine], points.rows[fine]] = True
+    counts = counted.sum(axis=1)
+    return shows & (counts > 0), moves[:, 1], np.sqrt(np.linalg.inv(H)[:, 1, 1]), counts
 
 
 OWN_SHARE = 0.5
@@ -237,28 +249,29 @@ def translations(
         return None
     places, moves = stereo_translations(body, frame)
     finite = np.asarray(np.isfinite(places).all(axis=1))
-    rows, fits, sigma, counts, common = [], [], [], [], 0.0
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     overlap = overlap_matrix(body.points, subset)
     middle = frame.in_rig(np.median(places[finite], axis=0) + moves[twice[0]])
     pixel = 1.0 / float(np.linalg.norm(pixels_per_length(rig.cameras[0], middle, frame.rotation[1])))
     across, lateral, place_sigma = lateral_places(t, moves, valid.sum(axis=1), pixel)
-    for k in range(len(t)):
-        near = moves[twice[np.argmin(np.abs(twice - k))]]
-        sure = FREE * pixel
-        if not np.isfinite(moves[k]).all():
-            near, sure = np.array([across[k, 0], near[1], across[k, 1]]), LEAST_LATERAL * pixel
-        fit = _translation_in(body, rig, frame, k, places, finite, near, sure, overlap)
-        if fit is not None and static[k] and k not in twice and not common:
-            off = np.hypot(place_sigma, lateral[k])
-            displaced = near + np.array([off[0], 0.0, off[1]])
-            displaced_fit = _translation_in(body, rig, frame, k, places, finite, displaced, sure, overlap)
-            common = 0.0 if displaced_fit is None else abs(displaced_fit[0] - fit[0])
-        if fit is not None:
-            rows.append(k)
-            fits.append(fit[0])
-            sigma.append(fit[1])
-            counts.append(fit[2])
+    k, unseen = np.arange(len(t)), ~np.isfinite(moves).all(axis=1)
+    near = moves[twice[np.argmin(np.abs(twice - k[:, None]), axis=1)]]
+    near[unseen, ::2] = across[unseen]
+    sure = np.where(unseen, LEAST_LATERAL, FREE) * pixel
+
+    def fit(k: IntArray, near: FloatArray) -> tuple[NDArray[Any], ...]:
+        return _translations_in(body, rig, frame, k, places, finite, near, sure[k], overlap)
+
+    blocks = np.array_split(k, -(-k.size * len(places) // MOST_OBSERVATIONS))
+    shows, y, sigmas, numbers = map(np.concatenate, zip(*(fit(k, near[k]) for k in blocks), strict=True))
+    common = 0.0
+    for one in np.flatnonzero(shows & static & unseen)[:, None]:
+        aside = np.hypot(place_sigma, lateral[one[0]])
+        also, displaced, *_ = fit(one, near[one] + np.array([aside[0], 0.0, aside[1]]))
+        common = float(abs(displaced - y[one])[0]) if also[0] else 0.0
+        if common:
+            break
+    rows, fits, sigma, counts = (of[shows].tolist() for of in (k, y, sigmas, numbers))
     fine = np.flatnonzero(consistent_frames(rows, fits, counts, static, SEARCH_RANGE * pixel)).tolist()
     rows, fits = [rows[i] for i in fine], [fits[i] for i in fine]
     sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]

@@ -278,6 +278,8 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
             for axis in (ax.xaxis, ax.yaxis):  # the number of ticks depends on it, also outside this style
                 if "labelsize" not in axis.get_tick_params():
                     axis.set_tick_params(labelsize=matplotlib.rcParams["ytick.labelsize"])
+                if not axis.get_label_text():
+                    axis.set_label_coords(0.5, 0.5)  # the place of an empty label is not sought
         layout = figure.get_layout_engine()
         assert layout is not None
         layout.execute(figure)  # once: every saving would draw twice for it

@@ -1,10 +1,11 @@
 """The flyer's jerks as Gaussian unknowns: prior, noise and posterior by the marginal likelihood.
 
-`Evidences` evaluates the marginal likelihood of many smoothnesses at once.
+`evidences` evaluates the marginal likelihood of many smoothnesses at once.
 """
 
-from dataclasses import dataclass
-from functools import cache, cached_property
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,41 +139,108 @@ def _searched(
 def _state_space(
     weight: FloatArray, spans: FloatArray, shared: tuple[FloatArray, FloatArray] | None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Matrices of the Kalman filter between frames: state (zero, x, v, a), and a correlated error."""
+    """Matrices of the Kalman filter between frames: what is seen of the state (zero, x, v, a, correlated
+    error), steps, effects of the jerks, and variance of the correlated error's change."""
     n, moving = weight.size, slice(weight.size - spans.size, weight.size)
-    m = 4 if shared is None else 5
-    kicks, steps = np.zeros((n, m)), np.tile(np.eye(m), (n, 1, 1))
+    kicks, steps = np.zeros((n, 5)), np.tile(np.eye(5), (n, 1, 1))
     steps[moving, 1, 2] = steps[moving, 2, 3] = kicks[moving, 3] = spans
     steps[moving, 1, 3] = kicks[moving, 2] = spans**2 / 2.0
     kicks[moving, 1] = spans**3 / 6.0
-    seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0, 0.0])[:m]
+    seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0, 0.0])
     if shared is not None:
         seen[:, 4], steps[:, 4, 4] = shared
-    return seen, steps, kicks, np.diag([ZERO_PRIOR**2, 0.0, 0.0, 0.0, 1.0][:m])
+    return seen, steps, kicks, 1.0 - steps[:, 4, 4] ** 2
 
 
-def evidence(
-    theta: FloatArray,
+@cache
+def _smoother() -> Callable[..., None]:
+    """The launch of the kernel of `evidences`: a Kalman filter, then the disturbance smoother."""
+    import warp as wp  # loaded where it is of use
+
+    from dic.correlation.kernels.device import select_device
+    from dic.correlation.kernels.launch import load_kernel
+
+    f64 = wp.float64
+    vector, matrix = wp.types.vector(5, f64), wp.types.matrix((5, 5), f64)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def smoother(
+        seen: wp.array(dtype=vector),
+        steps: wp.array(dtype=matrix),
+        kicks: wp.array(dtype=vector),
+        fresh: wp.array(dtype=f64),
+        y: wp.array(dtype=f64),
+        noise: wp.array2d(dtype=f64),
+        growth: wp.array2d(dtype=f64),
+        prior: wp.array(dtype=f64),
+        gains: wp.array2d(dtype=vector),
+        S: wp.array2d(dtype=f64),
+        misses: wp.array2d(dtype=f64),
+        by_noise: wp.array2d(dtype=f64),
+        by_growth: wp.array2d(dtype=f64),
+    ):
+        i = wp.tid()
+        n, one = y.shape[0], wp.identity(n=5, dtype=f64)
+        P, state = matrix(), vector()
+        for j in range(5):
+            P[j, j] = prior[j]
+        for k in range(n):
+            P = steps[k] * P * wp.transpose(steps[k]) + growth[i, k] * wp.outer(kicks[k], kicks[k])
+            P[4, 4] = P[4, 4] + fresh[k]
+            column = P * seen[k]
+            S[i, k] = wp.dot(seen[k], column) + noise[i, k]
+            gain = column / S[i, k]
+            rest = one - wp.outer(gain, seen[k])
+            # this form keeps round-off below the noise
+            P = rest * P * wp.transpose(rest) + noise[i, k] * wp.outer(gain, gain)
+            state = steps[k] * state
+            misses[i, k] = (y[k] - wp.dot(seen[k], state)) / S[i, k]
+            state = rest * state + y[k] * gain
+            gains[i, k] = gain
+        # r and N: the information of all later frames, after each frame
+        r, N = vector(), matrix()
+        for back in range(n):
+            k = n - 1 - back
+            K, miss = gains[i, k], misses[i, k]
+            rest = one - wp.outer(K, seen[k])
+            off = miss - wp.dot(K, r)
+            by_noise[i, k] = f64(1.0) / S[i, k] + wp.dot(K, N * K) - off * off
+            pushed, kicked = wp.dot(seen[k], kicks[k]), rest * kicks[k]
+            off = pushed * miss + wp.dot(kicked, r)
+            by_growth[i, k] = pushed * pushed / S[i, k] + wp.dot(kicked, N * kicked) - off * off
+            ahead, turned = wp.transpose(steps[k]) * seen[k], wp.transpose(rest * steps[k])
+            r = miss * ahead + turned * r
+            N = wp.outer(ahead, ahead) / S[i, k] + turned * N * wp.transpose(turned)
+
+    load_kernel(smoother, select_device("cpu").alias, 1)
+    return lambda count, *arrays: wp.launch(smoother, dim=count, inputs=arrays, device="cpu")
+
+
+class Evidences(NamedTuple):
+    """-2 log of the marginal likelihood for several log scales and log tau."""
+
+    values: FloatArray
+    """The values, with the prior of the changes of log tau, shape [n]."""
+    gradients: FloatArray
+    """Their gradients, shape [n, n_parts + n_controls]."""
+
+
+def evidences(
+    thetas: FloatArray,
     y: FloatArray,
     weight: FloatArray,
     spans: FloatArray,
     hats: FloatArray,
     parts: FloatArray | None = None,
     shared: tuple[FloatArray, FloatArray] | None = None,
-) -> tuple[float, FloatArray]:
-    """-2 log of the marginal likelihood of log scale and log tau, with its gradient.
+) -> Evidences:
+    """-2 log of the marginal likelihood of log scales and log tau, with its gradients.
 
     The method is a Kalman filter over the state (zero, x, v, a) followed by the disturbance smoother (Durbin
     and Koopman, Time Series Analysis by State Space Methods, 2012, sections 4.3, 4.5 and 7.3). It remains
-    accurate as tau approaches zero, and uses 4 x 4 matrices. The dense equations (as in `posterior`) divide
-    small matrices among the threads of BLAS. On two busy cores they take up to 40 times as long. The
-    recursions multiply by `dot`, which takes a third of the time of ``@`` for such small matrices. All other
-    operations are vectorised over the frames.
+    accurate as tau approaches zero.
 
-    Returns: the value, with the prior of the changes of log tau, and its gradient, shape [n_parts +
-    n_controls].
-
-    ``theta``: log noise scales, then log tau at the control points, shape [n_parts + n_controls]. ``y``:
+    ``thetas``: log noise scales, then log tau at the control points, shape [n, n_parts + n_controls]. ``y``:
     displacement over sigma, about the static frames' mean [-], shape [n_frames]. ``weight``: typical sigma
     over sigma [-], shape [n_frames]. A frame without displacement has weight 0 and y = 0. ``spans``: lengths
     of the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static. ``hats``:
@@ -184,161 +252,27 @@ def evidence(
     previous frame [-]. None: no such error.
     """
     parts = np.ones((y.size, 1)) if parts is None else parts
-    scales, tau = np.split(theta, [parts.shape[1]])
-    noise, variance = parts * np.exp(2.0 * scales), np.exp(2.0 * (hats @ tau))
-    seen, steps, kicks, P = _state_space(weight, spans, shared)
-    n, m = seen.shape
-    moving = slice(n - spans.size, n)
-    growth = np.zeros((n, m, m))
-    growth[moving] = variance[:, None, None] * kicks[moving, :, None] * kicks[moving, None, :]
-    data = weight > 0.0
-    own = np.where(data, noise.sum(axis=1), 1.0)  # no displacement: no information on the noise
-    S, K, left, eye = np.empty(n), np.empty((n, m)), np.empty((n, m, m)), np.eye(m)
-    if shared is not None:
-        growth[:, 4, 4] = 1.0 - shared[1] ** 2
-    # Views of the frames are made once. Making a view takes as long as a product of two of these matrices.
-    rows, turns = seen[:, None], np.swapaxes(steps, 1, 2)
-    forward = list(zip(seen, rows, steps, turns, growth, own.tolist(), strict=True))
-    for k, (z, row, step, turned, new, noise_k) in enumerate(forward):
-        P = step.dot(P).dot(turned) + new
-        column = P.dot(z)
-        S[k] = total = float(z.dot(column)) + noise_k
-        K[k] = gain = column / total
-        upright = gain[:, None]
-        left[k] = rest = eye - upright * row
-        P = rest.dot(P).dot(rest.T) + noise_k * upright * gain  # round-off stays below own
-    state, expected = np.zeros(m), np.empty((n, m))
-    for k, (step, rest, gain) in enumerate(zip(steps, left, K * y[:, None], strict=True)):
-        expected[k] = now = step.dot(state)
-        state = rest.dot(now) + gain
-    miss = (y - np.sum(seen * expected, axis=1)) / S
-    # Backward pass. It gives r and N, the information of all later frames, after each frame.
-    back = left @ steps
-    r, N = np.zeros((n, m)), np.zeros((n, m, m))
-    ahead = np.einsum("kj,kji->ki", seen, steps)
-    by_miss, by_frame = miss[:, None] * ahead, ahead[:, :, None] * ahead[:, None] / S[:, None, None]
-    later, N_later = r[-1], N[-1]
-    backward = list(zip(by_miss, by_frame, back, np.swapaxes(back, 1, 2), strict=True))
-    for k in range(n - 1, 0, -1):
-        missed, framed, step, turned = backward[k]
-        r[k - 1] = later = missed + later.dot(step)
-        N[k - 1] = N_later = framed + turned.dot(N_later).dot(step)
-    value = float(np.sum(np.log(S) + S * miss**2))
-    by_frame_noise = 1.0 / S + np.einsum("ki,kij,kj->k", K, N, K) - (miss - np.sum(K * r, axis=1)) ** 2
-    by_noise = by_frame_noise[data] @ noise[data]
-    pushed, kicked = np.sum(seen * kicks, axis=1), (left @ kicks[:, :, None])[:, :, 0]
-    by_variance = (
-        pushed**2 / S
-        + np.einsum("ki,kij,kj->k", kicked, N, kicked)
-        - (pushed * miss + np.sum(kicked * r, axis=1)) ** 2
-    )[moving]
-    change = np.diff(tau) / CHANGE_PER_OCTAVE
+    scales, tau = np.split(thetas, [parts.shape[1]], axis=1)
+    noise, variance = parts * np.exp(2.0 * scales[:, None]), np.exp(2.0 * tau @ hats.T)
+    seen, steps, kicks, fresh = _state_space(weight, spans, shared)
+    moving, data = slice(y.size - spans.size, y.size), weight > 0.0
+    own = np.where(data, noise.sum(axis=2), 1.0)  # no displacement: no information on the noise
+    growth, gains = np.zeros(own.shape), np.empty((*own.shape, 5))
+    growth[:, moving] = variance
+    S, miss, by_frame, by_kick = np.empty((4, *own.shape))
+    rest = np.array([ZERO_PRIOR**2, 0.0, 0.0, 0.0, 1.0])
+    _smoother()(
+        len(thetas), seen, steps, kicks, fresh, y, own, growth, rest, gains, S, miss, by_frame, by_kick
+    )
+    change = np.diff(tau, axis=1) / CHANGE_PER_OCTAVE
+    values = np.sum(np.log(S) + S * miss**2, axis=1) + np.sum(change**2, axis=1)
     by_change = -2.0 / CHANGE_PER_OCTAVE * np.diff(change, prepend=0.0, append=0.0)
-    by_tau = (2.0 * variance * by_variance) @ hats + by_change
-    return value + float(change @ change), np.concatenate([2.0 * by_noise, by_tau])
+    by_noise = 2.0 * np.einsum("nk,nkp->np", by_frame[:, data], noise[:, data])
+    by_tau = 2.0 * (variance * by_kick[:, moving]) @ hats + by_change
+    return Evidences(values, np.concatenate([by_noise, by_tau], axis=1))
 
 
-@dataclass(frozen=True)
-class Evidences:
-    """-2 log of the marginal likelihood of several log scales and log tau, and its gradients.
-
-    The data are described in `kolsky.bars.flyer.jerks.evidence`.
-    """
-
-    thetas: FloatArray
-    """Log noise scales, then log tau at the control points, shape [n, n_parts + n_controls]."""
-    y: FloatArray
-    """Displacement over sigma [-], shape [n_frames]."""
-    weight: FloatArray
-    """Typical sigma over sigma [-], 0 for a frame without displacement, shape [n_frames]."""
-    spans: FloatArray
-    """Lengths of the spans in frames [-], shape [n_spans]."""
-    hats: FloatArray
-    """Hat functions at the spans [-], shape [n_spans, n_controls]."""
-    parts: FloatArray | None = None
-    """Parts of each frame's variance, shape [n_frames, n_parts]. None: the declared variance is the only
-    part."""
-    shared: tuple[FloatArray, FloatArray] | None = None
-    """Size and correlation of an error that is correlated between frames; None: no such error."""
-
-    @property
-    def values(self) -> FloatArray:
-        """The values, with the prior of the changes of log tau, shape [n]."""
-        S, miss = self._filtered[:2]
-        change = np.diff(self._tau, axis=1) / CHANGE_PER_OCTAVE
-        return np.asarray(np.sum(np.log(S) + S * miss**2, axis=1) + np.array([one @ one for one in change]))
-
-    @property
-    def gradients(self) -> FloatArray:
-        """Their gradients, shape [n, n_parts + n_controls]."""
-        S, miss, K, left = self._filtered
-        seen, steps, kicks, _ = _state_space(self.weight, self.spans, self.shared)
-        back, ahead = left @ steps, np.einsum("kj,kji->ki", seen, steps)
-        turned = np.swapaxes(back, 2, 3)
-        by_miss = miss[:, :, None] * ahead
-        by_frame = ahead[:, :, None] * ahead[:, None] / S[:, :, None, None]
-        r, N = np.zeros(K.shape), np.zeros(left.shape)
-        for k in range(len(self.y) - 1, 0, -1):
-            r[:, k - 1] = by_miss[:, k] + (r[:, k, None] @ back[:, k])[:, 0]
-            N[:, k - 1] = by_frame[:, k] + turned[:, k] @ N[:, k] @ back[:, k]
-        data = self.weight > 0.0
-        pushed, kicked = np.sum(seen * kicks, axis=1), (left @ kicks[:, :, None])[..., 0]
-        moving = slice(len(self.y) - self.spans.size, len(self.y))
-        found = []
-        for i, noise in enumerate(self._noise):  # as `evidence` has it, to the last bit
-            of_noise = 1.0 / S[i] + np.einsum("ki,kij,kj->k", K[i], N[i], K[i])
-            of_noise -= (miss[i] - np.sum(K[i] * r[i], axis=1)) ** 2
-            of_kicks = pushed**2 / S[i] + np.einsum("ki,kij,kj->k", kicked[i], N[i], kicked[i])
-            of_kicks -= (pushed * miss[i] + np.sum(kicked[i] * r[i], axis=1)) ** 2
-            change = np.diff(self._tau[i]) / CHANGE_PER_OCTAVE
-            by_change = -2.0 / CHANGE_PER_OCTAVE * np.diff(change, prepend=0.0, append=0.0)
-            by_tau = (2.0 * self._variance[i] * of_kicks[moving]) @ self.hats + by_change
-            found.append(np.concatenate([2.0 * (of_noise[data] @ noise[data]), by_tau]))
-        return np.array(found)
-
-    @property
-    def _every_part(self) -> FloatArray:
-        return np.ones((self.y.size, 1)) if self.parts is None else self.parts
-
-    @property
-    def _tau(self) -> FloatArray:
-        """Log tau at the control points, shape [n, n_controls]."""
-        return self.thetas[:, self._every_part.shape[1] :]
-
-    @cached_property
-    def _noise(self) -> FloatArray:
-        """Parts of each frame's variance, shape [n, n_frames, n_parts]."""
-        parts = self._every_part
-        return np.asarray(parts * np.exp(2.0 * self.thetas[:, None, : parts.shape[1]]))
-
-    @cached_property
-    def _variance(self) -> FloatArray:
-        """Prior variance of the jerks, shape [n, n_spans]."""
-        return np.exp(2.0 * np.array([self.hats @ one for one in self._tau]))
-
-    @cached_property
-    def _filtered(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Variances, innovations over them [n, n_frames], gains [.., m], factors I - K z' [.., m, m]."""
-        # no displacement: no information on the noise
-        own = np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)
-        seen, steps, kicks, P = _state_space(self.weight, self.spans, self.shared)
-        count, (n, m) = len(self.thetas), seen.shape
-        growth, eye, still = np.zeros((count, m, m)), np.eye(m), n - self.spans.size
-        state, expected = np.zeros((count, m, 1)), np.empty((count, n, m))
-        S, K, left = np.empty((count, n)), np.empty((count, n, m)), np.empty((count, n, m, m))
-        for k, (z, step) in enumerate(zip(seen, steps, strict=True)):
-            if k >= still:
-                growth = self._variance[:, k - still, None, None] * kicks[k, :, None] * kicks[k]
-            if self.shared is not None:
-                growth[:, 4, 4] = 1.0 - self.shared[1][k] ** 2
-            P = step @ P @ step.T + growth
-            column, noise_k = P @ z, own[:, k, None]
-            S[:, k] = total = (column[:, None] @ z)[:, 0] + own[:, k]
-            K[:, k] = gain = column / total[:, None]
-            upright = gain[:, :, None]
-            left[:, k] = rest = eye - upright * z
-            P = rest @ P @ np.swapaxes(rest, 1, 2) + (noise_k * gain)[:, :, None] * gain[:, None]
-            now = step @ state
-            expected[:, k] = now[:, :, 0]
-            state = rest @ now + upright * self.y[k]
-        return S, (self.y - np.sum(seen * expected, axis=2)) / S, K, left
+def evidence(theta: FloatArray, *data: Any) -> tuple[float, FloatArray]:
+    """Value and gradient of `evidences` at one point, shape [n_parts + n_controls]."""
+    found = evidences(theta[None], *data)
+    return float(found.values[0]), found.gradients[0]

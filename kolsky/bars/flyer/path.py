@@ -27,7 +27,7 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from kolsky.bars.flyer.jerks import (
     ZERO_PRIOR,
-    Evidences,
+    evidences,
     hat_functions,
     maximum_likelihood,
     noise_parts,
@@ -402,7 +402,7 @@ def fit_flyer(
     if free.any():
         data = (y, weight, np.diff(knots) / frame, hats, parts, shared)
         likeliest = np.concatenate([log_scales, log_tau])
-        draws = importance_draws(likeliest, free, lambda rows: Evidences(rows, *data))
+        draws = importance_draws(likeliest, free, lambda rows: evidences(rows, *data))
         drawn = np.append(False, (hats[:, free[log_scales.size :]] > 0.0).any(axis=1))
         tau = np.exp(draws[0][:, log_scales.size :] @ hats[drawn[1:]].T)
         mixed = mixed_covariance(whitened(y), whitened(G), prior, drawn, tau, draws[1])

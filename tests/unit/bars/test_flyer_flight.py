@@ -10,7 +10,7 @@ from dic import FrameOutcome
 from dic.bodies.body_motion import BodyMotion
 from kolsky.bars.flyer.events import find_kink, flyer_events
 from kolsky.bars.flyer.flight import _noise_of_one, fit_flight, symmetry_end
-from kolsky.bars.flyer.jerks import Evidences, evidence, hat_functions, noise_parts
+from kolsky.bars.flyer.jerks import evidence, evidences, hat_functions, noise_parts
 from kolsky.bars.flyer.path import (
     DRAWS,
     FlyerPath,
@@ -175,7 +175,7 @@ def test_many_smoothnesses_at_once_have_the_likelihood_of_each(two_parts, shares
     thetas = np.hstack([scales, rng.uniform(-4.0, 2.0, (5, hats.shape[1]))])
     data = (y, weight, spans, hats, parts, shared)
     values, slopes = zip(*(evidence(theta, *data) for theta in thetas), strict=True)
-    together = Evidences(thetas, *data)
+    together = evidences(thetas, *data)
     # the same products, in an order that a BLAS may choose anew for several matrices
     np.testing.assert_allclose(together.values, values, rtol=1e-12)
     np.testing.assert_allclose(together.gradients, slopes, rtol=1e-9, atol=1e-9 * np.abs(slopes).max())

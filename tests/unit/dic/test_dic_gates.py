@@ -313,7 +313,8 @@ def test_points_off_the_flyers_motion_are_judged_by_the_median_length():
     angle = 2.0 * np.pi * np.arange(40) / 40
     ring = 2.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     off = np.concatenate([ring, [[INSIDE * limit, 0.0], [-OUTSIDE * limit, 0.0]]])
-    points = ObservedPoints(None, None, None, None, np.broadcast_to(sigma**2 * np.eye(2), (42, 2, 2)))
+    noise = np.broadcast_to(sigma**2 * np.eye(2), (42, 2, 2))
+    points = ObservedPoints(None, np.zeros(42, dtype=int), None, None, None, noise)
     assert points.inliers(off).tolist() == [True] * 41 + [False]
 
 
