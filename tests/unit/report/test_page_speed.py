@@ -54,7 +54,7 @@ def test_spines_take_no_room_of_their_own():
 
 
 def test_two_processes_draw_the_same_page(monkeypatch):
-    few = {name: REGISTRY[name] for name in ("force", "energy", "misfit", "meshes")}
+    few = {name: REGISTRY[name] for name in ("force", "energy", "misfit")}
     monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", few)
     assert render(RESULTS["one"], processes=2) == render(RESULTS["one"], processes=1)
 
