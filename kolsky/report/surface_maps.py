@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from dic.outcome import PointOutcome
 from kolsky.base.arrays import FloatArray, IntArray
-from kolsky.report.paraview import grid_triangles
 from kolsky.report.scene.drawing import offscreen_pyvista, pixels_of, plotting
+from kolsky.report.scene.scene_data import grid_triangles
 from kolsky.shot.measured_points import OUTCOME, FieldOfPoints, MeasuredPoints
 
 COLOURS = "viridis"

@@ -354,3 +354,17 @@ def lifted(points: FloatArray, by: float) -> FloatArray:
     across = np.hypot(points[:, 0], points[:, 2])
     factor = 1.0 + by / np.where(across > 0.0, across, np.inf)
     return np.column_stack([factor * points[:, 0], points[:, 1], factor * points[:, 2]])
+
+
+def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return two triangles for every square of four neighbouring points of a grid."""
+    if len(cell) == 0:
+        return np.empty((0, 3), dtype=np.int64)
+    low = cell.min(axis=0)
+    table = np.full(tuple(cell.max(axis=0) - low + 2), -1, dtype=np.int64)
+    table[tuple((cell - low).T)] = np.arange(len(cell))
+    a, b, c, d = table[:-1, :-1], table[1:, :-1], table[1:, 1:], table[:-1, 1:]
+    whole = (a >= 0) & (b >= 0) & (c >= 0) & (d >= 0)
+    a, b, c, d = (corner[whole] for corner in (a, b, c, d))
+    # Rows count downward in a picture. The order a, d, c is therefore counter-clockwise.
+    return np.concatenate([np.column_stack([a, d, c]), np.column_stack([a, c, b])])
