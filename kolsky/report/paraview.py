@@ -76,14 +76,12 @@ def write_series(path: Path, times: Sequence[float], files: Sequence[Path]) -> N
 def write_vtu(
     folder: Path, response: Response, mesh: Mesh, solid: Solid | None, *, every: int = 1
 ) -> list[Path]:
-    """Write the mesh of one simulation at its surface times.
+    """Write the mesh of one simulation at every n-th surface time, and their listing `mesh.pvd`.
 
-    `mesh.pvd` lists the series with its times. ``response``: a batch with nodes. ``mesh``: its undeformed
-    mesh. ``solid``: the material; without it no pressure, stress and energy are written. ``every``: write
-    every n-th surface time, starting with the first. Returns: the VTU files written, then `mesh.pvd`. Points
-    are (r, y, 0) [m] with the displacement [m] from the first surface time and the `FIELDS` of films. The
-    series ends where the simulation ended. Raises ValueError if the response has no nodes, if `every` is
-    below 1, or if the mesh has other nodes.
+    ``mesh``: the undeformed mesh. ``solid``: the material; without it no pressure, stress and energy are
+    written. Returns: the files written, the listing last. Points are (r, y, 0) [m] with the displacement [m]
+    from the first surface time and the `FIELDS` of films. The series ends where the simulation ended. Raises
+    ValueError if the response has no nodes, if `every` is below 1, or if the mesh has other nodes.
     """
     if response.nodes is None:
         raise ValueError("the response kept no nodes; request them when the simulation is run")
@@ -116,11 +114,10 @@ def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
-    """Write the valid points of every frame, joined to triangles over their grid.
+    """Write the valid points of every frame, joined to triangles over their grid, and `<name>.pvd`.
 
-    `<name>.pvd` lists the series with its times. A triangle with a lost corner is left out. Returns: the VTP
-    files written, then the listing. Points are (x, y, Z) [m]. Their data are displacement and sigma [m],
-    epipolar distance and standard deviation of a match [px], correlation, and point number.
+    Points are (x, y, Z) [m]. Their data are displacement and sigma [m], epipolar distance and standard
+    deviation of a match [px], correlation, and point number. Returns: the files, the listing last.
     """
     surface, triangles = body.surface, grid_triangles(body.cell)
 
@@ -161,10 +158,8 @@ def _write_frames(
 
 
 def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
-    """Write the valid points of every frame of a full-field result, joined to triangles over their grid.
+    """Write the valid points of every frame of a full-field result as `write_vtp`, as VTU, and `field.pvd`.
 
-    ``folder``: folder; created if absent. `field.pvd` lists the series with its times. ``result``: the
-    result. A triangle with a lost corner is left out. Returns: the VTU files written, then the listing.
     Points are the current places in the result's unit. Their data are displacement and sigma in that unit,
     the strains xx, yy, xy (NaN if missing), the lowest correlation, and the point number.
     """

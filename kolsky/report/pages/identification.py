@@ -315,10 +315,7 @@ _DIGITS = {"time": 5, "length": 4, "residual": 1, "force": 4}
 
 
 def instrument(result: Identification, recordings: ShotRecordings | None) -> Markup:
-    """The numbers as JSON for embedding in a page.
-
-    ``recordings``: recordings of the shot; their pictures are shown if there are any.
-    """
+    """The numbers as JSON for embedding in a page."""
     text = json.dumps(instrument_numbers(result, recordings), allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))  # no end of a script inside it
 
@@ -434,23 +431,9 @@ def write_report(
 ) -> None:
     """Write the report of one shot as a single HTML file that needs no network.
 
-    Parameters
-    ----------
-    path
-        The file, replaced atomically if it exists; its folder must exist.
-    identification
-        The result. Six entries of its provenance make the table of the test: "specimen", "specimen_length",
-        "interface", "declared_interface", "support" and "window_s". "checks", "inputs" (file name to
-        SHA-256), "settings" and "versions" have separate tables. Every other entry is listed under "Further".
-    recordings
-        Recordings from the shot's files. Without them, their sections are left out.
-    processes
-        Number of processes that draw the figures.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written. An older file is then unchanged.
+    ``path``: the file, replaced atomically; its folder must exist. ``recordings``: those of the shot's files;
+    without them, their sections are left out. ``processes``: number of processes that draw the figures.
+    Raises OSError if the file cannot be written. An older file is then unchanged.
     """
     page_writer(render)(path, identification, recordings, processes=processes)
 

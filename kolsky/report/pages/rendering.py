@@ -41,10 +41,9 @@ def environment() -> Environment:
 
 
 def printable_text(value: Any) -> Any:
-    """Return a text with "□" for control characters. A very long text loses its middle.
+    """Return a text with "□" for control characters, and for those that change the direction of writing.
 
-    Names and metadata of files can contain anything. HTML does not allow control characters. Characters that
-    change the direction of writing can disguise a name. The results file contains every text unchanged.
+    Names and metadata of files can contain anything. A very long text loses its middle.
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
@@ -90,13 +89,9 @@ def draw_groups(
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them with numbers, for the templates.
 
-    The first and the last figures are started first. They take longest: pages begin with their largest figure
-    or end with pictures of the mesh. Parallel processes finish at about the same time if their last figures
-    are short.
-
-    ``groups``: groups of figures in the order of the page. ``processes``: processes that draw; see
-    `dic.processes.run_parallel`. ``mark``: suffix of the figures' ids, if a page has several figures of one
-    name.
+    The first and the last figures take longest and are started first, so that parallel processes finish at
+    about the same time. ``groups``: in the order of the page. ``processes``: processes that draw. ``mark``:
+    suffix of the figures' ids, if a page has several figures of one name.
     """
     figures = [(kind, group.shown) for group in groups for kind in group.kinds if kind.applies(group.shown)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
@@ -136,10 +131,9 @@ def render_page(
 ) -> str:
     """Return a page as HTML text.
 
-    ``template``: a file of this folder that extends `base.html`. ``kind``: line above the heading: the kind
-    of page. ``heading``: heading, usually the name of a shot; a long one is shortened. ``subject``: text
-    after the heading in the title of the window. ``using``: templates with additional filters; default: those
-    of `environment`. ``context``: all other variables of the template.
+    ``template``: a file of this folder that extends `base.html`. ``kind``: line above the heading.
+    ``subject``: text after the heading in the title of the window. ``using``: templates with additional
+    filters. ``context``: all other variables of the template.
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
     page = (using or environment()).get_template(template)
@@ -171,14 +165,7 @@ def sentences(texts: Iterable[str]) -> list[str]:
 
 
 def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], None]:
-    """Return the function that writes a page to a file.
-
-    Its text comes from the given function.
-
-    ``render``: its arguments follow the file's path. The folder must exist. The file needs no network and has
-    no external scripts. It replaces an older file when it is complete. After an OSError, the older file is
-    unchanged.
-    """
+    """Return the function that writes a page, whose text `render` gives, to a file, whole or not at all."""
 
     def write_page(path: Path, *arguments: _P.args, **options: _P.kwargs) -> None:
         with replacing(Path(path)) as partial:
