@@ -201,11 +201,7 @@ def predict(
     if film:
         if quick:
             raise texts.refusal("--film shows the specimen's elements", cure="leave --quick out")
-        from kolsky.report.scene.drawing import writer_for
-
-        cure = "choose another format, or install what it needs"
-        with texts.refused(f"--film {film}: ", cure=cure, errors=(ImportError,)):
-            writer_for(film)
+        texts.installed(f"--film {film}", "imageio_ffmpeg", "film")
     if want and not vary:
         raise texts.refusal("--want needs --vary", cure='add e.g. --vary "striker.speed=4 m/s:7 m/s:5"')
     from kolsky.prediction import design

@@ -35,10 +35,7 @@ class Solid:
 
 
 def solid_of(curve: MaterialCurve, values: Mapping[str, float]) -> Solid:
-    """Return the material of a simulation: the law of the reference curve times the stiffness factor.
-
-    ``values``: the parameters by name. They include "stiffness_factor" and "poisson".
-    """
+    """Return the material of a simulation; ``values`` have "stiffness_factor" and "poisson"."""
     from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
     from kolsky.inverse.forward import material_law
 
@@ -65,11 +62,7 @@ class FieldKind:
 
 
 def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
-    """Smallest principal stretch [-].
-
-    The hoop stretch, or the smaller of the two stretches in the meridian plane. The squares of the latter are
-    the eigenvalues of F^T F in that plane.
-    """
+    """Smallest principal stretch [-]: of the hoop, or the root of an eigenvalue of F^T F in the meridian."""
     r, y = F[..., :2, 0], F[..., :2, 1]
     # Sums of two, written out. A loop over this short axis takes ten times as long, with the same bits.
     (r0, r1), (y0, y1) = np.moveaxis(r, -1, 0), np.moveaxis(y, -1, 0)
@@ -160,9 +153,7 @@ class Scene:
     """Measured outline; empty if none was measured."""
 
     def outline_at(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Measured heights and radii [m] in the frame nearest to the time of picture k; empty without an
-        outline.
-        """
+        """Measured heights and radii [m] in the frame nearest to picture k; empty without an outline."""
         line = self.measured_outline
         if not line.time.size:
             return np.zeros(0), np.zeros(0)
@@ -194,11 +185,10 @@ def scene_of(
 ) -> Scene:
     """Return the scene of an identification's simulation at the optimum.
 
-    ``result``: its response must contain the nodes, and its provenance the specimen's size. Otherwise
-    SceneDataMissing is raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are
-    stresses or energies. ``chosen``: gives the indices of the pictures for the number of times; default: all.
-    The colour scale is that of all pictures. Raises ValueError if the field is unknown or if it needs a
-    missing solid.
+    ``field``: one of `FIELDS`. ``solid``: material; required by stresses and energies. ``chosen``: gives the
+    indices of the pictures for the number of times; default: all. The colour scale is that of all pictures.
+    Raises SceneDataMissing if the response has no nodes or the provenance no size of the specimen, and
+    ValueError if the field is unknown or if it needs a missing solid.
     """
     from explicit.mesh import deformation_gradient
 
