@@ -163,9 +163,9 @@ def _write_result(
     files: Files | None = None,
 ) -> None:
     """Write actuator.html, actuator.json, figures, tables and further files, and print the result."""
-    from kolsky.report.pages.bodies import actuator_rows, write_actuator
+    from kolsky.report.pages.bodies import actuator_rows, render_actuator
 
-    page = {"actuator.html": lambda path: write_actuator(path, view, inputs), "actuator.json": content}
+    page = {"actuator.html": render_actuator(view, inputs), "actuator.json": content}
     write_folder(folder, {**page, **(files or {}), **figure_files(figures, view)}, tables)
     print_result(
         actuator_rows(view), content, files={"page": folder / "actuator.html"}, warnings=view.warnings

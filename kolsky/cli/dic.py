@@ -185,14 +185,16 @@ def calibrate(
         read_calibration_toml,
         write_calibration_points,
     )
-    from kolsky.report.pages.surfaces import calibration_summary, calibration_warnings
+    from kolsky.report.pages.surfaces import (
+        calibration_summary,
+        calibration_warnings,
+        render_calibration,
+    )
 
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
     with progress_bars() as progress, single_threaded_libraries():
         calibration = calibration_of(toml, section, progress)
-    from kolsky.report.pages.surfaces import write_calibration
-
     name = toml.path.parent.resolve().name
     files = {
         _RIG_FILE: lambda path: write_rig(path, calibration.rig, "opencv"),
@@ -201,7 +203,7 @@ def calibrate(
             for form in exports
         },
         "calibration.csv": lambda path: write_calibration_points(path, calibration),
-        "calibration.html": lambda path: write_calibration(path, name, calibration),
+        "calibration.html": render_calibration(name, calibration),
         **figure_files(figures, calibration),
     }
     cure = "is it the folder of a calibration series of this target? look at the pictures named"

@@ -330,7 +330,7 @@ def material_relaxation(
     Writes relaxation.html, relaxation.json and CSV tables.
     """
     from kolsky.inverse.slow_tests import read_slow_list
-    from kolsky.report.pages.material import write_relaxation
+    from kolsky.report.pages.material import render_relaxation
     from kolsky.studies.rate_dependence import analyse_rate_dependence, summary, tables
     from kolsky.studies.rate_models import comparison_summary, comparison_table
     from kolsky.studies.rates.rate import collected_shot
@@ -350,7 +350,7 @@ def material_relaxation(
         rows |= {f"{name}, with shots": text for name, text in _comparison_rows(together).items()}
     files = {
         "relaxation.json": content,
-        "relaxation.html": lambda path: write_relaxation(path, result, dict(slow.files)),
+        "relaxation.html": render_relaxation(result, dict(slow.files)),
     }
     write_folder(folder, files | figure_files(figures, result), written)
     print_result(

@@ -321,7 +321,7 @@ def material_fit(
     from kolsky.material.fits.search import Weighting
     from kolsky.material.fits.tables import as_json as to_json
     from kolsky.material.fits.tables import remarks, tables
-    from kolsky.report.pages.material import write_fits
+    from kolsky.report.pages.material import render_fits
 
     with texts.refused("--laws: ", cure="`kolsky material fit --help` lists the laws"):
         chosen = candidates(texts.listed(laws))
@@ -381,7 +381,7 @@ def material_fit(
     content, warnings = to_json(comparison, hashes), remarks(comparison)
     written: dict[str, Any] = {
         "material.json": content,
-        "material.html": lambda path: write_fits(path, comparison, hashes, warnings),
+        "material.html": render_fits(comparison, hashes, warnings),
     }
     write_folder(folder, written | figure_files(figures, comparison), tables(comparison))
     print_result(

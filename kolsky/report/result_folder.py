@@ -71,7 +71,7 @@ class ResultFiles:
 
 _WAVES = {
     "waves.h5": "kolsky.bars.reduction.output.write_hdf5",
-    "waves.html": "kolsky.report.pages.waves.write_page",
+    "waves.html": "kolsky.report.pages.waves.render",
 }
 RESULTS = {
     "dic.result.FullField": ResultFiles("dic.output.full_field_columns", "history"),
@@ -89,7 +89,7 @@ RESULTS = {
         files={
             "joint.h5": "kolsky.results.joint.write_joint_hdf5",
             "joint.json": "kolsky.results.joint.to_json",
-            "joint.html": "kolsky.report.pages.identification.write_joint",
+            "joint.html": "kolsky.report.pages.identification.render_joint",
         },
     ),
     "kolsky.inverse.result.Identification": ResultFiles("kolsky.results.tables.all_tables"),
@@ -101,7 +101,7 @@ RESULTS = {
         "kolsky.prediction.design.tables",
         files={
             "prediction.json": "kolsky.prediction.design.to_json",
-            "prediction.html": "kolsky.report.pages.studies.write_prediction",
+            "prediction.html": "kolsky.report.pages.studies.render_prediction",
         },
     ),
     "kolsky.studies.budget.records.Budget": ResultFiles("kolsky.studies.budget.records.columns", "budget"),
@@ -110,7 +110,7 @@ RESULTS = {
         files={
             "plan.h5": "kolsky.studies.planning.plan.write_hdf5",
             "plan.json": "kolsky.studies.planning.plan.to_json",
-            "plan.html": "kolsky.report.pages.studies.write_plan",
+            "plan.html": "kolsky.report.pages.studies.render_plan",
         },
     ),
     "kolsky.studies.rate_dependence.SlowDynamics": ResultFiles("kolsky.studies.rate_dependence.tables"),
@@ -118,7 +118,7 @@ RESULTS = {
         "kolsky.studies.rates.output.tables",
         files={
             "rates.h5": "kolsky.studies.rates.output.write_hdf5",
-            "rates.html": "kolsky.report.pages.rates.write_page",
+            "rates.html": "kolsky.report.pages.rates.render",
         },
         figures=_rate_figures,
     ),
@@ -163,7 +163,7 @@ def _files_of(result: Any, *more: Any, formats: Sequence[str]) -> dict[str, Any]
     known = RESULTS[_type_name(result)]
 
     def content(name: str, function: Callable[..., Any]) -> Any:
-        if name.endswith(".json"):
+        if name.endswith((".json", ".html")):
             return function(result, *more)
         return lambda path: function(path, result, *more)
 
@@ -285,7 +285,7 @@ def write_dic_results(
 
     ``csv``, ``vtp``: also write every frame's points as CSV, and as VTP for ParaView.
     """
-    from kolsky.report.pages.surfaces import write_surfaces
+    from kolsky.report.pages.surfaces import render_surfaces
     from kolsky.report.picture_views import read_surface_view
     from kolsky.shot.optical_data import write_tables
 
@@ -304,7 +304,7 @@ def write_dic_results(
             write_vtp(partial / "vtp", result.specimen, "specimen")
             if result.flyer is not None:
                 write_vtp(partial / "vtp", result.flyer, "flyer")
-        write_surfaces(partial / "dic.html", shown, shot.inputs, processes=processes)
+        write_files(partial, {"dic.html": render_surfaces(shown, shot.inputs, processes=processes)})
 
 
 def write_full_field_results(
@@ -322,7 +322,7 @@ def write_full_field_results(
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
-    from kolsky.report.pages.surfaces import write_field
+    from kolsky.report.pages.surfaces import render_field
     from kolsky.report.paraview import write_full_field_vtu
     from kolsky.report.picture_views import read_full_field_view
 
@@ -330,7 +330,7 @@ def write_full_field_results(
     files: dict[str, Any] = {
         "dic.h5": lambda path: write_full_field(path, result),
         "history.csv": lambda path: write_full_field_history(path, result),
-        "dic.html": lambda path: write_field(path, shown, measurement.inputs),
+        "dic.html": render_field(shown, measurement.inputs),
     }
     files |= {"csv": lambda path: write_full_field_frames(path, result)} if csv else {}
     files |= {"vtu": lambda path: write_full_field_vtu(path, result)} if vtu else {}
@@ -346,7 +346,7 @@ def write_budget_results(
     those of the others budget and the parameter.
     """
     from kolsky.report.figures import BUDGETS
-    from kolsky.report.pages.studies import write_budget
+    from kolsky.report.pages.studies import render_budget
     from kolsky.studies.budget.records import columns
 
     tables, groups = {}, []
@@ -355,7 +355,7 @@ def write_budget_results(
         tables[f"budget{end}"] = columns(result)
         registry = {key: replace(kind, name=f"{kind.name}{end}") for key, kind in BUDGETS.items()}
         groups.append((result, registry))
-    files: dict[str, Any] = {"budget.html": lambda path: write_budget(path, results, campaign)}
+    files: dict[str, Any] = {"budget.html": render_budget(results, campaign)}
     write_folder(folder, files | figure_files(formats, *groups), tables)
 
 
@@ -369,10 +369,10 @@ def write_sweep_results(
     formats: Sequence[str] = (),
 ) -> None:
     """Write the results of `kolsky sweep`: the table and page of this name, with warnings, and figures."""
-    from kolsky.report.pages.studies import write_sweep
+    from kolsky.report.pages.studies import render_sweep
     from kolsky.studies.sweep import columns
 
-    page: dict[str, Any] = {f"{name}.html": lambda path: write_sweep(path, analysis, warnings=warnings)}
+    page = {f"{name}.html": render_sweep(analysis, warnings)}
     write_folder(folder, page | figure_files(formats, analysis), {name: columns(result)})
 
 
@@ -424,9 +424,9 @@ def write_specimen_results(
     """
     from kolsky.bodies import specimen_output as output  # imports scipy.stats
     from kolsky.report.body_views import SpecimenView
-    from kolsky.report.pages.bodies import write_specimen
+    from kolsky.report.pages.bodies import render_specimen
 
-    files: dict[str, Any] = {"specimen.html": lambda path: write_specimen(path, view, inputs)}
+    files: dict[str, Any] = {"specimen.html": render_specimen(view, inputs)}
     if isinstance(view, SpecimenView):
         tables = output.tables(*view.fits)
         files |= output.files_of(view.fits, inputs)

@@ -7,14 +7,13 @@ from the page, see `instrument`.
 import base64
 import json
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment
 from markupsafe import Markup
 
+from dic.files import replacing
 from explicit import Ending
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
@@ -28,17 +27,16 @@ from kolsky.report.pages.rendering import (
     FigureGroup,
     draw_figures,
     draw_groups,
-    environment,
-    page_writer,
     render_page,
     script,
     sentences,
+    shown_unit,
 )
 from kolsky.report.pages.uncertainty import changes, choices, dominant, likelihood_tables, milliseconds
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.joint import fits_of
-from kolsky.results.nomenclature import heading, in_words, name_of, route_label, upper_first, with_subscripts
+from kolsky.results.nomenclature import heading, name_of, upper_first, with_subscripts
 from kolsky.results.printed import fit_tables, summary
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import causes
@@ -102,11 +100,6 @@ def _value_text(value: Any, factor: float, digits: int) -> str:
     return numbers.plain(factor * value, digits) if isinstance(value, float) else str(value)
 
 
-def _shown_unit(unit: str) -> str:
-    """Return the unit as shown: nothing for "1"."""
-    return "" if unit == "1" else unit
-
-
 def answer_row(estimate: Estimate) -> dict[str, Any]:
     """Return one estimate in words and rounded numbers, with its uncertainty budget."""
     U = 2.0 * estimate.sigma
@@ -130,7 +123,7 @@ def answer_row(estimate: Estimate) -> dict[str, Any]:
     )
     return {
         "name": name_of(estimate.name, estimate.unit),
-        "unit": _shown_unit(estimate.unit),
+        "unit": shown_unit(estimate.unit),
         "known": bool(np.isfinite(estimate.value)),
         "bounded": bool(np.isfinite(U)),
         "value": value,
@@ -158,7 +151,7 @@ def _fixed_rows(result: Identification) -> list[tuple[str, str]]:
     rows: list[tuple[str, str]] = []
     for parameter, value in result.fixed.items():
         name = name_of(parameter)
-        text = f"{numbers.plain(value)} {_shown_unit(name.unit)}".rstrip()
+        text = f"{numbers.plain(value)} {shown_unit(name.unit)}".rstrip()
         record = PARAMETERS.get(parameter)
         if record is not None and not has_effect(record, laws):
             text = f"not used: {record.without}"
@@ -387,7 +380,6 @@ def render(
     figures = _figures(identification, recordings, processes)
     return render_page(
         _TEMPLATE,
-        using=_templates(),
         kind="Identification from one impact test",
         heading=result.shot,
         subject="identification",
@@ -435,7 +427,9 @@ def write_report(
     without them, their sections are left out. ``processes``: number of processes that draw the figures.
     Raises OSError if the file cannot be written. An older file is then unchanged.
     """
-    page_writer(render)(path, identification, recordings, processes=processes)
+    text = render(identification, recordings, processes=processes)
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 def _figures(
@@ -444,30 +438,11 @@ def _figures(
     processes: int,
 ) -> dict[str, dict[str, Any]]:
     """Draw all figures, those of the recordings last, and return them by name for the template."""
-    groups = [FigureGroup(REGISTRY.values(), identification)]
+    groups: list[FigureGroup] = [(REGISTRY.values(), identification)]
     if recordings is not None:
-        groups.append(FigureGroup(RECORDINGS.values(), recordings))
+        groups.append((RECORDINGS.values(), recordings))
     drawn = draw_groups(groups, processes=processes)
     return {figure["id"].replace("-", "_"): figure for figure in drawn}
-
-
-@cache
-def _templates() -> Environment:
-    """Return the templates with the filters that this page needs."""
-    templates = environment()
-    templates.filters |= {
-        "plain": numbers.plain,
-        "percent": numbers.percent,
-        "name_of": name_of,
-        "route_label": route_label,
-        "in_words": in_words,
-    }
-    templates.globals |= {
-        "like": numbers.like,
-        "uncertainty": lambda value, U: numbers.measured(value, U)[1],
-        "unit": _shown_unit,
-    }
-    return templates
 
 
 def render_joint(result: JointResult) -> str:
@@ -484,9 +459,6 @@ def render_joint(result: JointResult) -> str:
         fits=_fits(result),
         shots=[_shot(result, k) for k in range(len(result.shots))],
     )
-
-
-write_joint = page_writer(render_joint)
 
 
 def _facts(result: JointResult) -> list[tuple[str, str]]:
@@ -531,7 +503,7 @@ def _parameter(result: JointResult, name: str) -> dict[str, Any]:
         "Symbol": Markup("<i>{}</i>").format(entry.symbol),
         "Value": value,
         "U": half,
-        "Unit": _shown_unit(entry.unit),
+        "Unit": shown_unit(entry.unit),
         "u": numbers.plain(factor * e.sigma, 2),
         "u of the mesh": numbers.plain(factor * e.sigma_numerical, 2),
         "Verdict": e.outcome.value,

@@ -68,8 +68,8 @@ def test_groups_share_one_numbering_and_the_outer_figures_are_begun_first(monkey
 
     monkeypatch.setattr(rendering, "_drawn", draw)
     kinds = {name: REGISTRY[name] for name in ("force", "energy", "misfit")}
-    first = rendering.FigureGroup([kinds["misfit"]], RESULTS["one"])
-    second = rendering.FigureGroup([kinds["force"], kinds["energy"]], RESULTS["two"])
+    first = ([kinds["misfit"]], RESULTS["one"])
+    second = ([kinds["force"], kinds["energy"]], RESULTS["two"])
     drawn = rendering.draw_groups([first, second], first=4, mark="a")
     assert begun == [("misfit-a", RESULTS["one"]), ("energy-a", RESULTS["two"]), ("force-a", RESULTS["two"])]
     assert [(figure["id"], figure["number"]) for figure in drawn] == [
