@@ -1,8 +1,4 @@
-"""`kolsky actuator simulate`, `invert` and `control`: a pressurised soft actuator.
-
-The bend for a pressure, the pressures for target bends, and the closed loop with a simulated plant. Each
-command ends with a page, a JSON file and figures.
-"""
+"""`kolsky actuator simulate`, `invert` and `control`: a pressurised soft actuator."""
 
 from collections.abc import Mapping
 from functools import partial

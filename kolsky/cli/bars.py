@@ -1,8 +1,4 @@
-"""`kolsky waves`, `wavespeed` and `repeats`: tests between bars.
-
-The classical reduction of one test, the wave speed and relative gain from a test with touching bars, and the
-mean curve of repeated tests.
-"""
+"""`kolsky waves`, `wavespeed` and `repeats`: tests between bars, touching bars, and the mean of repeats."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

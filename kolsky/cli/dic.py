@@ -1,7 +1,4 @@
-"""`kolsky dic` and `calibrate`.
-
-From the pictures of a shot to surfaces, and from a target to two cameras.
-"""
+"""`kolsky dic` and `calibrate`: from pictures of a shot to surfaces, and from a target to two cameras."""
 
 from contextlib import ExitStack
 from functools import partial

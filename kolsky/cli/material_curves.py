@@ -1,8 +1,4 @@
-"""`kolsky material reference-curve` and `relaxation`: the slow behaviour that a shot's stiffness refers to.
-
-The first command turns quasi-static tests into the reference curve. The second places relaxation,
-oscillation, temperature sweeps and shots on one axis of time.
-"""
+"""`kolsky material reference-curve` and `relaxation`: the slow behaviour that a shot refers to."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -110,10 +106,8 @@ def _toe_of(option: str, text: str) -> "Toe":
             raise ValueError
         low, high = (float(end) for end in ends)
     except ValueError:
-        raise texts.refusal(
-            f"{option} {text!r} cannot be read",
-            cure="write none, or line:LOW:HIGH or gaussian:LOW:HIGH with strains, e.g. gaussian:0.03:0.12",
-        ) from None
+        expected = "none, or line:LOW:HIGH or gaussian:LOW:HIGH with strains, e.g. gaussian:0.03:0.12"
+        raise texts.unreadable(option, text, expected) from None
     return Toe("line" if kind == "line" else "gaussian", low, high)
 
 

@@ -39,7 +39,7 @@ def size_of(option: str, text: str) -> Specimen:
     """ "9.5 mm x 6.5 mm" as the undeformed size of a cylinder."""
     diameter, cross, length = text.partition(" x ")
     if not cross:
-        raise texts.refusal(f"{option} {text!r} cannot be read", cure='write "9.5 mm x 6.5 mm"')
+        raise texts.unreadable(option, text, '"9.5 mm x 6.5 mm"')
     return Specimen(
         diameter=texts.physical(option, diameter, "m", positive=True),
         length=texts.physical(option, length, "m", positive=True),
@@ -190,9 +190,8 @@ def read_tests(
 ) -> "tuple[tuple[HomogeneousTest, ...], dict[str, str], tuple[str, ...]]":
     """The tests, the hashes of their files by path, and the columns that were chosen by default.
 
-    ``files``: "MODE:FILE", or a file of a uniaxial test. ``columns``: columns of the files. ``mean``: strains
-    at which the files of a mode are averaged. 0 keeps each file as a test with all its points. Raises
-    InputError if a file cannot be read, if its columns are unknown, or if it has no such test.
+    ``files``: "MODE:FILE", or a file of a uniaxial test. ``mean``: strains at which the files of a mode are
+    averaged. 0 keeps each file as a test with all its points.
     """
     from kolsky.material.fits.homogeneous_test import (
         means_by_mode,

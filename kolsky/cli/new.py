@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def beginning(path: Path) -> Iterator[None]:
-    """Make the folder of a new file.
-
-    The file is then opened with the mode "x".
+    """Make the folder of a new file, which is then opened with the mode "x".
 
     Raises InputError if the file exists, if its folder is not a folder, or if either cannot be written.
     """

@@ -1,7 +1,4 @@
-"""`kolsky report`, `film` and `rate`: what is made of the results of identified shots.
-
-The page, stills and films of one shot, and the stiffness of several shots against strain rate.
-"""
+"""`kolsky report`, `film` and `rate`: page, films and rate study of identified shots."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -471,23 +471,27 @@ def _facts(result: JointResult) -> list[tuple[str, str]]:
     if reference:
         rows.append(("what m refers to", reference))
     if result.scatter is not None:
-        low, high = result.scatter.interval
-        rows.append(
-            (
-                "scatter of the stiffness between shots",
-                f"{numbers.percent(result.scatter.value)}, 95 % interval {numbers.percent(low)} to "
-                f"{numbers.percent(high)}",
-            )
-        )
+        low, high = map(numbers.percent, result.scatter.interval)
+        scatter = f"{numbers.percent(result.scatter.value)}, 95 % interval {low} to {high}"
+        rows.append(("scatter of the stiffness between shots", scatter))
     if result.choice is not None:
         rows.append(("with and without relaxation", result.choice.sentence))
     rows += [
         (f"slow test {name}: mean squared residual over noise", numbers.plain(value, 3))
         for name, value in result.slow.items()
     ]
-    across, along = result.refined_mesh
-    rows.append(("mesh of the answer", f"{across} × {along}"))
-    rows.append(("simulations", str(result.runs)))
+    rows.append(("mesh of the answer", "{} × {}".format(*result.refined_mesh)))
+    return [*rows, ("simulations", str(result.runs))]
+
+
+def joint_rows(result: JointResult) -> list[tuple[str, str]]:
+    """Names and values of a joint answer for a terminal: the facts, and a line for each shot and channel."""
+    rows = _facts(result)
+    for table, names in ([_shot(result, k) for k in range(len(result.shots))], 1), (_fits(result), 2):
+        for row in table:
+            cells = [(Markup(head).striptags(), cell) for head, cell in row.items() if cell]
+            text = ", ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in cells[names:])
+            rows.append((", ".join(cell for _, cell in cells[:names]), text))
     return rows
 
 
