@@ -1,8 +1,4 @@
-"""`kolsky actuator simulate`, `invert` and `control`: a pressurised soft actuator.
-
-The bend for a pressure, the pressures for target bends, and the closed loop with a simulated plant. Each
-command ends with a page, a JSON file and figures.
-"""
+"""`kolsky actuator simulate`, `invert` and `control`: a pressurised soft actuator."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -16,7 +12,7 @@ from kolsky.base.options import Option
 from kolsky.cli.options import Figures, Film, Vtu
 from kolsky.cli.terminal import print_result
 from kolsky.inverse.settings import Device
-from kolsky.report.figures_alone import figure_files
+from kolsky.report import figure_files
 
 if TYPE_CHECKING:
     from kolsky.report.body_views import ActuatorView
@@ -163,9 +159,9 @@ def _write_result(
     files: Files | None = None,
 ) -> None:
     """Write actuator.html, actuator.json, figures, tables and further files, and print the result."""
-    from kolsky.report.pages.bodies import actuator_rows, write_actuator
+    from kolsky.report.pages.bodies import actuator_rows, render_actuator
 
-    page = {"actuator.html": lambda path: write_actuator(path, view, inputs), "actuator.json": content}
+    page = {"actuator.html": render_actuator(view, inputs), "actuator.json": content}
     write_folder(folder, {**page, **(files or {}), **figure_files(figures, view)}, tables)
     print_result(
         actuator_rows(view), content, files={"page": folder / "actuator.html"}, warnings=view.warnings

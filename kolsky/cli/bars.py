@@ -1,8 +1,4 @@
-"""`kolsky waves`, `wavespeed` and `repeats`: tests between bars.
-
-The classical reduction of one test, the wave speed and relative gain from a test with touching bars, and the
-mean curve of repeated tests.
-"""
+"""`kolsky waves`, `wavespeed` and `repeats`: tests between bars, touching bars, and the mean of repeats."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +9,7 @@ from kolsky.base.files import usable_folder, write_folder
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, OutFolder, ShotPath
 from kolsky.cli.terminal import print_result, progress_bars
-from kolsky.report.figures_alone import figure_files
+from kolsky.report import figure_files
 
 if TYPE_CHECKING:
     from kolsky.bars.records import ReducedTest

@@ -187,10 +187,7 @@ def main() -> None:
 
 
 def program(commands: Mapping[str, Command]) -> typer.Typer:
-    """The command line of a table of commands such as `COMMANDS`.
-
-    If a command raises an `InputError`, the command ends with its lines on stderr and exit code 2.
-    """
+    """The command line of a table of commands such as `COMMANDS`."""
     made = typer.Typer(
         name="kolsky",
         no_args_is_help=True,
@@ -220,30 +217,27 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Context that turns bad input, a system error or a missing package into lines on stderr.
-
-    The exit code is 2.
-    """
+    """Context that turns bad input, a system error or a missing package into lines on stderr, exit code 2."""
     try:
         yield
     except InputError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(2) from None
+        words = str(error)
     except ModuleNotFoundError as error:
         source = BROUGHT_BY.get((error.name or "").partition(".")[0])
         if source is None:
             raise
-        typer.echo(f"this needs the package {error.name}: pip install '{source}'", err=True)
-        raise typer.Exit(2) from None
+        words = f"this needs the package {error.name}: pip install '{source}'"
     except OSError as error:
         if error.errno is None or isinstance(error, BrokenPipeError):
             raise
-        typer.echo(str(of_system(error)), err=True)
-        raise typer.Exit(2) from None
+        words = str(of_system(error))
     except MemoryError:
         cure = "use a coarser mesh, fewer runs at once, or a machine with more memory"
-        typer.echo(f"there is not enough memory. Cure: {cure}", err=True)
-        raise typer.Exit(2) from None
+        words = f"there is not enough memory. Cure: {cure}"
+    else:
+        return
+    typer.echo(words, err=True)
+    raise typer.Exit(2)
 
 
 def of_system(error: OSError) -> InputError:

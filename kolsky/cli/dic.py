@@ -1,7 +1,4 @@
-"""`kolsky dic` and `calibrate`.
-
-From the pictures of a shot to surfaces, and from a target to two cameras.
-"""
+"""`kolsky dic` and `calibrate`: from pictures of a shot to surfaces, and from a target to two cameras."""
 
 from contextlib import ExitStack
 from functools import partial
@@ -19,7 +16,7 @@ from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, ShotPath
 from kolsky.cli.terminal import print_result, progress_bars
-from kolsky.report.figures_alone import figure_files
+from kolsky.report import figure_files
 
 if TYPE_CHECKING:
     from dic.calibration.views import Calibration
@@ -185,14 +182,16 @@ def calibrate(
         read_calibration_toml,
         write_calibration_points,
     )
-    from kolsky.report.pages.surfaces import calibration_summary, calibration_warnings
+    from kolsky.report.pages.surfaces import (
+        calibration_summary,
+        calibration_warnings,
+        render_calibration,
+    )
 
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
     with progress_bars() as progress, single_threaded_libraries():
         calibration = calibration_of(toml, section, progress)
-    from kolsky.report.pages.surfaces import write_calibration
-
     name = toml.path.parent.resolve().name
     files = {
         _RIG_FILE: lambda path: write_rig(path, calibration.rig, "opencv"),
@@ -201,7 +200,7 @@ def calibrate(
             for form in exports
         },
         "calibration.csv": lambda path: write_calibration_points(path, calibration),
-        "calibration.html": lambda path: write_calibration(path, name, calibration),
+        "calibration.html": render_calibration(name, calibration),
         **figure_files(figures, calibration),
     }
     cure = "is it the folder of a calibration series of this target? look at the pictures named"

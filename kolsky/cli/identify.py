@@ -1,8 +1,4 @@
-"""`kolsky identify`: load, identify, write, print.
-
-One shot, or several shots together. With --each, several shots one by one: in this process, in several
-processes, or on a Dask cluster.
-"""
+"""`kolsky identify` and `demo`: one shot, several together, or one by one in processes or by Dask."""
 
 import shutil
 import sys
@@ -28,7 +24,6 @@ from kolsky.inverse.settings import JointSettings, Settings
 
 if TYPE_CHECKING:
     from kolsky.inverse.joint_result import JointResult
-    from kolsky.inverse.result import FitQuality
     from kolsky.shot.records import Shot
 
 
@@ -42,11 +37,7 @@ def identify_shots(
     out: Path | None,
     figures: Sequence[str],
 ) -> None:
-    """Load the shots, identify them together, write and print.
-
-    Raises InputError if a shot, a slow test or the folder of results cannot be used, or if the shots cannot
-    be joined.
-    """
+    """Load the shots, identify them together, write and print."""
     from doe.ledger import LedgerError
     from kolsky import joint_identification
     from kolsky.inverse.parameters import with_relaxation
@@ -86,10 +77,7 @@ def identify_shots(
 
 
 def require_one_material(paths: Sequence[Path]) -> None:
-    """Reject shots that declare different materials.
-
-    Raises InputError if two shot files name a different `material`, or if one cannot be read.
-    """
+    """Raise InputError if two shot files name a different `material`, or if one cannot be read."""
     from kolsky.studies.rates.rate import declarations
 
     named = [(file, said.material) for file, said in map(declarations, paths) if said.material is not None]
@@ -105,7 +93,7 @@ def require_one_material(paths: Sequence[Path]) -> None:
 
 
 def answer_lines(result: "JointResult") -> list[str]:
-    """First lines of the answer: shared parameters with 95 % intervals, the scatter, the relaxation."""
+    """First lines of the answer: shared parameters with 95 % intervals, and the verdict."""
     from kolsky.inverse.joint_result import interval
     from kolsky.inverse.result import Verdict
     from kolsky.results import numbers
@@ -126,12 +114,6 @@ def answer_lines(result: "JointResult") -> list[str]:
             low, high = (quantity.factor * end for end in interval(e, result.expanded[name]))
             line = f"{plain_symbol(name)} = {low:.2g} to {high:.2g}{unit}"
         lines.append(line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}")
-    if result.scatter is not None:
-        low, high = (100.0 * end for end in result.scatter.interval)
-        size = 100.0 * result.scatter.value
-        lines.append(f"scatter between shots = {size:.2g} % (95 %: {low:.2g} to {high:.2g} %)")
-    if result.choice is not None:
-        lines.append(result.choice.sentence)
     lines.append(_verdict_line(result))
     return lines
 
@@ -146,46 +128,17 @@ def _verdict_line(result: "JointResult") -> str:
     return f"verdict: {result.verdict} (largest residual over expected: {worst.excess:.2g} of {name})"
 
 
-def _excesses(fits: "Sequence[FitQuality]") -> str:
-    """Residuals of several channels divided by those of a correct model, whole and slow ones."""
-    return ", ".join(
-        f"{fit.channel} {fit.excess:.2g} (slow {fit.slow_excess:.2g})"
-        f"{'' if fit.explained else ': NOT EXPLAINED'}"
-        for fit in fits
-    )
+def _result_rows(result: "JointResult") -> dict[str, str]:
+    """Names and values below the answer: those of the page."""
+    from kolsky.report.pages.identification import joint_rows
+    from kolsky.results.numbers import plain_sentence
 
-
-def _result_rows(result: "JointResult") -> dict[str, Any]:
-    """Names and values below the answer."""
-    from kolsky.diagnosis.joint_fit import cause_sentence
-    from kolsky.inverse.parameters import reference_words
-
-    rows: dict[str, Any] = {"shots": len(result.shots)}
-    reference = reference_words((*result.estimates, *result.fixed))
-    if reference:
-        rows["m refers to"] = reference
-    for p in result.shots:
-        rows[p.name] = (
-            f"m = {p.factor:.4f}, chi2/n force {p.chi2_force:.3g}, outline {p.chi2_outline:.3g}, late by "
-            f"{1e6 * p.clock:.2g} us, gain {100.0 * p.gain:+.2g} %"
-        )
-        if p.own is not None:
-            rows[f"{p.name}, alone"] = (
-                f"stiffness {100.0 * p.own.value:+.2g} +- {200.0 * p.own.sigma:.2g} % from the shared (k = 2)"
-            )
-        if p.fit:
-            rows[f"{p.name}, residual over expected"] = _excesses(p.fit)
-    rows |= {f"{name}, chi2/n": value for name, value in result.slow.items()}
-    rows |= {f"{fit.channel}, residual over expected": _excesses((fit,)) for fit in result.slow_fit}
-    if result.agreement is not None:
-        rows["agreement of the shots"] = result.agreement.sentence
-    if result.causes:
-        rows["cause of the misfit"] = cause_sentence(result.causes)
+    rows = {name: plain_sentence(text) for name, text in joint_rows(result)}
     if result.curve is not None:
         c = result.curve
         for strain, factor, sigma in zip(c.strain, c.factor, c.sigma_log, strict=True):
             rows[f"factor at strain {strain:.3f}"] = f"{factor:.4f} +- {2.0 * factor * sigma:.2g} (k = 2)"
-    return {**rows, "simulations": result.runs}
+    return rows
 
 
 @dataclass(frozen=True)
@@ -193,9 +146,7 @@ class SingleShotJob:
     """The identification of one shot, as given on the command line. It can be pickled."""
 
     shot: Path
-    """Its folder, or its shot.toml."""
     settings: Settings
-    """Settings of the library."""
     out: Path | None = None
     """Folder of the results; None for the folder `results` of the shot."""
     relaxation: tuple[RelaxationKind, int] | None = None
@@ -205,25 +156,26 @@ class SingleShotJob:
     paper: bool = False
     """True to apply the method of Mates et al. too."""
     figures: tuple[str, ...] = ()
-    """Formats of figures that are saved as files."""
     verbose: bool = False
     """True to print every value."""
 
 
 @dataclass(frozen=True)
 class Printout:
-    """Printed answer of an identification. It can be pickled."""
+    """Printed answer of an identification, see `print_result`. It can be pickled."""
 
     shot: str
     lines: tuple[str, ...]
-    """First lines: the free parameters with their intervals, the fit."""
     rows: Mapping[str, Any]
-    """Names and values below them."""
     content: Mapping[str, Any]
-    """The object of `--json`."""
     warnings: tuple[str, ...]
-    """Remarks for the user of the answer."""
     page: Path
+
+    def show(self) -> None:
+        """Print it."""
+        print_result(
+            self.rows, self.content, lines=self.lines, files={"report": self.page}, warnings=self.warnings
+        )
 
 
 def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:
@@ -257,9 +209,7 @@ def _run_job(job: SingleShotJob, *, processes: int = 1) -> Printout:
 def paper_answer(
     shot: "Shot", settings: "Settings", folder: Path
 ) -> tuple[dict[str, str], dict[str, Any], list[str]]:
-    """Write the answer of the paper's method.
-
-    Returns its rows to print, keys of the JSON object and warnings.
+    """Write the answer of the paper's method; returns its rows to print, keys of the JSON object, warnings.
 
     If the method fails, there is a warning and no error.
     """
@@ -283,11 +233,7 @@ def paper_answer(
     except (ValueError, LedgerError, OSError) as error:
         return {}, {paper.STEM: None}, [f"the paper's method has no answer: {error}"]
     paper.write_paper_method(folder, result)
-    return (
-        paper.rows(result),
-        {paper.STEM: paper.to_json(result)},
-        paper.paper_warnings(result),
-    )
+    return paper.rows(result), {paper.STEM: paper.to_json(result)}, paper.paper_warnings(result)
 
 
 _Answer = Printout | InputError
@@ -295,11 +241,7 @@ _Answer = Printout | InputError
 
 
 def identify_each(shots: Sequence[Path], pattern: SingleShotJob, workers: Workers) -> None:
-    """Identify every shot as in the pattern, and write the results of each.
-
-    They are printed in the order of the shots.
-    """
-
+    """Identify every shot as in the pattern, write the results of each, and print all in the shots' order."""
     jobs = [
         replace(pattern, shot=shot, out=out)
         for shot, out in zip(shots, _result_folders(shots, pattern.out), strict=True)
@@ -507,14 +449,7 @@ def _print_one(job: SingleShotJob) -> None:
     """Identify one shot in this process and print its answer."""
     from kolsky.report.result_folder import drawing_processes
 
-    answer = _run_job(job, processes=drawing_processes())
-    print_result(
-        answer.rows,
-        answer.content,
-        lines=answer.lines,
-        files={"report": answer.page},
-        warnings=answer.warnings,
-    )
+    _run_job(job, processes=drawing_processes()).show()
 
 
 DEMO = "open-05"
@@ -545,9 +480,7 @@ def demo(
 
 
 def demo_files() -> list[Path]:
-    """Files of the shot that comes with the package.
-
-    They are those of the installation, otherwise of the source tree.
+    """Files of the shot that comes with the package, in the source tree or in the installation.
 
     Raises InputError if the installation lacks them.
     """

@@ -1,8 +1,4 @@
-"""`kolsky material reference-curve` and `relaxation`: the slow behaviour that a shot's stiffness refers to.
-
-The first command turns quasi-static tests into the reference curve. The second places relaxation,
-oscillation, temperature sweeps and shots on one axis of time.
-"""
+"""`kolsky material reference-curve` and `relaxation`: the slow behaviour that a shot refers to."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +15,7 @@ from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
 from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.readers.layout import Layout
-from kolsky.report.figures_alone import figure_files
+from kolsky.report import figure_files
 
 if TYPE_CHECKING:
     from kolsky.base.apparatus import Specimen
@@ -110,10 +106,8 @@ def _toe_of(option: str, text: str) -> "Toe":
             raise ValueError
         low, high = (float(end) for end in ends)
     except ValueError:
-        raise texts.refusal(
-            f"{option} {text!r} cannot be read",
-            cure="write none, or line:LOW:HIGH or gaussian:LOW:HIGH with strains, e.g. gaussian:0.03:0.12",
-        ) from None
+        expected = "none, or line:LOW:HIGH or gaussian:LOW:HIGH with strains, e.g. gaussian:0.03:0.12"
+        raise texts.unreadable(option, text, expected) from None
     return Toe("line" if kind == "line" else "gaussian", low, high)
 
 
@@ -330,7 +324,7 @@ def material_relaxation(
     Writes relaxation.html, relaxation.json and CSV tables.
     """
     from kolsky.inverse.slow_tests import read_slow_list
-    from kolsky.report.pages.material import write_relaxation
+    from kolsky.report.pages.material import render_relaxation
     from kolsky.studies.rate_dependence import analyse_rate_dependence, summary, tables
     from kolsky.studies.rate_models import comparison_summary, comparison_table
     from kolsky.studies.rates.rate import collected_shot
@@ -350,7 +344,7 @@ def material_relaxation(
         rows |= {f"{name}, with shots": text for name, text in _comparison_rows(together).items()}
     files = {
         "relaxation.json": content,
-        "relaxation.html": lambda path: write_relaxation(path, result, dict(slow.files)),
+        "relaxation.html": render_relaxation(result, dict(slow.files)),
     }
     write_folder(folder, files | figure_files(figures, result), written)
     print_result(

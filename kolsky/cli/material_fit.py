@@ -16,7 +16,7 @@ from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
 from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.material.fits.columns import Columns
-from kolsky.report.figures_alone import figure_files
+from kolsky.report import figure_files
 
 if TYPE_CHECKING:
     from kolsky.material.end_friction.problem import ModelFit
@@ -39,7 +39,7 @@ def size_of(option: str, text: str) -> Specimen:
     """ "9.5 mm x 6.5 mm" as the undeformed size of a cylinder."""
     diameter, cross, length = text.partition(" x ")
     if not cross:
-        raise texts.refusal(f"{option} {text!r} cannot be read", cure='write "9.5 mm x 6.5 mm"')
+        raise texts.unreadable(option, text, '"9.5 mm x 6.5 mm"')
     return Specimen(
         diameter=texts.physical(option, diameter, "m", positive=True),
         length=texts.physical(option, length, "m", positive=True),
@@ -190,9 +190,8 @@ def read_tests(
 ) -> "tuple[tuple[HomogeneousTest, ...], dict[str, str], tuple[str, ...]]":
     """The tests, the hashes of their files by path, and the columns that were chosen by default.
 
-    ``files``: "MODE:FILE", or a file of a uniaxial test. ``columns``: columns of the files. ``mean``: strains
-    at which the files of a mode are averaged. 0 keeps each file as a test with all its points. Raises
-    InputError if a file cannot be read, if its columns are unknown, or if it has no such test.
+    ``files``: "MODE:FILE", or a file of a uniaxial test. ``mean``: strains at which the files of a mode are
+    averaged. 0 keeps each file as a test with all its points.
     """
     from kolsky.material.fits.homogeneous_test import (
         means_by_mode,
@@ -321,7 +320,7 @@ def material_fit(
     from kolsky.material.fits.search import Weighting
     from kolsky.material.fits.tables import as_json as to_json
     from kolsky.material.fits.tables import remarks, tables
-    from kolsky.report.pages.material import write_fits
+    from kolsky.report.pages.material import render_fits
 
     with texts.refused("--laws: ", cure="`kolsky material fit --help` lists the laws"):
         chosen = candidates(texts.listed(laws))
@@ -381,7 +380,7 @@ def material_fit(
     content, warnings = to_json(comparison, hashes), remarks(comparison)
     written: dict[str, Any] = {
         "material.json": content,
-        "material.html": lambda path: write_fits(path, comparison, hashes, warnings),
+        "material.html": render_fits(comparison, hashes, warnings),
     }
     write_folder(folder, written | figure_files(figures, comparison), tables(comparison))
     print_result(

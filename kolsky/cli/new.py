@@ -12,7 +12,7 @@ import typer
 
 from dic.files import one_line
 from kolsky.base.errors import InputError
-from kolsky.base.files import decode, filling, read_bytes, usable_folder
+from kolsky.base.files import decode, read_bytes, usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli.options import Out, ShotPath
 from kolsky.cli.terminal import as_json, print_json
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def beginning(path: Path) -> Iterator[None]:
-    """Make the folder of a new file.
-
-    The file is then opened with the mode "x".
+    """Make the folder of a new file, which is then opened with the mode "x".
 
     Raises InputError if the file exists, if its folder is not a folder, or if either cannot be written.
     """
@@ -162,12 +160,11 @@ def check(shot: ShotPath, out: Out = None) -> None:
     summary.print_table(loaded)
     for remark in summary.remarks(loaded):
         print(one_line(f"warning: {remark}"), file=sys.stderr)
-    from kolsky.report.pages.waves import PAGE, write_check
+    from kolsky.report.pages.waves import PAGE, render_check
     from kolsky.schema.shot_file import folder_of
 
     folder = usable_folder(out or folder_of(shot) / "results")
-    with filling(folder) as partial:
-        write_check(partial / PAGE, loaded)
+    write_folder(folder, {PAGE: render_check(loaded)})
     print(f"page: {folder / PAGE}")
 
 

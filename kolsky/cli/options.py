@@ -1,10 +1,4 @@
-"""Options of the commands, made from the settings that they fill.
-
-The shot of a command is also loaded here.
-
-A record, such as `kolsky.inverse.settings.Numerics`, becomes parameters in the signature of a command when
-the program is made. See `with_settings`.
-"""
+"""Options of the commands, made from the settings that they fill (`with_settings`); the shot of a command."""
 
 import functools
 import inspect
@@ -187,10 +181,7 @@ def _option_fields(kind: Any, chosen: tuple[str, ...]) -> Iterator[tuple[Field[A
 
 
 def changed(record: Any) -> dict[str, bool]:
-    """For each option of a record, True if its value differs from the default.
-
-    Keys are the names of the options.
-    """
+    """For the name of each option of a record, True if its value differs from the default."""
     return {
         f"--{_word(field.name, option, field.default)}": getattr(record, field.name) != field.default
         for field, hint in _option_fields(type(record), ())
@@ -216,10 +207,9 @@ _PRINTING: dict[str, Any] = {
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:
     """Make one option from every setting of a command, and add `--json` and `--quiet`.
 
-    ``command``: a function with annotated parameters. A parameter is annotated by `typer.Argument`, by an
-    `kolsky.base.options.Option`, or is a record with such fields. The fields replace the record in the
-    signature. ``Annotated[Record, ("field", ...)]`` uses only these fields. The command is called with the
-    records and the converted values.
+    A parameter of the command is annotated by `typer.Argument`, by an `kolsky.base.options.Option`, or is a
+    record with such fields, such as `kolsky.inverse.settings.Numerics`. The fields replace the record in the
+    signature. ``Annotated[Record, ("field", ...)]`` uses only these fields.
     """
     hints = get_type_hints(command, include_extras=True)
     given = inspect.signature(command).parameters
@@ -257,11 +247,10 @@ def with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tuple[Shot, Path]":
-    """The shot and the folder of its results. The folder is checked before any work.
+    """The shot and the folder of its results, which is checked before any work.
 
-    ``shot``: a folder or its shot.toml. ``out``: folder of the results; by default the folder "results" of
-    the shot. ``inside``: folders inside it. ``forks``: True if several processes may correlate pictures.
-    Raises InputError if the shot or the folder cannot be used.
+    ``out``: by default the folder "results" of the shot. ``inside``: folders inside it. ``forks``: True if
+    several processes may correlate pictures. Raises InputError if the shot or the folder cannot be used.
     """
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.load import load_shot

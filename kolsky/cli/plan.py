@@ -1,7 +1,4 @@
-"""`kolsky plan`, `predict` and `virtual`.
-
-Information content and prediction of a planned test, and shots with a known answer.
-"""
+"""`kolsky plan`, `predict` and `virtual`: planned tests, and shots with a known answer."""
 
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -29,21 +26,17 @@ def _window(option: str, text: str) -> tuple[float, float]:
     """ "0 ms:1.2 ms" as start and end [s]."""
     ends = text.split(":")
     if len(ends) != 2:
-        raise texts.refusal(f"{option} {text!r} cannot be read", cure='write START:END, e.g. "0 ms:1.2 ms"')
+        raise texts.unreadable(option, text, 'START:END, e.g. "0 ms:1.2 ms"')
     start, end = (texts.physical(option, part, "s") for part in ends)
     return start, end
 
 
 def _heights(option: str, text: str) -> tuple[int, ...]:
     """ "1,3,5" as numbers of heights."""
-    counts = texts.numbers(option, text)
+    expected = "whole numbers from 1 with commas, e.g. 1,3,5"
+    counts = texts.numbers(option, text, expected)
     if not counts or any(count != round(count) or count < 1.0 for count in counts):
-        raise texts.refusal(
-            "must be whole numbers from 1",
-            key=option,
-            value=text,
-            cure="write them with commas, e.g. --heights 1,3,5",
-        )
+        raise texts.unreadable(option, text, expected)
     return tuple(int(count) for count in counts)
 
 
@@ -201,11 +194,7 @@ def predict(
     if film:
         if quick:
             raise texts.refusal("--film shows the specimen's elements", cure="leave --quick out")
-        from kolsky.report.scene.drawing import writer_for
-
-        cure = "choose another format, or install what it needs"
-        with texts.refused(f"--film {film}: ", cure=cure, errors=(ImportError,)):
-            writer_for(film)
+        texts.installed(f"--film {film}", "imageio_ffmpeg", "film")
     if want and not vary:
         raise texts.refusal("--want needs --vary", cure='add e.g. --vary "striker.speed=4 m/s:7 m/s:5"')
     from kolsky.prediction import design

@@ -1,7 +1,4 @@
-"""`kolsky report`, `film` and `rate`: what is made of the results of identified shots.
-
-The page, stills and films of one shot, and the stiffness of several shots against strain rate.
-"""
+"""`kolsky report`, `film` and `rate`: page, films and rate study of identified shots."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -83,19 +80,18 @@ def film(
 
     Needs the results of `kolsky identify`; writes into their folder film.
     """
-    from kolsky.report.scene.drawing import FILMS, CannotRender, require_pyvista, writer_for
+    from kolsky.report.scene.drawing import FILMS, CannotRender, offscreen_pyvista
     from kolsky.report.scene.scene_data import FIELDS
 
     texts.one_of("--field", field, tuple(FIELDS))
     wanted = texts.listed(formats)
-    cure = "choose another --format, or install what it needs"
     for name in wanted:
         texts.one_of("--format", name, (*FILMS, _STILLS, _SERIES))
-        with texts.refused(f"--format {name}: ", cure=cure, errors=(CannotRender, ImportError)):
-            if name != _SERIES:
-                require_pyvista()
-            if name in FILMS:
-                writer_for(name)
+        if name in FILMS:
+            texts.installed(f"--format {name}", "imageio_ffmpeg", "film")
+        if name != _SERIES:
+            with texts.refused(f"--format {name}: ", cure="choose vtu for ParaView", errors=(CannotRender,)):
+                offscreen_pyvista()
 
     loaded, folder = load(shot, out)
     from kolsky.report.paraview import write_vtu
@@ -107,18 +103,15 @@ def film(
     result = read_identification(folder / RESULT_FILE)
     values = {name: estimate.value for name, estimate in result.estimates.items()}
     solid = solid_of(loaded.curve, {**result.fixed, **values})
-    cannot_draw = texts.refused(cure="`kolsky doctor` lists missing packages", errors=(CannotRender,))
     written: list[str] = []
     with usable(loaded), filling(folder / "film") as partial, progress_bars() as progress:
         stage = scene_of(result, field=field, solid=solid)
-        with cannot_draw:
-            if _STILLS in wanted:
-                written += [path.name for path in write_stills(partial, stage, stills)]
-            for name in (name for name in wanted if name in FILMS):
-                frames = len(range(0, len(stage.times), every))
-                report = counted(progress, f"pictures, {name}", frames)
-                path = partial / f"{field}.{name}"
-                written.append(write_film(path, stage, every=every, rate=rate, progress=report).name)
+        if _STILLS in wanted:
+            written += [path.name for path in write_stills(partial, stage, stills)]
+        for name in (name for name in wanted if name in FILMS):
+            report = counted(progress, f"pictures, {name}", len(range(0, len(stage.times), every)))
+            path = partial / f"{field}.{name}"
+            written.append(write_film(path, stage, every=every, rate=rate, progress=report).name)
         if _SERIES in wanted:
             series = write_vtu(partial, result.response, mesh_of(result), solid, every=every)
             written.append(f"{series[-1].name} and {len(series) - 1} meshes")

@@ -1,8 +1,4 @@
-"""`kolsky specimen fit`, `simulate` and `plan`: whole specimens in slow tests.
-
-`fit` finds constants of a law from force curves or a displacement field. `simulate` gives force curves with
-declared constants. `plan` finds the tests and shapes that constrain the constants best.
-"""
+"""`kolsky specimen new`, `fit`, `simulate` and `plan`: whole specimens in slow tests."""
 
 import functools
 from importlib.resources import files

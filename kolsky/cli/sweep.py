@@ -1,10 +1,4 @@
-"""`kolsky sweep` and `budget`: many simulations of one shot, stored in ledgers.
-
-An interrupted command continues.
-
-The options describe the design, the ledger and the workers (processes, or a Dask scheduler). `kolsky identify
---each` uses the same workers.
-"""
+"""`kolsky sweep` and `budget`: many simulations of one shot, stored in ledgers; their designs and workers."""
 
 import asyncio
 import json
@@ -154,10 +148,7 @@ class DesignChoice:
     """Constraints as in `doe.box.Constraint`."""
 
     def vary_of(self, interface: "Interface") -> tuple[str, ...]:
-        """The parameters to vary.
-
-        By default, friction is not varied if no surface of the shot slides.
-        """
+        """The parameters to vary; by default not friction if no surface of the shot slides."""
         from explicit.contact import contact_law
 
         slides = any(contact_law(law).needs_friction for law in (interface.faces, interface.side))
@@ -169,11 +160,9 @@ class DesignChoice:
         return (f"stiffness_factor=0.75:1.25{levels}",)
 
     def design(self) -> "Design":
-        """The points.
+        """The points. Those that break a constraint are left out and counted.
 
-        A point that breaks a constraint is left out and counted. A design that chooses among candidates uses
-        only candidates that meet the constraints. Raises InputError if there is no such design, if options do
-        not fit together, or if they do not give a design.
+        Raises InputError if options do not fit together, or if they do not give a design.
         """
         from doe.designs import DESIGNS, design_kind
         from doe.designs.optimal import keep
@@ -273,18 +262,12 @@ class Records:
 
     @property
     def stem(self) -> str:
-        """Name of this part's files.
-
-        Parts run in parallel, each with separate files.
-        """
+        """Name of this part's files."""
         part, parts = self.shard
         return "sweep" if parts == 1 else f"sweep-{part}of{parts}"
 
     def place(self, folder: Path) -> Path | None:
-        """The ledger's file. None if no ledger is requested.
-
-        Raises InputError if a file is to be merged into itself, or if there is no ledger to merge into.
-        """
+        """The ledger's file. None if no ledger is requested."""
         if self.ledger == "none":
             if self.merge:
                 raise texts.refusal("--merge needs a ledger", cure="leave out --ledger none")
@@ -296,10 +279,7 @@ class Records:
         return path
 
     def part(self, design: "Design") -> "Design":
-        """The points of a design that this part runs.
-
-        Raises InputError if there are more parts than points.
-        """
+        """The points of a design that this part runs."""
         if self.shard == (1, 1):
             return design
         from doe import Design
@@ -324,13 +304,7 @@ class Workers:
 
     @contextmanager
     def executor(self) -> Iterator[Any]:
-        """The maker of the executor (`doe.ledger.ExecutorFactory`).
-
-        None if this process does the work.
-
-        Raises InputError if both kinds are requested, if Dask is not installed, or if its scheduler does not
-        answer.
-        """
+        """The maker of the executor (`doe.ledger.ExecutorFactory`). None if this process does the work."""
         if self.dask and self.processes is not None:
             raise texts.refusal("--dask and --processes exclude each other", cure="choose one")
         if self.dask:
@@ -420,11 +394,10 @@ _SETTINGS = Settings(numerics=Numerics(mesh=(16, 22)), refined_mesh=(32, 44), re
 
 def _rates(option: str, text: str) -> tuple[float, ...]:
     """ "200,1000" as the slowest and the fastest rate [1/s]."""
-    rates = tuple(texts.numbers(option, text))
+    expected = "the slowest and the fastest rate, e.g. 100,1000"
+    rates = tuple(texts.numbers(option, text, expected))
     if len(rates) != 2:
-        raise texts.refusal(
-            f"{option} needs the slowest and the fastest rate", cure="give two: --rates 100,1000"
-        )
+        raise texts.unreadable(option, text, expected)
     return rates
 
 

@@ -70,13 +70,11 @@ def print_result(
     lines: Iterable[str] = (),
     warnings: Iterable[str] = (),
 ) -> None:
-    """Print the answer on stdout, as lines or with `--json` as one object.
-
-    The warnings go to stderr.
+    """Print the answer on stdout, as lines or with `--json` as one object, and the warnings on stderr.
 
     ``rows``: the answer by name, for a table. ``answer``: the same as one object for JSON. ``files``: paths
-    of the results, printed with the wall time. They go to stderr if JSON is printed. ``lines``: text before
-    the table. ``warnings``: remarks for the user of the answer.
+    of the results, printed with the wall time, on stderr if JSON is printed. ``lines``: text before the
+    table.
     """
     how = _PRINTING.get()
     places = {} if how.quiet else dict(files or {})
@@ -94,10 +92,7 @@ def print_result(
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[..., None]]:
-    """One line on stderr, removed at the end.
-
-    It has the stage, its runs, its remaining time, and the time since the start. If stderr is not a terminal,
-    one line per minute.
+    """One line on stderr, removed at the end; without a terminal, one line per minute.
 
     Yields: function of the stage's name, the number of finished runs and the total number. A fourth argument
     is the pace of the stage in words, if it is known.

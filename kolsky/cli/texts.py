@@ -1,7 +1,4 @@
-"""Conversion of texts of the command line to typed settings.
-
-Every error message states the expected form.
-"""
+"""Conversion of texts of the command line to typed settings, with errors that state the expected form."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
@@ -18,7 +15,8 @@ refused = partial(errors.refused, COMMAND_LINE)
 """Context that makes an error inside it bad input of the command line."""
 
 
-def _refuse(option: str, text: str, expected: str) -> InputError:
+def unreadable(option: str, text: str, expected: str) -> InputError:
+    """An error of an option whose text has another form than the expected one."""
     return refusal(f"{option} {text!r} cannot be read", cure=f"write {expected}")
 
 
@@ -41,12 +39,12 @@ def figure_formats(option: str, text: str) -> tuple[str, ...]:
     return tuple(one_of(option, name, FIGURE_FORMATS) for name in listed(text))
 
 
-def numbers(option: str, text: str) -> list[float]:
+def numbers(option: str, text: str, expected: str = "numbers with commas, e.g. 1,2") -> list[float]:
     """ "0.5, 1, 2" as numbers."""
     try:
         return [float(part) for part in listed(text)]
     except ValueError:
-        raise _refuse(option, text, "numbers with commas, e.g. 1,2") from None
+        raise unreadable(option, text, expected) from None
 
 
 def whole_numbers(option: str, text: str) -> list[int]:
@@ -55,19 +53,16 @@ def whole_numbers(option: str, text: str) -> list[int]:
     for part in listed(text):
         first, dash, last = part.partition("-")
         if not first.isdecimal() or (dash and not last.isdecimal()):
-            raise _refuse(option, text, "whole numbers and ranges, e.g. 3 or 1-8,12")
+            raise unreadable(option, text, "whole numbers and ranges, e.g. 3 or 1-8,12")
         end = int(last) if dash else int(first)
         if not int(first) <= end <= 1_000_000:
-            raise _refuse(option, text, "ranges that ascend, to at most a million")
+            raise unreadable(option, text, "ranges that ascend, to at most a million")
         numbers_read.update(range(int(first), end + 1))
     return sorted(numbers_read)
 
 
 def plain_or_text(value: object) -> object:
-    """A number from a text such as "0.3". Other texts ("0.3 %") are returned unchanged.
-
-    The command line has no quotes to mark texts.
-    """
+    """A number from a text such as "0.3". Other texts ("0.3 %") are returned unchanged."""
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -87,12 +82,10 @@ def physical(option: str, text: str, unit: str, *, positive: bool = False) -> fl
 
 def strains(option: str, text: str) -> tuple[float, ...]:
     """ "0.1,0.3" as nominal compressive strains."""
-    try:
-        numbers_read = tuple(float(part) for part in listed(text))
-    except ValueError:
-        numbers_read = ()
+    expected = "numbers between 0 and 1, e.g. 0.1,0.3"
+    numbers_read = tuple(numbers(option, text, expected))
     if not numbers_read or not all(0.0 < strain < 1.0 for strain in numbers_read):
-        raise _refuse(option, text, "numbers between 0 and 1, e.g. 0.1,0.3")
+        raise unreadable(option, text, expected)
     return numbers_read
 
 
@@ -100,24 +93,22 @@ def mesh(option: str, text: str) -> tuple[int, int]:
     """ "24x32" as elements across the radius and along the length."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
-        raise _refuse(option, text, "elements across the radius x along the length, e.g. 24x32")
+        raise unreadable(option, text, "elements across the radius x along the length, e.g. 24x32")
     across, along = int(parts[0]), int(parts[1])
     if across < 2 or along < 2 or across * along > 1_000_000:
-        raise _refuse(option, text, "at least 2x2 and at most a million elements")
+        raise unreadable(option, text, "at least 2x2 and at most a million elements")
     return across, along
 
 
 def values(option: str, texts: Sequence[str]) -> dict[str, float]:
-    """["stiffness_factor=1.1", "damping=25 us"] as values in SI. They are checked against the allowed
-    ranges.
-    """
+    """["stiffness_factor=1.1", "damping=25 us"] as values in SI, inside their allowed ranges."""
     by_name: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals:
-            raise _refuse(option, text, "NAME=VALUE, e.g. stiffness_factor=1.1")
+            raise unreadable(option, text, "NAME=VALUE, e.g. stiffness_factor=1.1")
         if name in by_name:
-            raise _refuse(option, text, f"{name} once")
+            raise unreadable(option, text, f"{name} once")
         by_name[name] = _value(option, text, name, value)
     return by_name
 
@@ -131,7 +122,7 @@ def holds(option: str, texts: Sequence[str]) -> tuple[dict[str, float], tuple[st
     names = tuple(text.strip() for text in without_value)
     twice = [name for i, name in enumerate(names) if name in by_name or name in names[:i]]
     if twice:
-        raise _refuse(option, twice[0], f"{twice[0]} once")
+        raise unreadable(option, twice[0], f"{twice[0]} once")
     return by_name, names
 
 
@@ -142,16 +133,16 @@ def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] |
         name, equals, bounds = text.partition("=")
         ends = bounds.split(":")
         if equals and len(ends) != 2:
-            raise _refuse(option, text, "NAME or NAME=LOW:HIGH, e.g. friction=0:2")
+            raise unreadable(option, text, "NAME or NAME=LOW:HIGH, e.g. friction=0:2")
         if name in by_name:
-            raise _refuse(option, text, f"{name} once")
+            raise unreadable(option, text, f"{name} once")
         if not equals:
             _known(option, text, name)
             by_name[name] = None
             continue
         low, high = (_value(option, text, name, end) for end in ends)
         if not low < high:
-            raise _refuse(option, text, f"the lower bound of {name} before the upper one")
+            raise unreadable(option, text, f"the lower bound of {name} before the upper one")
         by_name[name] = (low, high)
     return by_name
 
@@ -163,7 +154,9 @@ def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, fl
     parts = [text.rpartition(":") for text in texts]
     for text, (bounds_text, _, count) in zip(texts, parts, strict=True):
         if bounds_text.count(":") != 1 or not count.strip().isdecimal() or int(count) < 2:
-            raise _refuse(option, text, "NAME=LOW:HIGH:LEVELS with at least 2 levels, e.g. friction=0:2:10")
+            raise unreadable(
+                option, text, "NAME=LOW:HIGH:LEVELS with at least 2 levels, e.g. friction=0:2:10"
+            )
     bounds, counts = spans(option, [part[0] for part in parts]), [int(part[2]) for part in parts]
     if prod(counts) > MOST_RUNS:
         raise refusal(
@@ -179,7 +172,7 @@ def spans(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     by_name: dict[str, tuple[float, float]] = {}
     for text, (name, pair) in zip(texts, ranges(option, texts).items(), strict=True):
         if pair is None:
-            raise _refuse(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
+            raise unreadable(option, text, "NAME=LOW:HIGH, e.g. friction=0:2")
         by_name[name] = pair
     return by_name
 
@@ -188,7 +181,7 @@ def shard(option: str, text: str) -> tuple[int, int]:
     """Number of a part and number of parts from a text such as "2/8"."""
     part, slash, parts = text.partition("/")
     if not slash or not part.isdecimal() or not parts.isdecimal() or not 1 <= int(part) <= int(parts):
-        raise _refuse(option, text, "I/N with I from 1 to N, e.g. 2/8")
+        raise unreadable(option, text, "I/N with I from 1 to N, e.g. 2/8")
     return int(part), int(parts)
 
 

@@ -50,12 +50,9 @@ TOUCH = 0.5
 
 
 def free_legends(figure: Figure) -> bool:
-    """Move every legend that overlaps data to a free position.
+    """Move every legend in a panel that overlaps data to a free position, above the data if there is none.
 
-    If there is none, the axis is extended to make one above the data.
-
-    ``figure``: after layout, with its axes at their final positions. Returns: True if an axis has new limits
-    and the figure needs a new layout. A legend outside its panel is not moved.
+    ``figure``: after layout. Returns: True if an axis has new limits and the figure needs a new layout.
     """
     changed = False
     for ax in figure.axes:
@@ -162,9 +159,7 @@ _PICTURE_ARTISTS = frozenset({"gray", "grey", "Greys_r"})
 
 
 def write_data(path: Path, figure: Figure) -> Path:
-    """Write the data of a figure, one row per point. An older file is replaced when the new one is
-    complete.
-    """
+    """Write the data of a figure, one row per point."""
     rows = list(_data_rows(figure))
     return write_table(path, {name: [row[i] for row in rows] for i, name in enumerate(DATA_COLUMNS)})
 
@@ -261,11 +256,7 @@ def _style() -> matplotlib.RcParams:
 
 
 def build(kind: FigureKind[Any], shown: Any) -> Figure:
-    """Draw one figure in its journal size; its label is its caption.
-
-    ``kind``: an entry of one of the registries in `figures`. ``shown``: the result. `kind.applies` must be
-    true for it.
-    """
+    """Draw one figure of a result to which it applies, in its journal size; its label is its caption."""
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
     with matplotlib.rc_context(_style()):
         figure = Figure(figsize=size, layout="constrained")
@@ -296,25 +287,11 @@ def save_figures(
     formats: Iterable[str] = FORMATS,
     registry: Mapping[str, FigureKind[Any]] | None = None,
 ) -> list[Path]:
-    """Save every figure that applies as `<name>.<format>`, each atomically.
+    """Save every figure that applies as `<name>.<format>`, each atomically. Returns: the files.
 
-    Parameters
-    ----------
-    folder
-        Created if absent.
-    shown
-        Result that the figures show.
-    formats
-        Any of "pdf", "svg", "png" (600 dots per inch) and "csv" (the data in the figure).
-    registry
-        The figures; default: those of `kolsky.report.figures.figures_of`.
-
-    Raises
-    ------
-    ValueError
-        If a format is not one of these.
-    TypeError
-        If there are no figures for this class.
+    ``folder``: created if absent. ``formats``: any of "pdf", "svg", "png" (600 dots per inch) and "csv" (the
+    data in the figure). ``registry``: the figures; default: those of `kolsky.report.figures.figures_of`.
+    Raises ValueError if a format is not one of these, and TypeError if no figure shows this class.
     """
     formats = tuple(formats)
     unknown = [name for name in formats if name not in FORMATS]
@@ -339,10 +316,9 @@ def save_figures(
 
 
 def inline_svg(figure: Figure, name: str) -> str:
-    """A drawn figure as SVG for use inside an HTML page.
+    """A drawn figure as SVG for use inside an HTML page, its ids with the given name before them.
 
-    Ids carry the given name. Several figures of a page therefore have different ids. Namespaces, metadata and
-    the document head are left out. HTML does not need them, and without them the page contains no address.
+    Without namespaces, metadata and head, which HTML does not need, the page contains no address.
     """
     buffer = io.StringIO()
     _save(figure, buffer, "svg", dpi=_ON_PAGE)

@@ -39,30 +39,12 @@ def html(data: object) -> str | None:
 def to_dataframe(data: object, table: str = "") -> Any:
     """Return a shot, a measured surface or any result as a pandas table (SI, units in the headers).
 
-    Parameters
-    ----------
-    data
-        A shot: one row per value of its file. A surface: one row per point and frame. An identification: the
-        `table` with the given name.
-    table
-        Of an identification: "estimates" (the default), "routes", "force", "profile", "design" or "energy".
-        The last four are the CSV files of the same names. For any other result, it is the name of one of its
-        CSV files, without ".csv"; default: the main file. Other results are waves, rates, several shots, a
-        prediction, a plan, a sweep, a budget, constants, a reference curve and a displacement field. A
-        displacement field also has "points", one row per point and frame.
+    A shot has one row per value of its file, a surface one per point and frame.
 
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    ValueError
-        If there is no such table.
-    TypeError
-        If the data have another type.
-    ImportError
-        If pandas is not installed.
+    ``table``: name of one of the result's CSV files, without ".csv"; default: the main file. An
+    identification has "estimates" (the default), "routes", "force", "profile", "design" and "energy". A
+    displacement field also has "points", one row per point and frame. Raises ValueError if there is no such
+    table, and TypeError if the data have another type.
 
     Examples
     --------
@@ -102,23 +84,7 @@ def to_xarray(data: object, table: str = "") -> Any:
     has u, v, w and the strains over "frame" and "point". For any other result, or if `table` is given, the
     table of `to_dataframe` is over "row".
 
-    Parameters
-    ----------
-    data
-        As for `to_dataframe`.
-    table
-        Name of the table as in `to_dataframe`; default: the main one.
-
-    Returns
-    -------
-    xarray.Dataset
-
-    Raises
-    ------
-    TypeError
-        If the data have another type.
-    ImportError
-        If xarray is not installed.
+    Raises TypeError if the data have another type.
     """
     if not has_tables(data):
         raise TypeError(_no_view(data, "xarray"))
@@ -221,27 +187,12 @@ def _(data: Identification, table: str = "") -> Any:
 
 
 def plot(data: object, figure: str = "") -> Figure:
-    """Draw a figure of a result, as the reports do.
+    """Draw a figure of a result, as the reports do, with its caption as label.
 
-    Parameters
-    ----------
-    data
-        A shot or any result. A displacement field or a surface is drawn without its pictures. A rate report
-        is drawn by its first material, a sweep over the range of its points.
-    figure
-        Name of the figure, which is that of its file under ``--figures``; default: the first one.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure, with its caption as label.
-
-    Raises
-    ------
-    TypeError
-        If no figure shows such a result.
-    ValueError
-        If there is no figure of that name. The message lists the names.
+    ``data``: a shot or any result. A displacement field or a surface is drawn without its pictures, a rate
+    report by its first material, a sweep over the range of its points. ``figure``: name of the figure, which
+    is that of its file under ``--figures``; default: the first one. Raises TypeError if no figure shows such
+    a result, and ValueError, with the names, if there is no figure of that name.
 
     Examples
     --------

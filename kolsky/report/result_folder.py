@@ -22,7 +22,7 @@ from dic.processes import background, cores
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, write_files, write_folder, write_tables
-from kolsky.report.figures_alone import figure_files, grouped_figures
+from kolsky.report import figure_files
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
@@ -65,14 +65,13 @@ class ResultFiles:
     files: Mapping[str, str] = field(default_factory=dict)
     """Name of a file -> function of its path and the result that writes the file. For JSON, the function of
     the result returns the object."""
-    figures: Callable[[Any], Iterable[tuple[Any, Any]]] = lambda result: [(result, None)]
-    """The objects of the figures with their registry. None uses the registry of
-    `kolsky.report.figures.figures_of`."""
+    figures: Callable[[Any], Iterable[Any]] = lambda result: [result]
+    """What the figures show, for `kolsky.report.figure_files`."""
 
 
 _WAVES = {
     "waves.h5": "kolsky.bars.reduction.output.write_hdf5",
-    "waves.html": "kolsky.report.pages.waves.write_page",
+    "waves.html": "kolsky.report.pages.waves.render",
 }
 RESULTS = {
     "dic.result.FullField": ResultFiles("dic.output.full_field_columns", "history"),
@@ -90,7 +89,7 @@ RESULTS = {
         files={
             "joint.h5": "kolsky.results.joint.write_joint_hdf5",
             "joint.json": "kolsky.results.joint.to_json",
-            "joint.html": "kolsky.report.pages.identification.write_joint",
+            "joint.html": "kolsky.report.pages.identification.render_joint",
         },
     ),
     "kolsky.inverse.result.Identification": ResultFiles("kolsky.results.tables.all_tables"),
@@ -102,7 +101,7 @@ RESULTS = {
         "kolsky.prediction.design.tables",
         files={
             "prediction.json": "kolsky.prediction.design.to_json",
-            "prediction.html": "kolsky.report.pages.studies.write_prediction",
+            "prediction.html": "kolsky.report.pages.studies.render_prediction",
         },
     ),
     "kolsky.studies.budget.records.Budget": ResultFiles("kolsky.studies.budget.records.columns", "budget"),
@@ -111,7 +110,7 @@ RESULTS = {
         files={
             "plan.h5": "kolsky.studies.planning.plan.write_hdf5",
             "plan.json": "kolsky.studies.planning.plan.to_json",
-            "plan.html": "kolsky.report.pages.studies.write_plan",
+            "plan.html": "kolsky.report.pages.studies.render_plan",
         },
     ),
     "kolsky.studies.rate_dependence.SlowDynamics": ResultFiles("kolsky.studies.rate_dependence.tables"),
@@ -119,7 +118,7 @@ RESULTS = {
         "kolsky.studies.rates.output.tables",
         files={
             "rates.h5": "kolsky.studies.rates.output.write_hdf5",
-            "rates.html": "kolsky.report.pages.rates.write_page",
+            "rates.html": "kolsky.report.pages.rates.render",
         },
         figures=_rate_figures,
     ),
@@ -134,21 +133,10 @@ def has_tables(result: object) -> bool:
 
 
 def tables_of(result: Any, *more: Any) -> Tables:
-    """Return every table of a result as columns, the main one first.
+    """Return every table of a result as columns (SI, units in the headings), the main one first.
 
-    Values are in SI, with units in the headings.
-
-    Parameters
-    ----------
-    result
-        A result of a type in `RESULTS`.
-    more
-        Further arguments of its functions, e.g. the scan of a prediction.
-
-    Returns
-    -------
-    mapping of str to mapping
-        Name of a table, which is that of its CSV file -> heading -> cells.
+    ``result``: of a type in `RESULTS`. ``more``: further arguments of its functions, e.g. the scan of a
+    prediction. Returns: name of a table, which is that of its CSV file -> heading -> cells.
 
     Examples
     --------
@@ -162,25 +150,10 @@ def tables_of(result: Any, *more: Any) -> Tables:
 
 
 def write_results(folder: Path, result: Any, *more: Any, formats: Sequence[str] = ()) -> None:
-    """Write every file that `RESULTS` lists for a result: HDF5, JSON, tables, page, figures.
+    """Write every file that `RESULTS` lists for a result: HDF5, JSON, tables, page, figures; all or none.
 
-    All files are written, or none.
-
-    Parameters
-    ----------
-    folder
-        Folder; created if absent.
-    result
-        A reduced test, a rate report, a plan, several shots identified together, or a prediction.
-    more
-        Further arguments of its functions, e.g. the scan of a prediction and the point found in it.
-    formats
-        Also save each figure as a file, in any of "pdf", "svg", "png" and "csv".
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
+    ``folder``: created if absent. ``more``: as for `tables_of`. ``formats``: also save each figure as a file,
+    in any of `kolsky.report.FIGURE_FORMATS`. Raises InputError if the results cannot be written.
     """
     write_folder(folder, _files_of(result, *more, formats=formats), tables_of(result, *more))
 
@@ -190,12 +163,12 @@ def _files_of(result: Any, *more: Any, formats: Sequence[str]) -> dict[str, Any]
     known = RESULTS[_type_name(result)]
 
     def content(name: str, function: Callable[..., Any]) -> Any:
-        if name.endswith(".json"):
+        if name.endswith((".json", ".html")):
             return function(result, *more)
         return lambda path: function(path, result, *more)
 
     files = {name: content(name, _function(dotted)) for name, dotted in known.files.items()}
-    return files | grouped_figures(formats, known.figures(result))
+    return files | figure_files(formats, *known.figures(result))
 
 
 def _type_name(result: object) -> str:
@@ -231,17 +204,7 @@ def write_identify_results(
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures.
 
-    Parameters
-    ----------
-    folder, formats
-        As for `write_results`, with its errors.
-    found
-        The identification.
-    shot
-        The shot, as `kolsky.shot.load.load_shot` gives it.
-    processes
-        Processes that draw; see `dic.processes.run_parallel`. With several, another process writes the result
-        file at the same time.
+    ``processes``: processes that draw; with several, another one writes the result file at the same time.
     """
     from kolsky.results.tables import summary_row, tables  # imports the solver
 
@@ -273,21 +236,23 @@ def _nominal_rate(shot: Shot) -> float:
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
     """Read the identification of a shot back from the folder of its results.
 
-    Parameters
-    ----------
-    folder, shot
-        The folder, and the shot.
-
-    Raises
-    ------
-    InputError
-        If there is none, if it cannot be used, or if it was made from files that differ from the shot's.
+    Raises InputError if it cannot be used, or if it was made from files that differ from the shot's. The page
+    would mix both versions.
     """
     from kolsky.results.hdf5 import read_identification
 
-    path = folder / RESULT_FILE
+    path, now = folder / RESULT_FILE, shot.inputs
     found = read_identification(path)
-    _refuse_other_files(path, found.provenance.get("inputs", {}), shot.inputs)
+    then = found.provenance.get("inputs", {})
+    then = then if isinstance(then, dict) else {}
+    differing = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
+    if differing:
+        more = f" and {len(differing) - 1} more" if len(differing) > 1 else ""
+        raise InputError(
+            path,
+            f"was made from other files than those of the shot: {differing[0]}{more}",
+            cure="run `kolsky identify` again, or put the files back",
+        )
     return found
 
 
@@ -299,13 +264,7 @@ def write_identify_page(
     *,
     processes: int = 1,
 ) -> None:
-    """Write the page of an identification into a folder.
-
-    If formats are given, its figures are saved as separate files.
-
-    ``folder``: an empty folder of `kolsky.base.files.filling`. ``processes``: processes that draw; see
-    `dic.processes.run_parallel`.
-    """
+    """Write the page of an identification and, if formats are given, its figures as files."""
     from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
@@ -324,20 +283,9 @@ def write_dic_results(
 ) -> None:
     """Write the results of `kolsky dic` into the folder of dic.h5: page, outline, flyer, reporting table.
 
-    Parameters
-    ----------
-    folder, formats
-        As for `write_results`, with its errors.
-    shot
-        The shot with its pictures, as `kolsky.shot.load.load_pictures` gives it.
-    found
-        The stereo result.
-    csv, vtp
-        Also write every frame's points as CSV, and as VTP for ParaView.
-    processes
-        Processes that draw the page; see `dic.processes.run_parallel`.
+    ``csv``, ``vtp``: also write every frame's points as CSV, and as VTP for ParaView.
     """
-    from kolsky.report.pages.surfaces import write_surfaces
+    from kolsky.report.pages.surfaces import render_surfaces
     from kolsky.report.picture_views import read_surface_view
     from kolsky.shot.optical_data import write_tables
 
@@ -356,7 +304,7 @@ def write_dic_results(
             write_vtp(partial / "vtp", result.specimen, "specimen")
             if result.flyer is not None:
                 write_vtp(partial / "vtp", result.flyer, "flyer")
-        write_surfaces(partial / "dic.html", shown, shot.inputs, processes=processes)
+        write_files(partial, {"dic.html": render_surfaces(shown, shot.inputs, processes=processes)})
 
 
 def write_full_field_results(
@@ -370,12 +318,11 @@ def write_full_field_results(
 ) -> None:
     """Write the results of `kolsky dic` for a dic.toml: dic.h5, dic.html, history.csv and figures.
 
-    ``measurement``: the measurement, as `kolsky.pictures.measurement.read_measurement` gives it. ``csv``,
-    ``vtu``: also write every frame's points as CSV, and as VTU for ParaView.
+    ``csv``, ``vtu``: also write every frame's points as CSV, and as VTU for ParaView.
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
-    from kolsky.report.pages.surfaces import write_field
+    from kolsky.report.pages.surfaces import render_field
     from kolsky.report.paraview import write_full_field_vtu
     from kolsky.report.picture_views import read_full_field_view
 
@@ -383,7 +330,7 @@ def write_full_field_results(
     files: dict[str, Any] = {
         "dic.h5": lambda path: write_full_field(path, result),
         "history.csv": lambda path: write_full_field_history(path, result),
-        "dic.html": lambda path: write_field(path, shown, measurement.inputs),
+        "dic.html": render_field(shown, measurement.inputs),
     }
     files |= {"csv": lambda path: write_full_field_frames(path, result)} if csv else {}
     files |= {"vtu": lambda path: write_full_field_vtu(path, result)} if vtu else {}
@@ -393,14 +340,13 @@ def write_full_field_results(
 def write_budget_results(
     folder: Path, results: Sequence[Budget], campaign: Campaign | None, *, formats: Sequence[str] = ()
 ) -> None:
-    """Write the results of `kolsky budget` into the folder of its ledger: budget.csv, budget.html and
-    figures.
+    """Write the results of `kolsky budget`: budget.csv, budget.html and figures.
 
     ``results``: a budget for each free parameter. Files and figures of the first budget are named budget,
-    those of the others budget and the parameter. ``campaign``: a planned campaign, if requested.
+    those of the others budget and the parameter.
     """
     from kolsky.report.figures import BUDGETS
-    from kolsky.report.pages.studies import write_budget
+    from kolsky.report.pages.studies import render_budget
     from kolsky.studies.budget.records import columns
 
     tables, groups = {}, []
@@ -409,8 +355,8 @@ def write_budget_results(
         tables[f"budget{end}"] = columns(result)
         registry = {key: replace(kind, name=f"{kind.name}{end}") for key, kind in BUDGETS.items()}
         groups.append((result, registry))
-    files: dict[str, Any] = {"budget.html": lambda path: write_budget(path, results, campaign)}
-    write_folder(folder, files | grouped_figures(formats, groups), tables)
+    files: dict[str, Any] = {"budget.html": render_budget(results, campaign)}
+    write_folder(folder, files | figure_files(formats, *groups), tables)
 
 
 def write_sweep_results(
@@ -422,25 +368,11 @@ def write_sweep_results(
     warnings: Sequence[str] = (),
     formats: Sequence[str] = (),
 ) -> None:
-    """Write the results of `kolsky sweep` into the folder of its database: sweep.csv, sweep.html and figures.
-
-    Parameters
-    ----------
-    folder, formats
-        As for `write_results`, with its errors.
-    result
-        Every run of the design.
-    analysis
-        Analysis of them by `kolsky.studies.sweep_analysis.analyse_sweep`.
-    name
-        Name of table and page without their endings.
-    warnings
-        Warnings at the top of the page.
-    """
-    from kolsky.report.pages.studies import write_sweep
+    """Write the results of `kolsky sweep`: the table and page of this name, with warnings, and figures."""
+    from kolsky.report.pages.studies import render_sweep
     from kolsky.studies.sweep import columns
 
-    page: dict[str, Any] = {f"{name}.html": lambda path: write_sweep(path, analysis, warnings=warnings)}
+    page = {f"{name}.html": render_sweep(analysis, warnings)}
     write_folder(folder, page | figure_files(formats, analysis), {name: columns(result)})
 
 
@@ -453,10 +385,9 @@ def write_prediction_results(
     film: str = "",
     formats: Sequence[str] = (),
 ) -> None:
-    """Write the results of a prediction with its scan, and a film if requested.
+    """Write the results of a prediction with its scan and the point found in it, and a film if requested.
 
-    ``folder``, ``formats``: as for `write_results`. ``scan``, ``aim``: the scan, and the point found in it.
-    ``film``: format of a film, "mp4" or "gif"; empty for no film.
+    ``film``: "mp4" or "gif"; empty for no film.
     """
     from kolsky.prediction.design import write_specification
 
@@ -464,7 +395,7 @@ def write_prediction_results(
     if scan is not None:
         from kolsky.report.figures import SCANS
 
-        files |= grouped_figures(formats, [(found, None), ((scan, aim), SCANS)])
+        files |= figure_files(formats, found, ((scan, aim), SCANS))
     if film:
         from kolsky.report.films import write_prediction_film
 
@@ -474,19 +405,6 @@ def write_prediction_results(
         write_files(partial, files)
         if isfinite(found.events.separation):
             write_specification(partial, found)
-
-
-def _refuse_other_files(path: Path, then: Any, now: Mapping[str, str]) -> None:
-    """Raise InputError for a result from other versions of the files. The page would mix both versions."""
-    then = then if isinstance(then, dict) else {}
-    differing = sorted(name for name in {*then, *now} if then.get(name) != now.get(name))
-    if differing:
-        more = f" and {len(differing) - 1} more" if len(differing) > 1 else ""
-        raise InputError(
-            path,
-            f"was made from other files than those of the shot: {differing[0]}{more}",
-            cure="run `kolsky identify` again, or put the files back",
-        )
 
 
 def write_specimen_results(
@@ -501,17 +419,14 @@ def write_specimen_results(
 ) -> None:
     """Write specimen.html, .json, tables and figures of force curves or of a sheet.
 
-    Force curves also give specimen.h5, and curves for `identify`.
-
-    ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
-    ParaView. ``stills``: also draw this sample in three dimensions by PyVista. ``studies``: further tables by
-    name.
+    Force curves also give specimen.h5, and curves for `identify`. ``vtu``, ``stills``: also write the last
+    sample of each test for ParaView, and draw it by PyVista. ``studies``: further tables by name.
     """
     from kolsky.bodies import specimen_output as output  # imports scipy.stats
     from kolsky.report.body_views import SpecimenView
-    from kolsky.report.pages.bodies import write_specimen
+    from kolsky.report.pages.bodies import render_specimen
 
-    files: dict[str, Any] = {"specimen.html": lambda path: write_specimen(path, view, inputs)}
+    files: dict[str, Any] = {"specimen.html": render_specimen(view, inputs)}
     if isinstance(view, SpecimenView):
         tables = output.tables(*view.fits)
         files |= output.files_of(view.fits, inputs)
@@ -534,9 +449,7 @@ def write_specimen_results(
 def write_solution_vtu(
     path: Path, solution: Solution, fields: Mapping[str, FloatArray] | None = None
 ) -> None:
-    """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
-    fields.
-    """
+    """Write the last equilibrium of a solution for ParaView: displacement, nodal forces, further fields."""
     from kolsky.report.paraview import write_grid  # imports image correlation
 
     mesh, last = solution.model.mesh, solution.reached - 1
@@ -546,10 +459,5 @@ def write_solution_vtu(
         **(fields or {}),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    wide = {name: _wide(values) for name, values in named.items()}
-    write_grid(path, _wide(mesh.points), mesh.cells, mesh.element.vtk, wide)
-
-
-def _wide(values: FloatArray) -> FloatArray:
-    """Vectors with three components, shape [n, 3]."""
-    return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+    points, *wide = (np.pad(x, ((0, 0), (0, 3 - x.shape[1]))) for x in (mesh.points, *named.values()))
+    write_grid(path, points, mesh.cells, mesh.element.vtk, dict(zip(named, wide, strict=True)))

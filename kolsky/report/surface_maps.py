@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from dic.outcome import PointOutcome
 from kolsky.base.arrays import FloatArray, IntArray
-from kolsky.report.paraview import grid_triangles
 from kolsky.report.scene.drawing import offscreen_pyvista, pixels_of, plotting
+from kolsky.report.scene.scene_data import grid_triangles
 from kolsky.shot.measured_points import OUTCOME, FieldOfPoints, MeasuredPoints
 
 COLOURS = "viridis"
@@ -90,22 +90,8 @@ def map_png(
     """A field of one frame as a transparent PNG that covers a camera's picture.
 
     Values are interpolated linearly between neighbouring points with a value. A point without such neighbours
-    is a dot. Outcomes are dots; lost points are at their last known place.
-
-    Parameters
-    ----------
-    points
-        The surface.
-    name
-        A key of ``points.fields``.
-    frame
-        Number of the frame.
-    camera
-        0, or 1 if there are two.
-    shape
-        Rows and columns of the picture [px].
-    limits
-        Ends of the colours, see `limits_of`.
+    is a dot. Outcomes are dots; lost points are at their last known place. ``name``: a key of
+    ``points.fields``. ``shape``: rows and columns of the picture [px]. ``limits``: see `limits_of`.
     """
     rows, columns = shape
     factor = min(FINEST, max(1.0, LONGEST / max(shape)))
@@ -164,12 +150,9 @@ def space_png(
     view: View = View(),
     chosen: int | None = None,
 ) -> bytes:
-    """The surface of one frame in space with a field on it, as PNG.
+    """The surface of one frame in space with a field on it, and the reference as a wire mesh, as PNG.
 
-    The reference surface is a wire mesh.
-
-    ``chosen``: a point to mark. Raises `kolsky.report.scene.drawing.CannotRender` if PyVista is not
-    installed, or if VTK cannot render on this machine.
+    ``chosen``: a point to mark. Raises `kolsky.report.scene.drawing.CannotRender` if VTK cannot render here.
     """
     pyvista = offscreen_pyvista()
     with _DRAWING, plotting(pyvista, SPACE_SIZE) as plotter:

@@ -45,8 +45,7 @@ def by_commands(folder: Path) -> None:
 def _budget() -> str:
     from test_budget_page import planned_page
 
-    with tempfile.TemporaryDirectory() as scratch:
-        return planned_page(Path(scratch) / "budget.html")
+    return planned_page()
 
 
 def _rates(count: int) -> str:

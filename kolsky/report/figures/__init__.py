@@ -24,109 +24,67 @@ def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
 
 
 PLACES: dict[str, tuple[str, ...]] = {
-    "JOINT": ("rates.joint_shots", "rates.joint_curve"),
-    # Recordings of an identification; shown after those of `REGISTRY`
-    "RECORDINGS": ("recordings.raw_signals", "recordings.flyer_path", "recordings.picture_pair"),
-    # Identification
+    "JOINT": ("kolsky.inverse.joint_result.JointResult", "rates: joint_shots joint_curve"),
+    "RECORDINGS": (
+        "kolsky.shot.recordings.ShotRecordings",
+        "recordings: raw_signals flyer_path picture_pair",
+    ),
     "REGISTRY": (
-        "comparison.force",
-        "comparison.outline",
-        "comparison.profiles",
-        "comparison.shape_residual",
-        "comparison.force_residual",
-        "misfit.likelihood",
-        "misfit.ridge",
-        "misfit.corner",
-        "misfit.misfit",
-        "misfit.contour",
-        "comparison.energy",
-        "comparison.meshes",
-        "comparison.scene",
+        "kolsky.inverse.result.Identification",
+        "comparison: force outline profiles shape_residual",
+        "misfit: likelihood ridge corner misfit",
+        "comparison: energy scene",
     ),
     "SURFACES": (
-        "surface_points.surface_fields",
-        "surface_points.overlay_sigma",
-        "surface_points.overlay_epipolar",
-        "surface_points.lost_points",
-        "surface_motion.kymograph",
-        "surface_motion.flyer",
-        "surface_motion.flight",
-        "surface_points.speckles",
+        "kolsky.report.picture_views.SurfaceView",
+        "surfaces: surface_fields overlay_sigma overlay_epipolar lost_points kymograph flyer flight speckles",
     ),
-    "CALIBRATION": ("calibration.calibration_residuals", "calibration.calibration_pairs"),
-    # Shot before anything is run
-    "CHECKS": ("recordings.checked_shot", "recordings.checked_curve"),
-    # Shot whose pictures are not correlated yet
-    "PICTURE_CHECKS": ("recordings.checked_pictures", "recordings.checked_curve"),
-    # Test between bars before it is reduced
-    "BAR_CHECKS": ("waves.checked_bars",),
-    "SPECKLES": ("surface_points.speckle_floor",),
-    "WAVES": ("waves.waves",),
-    "FLYER_TESTS": ("waves.flyer_test",),
-    "FULL_FIELDS": ("surface_points.full_field", "surface_points.histories"),
-    "BARS_TOGETHER": ("waves.bars_together",),
-    "REPEATS": ("waves.repeats",),
-    "PLANS": ("planning.plan_information", "planning.plan_slopes", "planning.plan_choices"),
-    "PREDICTIONS": ("planning.signals",),
-    "SCANS": ("planning.scan",),
-    "RATES": ("rates.rate_slope", "rates.rate_forest", "rates.rate_stiffness", "rates.rate_equal_strain"),
-    "BASELINES": ("material.baseline",),
-    "MATERIALS": ("material.material_fits", "material.material_residuals", "material.material_stability"),
-    "SENSITIVITY": ("studies.sensitivity",),
+    "CALIBRATION": (
+        "dic.calibration.views.Calibration",
+        "calibration: calibration_residuals calibration_pairs",
+    ),
+    "CHECKS": ("kolsky.shot.records.Shot", "recordings: checked_shot checked_curve"),
+    "PICTURE_CHECKS": ("kolsky.shot.records.PicturedShot", "recordings: checked_pictures checked_curve"),
+    "BAR_CHECKS": ("kolsky.shot.bars.CheckedBars", "waves: checked_bars"),
+    "SPECKLES": ("dic.chain.remarks.Speckles", "surfaces: speckle_floor"),
+    "WAVES": ("kolsky.bars.records.WavesResult", "waves: waves"),
+    "FLYER_TESTS": ("kolsky.bars.records.FlyerResult", "waves: flyer_test"),
+    "FULL_FIELDS": ("kolsky.report.picture_views.FullFieldView", "surfaces: full_field histories"),
+    "BARS_TOGETHER": ("kolsky.bars.guides.propagation.BarsTogether", "waves: bars_together"),
+    "REPEATS": ("kolsky.bars.reduction.repeated_tests.RepeatedTests", "waves: repeats"),
+    "PLANS": ("kolsky.studies.planning.plan.Plan", "planning: plan_information plan_slopes plan_choices"),
+    "PREDICTIONS": ("kolsky.prediction.predict.Prediction", "planning: signals"),
+    "SCANS": ("", "planning: scan"),
+    "RATES": (
+        "kolsky.studies.rates.records.GroupRates",
+        "rates: rate_slope rate_forest rate_stiffness rate_equal_strain",
+    ),
+    "BASELINES": ("kolsky.material.reference_curve.ReferenceCurve", "material: baseline"),
+    "MATERIALS": (
+        "kolsky.material.fits.compare.Comparison",
+        "material: material_fits material_residuals material_stability",
+    ),
+    "SENSITIVITY": ("kolsky.studies.global_sensitivity.GlobalSensitivity", "studies: sensitivity"),
     "SWEEPS": (
-        "studies.sweep_maps",
-        "studies.sweep_effects",
-        "studies.sweep_forces",
-        "studies.sweep_indices",
+        "kolsky.studies.sweep_analysis.SweepAnalysis",
+        "studies: sweep_maps sweep_effects sweep_forces sweep_indices",
     ),
-    "BUDGETS": ("studies.budget",),
-    "MODULI": ("rates.rate_moduli",),
+    "BUDGETS": ("kolsky.studies.budget.records.Budget", "studies: budget"),
     "RELAXATIONS": (
-        "material.relaxation_moduli",
-        "material.relaxation_holds",
-        "material.relaxation_oscillation",
-        "material.relaxation_shifts",
+        "kolsky.studies.rate_dependence.SlowDynamics",
+        "material: relaxation_moduli relaxation_holds relaxation_oscillation relaxation_shifts",
     ),
-    "SPECIMENS": ("bodies.forces", "bodies.correlations", "bodies.strains", "bodies.mesh"),
+    "SPECIMENS": ("kolsky.report.body_views.SpecimenView", "bodies: forces correlations strains mesh"),
     "SHEETS": (
-        "bodies.sheet_map",
-        "bodies.sheet_histories",
-        "bodies.sheet_steps",
-        "bodies.sheet_fields",
+        "kolsky.report.body_views.SheetView",
+        "bodies: sheet_map sheet_histories sheet_steps sheet_fields",
     ),
-    "ACTUATORS": ("bodies.shapes", "bodies.bend", "bodies.motion", "bodies.markers", "bodies.loop"),
+    "ACTUATORS": ("kolsky.report.body_views.ActuatorView", "bodies: shapes bend motion markers loop"),
 }
-"""Files and functions of the figures of each registry, in the order of its page. A file is loaded when one of
-its registries is needed, because a command makes one page."""
+"""For each registry the class of the results in its figures, and files with their figures in the order of its
+page. A file is loaded when one of its registries is needed, because a command makes one page."""
 
-SHOWN_BY: dict[str, str] = {
-    "dic.calibration.views.Calibration": "CALIBRATION",
-    "dic.chain.remarks.Speckles": "SPECKLES",
-    "kolsky.bars.guides.propagation.BarsTogether": "BARS_TOGETHER",
-    "kolsky.bars.reduction.repeated_tests.RepeatedTests": "REPEATS",
-    "kolsky.bars.records.FlyerResult": "FLYER_TESTS",
-    "kolsky.bars.records.WavesResult": "WAVES",
-    "kolsky.inverse.result.Identification": "REGISTRY",
-    "kolsky.inverse.joint_result.JointResult": "JOINT",
-    "kolsky.studies.rate_dependence.SlowDynamics": "RELAXATIONS",
-    "kolsky.material.fits.compare.Comparison": "MATERIALS",
-    "kolsky.material.reference_curve.ReferenceCurve": "BASELINES",
-    "kolsky.report.body_views.ActuatorView": "ACTUATORS",
-    "kolsky.report.picture_views.FullFieldView": "FULL_FIELDS",
-    "kolsky.report.body_views.SheetView": "SHEETS",
-    "kolsky.report.body_views.SpecimenView": "SPECIMENS",
-    "kolsky.report.picture_views.SurfaceView": "SURFACES",
-    "kolsky.prediction.predict.Prediction": "PREDICTIONS",
-    "kolsky.shot.recordings.ShotRecordings": "RECORDINGS",
-    "kolsky.shot.bars.CheckedBars": "BAR_CHECKS",
-    "kolsky.shot.records.PicturedShot": "PICTURE_CHECKS",
-    "kolsky.shot.records.Shot": "CHECKS",
-    "kolsky.studies.budget.records.Budget": "BUDGETS",
-    "kolsky.studies.global_sensitivity.GlobalSensitivity": "SENSITIVITY",
-    "kolsky.studies.planning.plan.Plan": "PLANS",
-    "kolsky.studies.rates.records.GroupRates": "RATES",
-    "kolsky.studies.sweep_analysis.SweepAnalysis": "SWEEPS",
-}
+SHOWN_BY = {shown: name for name, (shown, *_) in PLACES.items() if shown}
 """Registries by the class of the results in their figures."""
 
 __all__ = ["SHOWN_BY", "FigureKind", "figures_of", *PLACES]
@@ -136,8 +94,12 @@ def __getattr__(name: str) -> Registry:
     """Load a registry of `PLACES` at its first use."""
     if name not in PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    places = (place.split(".") for place in PLACES[name])
-    registry = by_name(getattr(import_module(f"{__name__}.{file}"), figure) for file, figure in places)
+    places = (place.split(": ") for place in PLACES[name][1:])
+    registry = by_name(
+        getattr(import_module(f"{__name__}.{file}"), figure)
+        for file, figures in places
+        for figure in figures.split()
+    )
     globals()[name] = registry
     return registry
 

@@ -100,13 +100,9 @@ def figure(
     letters: bool | Sequence[str] = False,
     **mosaic: Any,
 ) -> Callable[[Callable[[Shown, Panels], str]], FigureKind[Shown]]:
-    """Make a figure from the function that draws it and returns its caption.
+    """Make a figure of the name of the function that draws it and returns its caption, see `FigureKind`.
 
-    Its name is that of the function.
-
-    ``width``, ``height``: size [mm]. ``height`` and ``panels`` may be functions of the result. ``applies``:
-    true if a result contains the data of the figure. ``letters``: True to mark several panels (a), (b), ...,
-    or the names of those to mark. ``mosaic``: further options of `Figure.subplot_mosaic`.
+    ``height`` and ``panels`` may be functions of the result. ``mosaic``: options of `Figure.subplot_mosaic`.
     """
 
     def kind(draw: Callable[[Shown, Panels], str]) -> FigureKind[Shown]:
@@ -143,12 +139,7 @@ def note_empty(ax: Axes, text: str) -> None:
 
 
 def few_ticks(ax: Axes, most: int) -> None:
-    """Limit the ticks of the x axis.
-
-    Values that differ only in their last digits have long labels.
-
-    ``ax``: axes with final limits. ``most``: maximum number of intervals between ticks with short labels.
-    """
+    """Limit the intervals between ticks of an x axis with final limits; fewer if its labels are long."""
     low, high = ax.get_xlim()
     span = abs(high - low)
     long = span > 0.0 and max(abs(low), abs(high)) / span > LONG_LABELS
@@ -163,12 +154,10 @@ def plain_log_ticks(axis: Axis, subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None
 
 
 def label_text(text: str, most: int) -> str:
-    """Return a name for use in a figure: one line of printable characters.
+    """Return a name as one line of printable characters for a figure, without the middle of a long one.
 
-    The middle of a long name is left out.
-
-    A dollar sign is escaped, because it would start a formula. A character that the figures' font lacks
-    becomes a square. Tables of a page show it unchanged.
+    A dollar sign is escaped, because it would start a formula. A character that the font lacks becomes a
+    square.
     """
     font = get_font(findfont("DejaVu Sans"))
     known = (c if c.isprintable() else " " for c in text)
@@ -202,10 +191,7 @@ def legend_above(ax: Axes, *, ncols: int) -> None:
 
 
 def show_picture(ax: Axes, picture: NDArray[np.generic], *, dark: bool = False) -> None:
-    """Show a camera's picture between its darkest and brightest greys.
-
-    ``dark``: darker, which makes points visible.
-    """
+    """Show a camera's picture between its darkest and brightest greys; ``dark`` makes points visible."""
     low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
     least = 2.0 * low - high - 1 if dark else low
     ax.imshow(picture, cmap="gray", vmin=least, vmax=max(high, low + 1), interpolation="none")
@@ -245,9 +231,8 @@ def largest(values: NDArray[np.float64], default: float = 1.0) -> float:
 def weighted_chi2(result: Identification) -> NDArray[np.float64]:
     """Return chi-square of each run with the weights of the final search, shape [n_runs].
 
-    The sums of the runs are weighted by noise only. Those of the search are weighted by noise and model
-    discrepancy in quadrature. The median noise of the force is used for all its points; the same holds for
-    the outline.
+    The sums of the runs are weighted by noise only; the search adds the model discrepancy in quadrature. The
+    median noise of a channel stands for all its points.
     """
     c, design, quality = result.comparison, result.design, result.surrogate
     force = _share(c.force_sigma, quality.get("force_discrepancy", 0.0))

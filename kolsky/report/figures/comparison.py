@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
@@ -253,45 +253,6 @@ def profiles(result: Identification, panels: Panels) -> str:
     )
 
 
-@figure(
-    COLUMN,
-    50.0,
-    [["history", "share"]],
-    applies=lambda result: result.comparison.force_time.size > 0,
-    sharey=True,
-    width_ratios=[3.2, 1.0],
-)
-def force_residual(result: Identification, panels: Panels) -> str:
-    c = result.comparison
-    weighted = (c.force_model - c.force_measured) / result.spread(FORCE_CHANNEL)
-    history, share = panels["history"], panels["share"]
-    history.axhspan(-2.0, 2.0, color=BAND, alpha=0.3, lw=0.0)
-    history.axhline(0.0, color=GREY, lw=0.5)
-    history.vlines(MS * c.force_time, 0.0, weighted, color=MODEL, lw=0.5)
-    history.plot(MS * c.force_time, weighted, "o", color=MODEL, ms=1.5, mew=0.0)
-    history.set(xlabel="Time $t$ (ms)", ylabel=r"$(F_\mathrm{sim} - F_\mathrm{meas})/\sigma$ (–)")
-
-    reach = max(4.0, 1.05 * largest(weighted))
-    history.set_ylim(-reach, reach)
-    finite = weighted[np.isfinite(weighted)]
-    if finite.size == 0:
-        note_empty(history, "no simulated force")
-    else:
-        edges = np.linspace(-reach, reach, 31)
-        share.hist(
-            finite, bins=edges.tolist(), density=True, orientation="horizontal", color=MODEL, alpha=0.6
-        )
-    z = np.linspace(-reach, reach, 200)
-    share.plot(np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi), z, color="black", lw=0.7)
-    share.set_xlabel("Density (–)")
-    share.set_xlim(left=0.0)
-    return (
-        "Residual of the force over the standard deviation σ expected of a correct model in each bin, "
-        "with the band of k = 2 (left), and its distribution with the standard normal one (right). "
-        "Stretches of one sign are error of the model, not noise."
-    )
-
-
 PARTS = {
     "elastic": SHAPE,
     "kinetic": BAND,
@@ -336,77 +297,6 @@ def energy(result: Identification, panels: Panels) -> str:
         "Energy ledger of the check run: the work of both platens (line) and the energies into which it "
         "is divided (areas, stacked), and the share that is not accounted for, over the largest work; "
         f"its largest size is {worst}. The legend gives each part’s largest share of that work."
-    )
-
-
-MESHES = 4
-"""Panels of the figure of meshes."""
-LINES = 16
-"""Approximate number of drawn mesh lines in each direction. More lines would look like a grey area."""
-
-
-def _kept_nodes(result: Identification) -> bool:
-    """Return True if the result contains the nodes of the simulation at the optimum."""
-    nodes = result.response.nodes
-    return nodes is not None and bool(np.isfinite(nodes).any())
-
-
-def _panel_size(result: Identification) -> tuple[float, float]:
-    """Half-width and height of a panel [mm of the specimen], the same for all."""
-    assert result.response.nodes is not None  # checked by `applies`
-    r, y = np.moveaxis(result.response.nodes[0], -1, 0)
-    return 1.08 * MM * largest(r), 1.25 * MM * largest(y)
-
-
-def _meshes_height(result: Identification) -> float:
-    """Height of the figure [mm]: panels of equal scale, room for the labels."""
-    width, height = _panel_size(result)
-    return 11.0 + (PAGE - 14.0) / MESHES * height / (2.0 * width)
-
-
-def _thinned(elements: int) -> list[int]:
-    """Numbers of the drawn mesh lines, with both ends."""
-    return sorted({*range(0, elements + 1, max(1, elements // LINES)), elements})
-
-
-@figure(
-    PAGE, _meshes_height, [[f"mesh {column}" for column in range(MESHES)]], applies=_kept_nodes, sharey=True
-)
-def meshes(result: Identification, panels: Panels) -> str:
-    response, line = result.response, result.comparison.centre_line
-    assert response.nodes is not None  # checked by `applies`
-    n_radial, n_axial = result.refined_mesh
-    times = response.surface_times
-    expected = (n_radial + 1) * (n_axial + 1)
-    if response.nodes.shape[2] != expected:
-        raise ValueError(f"response.nodes holds {response.nodes.shape[2]} nodes, the mesh has {expected}")
-    grid = response.nodes[0].reshape(times.size, n_axial + 1, n_radial + 1, 2)
-    side = np.stack([response.surface_r[0], response.surface_y[0]], axis=-1)
-    if not np.array_equal(grid[:, :, -1], side, equal_nan=True):
-        raise ValueError("the last node of each row of the mesh is not on the side; was it renumbered?")
-
-    reached = np.flatnonzero(np.isfinite(grid).all(axis=(1, 2, 3)))
-    chosen = reached[np.round(np.linspace(0, reached.size - 1, MESHES)).astype(int)]
-    width, height = _panel_size(result)
-    for column, k in enumerate(chosen):
-        ax = panels[f"mesh {column}"]
-        rows = [MM * grid[k, j] for j in _thinned(n_axial)] + [MM * grid[k, :, i] for i in _thinned(n_radial)]
-        ax.add_collection(LineCollection(rows, colors=MODEL, linewidths=0.3))
-        ax.fill_betweenx(MM * side[k, :, 1], -MM * side[k, :, 0], 0.0, color=MODEL, alpha=0.15, lw=0.0)
-        if line.time.size:
-            near = line.time == line.time[np.argmin(np.abs(line.time - times[k]))]
-            ax.plot(-MM * line.Z[near], MM * line.y[near], "o", color=MEASURED, ms=1.6, mew=0.0)
-        ax.text(0.5, 0.97, f"{MS * times[k]:.2f} ms", transform=ax.transAxes, ha="center", va="top")
-        ax.set_aspect("equal")
-        ax.set_xlim(-width, width)
-        ax.set_ylim(0.0, height)
-        ax.set_xlabel("Radius $r$ (mm)")
-    panels["mesh 0"].set_ylabel("Height $y$ (mm)")
-    size = f"{result.refined_mesh[0]} × {result.refined_mesh[1]} elements"
-    thinned = "" if max(result.refined_mesh) < 2 * LINES else ", some of its lines"
-    return (
-        f"Deformed mesh of the check run ({size}{thinned}) in the half-plane r ≥ 0, and the mirrored "
-        "silhouette with the measured points, nearest frame, on the other side."
     )
 
 

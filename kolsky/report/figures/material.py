@@ -3,7 +3,9 @@
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
+from kolsky.base.arrays import FloatArray
 from kolsky.material.fits.compare import Comparison, PathStability, Row, Stability
 from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.reference_curve import ReferenceCurve
@@ -24,7 +26,6 @@ from kolsky.report.figures.base import (
     figure,
     label_text,
 )
-from kolsky.report.figures.rates import TimeScales, draw_test, rate_moduli
 from kolsky.report.figures.waves import stress_scale
 from kolsky.studies.rate_dependence import SlowDynamics
 
@@ -229,9 +230,36 @@ def baseline(result: ReferenceCurve, panels: Panels) -> str:
 KELVIN = 273.15
 
 
+TEST_COLOURS = tuple(colour for colour in SERIES if colour != MODEL)
+"""Colours of tests, used in this order. The model has another colour."""
+
+
+def draw_test(
+    ax: Axes, k: int, label: str, x: FloatArray, y: FloatArray, u: FloatArray, *, size: float = 2.4
+) -> str:
+    """Draw the values of test number `k` with ±2u, and return its colour."""
+    colour, marker = TEST_COLOURS[k % len(TEST_COLOURS)], MARKERS[k % len(MARKERS)]
+    ax.errorbar(x, y, yerr=2.0 * u, fmt=marker, ms=size, lw=0.6, color=colour, label=label)
+    return colour
+
+
 @figure(COLUMN, 66.0, [["moduli"]], applies=lambda result: len(result.moduli) > 0)
 def relaxation_moduli(result: SlowDynamics, panels: Panels) -> str:
-    return rate_moduli.draw(TimeScales(result.moduli, result.fitted), panels)
+    ax = panels["moduli"]
+    age, modulus, sigma = result.fitted.age, KPA * result.fitted.modulus, KPA * result.fitted.sigma
+    ax.fill_between(age, modulus - 2.0 * sigma, modulus + 2.0 * sigma, color=BAND, alpha=0.4, lw=0.0)
+    ax.plot(age, modulus, color=MODEL, label=result.fitted.label)
+    for k, test in enumerate(result.moduli):
+        draw_test(ax, k, test.label, test.age, KPA * test.modulus, KPA * test.sigma, size=2.6)
+    ax.set_xscale("log")
+    ax.set(xlabel="Mean age of the strain (s)", ylabel="Modulus $E_a$ (kPa)")
+    ax.legend(loc="best")
+    ax.margins(x=0.05, y=0.15)
+    return (
+        "Modulus of rubber elasticity, Eq. (M.9), of each test, against the mean age of the strain: the "
+        "time of holding after a step, half the duration of a steady ramp, 1/ω of an oscillation. Bars: "
+        "±2u. Line and band: the fitted model with ±2u."
+    )
 
 
 def holds(result: SlowDynamics) -> list[HistoryTest]:

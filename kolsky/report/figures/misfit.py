@@ -1,20 +1,11 @@
-"""Figures of the misfit and of the uncertainty from it.
-
-Misfit along each free parameter and over a pair of them.
-
-The profile likelihood, the joint likelihood of a pair, and posterior samples are also drawn.
-"""
+"""Figures of the misfit along each parameter, its likelihood alone and over a pair, and the posterior."""
 
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
-from matplotlib.patheffects import withStroke
-from matplotlib.tri import CubicTriInterpolator, Triangulation, UniformTriRefiner
 from numpy.typing import NDArray
 
-from kolsky.base.arrays import FloatArray
 from kolsky.inverse.result import Identification, SurrogateCurve
 from kolsky.inverse.run_table import DesignTable
 from kolsky.report.figures.base import (
@@ -36,9 +27,9 @@ from kolsky.report.figures.base import (
     plain_log_ticks,
     weighted_chi2,
 )
-from kolsky.results.nomenclature import axis_label, name_of, route_label
+from kolsky.results.nomenclature import axis_label, name_of
 
-MISFIT_PARTS = ("chi2", "phi", "routes")
+MISFIT_PARTS = ("chi2", "phi")
 RUN_MARKERS = {"design": "o", "refinement": "s", "check": "D"}
 
 
@@ -51,13 +42,12 @@ RUN_MARKERS = {"design": "o", "refinement": "s", "check": "D"}
 def misfit(result: Identification, panels: Panels) -> str:
     for name, estimate in result.estimates.items():
         curve = next((c for c in result.curves if c.parameter == name), None)
-        chi2, phi, routes = (panels[f"{name} {part}"] for part in MISFIT_PARTS)
-        for ax in (chi2, phi, routes):
+        chi2, phi = (panels[f"{name} {part}"] for part in MISFIT_PARTS)
+        for ax in (chi2, phi):
             ax.set_xlabel(axis_label(name, estimate.unit))
-            # Curves and runs are those of the refined mesh. Routes and intervals are corrected for its error.
-            at = estimate.value if ax is routes else estimate.on_mesh
-            if np.isfinite(at):
-                ax.axvline(at, color=MEASURED, lw=0.6, ls="--")
+            # Curves and runs are those of the refined mesh. Intervals are corrected for its error.
+            if np.isfinite(estimate.on_mesh):
+                ax.axvline(estimate.on_mesh, color=MEASURED, lw=0.6, ls="--")
             if np.isfinite(estimate.interval).all():
                 ax.axvspan(*estimate.interval, color=BAND, alpha=0.35, lw=0.0)
         chi2.set_ylabel(r"$\chi^2/\chi^2_\mathrm{opt}$ (–)")
@@ -68,19 +58,17 @@ def misfit(result: Identification, panels: Panels) -> str:
         else:
             _draw_chi2(chi2, curve, result)
             _draw_phi(phi, curve, result.design)
-        _draw_routes(routes, name, result)
-        for ax in (chi2, phi, routes):
+        for ax in (chi2, phi):
             few_ticks(ax, 5)
     others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
     return (
         f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate, corrected to the "
         "refined mesh (line), and of the check runs on it (diamonds), over the surrogate’s smallest value; "
-        "the triangles are the force-only and outline-only optima in the colours of the right panel. Centre: "
-        "Φ_F and Φ_S, Eqs. (M.4) and (M.3), over the surrogate’s smallest values, with every run; those on "
-        "the surrogate’s own mesh (circles: design, squares: refinement) lie off the lines by that mesh’s "
-        "error. Crosses on the axis: runs that did not complete. Right: the optimum of each route with ±2 of "
-        "its standard uncertainty, that of the cost Φ from the runs on the surrogate’s mesh. Dashed line and "
-        "band: the joint optimum and its k = 2 interval, numerical part included."
+        "triangles: the optima of the force alone (orange) and of the outline alone (blue). Right: Φ_F and "
+        "Φ_S, Eqs. (M.4) and (M.3), over the surrogate’s smallest values, with every run; those on the "
+        "surrogate’s own mesh (circles: design, squares: refinement) lie off the lines by that mesh’s error. "
+        "Crosses on the axis: runs that did not complete. Dashed line and band: the joint optimum and its "
+        "k = 2 interval, numerical part included."
     )
 
 
@@ -137,94 +125,6 @@ def _draw_runs(
     for stage in dict.fromkeys(design.stage):
         rows = np.array([s == stage for s in design.stage]) & np.isfinite(values)
         ax.plot(x[rows], values[rows], RUN_MARKERS.get(stage, "v"), **style)
-
-
-def _draw_routes(ax: Axes, parameter: str, result: Identification) -> None:
-    ax.set_yticks([])
-    ax.tick_params(axis="y", which="both", left=False, right=False)
-    count = len(result.routes)
-    ax.set_ylim(-0.6, count - 0.1 if count else 1.0)
-    if not count:
-        note_empty(ax, "no optimum")
-    for row, route in enumerate(reversed(result.routes)):
-        value, sigma = route.parameters.get(parameter, np.nan), route.sigma.get(parameter, np.nan)
-        colour = ROUTES.get(route.name, MEASURED)
-        ax.errorbar(value, row, xerr=2.0 * sigma if np.isfinite(sigma) else None, fmt="o", ms=3, color=colour)
-        at: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
-        name = ax.annotate(route_label(route.name), (0.03, row), xytext=(0, 4), color=colour, **at)
-        name.set_path_effects([withStroke(linewidth=1.5, foreground="white")])  # lines pass behind it
-        name.set_in_layout(False)  # it lies inside, but its place is known only when the layout is
-    ax.margins(x=0.2)
-
-
-@figure(PAGE, 78.0, [["whole", "near"]], applies=lambda result: len(result.design.names) == 2, letters=True)
-def contour(result: Identification, panels: Panels) -> str:
-    design = result.design
-    curves = {curve.parameter: curve for curve in result.curves}
-    whole, near = panels["whole"], panels["near"]
-    box = None
-    if set(design.names) <= set(curves):
-        box = np.array([[curves[name].x[0], curves[name].x[-1]] for name in design.names])
-    _plane(whole, result, np.column_stack([design.lower, design.upper]))
-    if box is None:
-        near.set_axis_off()
-    else:
-        _plane(near, result, box)
-        (left, right), (low, high) = box
-        whole.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ls="--", ec="white"))
-    if result.routes:
-        legend_above(whole, ncols=4)
-    return (
-        "Joint χ² of the runs on the surrogate’s mesh (circles) over the smallest of them, with the weights "
-        "of the final search, in the plane of the two free parameters, interpolated between the runs and "
-        "nowhere else; crosses: runs that did not complete. Left: the whole design; right: the box of the "
-        "last refinement (dashed on the left). Stars: the optima, all but that of the cost Φ corrected to "
-        "the refined mesh, so they lie off the valley by that mesh’s shift; bars: the k = 2 intervals."
-    )
-
-
-def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
-    design = result.design
-    first, second = (result.estimates[name] for name in design.names)
-    ax.set(xlabel=axis_label(first.name, first.unit), ylabel=axis_label(second.name, second.unit))
-    chi2 = weighted_chi2(result)
-    in_box = ((design.points >= box[:, 0]) & (design.points <= box[:, 1])).all(axis=1)
-    coarse = in_box & (np.array(design.stage) != "check")
-    completed = coarse & np.isfinite(chi2)
-    if completed.any():
-        level = np.log10(chi2 / np.nanmin(np.where(coarse, chi2, np.nan)))
-        # Two refinements can repeat a point, which would give a triangle without area.
-        _, single = np.unique(design.points[completed], axis=0, return_index=True)
-        _contours(ax, design.points[completed][single], level[completed][single], box)
-    ax.plot(*design.points[completed].T, "o", ms=2.2, mfc="white", mec=MEASURED, mew=0.4)
-    failed = coarse & ~np.isfinite(chi2)
-    if failed.any():  # an empty line that is not clipped would lie at the figure's corner for the layout
-        ax.plot(*design.points[failed].T, "x", ms=3.0, mew=0.7, color=MEASURED, clip_on=False)
-    for route in result.routes:
-        at = [route.on_mesh(name) for name in design.names]
-        colour = ROUTES.get(route.name, BAND)
-        if route.name == "joint":
-            style: dict[str, Any] = {"fmt": "none", "ecolor": "white", "elinewidth": 0.8}
-            ax.errorbar(at[0], at[1], xerr=2.0 * first.sigma, yerr=2.0 * second.sigma, **style)
-        ax.plot(*at, "*", ms=6, mfc=colour, mec="white", mew=0.4, label=route_label(route.name))
-    ax.set_xlim(*box[0])
-    ax.set_ylim(*box[1])
-    few_ticks(ax, 5)
-
-
-def _contours(ax: Axes, points: FloatArray, level: FloatArray, box: FloatArray) -> None:
-    x, y = points.T
-    if len(points) < 4 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
-        return
-    # Triangles and curvature are those of the unit box. Otherwise the wider parameter would dominate.
-    low, span = box[:, 0], box[:, 1] - box[:, 0]
-    unit = Triangulation((x - low[0]) / span[0], (y - low[1]) / span[1])
-    fine, smooth = UniformTriRefiner(unit).refine_field(
-        level, CubicTriInterpolator(unit, level, kind="geom"), subdiv=3
-    )
-    plane = Triangulation(low[0] + span[0] * fine.x, low[1] + span[1] * fine.y, fine.triangles)
-    drawn = ax.tricontourf(plane, np.maximum(smooth, 0.0), levels=12, cmap="cividis")
-    colour_bar(drawn, ax, r"$\log_{10}\,\chi^2/\chi^2_\mathrm{min}$ (–)", pad=0.02)
 
 
 LIKELIHOOD_THRESHOLD = 3.84

@@ -1,17 +1,13 @@
 """Figures of several shots: stiffness against strain rate, over time scales, and identified together."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from kolsky.base.arrays import FloatArray
 from kolsky.inverse.joint_result import JointResult
 from kolsky.inverse.parameters import MOVED
-from kolsky.material.relaxation.rate_fit import ApparentModuli
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
@@ -297,51 +293,6 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
         "specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’ "
         "forces: the distance between the lines is not a rate sensitivity. Right: outlines in the frames "
         f"nearest to the strains {strains}, measured (markers) and simulated (lines)."
-    )
-
-
-TEST_COLOURS = tuple(colour for colour in SERIES if colour != MODEL)
-"""Colours of tests, used in this order. The model has another colour."""
-
-
-def draw_test(
-    ax: Axes, k: int, label: str, x: FloatArray, y: FloatArray, u: FloatArray, *, size: float = 2.4
-) -> str:
-    """Draw the values of test number `k` with ±2u, and return its colour."""
-    colour, marker = TEST_COLOURS[k % len(TEST_COLOURS)], MARKERS[k % len(MARKERS)]
-    ax.errorbar(x, y, yerr=2.0 * u, fmt=marker, ms=size, lw=0.6, color=colour, label=label)
-    return colour
-
-
-@dataclass(frozen=True)
-class TimeScales:
-    """Apparent moduli of tests and of a fitted model, drawn over one axis of time."""
-
-    tests: Sequence[ApparentModuli]
-    """Moduli of each test, see `kolsky.material.relaxation.rate_fit.apparent_moduli`."""
-    fitted: ApparentModuli | None = None
-    """The fitted model, its modulus and uncertainty from
-    `kolsky.material.relaxation.rate_fit.fitted_modulus`."""
-
-
-@figure(COLUMN, 66.0, [["moduli"]], applies=lambda result: len(result.tests) > 0)
-def rate_moduli(result: TimeScales, panels: Panels) -> str:
-    ax = panels["moduli"]
-    if result.fitted is not None:
-        age, modulus, sigma = result.fitted.age, KPA * result.fitted.modulus, KPA * result.fitted.sigma
-        ax.fill_between(age, modulus - 2.0 * sigma, modulus + 2.0 * sigma, color=BAND, alpha=0.4, lw=0.0)
-        ax.plot(age, modulus, color=MODEL, label=result.fitted.label)
-    for k, test in enumerate(result.tests):
-        draw_test(ax, k, test.label, test.age, KPA * test.modulus, KPA * test.sigma, size=2.6)
-    ax.set_xscale("log")
-    ax.set(xlabel="Mean age of the strain (s)", ylabel="Modulus $E_a$ (kPa)")
-    ax.legend(loc="best")
-    ax.margins(x=0.05, y=0.15)
-    fitted = "" if result.fitted is None else " Line and band: the fitted model with ±2u."
-    return (
-        "Modulus of rubber elasticity, Eq. (M.9), of each test, against the mean age of the strain: the "
-        "time of holding after a step, half the duration of a steady ramp, 1/ω of an oscillation. Bars: "
-        f"±2u.{fitted}"
     )
 
 

@@ -11,7 +11,7 @@ from kolsky.bodies.specimen_fit import ConstantVerdict
 from kolsky.bodies.specimen_studies import cross_table
 from kolsky.report.body_views import ActuatorView, SheetView, SpecimenView
 from kolsky.report.figures.base import BAR
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
+from kolsky.report.pages.rendering import draw_figures, render_page, sentences
 from kolsky.results import numbers
 
 
@@ -39,9 +39,6 @@ def render_specimen(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) 
         figures=draw_figures(shown),
         inputs=list(inputs.items()),
     )
-
-
-write_specimen = page_writer(render_specimen)
 
 
 def _shown_value(spec: ParameterSpec, value: float | None) -> str:
@@ -135,9 +132,6 @@ def render_actuator(shown: ActuatorView, inputs: Mapping[str, str]) -> str:
         figures=draw_figures(shown),
         inputs=list(inputs.items()),
     )
-
-
-write_actuator = page_writer(render_actuator)
 
 
 def _degrees(value: float) -> str:

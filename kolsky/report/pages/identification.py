@@ -7,14 +7,13 @@ from the page, see `instrument`.
 import base64
 import json
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment
 from markupsafe import Markup
 
+from dic.files import replacing
 from explicit import Ending
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
@@ -28,17 +27,16 @@ from kolsky.report.pages.rendering import (
     FigureGroup,
     draw_figures,
     draw_groups,
-    environment,
-    page_writer,
     render_page,
     script,
     sentences,
+    shown_unit,
 )
 from kolsky.report.pages.uncertainty import changes, choices, dominant, likelihood_tables, milliseconds
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.joint import fits_of
-from kolsky.results.nomenclature import heading, in_words, name_of, route_label, upper_first, with_subscripts
+from kolsky.results.nomenclature import heading, name_of, upper_first, with_subscripts
 from kolsky.results.printed import fit_tables, summary
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import causes
@@ -102,11 +100,6 @@ def _value_text(value: Any, factor: float, digits: int) -> str:
     return numbers.plain(factor * value, digits) if isinstance(value, float) else str(value)
 
 
-def _shown_unit(unit: str) -> str:
-    """Return the unit as shown: nothing for "1"."""
-    return "" if unit == "1" else unit
-
-
 def answer_row(estimate: Estimate) -> dict[str, Any]:
     """Return one estimate in words and rounded numbers, with its uncertainty budget."""
     U = 2.0 * estimate.sigma
@@ -130,7 +123,7 @@ def answer_row(estimate: Estimate) -> dict[str, Any]:
     )
     return {
         "name": name_of(estimate.name, estimate.unit),
-        "unit": _shown_unit(estimate.unit),
+        "unit": shown_unit(estimate.unit),
         "known": bool(np.isfinite(estimate.value)),
         "bounded": bool(np.isfinite(U)),
         "value": value,
@@ -158,7 +151,7 @@ def _fixed_rows(result: Identification) -> list[tuple[str, str]]:
     rows: list[tuple[str, str]] = []
     for parameter, value in result.fixed.items():
         name = name_of(parameter)
-        text = f"{numbers.plain(value)} {_shown_unit(name.unit)}".rstrip()
+        text = f"{numbers.plain(value)} {shown_unit(name.unit)}".rstrip()
         record = PARAMETERS.get(parameter)
         if record is not None and not has_effect(record, laws):
             text = f"not used: {record.without}"
@@ -315,10 +308,7 @@ _DIGITS = {"time": 5, "length": 4, "residual": 1, "force": 4}
 
 
 def instrument(result: Identification, recordings: ShotRecordings | None) -> Markup:
-    """The numbers as JSON for embedding in a page.
-
-    ``recordings``: recordings of the shot; their pictures are shown if there are any.
-    """
+    """The numbers as JSON for embedding in a page."""
     text = json.dumps(instrument_numbers(result, recordings), allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))  # no end of a script inside it
 
@@ -390,7 +380,6 @@ def render(
     figures = _figures(identification, recordings, processes)
     return render_page(
         _TEMPLATE,
-        using=_templates(),
         kind="Identification from one impact test",
         heading=result.shot,
         subject="identification",
@@ -434,25 +423,13 @@ def write_report(
 ) -> None:
     """Write the report of one shot as a single HTML file that needs no network.
 
-    Parameters
-    ----------
-    path
-        The file, replaced atomically if it exists; its folder must exist.
-    identification
-        The result. Six entries of its provenance make the table of the test: "specimen", "specimen_length",
-        "interface", "declared_interface", "support" and "window_s". "checks", "inputs" (file name to
-        SHA-256), "settings" and "versions" have separate tables. Every other entry is listed under "Further".
-    recordings
-        Recordings from the shot's files. Without them, their sections are left out.
-    processes
-        Number of processes that draw the figures.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written. An older file is then unchanged.
+    ``path``: the file, replaced atomically; its folder must exist. ``recordings``: those of the shot's files;
+    without them, their sections are left out. ``processes``: number of processes that draw the figures.
+    Raises OSError if the file cannot be written. An older file is then unchanged.
     """
-    page_writer(render)(path, identification, recordings, processes=processes)
+    text = render(identification, recordings, processes=processes)
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 def _figures(
@@ -461,30 +438,11 @@ def _figures(
     processes: int,
 ) -> dict[str, dict[str, Any]]:
     """Draw all figures, those of the recordings last, and return them by name for the template."""
-    groups = [FigureGroup(REGISTRY.values(), identification)]
+    groups: list[FigureGroup] = [(REGISTRY.values(), identification)]
     if recordings is not None:
-        groups.append(FigureGroup(RECORDINGS.values(), recordings))
+        groups.append((RECORDINGS.values(), recordings))
     drawn = draw_groups(groups, processes=processes)
     return {figure["id"].replace("-", "_"): figure for figure in drawn}
-
-
-@cache
-def _templates() -> Environment:
-    """Return the templates with the filters that this page needs."""
-    templates = environment()
-    templates.filters |= {
-        "plain": numbers.plain,
-        "percent": numbers.percent,
-        "name_of": name_of,
-        "route_label": route_label,
-        "in_words": in_words,
-    }
-    templates.globals |= {
-        "like": numbers.like,
-        "uncertainty": lambda value, U: numbers.measured(value, U)[1],
-        "unit": _shown_unit,
-    }
-    return templates
 
 
 def render_joint(result: JointResult) -> str:
@@ -503,9 +461,6 @@ def render_joint(result: JointResult) -> str:
     )
 
 
-write_joint = page_writer(render_joint)
-
-
 def _facts(result: JointResult) -> list[tuple[str, str]]:
     rows = [("verdict", result.verdict)]
     if result.agreement is not None:
@@ -516,23 +471,27 @@ def _facts(result: JointResult) -> list[tuple[str, str]]:
     if reference:
         rows.append(("what m refers to", reference))
     if result.scatter is not None:
-        low, high = result.scatter.interval
-        rows.append(
-            (
-                "scatter of the stiffness between shots",
-                f"{numbers.percent(result.scatter.value)}, 95 % interval {numbers.percent(low)} to "
-                f"{numbers.percent(high)}",
-            )
-        )
+        low, high = map(numbers.percent, result.scatter.interval)
+        scatter = f"{numbers.percent(result.scatter.value)}, 95 % interval {low} to {high}"
+        rows.append(("scatter of the stiffness between shots", scatter))
     if result.choice is not None:
         rows.append(("with and without relaxation", result.choice.sentence))
     rows += [
         (f"slow test {name}: mean squared residual over noise", numbers.plain(value, 3))
         for name, value in result.slow.items()
     ]
-    across, along = result.refined_mesh
-    rows.append(("mesh of the answer", f"{across} × {along}"))
-    rows.append(("simulations", str(result.runs)))
+    rows.append(("mesh of the answer", "{} × {}".format(*result.refined_mesh)))
+    return [*rows, ("simulations", str(result.runs))]
+
+
+def joint_rows(result: JointResult) -> list[tuple[str, str]]:
+    """Names and values of a joint answer for a terminal: the facts, and a line for each shot and channel."""
+    rows = _facts(result)
+    for table, names in ([_shot(result, k) for k in range(len(result.shots))], 1), (_fits(result), 2):
+        for row in table:
+            cells = [(Markup(head).striptags(), cell) for head, cell in row.items() if cell]
+            text = ", ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in cells[names:])
+            rows.append((", ".join(cell for _, cell in cells[:names]), text))
     return rows
 
 
@@ -548,7 +507,7 @@ def _parameter(result: JointResult, name: str) -> dict[str, Any]:
         "Symbol": Markup("<i>{}</i>").format(entry.symbol),
         "Value": value,
         "U": half,
-        "Unit": _shown_unit(entry.unit),
+        "Unit": shown_unit(entry.unit),
         "u": numbers.plain(factor * e.sigma, 2),
         "u of the mesh": numbers.plain(factor * e.sigma_numerical, 2),
         "Verdict": e.outcome.value,

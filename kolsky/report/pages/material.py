@@ -8,7 +8,7 @@ from markupsafe import Markup
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit
 from kolsky.material.fits.tables import failure
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
+from kolsky.report.pages.rendering import draw_figures, render_page
 from kolsky.results import numbers
 from kolsky.studies.rate_dependence import SlowDynamics
 
@@ -47,9 +47,6 @@ def render_fits(comparison: Comparison, hashes: dict[str, str], remarks: list[st
         ],
         inputs=list(hashes.items()),
     )
-
-
-write_fits = page_writer(render_fits)
 
 
 def _law(row: Row, f: Fit, least: float, best: bool) -> dict[str, Any]:
@@ -149,6 +146,3 @@ def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
         ],
         inputs=list(hashes.items()),
     )
-
-
-write_relaxation = page_writer(render_relaxation)

@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from kolsky.report.figures import RATES, FigureKind
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
+from kolsky.report.pages.rendering import draw_figures, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results.nomenclature import upper_first
 from kolsky.results.numbers import NOTHING, measured, percent, plain
@@ -255,9 +255,6 @@ def render(report: RateReport) -> str:
         groups=groups,
         shared=percent(report.shared),
     )
-
-
-write_page = page_writer(render)
 
 
 def figures_of(report: RateReport, index: int) -> Mapping[str, FigureKind[Any]]:

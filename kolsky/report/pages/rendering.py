@@ -2,22 +2,21 @@
 
 import base64
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterable, Sequence
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec
+from typing import Any
 from unicodedata import category
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from dic.files import replacing
 from dic.processes import run_parallel
 from kolsky.base.process import infrequent_gc
 from kolsky.report.canvas import build, inline_svg
 from kolsky.report.figures import FigureKind, figures_of
-from kolsky.results.nomenclature import typeset, upper_first, with_subscripts
+from kolsky.results import nomenclature, numbers
+from kolsky.results.nomenclature import upper_first, with_subscripts
 
 _HERE = Path(__file__).parent
 HEADING = 120
@@ -26,6 +25,7 @@ LONGEST = 2000
 """Largest number of characters of any other text. The longest warning has some 600."""
 
 
+@cache
 def environment() -> Environment:
     """Return the templates of this folder. Text is escaped and printable; undefined names are errors."""
     made = Environment(
@@ -36,19 +36,36 @@ def environment() -> Environment:
         lstrip_blocks=True,
         finalize=printable_text,
     )
-    made.filters |= {"typeset": typeset, "upper_first": upper_first, "symbol": with_subscripts}
+    made.filters |= {
+        "typeset": nomenclature.typeset,
+        "upper_first": nomenclature.upper_first,
+        "symbol": nomenclature.with_subscripts,
+        "in_words": nomenclature.in_words,
+        "name_of": nomenclature.name_of,
+        "route_label": nomenclature.route_label,
+        "plain": numbers.plain,
+    }
+    made.globals |= {
+        "like": numbers.like,
+        "uncertainty": lambda value, U: numbers.measured(value, U)[1],
+        "unit": shown_unit,
+    }
     return made
 
 
-def printable_text(value: Any) -> Any:
-    """Return a text with "□" for control characters. A very long text loses its middle.
+def shown_unit(unit: str) -> str:
+    """Return the unit as shown: nothing for "1"."""
+    return "" if unit == "1" else unit
 
-    Names and metadata of files can contain anything. HTML does not allow control characters. Characters that
-    change the direction of writing can disguise a name. The results file contains every text unchanged.
+
+def printable_text(value: Any) -> Any:
+    """Return a text with "□" for control characters, and for those that change the direction of writing.
+
+    Names and metadata of files can contain anything. A very long text loses its middle.
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
-    # Separators stay. Surrogates stay too; `page_writer` shows them as escapes.
+    # Separators stay. Surrogates stay too; `render_page` shows them as escapes.
     line = "".join("□" if c not in "\t\n\r" and category(c) in ("Cc", "Cf") else c for c in value)
     return shortened(line, LONGEST)
 
@@ -58,14 +75,8 @@ def shortened(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[: most - most // 2 - 1]}…{text[-(most // 2) :]}"
 
 
-@dataclass(frozen=True)
-class FigureGroup:
-    """Figures of a page that show the same result."""
-
-    kinds: Iterable[FigureKind[Any]]
-    """Their kinds in the order of the page."""
-    shown: Any
-    """Result to draw."""
+FigureGroup = tuple[Iterable[FigureKind[Any]], Any]
+"""Figures in the order of a page, and the result that they show."""
 
 
 def draw_figures(
@@ -78,7 +89,7 @@ def draw_figures(
 ) -> list[dict[str, Any]]:
     """Draw figures, those of a result by default, with the options of `draw_groups`."""
     kinds = figures_of(shown).values() if kinds is None else kinds
-    return draw_groups([FigureGroup(kinds, shown)], first=first, processes=processes, mark=mark)
+    return draw_groups([(kinds, shown)], first=first, processes=processes, mark=mark)
 
 
 def draw_groups(
@@ -90,15 +101,11 @@ def draw_groups(
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them with numbers, for the templates.
 
-    The first and the last figures are started first. They take longest: pages begin with their largest figure
-    or end with pictures of the mesh. Parallel processes finish at about the same time if their last figures
-    are short.
-
-    ``groups``: groups of figures in the order of the page. ``processes``: processes that draw; see
-    `dic.processes.run_parallel`. ``mark``: suffix of the figures' ids, if a page has several figures of one
-    name.
+    The first and the last figures take longest and are started first, so that parallel processes finish at
+    about the same time. ``groups``: in the order of the page. ``processes``: processes that draw. ``mark``:
+    suffix of the figures' ids, if a page has several figures of one name.
     """
-    figures = [(kind, group.shown) for group in groups for kind in group.kinds if kind.applies(group.shown)]
+    figures = [(kind, shown) for kinds, shown in groups for kind in kinds if kind.applies(shown)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
     with infrequent_gc():
         draw = [partial(_drawn, *one, name) for one, name in zip(figures, names, strict=True)]
@@ -131,24 +138,23 @@ def render_page(
     kind: str,
     heading: str,
     subject: str,
-    using: Environment | None = None,
     **context: Any,
 ) -> str:
-    """Return a page as HTML text.
+    """Return a page as HTML text, which needs no network and has no external scripts.
 
-    ``template``: a file of this folder that extends `base.html`. ``kind``: line above the heading: the kind
-    of page. ``heading``: heading, usually the name of a shot; a long one is shortened. ``subject``: text
-    after the heading in the title of the window. ``using``: templates with additional filters; default: those
-    of `environment`. ``context``: all other variables of the template.
+    ``template``: a file of this folder that extends `base.html`. ``kind``: line above the heading.
+    ``subject``: text after the heading in the title of the window. ``context``: all other variables of the
+    template. File names can contain bytes that are not text; they are escapes.
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
-    page = (using or environment()).get_template(template)
+    page = environment().get_template(template)
     policy = {
         "styles": digest(css),
         "scripts": digest(context["script"]) if "script" in context else "'none'",
     }
     heading = shortened(heading, HEADING)
-    return page.render(css=css, policy=policy, kind=kind, heading=heading, subject=subject, **context)
+    text = page.render(css=css, policy=policy, kind=kind, heading=heading, subject=subject, **context)
+    return text.encode("utf-8", errors="backslashreplace").decode("utf-8")
 
 
 def script(name: str) -> Markup:
@@ -162,27 +168,6 @@ def digest(text: str) -> Markup:
     return Markup(f"'sha256-{value}'")
 
 
-_P = ParamSpec("_P")
-
-
 def sentences(texts: Iterable[str]) -> list[str]:
     """Return warnings as sentences."""
     return [f"{upper_first(text)}." for text in texts]
-
-
-def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], None]:
-    """Return the function that writes a page to a file.
-
-    Its text comes from the given function.
-
-    ``render``: its arguments follow the file's path. The folder must exist. The file needs no network and has
-    no external scripts. It replaces an older file when it is complete. After an OSError, the older file is
-    unchanged.
-    """
-
-    def write_page(path: Path, *arguments: _P.args, **options: _P.kwargs) -> None:
-        with replacing(Path(path)) as partial:
-            # File names can contain bytes that are not text. They are written as escapes.
-            partial.write_bytes(render(*arguments, **options).encode("utf-8", errors="backslashreplace"))
-
-    return write_page

@@ -8,7 +8,7 @@ import numpy as np
 
 from kolsky.prediction.design import Aim, Scan, events_table
 from kolsky.prediction.predict import RATE_TO, Numbers, Prediction, doubts
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
+from kolsky.report.pages.rendering import draw_figures, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results.nomenclature import name_of, with_subscripts
 from kolsky.studies.budget.records import Budget, Campaign
@@ -31,9 +31,6 @@ def render_plan(plan: Plan) -> str:
         figures=draw_figures(plan),
         choices=[(key, value) for key, value in plan_rows(plan).items() if key != "shot"],
     )
-
-
-write_plan = page_writer(render_plan)
 
 
 def _expected_row(plan: Plan, j: int) -> dict[str, Any]:
@@ -95,9 +92,6 @@ def render_prediction(result: Prediction, scan: Scan | None = None, aim: Aim | N
     )
 
 
-write_prediction = page_writer(render_prediction)
-
-
 def rows(result: Numbers) -> list[tuple[str, str]]:
     """The numbers of a test in words."""
     return [
@@ -156,9 +150,6 @@ def render_sweep(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
         listed=f"All {len(listed)} runs" if len(listed) == n else f"{len(listed)} of {n} runs: {CHOSEN}",
         runs=[_run_row(result, i) for i in listed],
     )
-
-
-write_sweep = page_writer(render_sweep)
 
 
 def _named(name: str) -> str:
@@ -236,9 +227,6 @@ def render_budget(results: Sequence[Budget], campaign: Campaign | None) -> str:
         budgets=[_table(result) for result in results],
         campaign=[] if campaign is None else _campaign(campaign),
     )
-
-
-write_budget = page_writer(render_budget)
 
 
 def _table(result: Budget) -> dict[str, Any]:

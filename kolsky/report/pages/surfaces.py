@@ -13,7 +13,7 @@ from kolsky.bars.flyer import flight
 from kolsky.pictures import summary as picture_summary
 from kolsky.pictures.rig import refinement_words
 from kolsky.pictures.summary import words
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
+from kolsky.report.pages.rendering import draw_figures, render_page, sentences
 from kolsky.report.picture_views import FullFieldView, SurfaceView
 from kolsky.results import numbers
 
@@ -71,9 +71,6 @@ def render_surfaces(
     )
 
 
-write_surfaces = page_writer(render_surfaces)
-
-
 def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
     """Return the outcomes of points by body, with cause and remedy."""
     rows = []
@@ -116,9 +113,6 @@ def render_field(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
         inputs=list(inputs.items()),
         axes=AXES[result.kind],
     )  # fmt: skip
-
-
-write_field = page_writer(render_field)
 
 
 def warnings(result: FullField) -> list[str]:
@@ -237,9 +231,6 @@ def render_calibration(name: str, result: Calibration) -> str:
         warnings=sentences(calibration_warnings(result)),
         pairs=[_row(pair) for pair in result.pairs],
     )
-
-
-write_calibration = page_writer(render_calibration)
 
 
 def _row(pair: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 from markupsafe import Markup
 
 from kolsky.bars.records import FlyerResult, ReducedTest
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
+from kolsky.report.pages.rendering import draw_figures, render_page
 from kolsky.results import numbers
 from kolsky.results.nomenclature import typeset
 from kolsky.shot.bars import CheckedBars
@@ -66,9 +66,6 @@ def render(result: ReducedTest) -> str:
         settings=list(result.settings.items()),
         inputs=list(result.inputs.items()),
     )
-
-
-write_page = page_writer(render)
 
 
 def sensitivity_rows(result: ReducedTest) -> list[dict[str, Any]]:
@@ -166,9 +163,6 @@ def render_check(shot: ShotBase | CheckedBars) -> str:
         exact=[entry.name for entry in summarise(shot) if entry.value == EXACT],
         inputs=list(shot.inputs.items()),
     )
-
-
-write_check = page_writer(render_check)
 
 
 def _shown(entry: Entry) -> str:

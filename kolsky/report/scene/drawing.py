@@ -51,10 +51,10 @@ def picture(scene: Scene, k: int) -> NDArray[np.uint8]:
 
 
 def render(pyvista: Any, scene: Scene, k: int, *, bar: bool = True) -> NDArray[np.uint8]:
-    """Render the specimen at one time with the PyVista of `offscreen_pyvista`.
+    """Render the specimen at time ``k`` of ``scene.times`` with the PyVista of `offscreen_pyvista`.
 
-    ``k``: index into ``scene.times``. ``bar``: True to draw the colour bar and the time. Returns: RGB, shape
-    [height, width, 3]. Raises IndexError if there is no such time.
+    ``bar``: True to draw the colour bar and the time. Returns: RGB, shape [height, width, 3]. Raises
+    IndexError if there is no such time.
     """
     if not 0 <= k < len(scene.times):
         raise IndexError(f"there are pictures 0 to {len(scene.times) - 1}, not {k}")
@@ -81,35 +81,21 @@ def pixels_of(plotter: Any) -> NDArray[np.uint8]:
 
 
 class CannotRender(RuntimeError):
-    """PyVista is not installed, or VTK cannot render on this machine."""
+    """VTK cannot render on this machine."""
 
 
 def offscreen_pyvista() -> Any:
-    """Return PyVista, checked to render into memory.
+    """Return PyVista, checked to render into memory, without VTK's messages about displays.
 
-    Raises CannotRender if PyVista is not installed, or if VTK finds neither a display nor EGL nor OSMesa.
+    Raises CannotRender if VTK finds neither a display nor EGL nor OSMesa.
     """
-    require_pyvista()
+    import pyvista
+    from vtkmodules.vtkCommonCore import vtkLogger
+
     if not renders():
         raise CannotRender(
             "VTK finds neither a display nor EGL nor OSMesa to draw with; install one (Debian: libegl1)"
         )
-    return _silent_pyvista()
-
-
-def require_pyvista() -> None:
-    """Raise CannotRender if PyVista is not installed."""
-    try:
-        import pyvista  # noqa: F401
-    except ImportError:
-        raise CannotRender("pictures of the scene need PyVista: pip install pyvista") from None
-
-
-def _silent_pyvista() -> Any:
-    """Return PyVista with the messages of VTK about displays switched off."""
-    import pyvista
-    from vtkmodules.vtkCommonCore import vtkLogger
-
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     return pyvista
 
@@ -186,10 +172,7 @@ FILMS = ("mp4", "gif")
 def write_film(
     path: Path, scene: Scene, *, every: int = 1, rate: float = 25.0, progress: Progress = lambda n: None
 ) -> Path:
-    """Write the deformation of ``scene`` as a film.
-
-    Other arguments and errors are those of `write_frames`.
-    """
+    """Write the deformation of ``scene`` as a film, with the arguments and errors of `write_frames`."""
     frames = range(len(scene.times))
     return write_frames(path, lambda k: picture(scene, k), frames, every=every, rate=rate, progress=progress)
 
@@ -205,11 +188,10 @@ def write_frames(
 ) -> Path:
     """Write pictures as a film.
 
-    ``path``: file to write; its suffix gives the format, one of `FILMS`. ``draw``: returns the picture of a
-    frame, shape [height, width, 3]. ``every``: take every n-th frame, starting with the first. ``rate``:
-    frame rate of the film [1/s]. ``progress``: called with 1 after each picture. Raises ValueError if the
-    format is unknown, or if `every` or `rate` is not positive. Raises ImportError if the package that writes
-    films is not installed; the message gives the command to install it.
+    ``path``: its suffix gives the format, one of `FILMS`. ``draw``: returns the picture of a frame, shape
+    [height, width, 3]. ``every``: take every n-th frame, starting with the first. ``rate``: frame rate of the
+    film [1/s]. ``progress``: called with 1 after each picture. Raises ValueError if the format is unknown, or
+    if `every` or `rate` is not positive.
     """
     path = Path(path)
     kind = path.suffix.lstrip(".").lower()
@@ -217,9 +199,8 @@ def write_frames(
         raise ValueError(f"format {kind!r} is not one of {', '.join(FILMS)}")
     if every < 1 or not rate > 0.0:
         raise ValueError(f"every must be at least 1 and rate positive, got {every} and {rate}")
-    writer = writer_for(kind)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as partial, writer(partial, rate) as film:
+    with replacing(path) as partial, _writer(partial, kind, rate) as film:
         for k in frames[::every]:
             film.append_data(draw(k))
             progress(1)
@@ -248,23 +229,15 @@ def evenly_spaced(n: int, count: int) -> Sequence[int]:
     return sorted({int(k) for k in np.round(np.linspace(0, n - 1, min(count, n)))})
 
 
-def writer_for(kind: str) -> Callable[[Path, float], Any]:
-    """Return the function that opens a film for writing.
+def _writer(path: Path, kind: str, rate: float) -> Any:
+    """Open a film for writing."""
+    import imageio.v2 as imageio
 
-    Raises ImportError if imageio is not installed or, for "mp4", if imageio-ffmpeg is not installed.
-    """
-    try:
-        import imageio.v2 as imageio
-
-        if kind == "mp4":
-            import imageio_ffmpeg  # noqa: F401
-    except ImportError as error:
-        raise ImportError(f"films need the package {error.name}: pip install 'kolsky[film]'") from None
-    if kind == "mp4":
-        return lambda path, rate: imageio.get_writer(
-            path, format="FFMPEG", mode="I", fps=rate, codec="libx264", pixelformat="yuv420p", quality=8
-        )
-    return lambda path, rate: imageio.get_writer(path, format="GIF", mode="I", duration=1e3 / rate, loop=0)
+    if kind == "gif":
+        return imageio.get_writer(path, format="GIF", mode="I", duration=1e3 / rate, loop=0)
+    return imageio.get_writer(
+        path, format="FFMPEG", mode="I", fps=rate, codec="libx264", pixelformat="yuv420p", quality=8
+    )
 
 
 WIDTH, HEIGHT = 480, 300

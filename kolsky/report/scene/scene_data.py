@@ -35,10 +35,7 @@ class Solid:
 
 
 def solid_of(curve: MaterialCurve, values: Mapping[str, float]) -> Solid:
-    """Return the material of a simulation: the law of the reference curve times the stiffness factor.
-
-    ``values``: the parameters by name. They include "stiffness_factor" and "poisson".
-    """
+    """Return the material of a simulation; ``values`` have "stiffness_factor" and "poisson"."""
     from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
     from kolsky.inverse.forward import material_law
 
@@ -65,11 +62,7 @@ class FieldKind:
 
 
 def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
-    """Smallest principal stretch [-].
-
-    The hoop stretch, or the smaller of the two stretches in the meridian plane. The squares of the latter are
-    the eigenvalues of F^T F in that plane.
-    """
+    """Smallest principal stretch [-]: of the hoop, or the root of an eigenvalue of F^T F in the meridian."""
     r, y = F[..., :2, 0], F[..., :2, 1]
     # Sums of two, written out. A loop over this short axis takes ten times as long, with the same bits.
     (r0, r1), (y0, y1) = np.moveaxis(r, -1, 0), np.moveaxis(y, -1, 0)
@@ -160,9 +153,7 @@ class Scene:
     """Measured outline; empty if none was measured."""
 
     def outline_at(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Measured heights and radii [m] in the frame nearest to the time of picture k; empty without an
-        outline.
-        """
+        """Measured heights and radii [m] in the frame nearest to picture k; empty without an outline."""
         line = self.measured_outline
         if not line.time.size:
             return np.zeros(0), np.zeros(0)
@@ -194,11 +185,10 @@ def scene_of(
 ) -> Scene:
     """Return the scene of an identification's simulation at the optimum.
 
-    ``result``: its response must contain the nodes, and its provenance the specimen's size. Otherwise
-    SceneDataMissing is raised. ``field``: one of `FIELDS`. ``solid``: material; required by fields that are
-    stresses or energies. ``chosen``: gives the indices of the pictures for the number of times; default: all.
-    The colour scale is that of all pictures. Raises ValueError if the field is unknown or if it needs a
-    missing solid.
+    ``field``: one of `FIELDS`. ``solid``: material; required by stresses and energies. ``chosen``: gives the
+    indices of the pictures for the number of times; default: all. The colour scale is that of all pictures.
+    Raises SceneDataMissing if the response has no nodes or the provenance no size of the specimen, and
+    ValueError if the field is unknown or if it needs a missing solid.
     """
     from explicit.mesh import deformation_gradient
 
@@ -354,3 +344,17 @@ def lifted(points: FloatArray, by: float) -> FloatArray:
     across = np.hypot(points[:, 0], points[:, 2])
     factor = 1.0 + by / np.where(across > 0.0, across, np.inf)
     return np.column_stack([factor * points[:, 0], points[:, 1], factor * points[:, 2]])
+
+
+def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return two triangles for every square of four neighbouring points of a grid."""
+    if len(cell) == 0:
+        return np.empty((0, 3), dtype=np.int64)
+    low = cell.min(axis=0)
+    table = np.full(tuple(cell.max(axis=0) - low + 2), -1, dtype=np.int64)
+    table[tuple((cell - low).T)] = np.arange(len(cell))
+    a, b, c, d = table[:-1, :-1], table[1:, :-1], table[1:, 1:], table[:-1, 1:]
+    whole = (a >= 0) & (b >= 0) & (c >= 0) & (d >= 0)
+    a, b, c, d = (corner[whole] for corner in (a, b, c, d))
+    # Rows count downward in a picture. The order a, d, c is therefore counter-clockwise.
+    return np.concatenate([np.column_stack([a, d, c]), np.column_stack([a, c, b])])

@@ -171,7 +171,7 @@ def entry_points() -> set[str]:
     found |= {n for n, path in MODULES.items() if 'if __name__ == "__main__":' in path.read_text("utf-8")}
     for script in (ROOT / "runs").rglob("*.py"):
         found |= imported(script.stem, script)
-    figures = {place.partition(".")[0] for places in PLACES.values() for place in places}
+    figures = {place.partition(":")[0] for _, *places in PLACES.values() for place in places}
     found |= {f"kolsky.report.figures.{name}" for name in figures}
     for files in RESULTS.values():  # written by the names of their functions
         found |= {place.rpartition(".")[0] for place in files.files.values()}

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,8 +25,7 @@ from kolsky.material.relaxation.rate_fit import (
 from kolsky.material.relaxation.temperature import Superposition, TemperatureSweep, superpose, wlf
 from kolsky.material.uniaxial import UniaxialTest, divide_ramp_and_hold, loading_ramps, remarks_of
 from kolsky.report.canvas import build
-from kolsky.report.figures import MODULI
-from kolsky.report.figures.rates import TimeScales
+from kolsky.report.figures import RELAXATIONS
 
 # Constant strains after a ramp: the end of the ramp, messages, and the data of the reference curve.
 
@@ -306,13 +306,13 @@ def test_every_kind_of_test_stands_on_one_axis() -> None:
         factor=1.1, sigma_factor=0.01, young=YOUNG, strain=-0.6, duration=1e-3, label="shot"
     )
     fit, age = fit_prony(TIMESCALES_LAW, [step], 1), np.geomspace(1e-3, 1.0, 20)
-    shown = TimeScales(
-        (apparent_moduli(step), apparent_moduli(dynamic), shot),
-        ApparentModuli("fitted", age, np.zeros(20), *fitted_modulus(fit, YOUNG, age)),
+    shown = SimpleNamespace(
+        moduli=(apparent_moduli(step), apparent_moduli(dynamic), shot),
+        fitted=ApparentModuli("fitted", age, np.zeros(20), *fitted_modulus(fit, YOUNG, age)),
     )
-    kind = MODULI["rate-moduli"]
+    kind = RELAXATIONS["relaxation-moduli"]
     assert kind.applies(shown)
-    assert not kind.applies(TimeScales(()))
+    assert not kind.applies(SimpleNamespace(moduli=()))
     (ax,) = build(kind, shown).axes
     assert ax.get_xscale() == "log"
     assert len(ax.containers) == 3

@@ -127,5 +127,5 @@ def test_a_page_loads_its_own_figures_and_a_terminal_no_identification() -> None
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     terminal, page = run.stdout.splitlines()
     assert terminal == "[]"
-    assert {"base", "surface_points", "surface_motion"} <= set(page.split())
+    assert {"base", "surfaces"} <= set(page.split())
     assert not {"studies", "planning", "misfit"} & set(page.split())

@@ -54,7 +54,7 @@ def test_spines_take_no_room_of_their_own():
 
 
 def test_two_processes_draw_the_same_page(monkeypatch):
-    few = {name: REGISTRY[name] for name in ("force", "energy", "misfit", "meshes")}
+    few = {name: REGISTRY[name] for name in ("force", "energy", "misfit")}
     monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", few)
     assert render(RESULTS["one"], processes=2) == render(RESULTS["one"], processes=1)
 
@@ -68,8 +68,8 @@ def test_groups_share_one_numbering_and_the_outer_figures_are_begun_first(monkey
 
     monkeypatch.setattr(rendering, "_drawn", draw)
     kinds = {name: REGISTRY[name] for name in ("force", "energy", "misfit")}
-    first = rendering.FigureGroup([kinds["misfit"]], RESULTS["one"])
-    second = rendering.FigureGroup([kinds["force"], kinds["energy"]], RESULTS["two"])
+    first = ([kinds["misfit"]], RESULTS["one"])
+    second = ([kinds["force"], kinds["energy"]], RESULTS["two"])
     drawn = rendering.draw_groups([first, second], first=4, mark="a")
     assert begun == [("misfit-a", RESULTS["one"]), ("energy-a", RESULTS["two"]), ("force-a", RESULTS["two"])]
     assert [(figure["id"], figure["number"]) for figure in drawn] == [

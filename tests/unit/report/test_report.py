@@ -14,7 +14,7 @@ import pytest
 import pyvista
 from figure_overlaps import overlaps
 from matplotlib.axis import Axis
-from synthetic import EVIL, N_AXIAL, N_RADIAL, RESULTS, synthetic
+from synthetic import EVIL, N_AXIAL, N_RADIAL, RESULTS
 
 import kolsky.report.canvas
 from explicit.materials.laws.marlow import neo_hookean
@@ -66,11 +66,6 @@ def test_figure_has_labelled_axes_with_units_and_its_data(name: str, which: str,
     assert re.fullmatch(r"[a-z][a-z-]*", kind.name)
 
 
-def test_contour_is_for_two_parameters_only() -> None:
-    assert not REGISTRY["contour"].applies(RESULTS["one"])
-    assert REGISTRY["contour"].applies(RESULTS["two"])
-
-
 def test_no_figure_of_data_that_are_not_there() -> None:
     none, whole = np.zeros(0), RESULTS["one"].comparison
     line = CentreLine(time=none, frame=none.astype(np.int64), y=none, Z=none, sigma=none)
@@ -78,20 +73,9 @@ def test_no_figure_of_data_that_are_not_there() -> None:
     bare = replace(whole, **bins, centre_line=line, Z_model=none, inside=none.astype(bool))
     result = replace(RESULTS["one"], comparison=bare)
     shown = {name for name, kind in REGISTRY.items() if kind.applies(result)}
-    assert shown == {"misfit", "energy", "meshes"}
+    assert shown == {"misfit", "energy"}
     for name in shown:
         build(REGISTRY[name], result)
-
-
-def test_meshes_need_nodes() -> None:
-    assert not REGISTRY["meshes"].applies(synthetic(nodes=False))
-
-
-def test_renumbered_mesh_is_noticed() -> None:
-    result = synthetic()
-    turned = replace(result.response, nodes=result.response.nodes[:, :, ::-1])
-    with pytest.raises(ValueError, match="renumbered"):
-        build(REGISTRY["meshes"], replace(result, response=turned))
 
 
 def test_saved_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -344,9 +328,9 @@ def test_shown_units_are_those_of_a_reader() -> None:
 
 
 def test_inline_figure_is_well_formed_and_named() -> None:
-    root = ElementTree.fromstring(inline_svg(build(REGISTRY["meshes"], RESULTS["one"]), "meshes"))
+    root = ElementTree.fromstring(inline_svg(build(REGISTRY["energy"], RESULTS["one"]), "energy"))
     assert root.tag == "svg"
-    assert all(e.attrib.get("id", "meshes-").startswith("meshes-") for e in root.iter())
+    assert all(e.attrib.get("id", "energy-").startswith("energy-") for e in root.iter())
 
 
 # Meshes for ParaView

@@ -1,23 +1,23 @@
-"""Figures on pictures: points with uncertainty, epipolar error and loss; speckle floors; full fields.
-
-The last also shows histories.
-"""
+"""Figures of surfaces from pictures: points and their uncertainty, speckles, fields, motion of the flyer."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
 from dic.chain.remarks import Speckles
 from dic.outcome import FrameOutcome, PointOutcome
+from kolsky.bars.flyer.flight import FlightOfSpecimen
 from kolsky.base.arrays import FloatArray
 from kolsky.report.figures.base import (
     BAND,
+    COLUMN,
+    DOTS,
     FORCE,
     GREEN,
     GREY,
@@ -29,6 +29,7 @@ from kolsky.report.figures.base import (
     PAGE,
     PAPER,
     SHAPE,
+    UM,
     YELLOW,
     FigureKind,
     Panels,
@@ -220,59 +221,16 @@ def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
     return [(camera, speckle) for camera, speckle in enumerate(view.speckles) if speckle is not None]
 
 
-@figure(
-    PAGE,
-    lambda view: picture_height(_cameras(view)[0][1].picture.shape, 0.36 * PAGE, 22.0, 40.0, 200.0),
-    lambda view: [[f"camera {camera}" for camera, _ in _cameras(view)]],
-    applies=lambda view: bool(_cameras(view)),
-    letters=True,
-)
-def speckles(view: SurfaceView, panels: Panels) -> str:
-    cameras = _cameras(view)
-    worst = [
-        MILLI_PIXELS * np.where(np.isinf(s.quality.floor), np.nan, s.quality.floor).max(axis=2)
-        for _, s in cameras
-    ]
-    finite = np.concatenate([values[np.isfinite(values)] for values in worst])
-    low, high = np.percentile(finite, [1.0, 99.0]) if finite.size else (0.0, 1.0)
-    axes: list[Any] = []
-    for (camera, found), values in zip(cameras, worst, strict=True):
-        ax = panels[f"camera {camera}"]
-        show_picture(ax, found.picture)
-        drawn = ax.imshow(
-            values, cmap="viridis", vmin=low, vmax=max(high, 1.01 * low), alpha=0.65, interpolation="none"
-        )
-        small = found.quality.too_small
-        if small.any() and not small.all():
-            ax.contour(small, levels=[0.5], colors=[LOST_COLOUR], linewidths=1.0)
-        ax.set_title(f"camera {camera}", loc="right", pad=2.5)
-        axes.append(ax)
-    axes[0].set_ylabel("$y$ (px)")
-    full = ScalarMappable(drawn.norm, drawn.cmap)  # a transparent bar would show its seams
-    below: dict[str, Any] = {"location": "bottom", "aspect": 40, "pad": 0.02, "extend": "both"}
-    colour_bar(full, axes, "Predicted standard deviation of a match (mpx)", **below)
-    quality = cameras[0][1].quality
-    target = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
-    return (
-        "Mean static pictures of the cameras, and over them the predicted standard deviation of a match with "
-        f"a subset of {quality.subset} px centred there, the larger of x and y. "
-        + (
-            f"Outlined: the subset is too small for {target}."
-            if any(found.quality.too_small.any() for _, found in cameras)
-            else f"It is under {target} everywhere."
-        )
-    )
+FLOOR_PARTS = ("picture", "floor", "share")
 
 
-@figure(
-    PAGE,
-    lambda result: picture_height(result.picture.shape, 0.30 * PAGE, 17.0, 40.0, 200.0),
-    [["picture", "floor", "share"]],
-    letters=True,
-)
-def speckle_floor(result: Speckles, panels: Panels) -> str:
+def _floor_height(found: Speckles) -> float:
+    return picture_height(found.picture.shape, 0.30 * PAGE, 17.0, 40.0, 200.0)
+
+
+def _draw_floor(result: Speckles, picture: Axes, floor: Axes, share: Axes) -> None:
+    """Draw speckles, the predicted floor over them, and the share of the subsets that reach a floor."""
     quality = result.quality
-    picture, floor, share = (panels[name] for name in ("picture", "floor", "share"))
     show_picture(picture, result.picture)
     finite = MILLI_PIXELS * quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
     worst = MILLI_PIXELS * quality.floor.max(axis=2)
@@ -296,12 +254,38 @@ def speckle_floor(result: Speckles, panels: Panels) -> str:
     share.yaxis.set_major_formatter(PercentFormatter(1.0))
     share.set(xlabel="Floor (mpx)", ylabel="Share of the subsets")
     share.legend(loc="upper left")
+
+
+def _floor_caption(found: Speckles, places: tuple[str, str, str]) -> str:
+    quality = found.quality
     text = (
-        f"(a) The speckles. (b) Predicted standard deviation of a match with a subset of {quality.subset} px "
-        "centred there, the larger of x and y, from the noise of the static frames. (c) Share of the subsets "
-        "that reach a floor."
+        f"{places[0]} The speckles. {places[1]} Predicted standard deviation of a match with a subset of "
+        f"{quality.subset} px centred there, the larger of x and y, from the noise of the static frames. "
+        f"{places[2]} Share of the subsets that reach a floor."
     )
     return text if quality.wanted is None else f"{text} Dotted: the wanted floor."
+
+
+@figure(
+    PAGE,
+    lambda view: sum(_floor_height(found) for _, found in _cameras(view)),
+    lambda view: [[f"{part} {camera}" for part in FLOOR_PARTS] for camera, _ in _cameras(view)],
+    applies=lambda view: bool(_cameras(view)),
+    letters=True,
+)
+def speckles(view: SurfaceView, panels: Panels) -> str:
+    for camera, found in _cameras(view):
+        _draw_floor(found, *(panels[f"{part} {camera}"] for part in FLOOR_PARTS))
+        panels[f"picture {camera}"].set_title(f"camera {camera}", loc="right", pad=2.5)
+    return "Mean static pictures of the cameras. " + _floor_caption(
+        _cameras(view)[0][1], ("Left:", "Middle:", "Right:")
+    )
+
+
+@figure(PAGE, _floor_height, [[*FLOOR_PARTS]], letters=True)
+def speckle_floor(result: Speckles, panels: Panels) -> str:
+    _draw_floor(result, *(panels[part] for part in FLOOR_PARTS))
+    return _floor_caption(result, ("(a)", "(b)", "(c)"))
 
 
 STRAINS = {"exx": "$E_{xx}$ (%)", "eyy": "$E_{yy}$ (%)", "exy": "$E_{xy}$ (%)"}
@@ -467,3 +451,156 @@ def histories(view: FullFieldView, panels: Panels) -> str:
             f" ({'c' if view.result.extensions else 'b'}) Radius of the cylinder that fits each frame best."
         )
     return text + " Bars: ± 2 standard deviations from the noise of the matches."
+
+
+@figure(
+    PAGE,
+    68.0,
+    [["picture", "radius"]],
+    applies=lambda view: view.result.centre.Z.size > 0 and view.kymograph.size > 0,
+    letters=True,
+)
+def kymograph(view: SurfaceView, panels: Panels) -> str:
+    result, body = view.result, view.result.specimen
+    time = MS * result.t
+    half = 0.5 * float(np.median(np.diff(time)))
+    ax = panels["picture"]
+    rows = view.kymograph.shape[0]
+    greys = view.kymograph[np.isfinite(view.kymograph)]
+    low, high = np.percentile(greys, [0.5, 99.5]) if greys.size else (0.0, 1.0)
+    style: dict[str, Any] = {"cmap": "gray", "vmin": low, "vmax": max(high, low + 1.0)}
+    extent = (time[0] - half, time[-1] + half, rows - 0.5, -0.5)
+    ax.imshow(view.kymograph, aspect="auto", interpolation="none", extent=extent, **style)
+    middle = np.abs(body.surface.X[:, 0])
+    column = body.cell[np.argmin(middle), 0]
+    for point in np.flatnonzero(body.cell[:, 0] == column):
+        ax.plot(time, body.pixels[0][:, point, 1], color=MODEL, lw=0.5)
+    ax.set(xlabel="Time (ms)", ylabel="Row of camera 0 (px)")
+    ax.set_ylim(rows - 0.5, -0.5)
+
+    ax, line = panels["radius"], result.centre
+    corners, radii = [], []
+    for frame in np.unique(line.frame):
+        of = line.frame == frame
+        y, Z = MM * line.y[of], MM * line.Z[of]
+        if y.size < 2:
+            continue
+        # Each point represents the heights half-way to its neighbours.
+        between = 0.5 * (y[1:] + y[:-1])
+        edges = np.concatenate([[2.0 * y[0] - between[0]], between, [2.0 * y[-1] - between[-1]]])
+        left, right = (np.full(y.size, time[frame] + side) for side in (-half, half))
+        low, high = edges[:-1], edges[1:]
+        corners.append(np.stack([left, low, right, low, right, high, left, high], axis=1).reshape(-1, 4, 2))
+        radii.append(Z)
+    ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", xlim=(time[0] - half, time[-1] + half))
+    if corners:
+        style = {"cmap": "viridis", "lw": 0.0, "antialiased": False, "rasterized": True}
+        colours = PolyCollection(list(np.concatenate(corners)), array=np.concatenate(radii), **style)
+        ax.add_collection(colours)
+        ax.autoscale_view(scalex=False)
+        colour_bar(colours, ax, "Radius $Z$ (mm)", aspect=25, pad=0.02)
+    return (
+        "Kymograph of the outline (x = 0). (a) Its column in the pictures of camera 0 through time, and the "
+        "rows in which the points nearest to it were found. (b) Measured radius Z at height y above the "
+        "transmission platen; white: no valid point."
+    )
+
+
+@figure(
+    COLUMN,
+    105.0,
+    [["displacement"], ["velocity"], ["sigma"]],
+    applies=lambda view: (
+        view.result.axial_displacement is not None and view.result.axial_displacement.t.size > 2
+    ),
+    sharex=True,
+    height_ratios=[1.2, 1.2, 0.7],
+    letters=True,
+)
+def flyer(view: SurfaceView, panels: Panels) -> str:
+    result, travel = view.result, view.result.axial_displacement
+    assert travel is not None  # checked by `applies`
+    time = MS * travel.t
+    end = MS * result.t[result.static].max(initial=result.t[0])
+    for ax in panels.values():
+        ax.axvspan(MS * result.t[0], end, color=GREY, alpha=0.2, lw=0.0)
+    ax = panels["displacement"]
+    ax.errorbar(time, MM * travel.displacement, yerr=2.0 * MM * travel.sigma, color=MEASURED, **DOTS)
+    ax.set_ylabel("Displacement (mm)")
+    ax = panels["velocity"]
+    step = np.diff(travel.t)
+    velocity = np.diff(travel.displacement) / step
+    noise = np.hypot(travel.sigma[1:], travel.sigma[:-1]) / step
+    ax.errorbar(0.5 * (time[1:] + time[:-1]), velocity, yerr=2.0 * noise, color=SHAPE, **DOTS)
+    ax.set_ylabel("Velocity (m/s)")
+    ax = panels["sigma"]
+    ax.plot(time, UM * travel.sigma, color=MEASURED)
+    ax.set_ylim(bottom=0.0)
+    ax.set(xlabel="Time (ms)", ylabel="σ (µm)")
+    return (
+        "Flyer. (a) Displacement toward the specimen, and (b) its difference quotients from frame to "
+        "frame, both with ±2σ; grey: static frames. (c) Standard deviation of one displacement."
+    )
+
+
+COVERAGE = 2.0
+"""Half width of the bands in standard uncertainties."""
+
+
+@figure(
+    COLUMN,
+    130.0,
+    [["motion"], ["angle"], ["tilt"]],
+    applies=lambda view: isinstance(view.flight, FlightOfSpecimen),
+    letters=True,
+)
+def flight(view: SurfaceView, panels: Panels) -> str:
+    result = view.flight
+    assert isinstance(result, FlightOfSpecimen)  # checked by `applies`
+    t, path = result.time, result.flight.toward
+    ms = MS * t
+    ax = panels["motion"]
+    rate, spread = path.velocity(t) / result.length, path.sigma_velocity(t) / result.length
+    ax.fill_between(ms, rate - COVERAGE * spread, rate + COVERAGE * spread, color=BAND, alpha=0.5, lw=0.0)
+    ax.plot(ms, rate, color=SHAPE, label="strain rate")
+    ax.set_ylabel("Nominal strain rate (1/s)")
+    ax.set_ylim(0.0, 1.25 * float(rate.max()))
+    strain = ax.twinx()
+    strain.plot(ms, path.position(t) / result.length, "--", color=MODEL, label="strain")
+    strain.set_ylabel("Nominal strain (1)")
+    strain.set_ylim(0.0, 1.0)
+    strain.tick_params(axis="x", labelbottom=False)
+    lines = [*ax.get_lines(), *strain.get_lines()]
+    ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", ncols=2)
+
+    ax = panels["angle"]
+    known = result.known
+    angle, spread = (np.degrees(values[known]) for values in result.flight.orientation(t))
+    low, high = np.maximum(angle - COVERAGE * spread, 0.0), angle + COVERAGE * spread
+    ax.fill_between(ms[known], low, high, color=BAND, alpha=0.5, lw=0.0)
+    ax.plot(ms[known], angle, color=MEASURED)
+    firm = high[spread < np.degrees(0.1)]
+    ax.set_ylim(0.0, 1.1 * float(firm.max() if firm.size else 90.0) + 0.2)
+    ax.set_ylabel(r"Angle $\varphi$ (°)")
+
+    ax = panels["tilt"]
+    tilt, spread = (values[known] for values in result.flight.tilt(t))
+    for k, (name, colour, style) in enumerate((("about $x$", SHAPE, "-"), ("about $Z$", MODEL, "--"))):
+        low, high = (1e3 * (tilt[:, k] + side * COVERAGE * spread[:, k]) for side in (-1.0, 1.0))
+        ax.fill_between(ms[known], low, high, color=colour, alpha=0.2, lw=0.0)
+        ax.plot(ms[known], 1e3 * tilt[:, k], style, color=colour, label=name)
+    ax.set(xlabel="Time (ms)", ylabel="Rotation (mrad)")
+    ax.margins(y=0.25)  # room for the legend
+    ax.legend(loc="lower left", ncols=2)
+    for name, ax in panels.items():
+        ax.set_xlim(ms[0], ms[-1])
+        if name != "tilt":
+            ax.tick_params(labelbottom=False)
+        if result.end is not None:
+            ax.axvline(MS * result.end, color=MEASURED, ls=":")
+    text = (
+        "(a) Nominal strain of the specimen and its rate, from the flyer's path. (b) Angle between the "
+        "flyer's velocity and the compression axis. (c) Rotation of the flyer about x and Z. Bands: two "
+        "standard uncertainties."
+    )
+    return text if result.end is None else f"{text} Dotted: symmetry ends."
