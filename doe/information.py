@@ -126,10 +126,7 @@ class LinearData:
     @property
     def shares(self) -> FloatArray:
         """Share of each datum in the information about a parameter, all parameters estimated together [-],
-        shape [k, d].
-
-        Columns add up to one.
-        """
+        shape [k, d]. Columns add up to one."""
         moves = self.gain * self.sigma
         return (moves**2 / (moves**2).sum(axis=1, keepdims=True)).T
 
@@ -211,9 +208,7 @@ def best_window(
     groups: FloatArray, length: int, *, base: FloatArray | None = None, criterion: Criterion = "D"
 ) -> Placement:
     """The `length` neighbouring groups, e.g. frames, that together with the base minimise the criterion.
-
-    Parameters and errors as in `best_groups`.
-    """
+    Parameters and errors as in `best_groups`."""
     n, d, _ = groups.shape
     length = index(length)
     if not 1 <= length <= n:

@@ -218,10 +218,8 @@ def bounded_step(
 
 def newton_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Newton's step inside bounds for a regular Hessian, shape [d]. Much faster than `bounded_step`.
-
     Coordinates that pass a bound stop there, and the steps of the others are found again. ``low`` <= 0 <=
-    ``high``: bounds of the step.
-    """
+    ``high``: bounds of the step."""
     step, free = np.linalg.solve(hessian, -gradient), np.ones(len(low), dtype=bool)
     while (beyond := free & ((step < low) | (step > high))).any():
         step = np.clip(step, low, high)

@@ -170,11 +170,9 @@ class Ledger:
             return int(self._sql.execute("SELECT count(*) FROM runs").fetchone()[0])
 
     def find(self, points: ArrayLike) -> list[Run | None]:
-        """The runs of this model at some points, shape [n, d]; None for a missing or damaged row.
-
-        A damaged row is listed in `damaged`; calling `record` for that run replaces it. Raises LedgerError if
-        the file cannot be read.
-        """
+        """The runs of this model at some points, shape [n, d]; None for a missing or damaged row. A damaged
+        row is listed in `damaged`; calling `record` for that run replaces it. Raises LedgerError if the file
+        cannot be read."""
         runs: list[Run | None] = []
         with self._refusing():
             for point in np.asarray(points, dtype=np.float64):

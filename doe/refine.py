@@ -42,10 +42,8 @@ def choose(
     rng: np.random.Generator,
 ) -> FloatArray:
     """The optimum and the candidates with the lowest bound of the misfit, chosen one by one, shape [n, d].
-
     After each choice the surrogate is assumed to be exact at that point, which reduces its error around the
-    point (the kriging believer). Fewer than ``size`` are chosen if the region has no room for more.
-    """
+    point (the kriging believer). Fewer than ``size`` are chosen if the region has no room for more."""
     unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
     x = region.scale(unit)
     draws = scipy.stats.norm.ppf(scipy.stats.qmc.Sobol(surrogate.n_components, rng=rng).random(DRAWS))

@@ -48,10 +48,8 @@ the box more evenly than the bootstrap assumes."""
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """First-order and total indices with their intervals.
-
-    They are estimates: a small index can be slightly below zero and is not corrected.
-    """
+    """First-order and total indices with their intervals. They are estimates: a small index can be slightly
+    below zero and is not corrected."""
 
     names: tuple[str, ...]
     """Parameters, length d."""
@@ -128,12 +126,7 @@ def evaluate(function: Function, box: Box, unit_points: FloatArray) -> FloatArra
 
 
 def sobol_indices(
-    box: Box,
-    function: Function,
-    *,
-    outputs: tuple[str, ...],
-    n: int = 1024,
-    rng: Rng,
+    box: Box, function: Function, *, outputs: tuple[str, ...], n: int = 1024, rng: Rng
 ) -> SobolIndices:
     """Variance-based sensitivity of some scalar outputs, e.g. of a verified surrogate.
 
@@ -234,12 +227,7 @@ class HistoryIndices:
 
 
 def history_indices(
-    box: Box,
-    function: Function,
-    *,
-    scale: ArrayLike = 1.0,
-    n: int = 1024,
-    rng: Rng,
+    box: Box, function: Function, *, scale: ArrayLike = 1.0, n: int = 1024, rng: Rng
 ) -> HistoryIndices:
     """Variance-based sensitivity of a history, e.g. `Surrogate.predict`.
 

@@ -27,11 +27,9 @@ from explicit.run_batch import run
 
 @dataclass(frozen=True)
 class Histories:
-    """Forces, impulses and the side surface at the times of an `explicit.Sampling`.
-
-    Leading axes depend on the use: samples, parameters or none. Units are those of the values. A derivative
-    is per unit of its parameter; a cotangent is per unit of the value.
-    """
+    """Forces, impulses and the side surface at the times of an `explicit.Sampling`. Leading axes depend on
+    the use: samples, parameters or none. Units are those of the values. A derivative is per unit of its
+    parameter; a cotangent is per unit of the value."""
 
     force_flyer: FloatArray
     """Force of the flyer's platen [N], shape [..., n_force_times]."""
@@ -125,12 +123,9 @@ def stencil_for(name: str, value: float, widest: float) -> Stencil:
 
 @dataclass(frozen=True)
 class StepStudy:
-    """Change of a derivative from one step of the ladder to the next smaller one (the V).
-
-    Changes are root mean squares over both platens, or over radii and heights, relative to that of the
-    derivative. They decrease with the square of a step that is too large. They increase again if the step is
-    too small.
-    """
+    """Change of a derivative from one step of the ladder to the next smaller one (the V). Changes are root
+    mean squares over both platens, or over radii and heights, relative to that of the derivative. They
+    decrease with the square of a step that is too large. They increase again if the step is too small."""
 
     step: FloatArray
     """Steps, widest first, in the parameter's unit, shape [n_parameters, n_steps]."""

@@ -186,10 +186,8 @@ SUMS = ("push", "loaded")
 
 @dataclass(frozen=True)
 class Window:
-    """Rows of the fields for a number of consecutive steps: step k leads from row k to row k + 1.
-
-    Every entry is a Warp array; `view` is the same memory as a NumPy array.
-    """
+    """Rows of the fields for a number of consecutive steps: step k leads from row k to row k + 1. Every entry
+    is a Warp array; `view` is the same memory as a NumPy array."""
 
     arrays: dict[str, Any]
     """Warp arrays by name."""

@@ -83,10 +83,8 @@ class Plane:
     """Likewise of Phi_S [-]."""
 
     def left_beyond(self, friction: float) -> tuple[float, float]:
-        """Range of Phi_F and Phi_S where friction is at least `friction`, over their full range [-].
-
-        Means over the stiffness are compared, because oscillations of the force make single runs scatter.
-        """
+        """Range of Phi_F and Phi_S where friction is at least `friction`, over their full range [-]. Means
+        over the stiffness are compared, because oscillations of the force make single runs scatter."""
         f = np.unique(self.design.points[:, 0])
         shares = []
         for phi in (self.phi_force, self.phi_shape):

@@ -4,14 +4,7 @@
 from doe.designs.design import Design, DesignKind, Rng
 from doe.designs.optimal import d_optimal
 from doe.designs.response_surface import box_behnken, central_composite, fractional_factorial
-from doe.designs.space_filling import (
-    from_points,
-    full_factorial,
-    halton,
-    latin_hypercube,
-    maximin,
-    sobol,
-)
+from doe.designs.space_filling import from_points, full_factorial, halton, latin_hypercube, maximin, sobol
 
 DESIGNS: dict[str, DesignKind] = {
     kind.function.__name__: kind

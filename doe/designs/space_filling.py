@@ -146,10 +146,8 @@ def from_points(box: Box, points: ArrayLike) -> Design:
 
 
 def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
-    """The first n >= 2 points of a Halton sequence. A larger n adds points to these.
-
-    Options as in `sobol`. Unscrambled it is the radical inverse in the first d primes.
-    """
+    """The first n >= 2 points of a Halton sequence. A larger n adds points to these. Options as in `sobol`.
+    Unscrambled it is the radical inverse in the first d primes."""
     n, seed = count_of(n), seed_of(rng)
     sampler = scipy.stats.qmc.Halton(box.dimension, scramble=scramble, rng=seed)
     settings = {"n": n, "scramble": scramble, "rng": seed}

@@ -67,10 +67,8 @@ class Kernel:
         return self.n_terms(dimension) + 1
 
     def matrix(self, unit_points: FloatArray) -> FloatArray:
-        """Kernel values between all points, Phi_ij = phi(|u_i - u_j|), shape [n, n].
-
-        With these signs Phi is positive definite on vectors orthogonal to the tail.
-        """
+        """Kernel values between all points, Phi_ij = phi(|u_i - u_j|), shape [n, n]. With these signs Phi is
+        positive definite on vectors orthogonal to the tail."""
         r = cdist(unit_points, unit_points) * (1.0 if self.shape is None else self.shape)
         if self.name == "thin_plate_spline":
             # r^2 log r has the limit 0 at 0; the logarithm of 0 must not be computed.
@@ -84,10 +82,8 @@ class Kernel:
         return np.exp(-(r**2))
 
     def tail(self, unit_points: FloatArray) -> FloatArray:
-        """Monomials of the tail at the points, centred and scaled to their range, shape [n, n_terms].
-
-        The space that they span does not depend on this scale, and the numbers are near 1.
-        """
+        """Monomials of the tail at the points, centred and scaled to their range, shape [n, n_terms]. The
+        space that they span does not depend on this scale, and the numbers are near 1."""
         low, high = unit_points.min(axis=0), unit_points.max(axis=0)
         half = np.where(high > low, 0.5 * (high - low), 1.0)
         z = (unit_points - 0.5 * (low + high)) / half
@@ -130,10 +126,8 @@ class Surrogate(Protocol):
         """Response of each run minus its prediction from the other runs, shape [n, k]."""
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The response at points in parameter units, shape [m, d] -> [m, k].
-
-        A point outside the box raises ValueError unless `extrapolate` is True.
-        """
+        """The response at points in parameter units, shape [m, d] -> [m, k]. A point outside the box raises
+        ValueError unless `extrapolate` is True."""
 
 
 @runtime_checkable

@@ -123,10 +123,8 @@ def fitness(
 
 
 def nested(unit_points: FloatArray) -> NDArray[np.intp]:
-    """An order of runs, shape [n]: for every n the first n runs are spread over the box.
-
-    The first run is the one nearest to the middle; each next run is the one farthest from all before.
-    """
+    """An order of runs, shape [n]: for every n the first n runs are spread over the box. The first run is the
+    one nearest to the middle; each next run is the one farthest from all before."""
     distance = cdist(unit_points, unit_points)
     order = [int(np.argmin(((unit_points - 0.5) ** 2).sum(axis=1)))]
     nearest = distance[order[0]].copy()

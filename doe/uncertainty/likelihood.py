@@ -208,11 +208,9 @@ class Likelihood:
     def _least_squares(
         self, u: FloatArray, rows: FloatArray, free: NDArray[np.int_], tau: FloatArray, rest: float
     ) -> tuple[FloatArray, FloatArray, bool]:
-        """Bounded Levenberg-Marquardt search: the point, its residual, and True if it converged.
-
-        Each trial point is evaluated together with its neighbours for central differences. ``rows``:
-        residuals at the start and its neighbours.
-        """
+        """Bounded Levenberg-Marquardt search: the point, its residual, and True if it converged. Each trial
+        point is evaluated together with its neighbours for central differences. ``rows``: residuals at the
+        start and its neighbours."""
         n = len(free)
 
         def linearised(points: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -80,10 +80,7 @@ class Profiles:
     """Number of times that a profile found a better optimum than the search."""
 
     def __getitem__(self, name: str) -> Profile:
-        """The profile of a parameter.
-
-        Raises KeyError for an unknown name.
-        """
+        """The profile of a parameter. Raises KeyError for an unknown name."""
         for profile in self.profiles:
             if profile.name == name:
                 return profile

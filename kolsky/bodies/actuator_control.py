@@ -336,12 +336,9 @@ def run_loop(
     seed: int,
     real_time: bool = False,
 ) -> Closed:
-    """Run the closed loop for target angles [rad] of shape [n], one per tick.
-
-    The pressure follows the requested one with the plant's lag. The camera measures the angle with noise and
-    a delay of some ticks. In real time, each tick waits for its scheduled time, and the wake-up delay is part
-    of its wall time.
-    """
+    """Run the closed loop for target angles [rad] of shape [n], one per tick. The pressure follows the
+    requested one with the plant's lag. The camera measures the angle with noise and a delay of some ticks. In
+    real time, each tick waits for its scheduled time, and the wake-up delay is part of its wall time."""
     rng = np.random.default_rng(seed)
     bend = PchipInterpolator(plant.pressure, plant.angle)
     n, dt = len(wanted), 1.0 / rate

@@ -102,10 +102,8 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
 
 
 def point_noise(points: FloatArray, values: FloatArray) -> float:
-    """Standard deviation of a value from its prediction by neighbours, for all fields [unit of values].
-
-    A field that is smooth over `_GATE_NEIGHBOURS` points does not contribute. A rough field counts as noise.
-    """
+    """Standard deviation of a value from its prediction by neighbours, for all fields [unit of values]. A
+    field that is smooth over `_GATE_NEIGHBOURS` points does not contribute. A rough field counts as noise."""
     return float(MAD * np.median(_deviations(points, values)[1]))
 
 
@@ -226,10 +224,8 @@ class SheetState:
 def sheet_state(
     sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray, near: SheetState | None = None
 ) -> SheetState | str:
-    """Simulate a sheet with derivatives, or return the reason of a failure.
-
-    `near`: as in `Sheet.simulate`.
-    """
+    """Simulate a sheet with derivatives, or return the reason of a failure. `near`: as in
+    `Sheet.simulate`."""
     try:
         solids = constants.solids(free)
     except ValueError as error:
@@ -248,10 +244,8 @@ def sheet_state(
 
 
 def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_array:
-    """Integral of products of shape functions over some cells [m^2], shape [nodes, nodes].
-
-    This is for one displacement component. The other component has the same integral.
-    """
+    """Integral of products of shape functions over some cells [m^2], shape [nodes, nodes]. This is for one
+    displacement component. The other component has the same integral."""
     # products of shape functions have twice their degree
     whole = geometry(mesh, kinematics="plane_strain", thickness=1.0, gauss=mesh.element.gauss + 1)
     each = np.einsum("mg,ga,gb->mab", whole.volumes[cells], whole.values, whole.values)

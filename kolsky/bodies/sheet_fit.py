@@ -118,10 +118,8 @@ class FieldProblem:
         return np.asarray((weights @ fields / weights.sum())[..., None, :])
 
     def loaded(self, fields: FloatArray) -> FloatArray:
-        """Mass matrix times nodal fields of shape [..., nodes, 2].
-
-        If the translation of a field is unknown, the best-fit translation is removed (F.1).
-        """
+        """Mass matrix times nodal fields of shape [..., nodes, 2]. If the translation of a field is unknown,
+        the best-fit translation is removed (F.1)."""
         if self.data.floating:
             fields = fields - self.mean(fields)
         flat = fields.reshape(-1, *fields.shape[-2:])
@@ -598,11 +596,9 @@ def _search(
 
 
 def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: FloatArray) -> FloatArray:
-    """Second derivatives updated for a step that changes the gradient by `change`.
-
-    This is the symmetric update of rank one (Davidon 1991). It is left out if it is unbounded. ``size``: of
-    the constants, shape [p].
-    """
+    """Second derivatives updated for a step that changes the gradient by `change`. This is the symmetric
+    update of rank one (Davidon 1991). It is left out if it is unbounded. ``size``: of the constants, shape
+    [p]."""
     lacking = change - remainder @ step
     along = float(lacking @ step)
     if abs(along) <= 1e-8 * float(np.linalg.norm(lacking * size) * np.linalg.norm(step / size)):

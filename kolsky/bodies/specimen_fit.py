@@ -25,14 +25,7 @@ from scipy.stats import t as student
 from dic.views import ResultViews
 from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
-from kolsky.bodies.errors_in_variables import (
-    Linearised,
-    Reduced,
-    Samples,
-    SearchOptimum,
-    reduce,
-    search,
-)
+from kolsky.bodies.errors_in_variables import Linearised, Reduced, Samples, SearchOptimum, reduce, search
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_model import SpecimenModel
 from kolsky.material.fits.fit import inflation, neighbour_correlation
@@ -243,12 +236,7 @@ class Debonding:
 
 
 def debonding(
-    residual: FloatArray,
-    jacobian: FloatArray,
-    shortened: FloatArray,
-    *,
-    amount: float,
-    scale: float,
+    residual: FloatArray, jacobian: FloatArray, shortened: FloatArray, *, amount: float, scale: float
 ) -> Debonding | None:
     """Search a series of residuals for the peeling of a bond.
 

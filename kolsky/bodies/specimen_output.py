@@ -76,10 +76,8 @@ def _fit(found: SpecimenFit) -> dict[str, Any]:
 
 
 def files_of(fits: Sequence[SpecimenFit], inputs: Mapping[str, str]) -> dict[str, Any]:
-    """The files of fits beside their tables, for `kolsky.base.files.write_folder`.
-
-    A text with the lines of a shot.toml that name the law's curves belongs to each fit.
-    """
+    """The files of fits beside their tables, for `kolsky.base.files.write_folder`. A text with the lines of a
+    shot.toml that name the law's curves belongs to each fit."""
     files: dict[str, Any] = {
         "specimen.json": fits_json(fits, inputs),
         "specimen.h5": lambda path: _write_hdf5(path, fits),
@@ -144,9 +142,7 @@ def _constant_rows(found: SpecimenFit) -> Iterator[dict[str, Any]]:
 
 def largest_strains(found: SpecimenFit) -> tuple[float, float]:
     """Largest pull and push of the fitted tests, divided by the free length between the bonds, both >= 0 [-].
-
-    A shear counts as both.
-    """
+    A shear counts as both."""
     pulls, pushes = [0.0], [0.0]
     for one in found.tests:
         if one.fitted:

@@ -48,10 +48,8 @@ class ArcPath:
 
     @property
     def limits(self) -> FloatArray:
-        """Loads at limit points, in their order, shape [...].
-
-        At a limit point, the load has an extremum. It is computed from the parabola through three equilibria.
-        """
+        """Loads at limit points, in their order, shape [...]. At a limit point, the load has an extremum. It
+        is computed from the parabola through three equilibria."""
         found = []
         for k in range(1, len(self.load) - 1):
             if (self.load[k] - self.load[k - 1]) * (self.load[k + 1] - self.load[k]) < 0.0:
@@ -212,10 +210,8 @@ class _Stepper:
     def step(
         self, start: State, load: float, tangent: FloatArray, change: float, length: float
     ) -> tuple[State, float, int] | Outcome:
-        """The equilibrium after an arc length, its load and the iterations.
-
-        If the step fails, the outcome.
-        """
+        """The equilibrium after an arc length, its load and the iterations. If the step fails, the
+        outcome."""
         equations = self.equations
         moved, p = length * tangent, load + change
         for number in range(ITERATIONS + 1):

@@ -63,11 +63,9 @@ Shape = Literal["hypercube", "simplex"]
 
 @dataclass(frozen=True)
 class Face:
-    """A face as an affine image of the reference face: xi = origin + tangents @ s.
-
-    The normal from the tangents points outward. It is their cross product; in two dimensions, it is the
-    tangent rotated by -90 degrees.
-    """
+    """A face as an affine image of the reference face: xi = origin + tangents @ s. The normal from the
+    tangents points outward. It is their cross product; in two dimensions, it is the tangent rotated by -90
+    degrees."""
 
     origin: tuple[float, ...]
     """Point s = 0 in the element's coordinates [-], shape [d]."""

@@ -109,17 +109,10 @@ def cross(size: Sequence[float], cells: Sequence[int], corner: Sequence[int], *,
 
 
 def dog_bone(
-    size: Sequence[float],
-    cells: Sequence[int],
-    *,
-    waist: float,
-    straight: float,
-    kind: str = "hex27",
+    size: Sequence[float], cells: Sequence[int], *, waist: float, straight: float, kind: str = "hex27"
 ) -> Mesh:
-    """A bar along x with a waist: its width (along y) is ``waist`` [m] over the length ``straight`` [m].
-
-    The waist is in the middle. Toward the ends, the width increases by a cosine.
-    """
+    """A bar along x with a waist: its width (along y) is ``waist`` [m] over the length ``straight`` [m]. The
+    waist is in the middle. Toward the ends, the width increases by a cosine."""
     if not 0.0 < waist <= size[1]:
         raise ValueError(f"waist must be in (0, {size[1]}] m, got {waist}")
     if not 0.0 <= straight < size[0]:

@@ -41,10 +41,8 @@ class Prescribed:
 
 @dataclass(frozen=True)
 class Coupled:
-    """Points that move together along an axis (a rigid sliding interface), with or without a force.
-
-    This is the coupling of Schumacher and others (2020), Eq. (6). The component is one unknown.
-    """
+    """Points that move together along an axis (a rigid sliding interface), with or without a force. This is
+    the coupling of Schumacher and others (2020), Eq. (6). The component is one unknown."""
 
     where: str
     """Set of points."""
@@ -102,11 +100,9 @@ class Pressure:
 
 @dataclass(frozen=True)
 class RigidSurface:
-    """A frictionless rigid plane or sphere. Points of a set cannot pass through it.
-
-    The contact force of a point is the penalty force stiffness * depth plus a multiplier. Augmentation
-    increases the multiplier by the penalty force until no point is deeper than the tolerance.
-    """
+    """A frictionless rigid plane or sphere. Points of a set cannot pass through it. The contact force of a
+    point is the penalty force stiffness * depth plus a multiplier. Augmentation increases the multiplier by
+    the penalty force until no point is deeper than the tolerance."""
 
     where: str
     """Set of points that may touch."""
@@ -129,11 +125,9 @@ class RigidSurface:
 
 @dataclass(frozen=True)
 class SelfContact:
-    """Two surfaces of the body that cannot pass through each other. They have no friction.
-
-    A penalty force acts on the integration points of each surface that penetrate the other. An equilibrium
-    with a point deeper than `depth` is not accepted.
-    """
+    """Two surfaces of the body that cannot pass through each other. They have no friction. A penalty force
+    acts on the integration points of each surface that penetrate the other. An equilibrium with a point
+    deeper than `depth` is not accepted."""
 
     where: str
     """Set of points of the first surface."""

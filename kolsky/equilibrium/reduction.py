@@ -166,12 +166,8 @@ class ReducedModel:
     """A model, its basis, and the sampled elements."""
 
     def __init__(self, model: Model, basis: Basis, sample: Sample, *, gravity: str | None = None) -> None:
-        """Make the reduced model.
-
-        The conditions of `model` must be supports, weight and pressures.
-
-        `gravity` is the history of the weight's factor.
-        """
+        """Make the reduced model. The conditions of `model` must be supports, weight and pressures. `gravity`
+        is the history of the weight's factor."""
         _checked(model)
         self.model, self.basis, self.sample = model, basis, sample
         V = basis.modes
@@ -269,11 +265,7 @@ class ReducedModel:
 
 
 def reduce(
-    solutions: Sequence[Solution],
-    *,
-    modes: int,
-    tolerance: float,
-    gravity: str | None = None,
+    solutions: Sequence[Solution], *, modes: int, tolerance: float, gravity: str | None = None
 ) -> ReducedModel:
     """Make a reduced model from equilibria of one model.
 

@@ -96,9 +96,7 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = (), keep: bool = 
 
 
 def adjoint(
-    solution: Solution,
-    by_displacements: FloatArray,
-    by_forces: FloatArray | None = None,
+    solution: Solution, by_displacements: FloatArray, by_forces: FloatArray | None = None
 ) -> FloatArray:
     """Gradient of a cost by the constants, by Eq. (S.2).
 

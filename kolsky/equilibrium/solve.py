@@ -43,10 +43,8 @@ class QuasiNewtonTangent:
         return -found
 
     def learn(self, step: FloatArray, change: FloatArray) -> None:
-        """Store the change of the residual, `change` [N], along `step` [m].
-
-        A pair with a stiffness that is not positive is not stored. The formula does not allow it.
-        """
+        """Store the change of the residual, `change` [N], along `step` [m]. A pair with a stiffness that is
+        not positive is not stored. The formula does not allow it."""
         self.uses += 1
         work = float(step @ change)
         if self.learns and work > 0.0:
@@ -125,10 +123,8 @@ class Iteration:
         self.kept = QuasiNewtonTangent(factors, learns=self.equations.symmetric and self.equations.smooth)
 
     def equilibrium(self, state: State) -> State | Outcome:
-        """The equilibrium near a state, with contacts within tolerance.
-
-        If the iteration fails, the outcome.
-        """
+        """The equilibrium near a state, with contacts within tolerance. If the iteration fails, the
+        outcome."""
         try:
             for _ in range(AUGMENTATIONS):
                 found = self._converged(state)
@@ -408,12 +404,9 @@ class _Path:
 
 
 def continued(places: list[float], states: list[FloatArray]) -> FloatArray:
-    """The polynomial through the last states, the latest first, at position 1.
-
-    Its degree is the one that would have predicted the latest state best from earlier states. If this is the
-    highest possible degree, the next higher one is used. A history with kinks is thus extrapolated from few
-    states.
-    """
+    """The polynomial through the last states, the latest first, at position 1. Its degree is the one that
+    would have predicted the latest state best from earlier states. If this is the highest possible degree,
+    the next higher one is used. A history with kinks is thus extrapolated from few states."""
     latest, errors = states[0], [np.linalg.norm(states[1] - states[0])]
     for degree in range(1, len(states) - 1):
         met = _extrapolated(places[1 : degree + 2], states[1 : degree + 2], places[0])

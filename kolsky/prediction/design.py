@@ -313,10 +313,8 @@ def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = 
 
 
 def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
-    """Signals and events.
-
-    With finite elements, also the outline at every recorded time. For a scan, its points.
-    """
+    """Signals and events. With finite elements, also the outline at every recorded time. For a scan, its
+    points."""
     made = {"signals": signals(found), "events": events_table(found)}
     response = found.response
     if response is not None:

@@ -189,10 +189,8 @@ class PlannedTest:
         )
 
     def static_curve(self) -> tuple[FloatArray, FloatArray]:
-        """Approximate static compression [m] and force [N] of the bonded specimen.
-
-        It includes the stiffening of a flat specimen.
-        """
+        """Approximate static compression [m] and force [N] of the bonded specimen. It includes the stiffening
+        of a flat specimen."""
         specimen, material = self.declared.specimen, self.declared.material
         law = law_of(material.law, material.parameters, material.shear_modulus)
         stretch = np.linspace(1.0, FLATTEST, 300)

@@ -167,11 +167,7 @@ SEED = 1
 
 
 def solver_sensitivity(
-    shot: Shot,
-    box: Box,
-    *,
-    n: int = 256,
-    numerics: Numerics | None = None,
+    shot: Shot, box: Box, *, n: int = 256, numerics: Numerics | None = None
 ) -> GlobalSensitivity:
     """Sobol' indices by the solver itself, n (d + 2) runs.
 
@@ -239,14 +235,7 @@ def global_sensitivity(
     if min(errors.values()) > LARGEST_ERROR:
         raise SurrogateError("; ".join(f"{name}: {_refusal(error)}" for name, error in errors.items()))
     return _indices(
-        shot,
-        box,
-        observables,
-        surrogate.predict,
-        n=n,
-        runs=runs + unseen,
-        errors=errors,
-        by_surrogate=True,
+        shot, box, observables, surrogate.predict, n=n, runs=runs + unseen, errors=errors, by_surrogate=True
     )
 
 
@@ -315,11 +304,7 @@ def _indices(
 
 
 def screening(
-    shot: Shot,
-    box: Box,
-    *,
-    trajectories: int = 10,
-    numerics: Numerics | None = None,
+    shot: Shot, box: Box, *, trajectories: int = 10, numerics: Numerics | None = None
 ) -> tuple[tuple[str, ...], ElementaryEffects]:
     """Morris' elementary effects on the misfits and the peak force, by the solver itself.
 

@@ -122,11 +122,8 @@ class CostInterval:
 
 
 def cost_interval(x: FloatArray, cost: FloatArray, delta: float) -> CostInterval:
-    """The outermost values of a parameter with Phi <= min Phi + delta Phi.
-
-    A cost may have several valleys. One interval then covers all valleys that cannot be distinguished from
-    the deepest.
-    """
+    """The outermost values of a parameter with Phi <= min Phi + delta Phi. A cost may have several valleys.
+    One interval then covers all valleys that cannot be distinguished from the deepest."""
     if not (np.isfinite(cost).all() and np.isfinite(delta) and delta >= 0.0):
         raise ValueError(f"the interval needs finite costs and an uncertainty >= 0, got {delta}")
     limit = float(cost.min()) + delta

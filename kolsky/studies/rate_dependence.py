@@ -125,10 +125,8 @@ def analyse_rate_dependence(
 
 
 def shot_modulus(shot: RatedShot) -> ApparentModuli:
-    """The point of an identified shot, Eq. (M.1).
-
-    It is m times the mean E_a of its curve over its strains.
-    """
+    """The point of an identified shot, Eq. (M.1). It is m times the mean E_a of its curve over its
+    strains."""
     largest, curve = shot.history.largest, shot.quasi_static.curve
     strain = curve.stretch - 1.0
     compression = bool(strain[np.argmax(np.abs(strain))] < 0.0)

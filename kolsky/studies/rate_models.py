@@ -111,11 +111,9 @@ class ModelComparison:
 
     @property
     def rivals(self) -> tuple[Candidate, ...]:
-        """Models that prevent the choice of the best one.
-
-        A model that cannot be chosen is a rival only if its BIC is lower than that of the best. The law and a
-        curve are both elastic and therefore no rivals of each other.
-        """
+        """Models that prevent the choice of the best one. A model that cannot be chosen is a rival only if
+        its BIC is lower than that of the best. The law and a curve are both elastic and therefore no rivals
+        of each other."""
         best, n = self.best, self.n_data
         return tuple(
             one
@@ -164,10 +162,8 @@ class ModelComparison:
 
 
 def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> ModelComparison:
-    """Compare the Prony series of `required_branches` with the creeping network on slow tests.
-
-    `law` is the long-term law at factor 1.
-    """
+    """Compare the Prony series of `required_branches` with the creeping network on slow tests. `law` is the
+    long-term law at factor 1."""
     found = [
         Candidate(
             series_name(len(fit.model.series)),

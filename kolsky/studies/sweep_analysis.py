@@ -193,12 +193,8 @@ def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | No
 
 
 def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
-    """Minimum of the interpolant in plain types: point, value and bounds reached.
-
-    If there is none, the reason.
-
-    The value is that of Phi. Without an outline, it is Phi_F in newtons.
-    """
+    """Minimum of the interpolant in plain types: point, value and bounds reached. If there is none, the
+    reason. The value is that of Phi. Without an outline, it is Phi_F in newtons."""
     found = analysis.optimum
     if found is None:
         output = analysis.outputs.get(analysis.judged)

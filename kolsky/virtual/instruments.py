@@ -196,11 +196,9 @@ def measure_outline(quantities: Specification, truth: Truth, *, shot: int) -> Ou
 
 
 def free_outline(surface: SurfaceHistory, frame: int) -> tuple[FloatArray, FloatArray]:
-    """Height and radius of the free side surface in one frame [m], with ascending heights.
-
-    Nodes on a platen are left out, except the last one on each side. Between nodes, the curve is a cubic
-    spline over the node index.
-    """
+    """Height and radius of the free side surface in one frame [m], with ascending heights. Nodes on a platen
+    are left out, except the last one on each side. Between nodes, the curve is a cubic spline over the node
+    index."""
     y, r = surface.y[frame], surface.r[frame]
     widest = int(np.argmax(np.diff(y)))
     flat = np.flatnonzero(np.diff(y) < _LANDED)
@@ -303,10 +301,7 @@ FORMATS = {
         {"time": _TIME, "layout": {"format": "excel", "sheet": "Data"}},
     ),
     "tdms": ScopeFormat(
-        "scope.tdms",
-        _tdms,
-        (f"{GROUP}/{INCIDENT}", f"{GROUP}/{TRANSMITTED}"),
-        {"layout": {"format": "tdms"}},
+        "scope.tdms", _tdms, (f"{GROUP}/{INCIDENT}", f"{GROUP}/{TRANSMITTED}"), {"layout": {"format": "tdms"}}
     ),
 }
 """The formats by their names in [scope]."""

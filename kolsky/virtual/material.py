@@ -53,10 +53,8 @@ def what_relaxes(
 
 
 def uniaxial_stress(law: AnyLaw, stretch: FloatArray) -> FloatArray:
-    """Nominal stress of an incompressible cylinder that is free to expand [Pa], of the stretch's shape.
-
-    P = dW/dlam along the load = W_1 + 2 W_2 dlam_2/dlam_1 with lam_2 = lam_1^(-1/2).
-    """
+    """Nominal stress of an incompressible cylinder that is free to expand [Pa], of the stretch's shape. P =
+    dW/dlam along the load = W_1 + 2 W_2 dlam_2/dlam_1 with lam_2 = lam_1^(-1/2)."""
     across = stretch**-0.5
     along, side, _ = law.principal(stretch, across, across)
     return np.asarray(along - side * across / stretch)

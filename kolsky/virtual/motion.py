@@ -70,10 +70,8 @@ def flyer_samples(
 
 
 def static_curve(diameter: float, length: float, modulus: float) -> tuple[FloatArray, FloatArray]:
-    """Approximate compression [m] and force [N] of a bonded neo-Hookean cylinder.
-
-    A flat cylinder is stiffer.
-    """
+    """Approximate compression [m] and force [N] of a bonded neo-Hookean cylinder. A flat cylinder is
+    stiffer."""
     stretch = np.linspace(1.0, 0.04, 300)
     area = np.pi * diameter**2 / 4.0
     flat = 1.0 + 0.5 * (0.25 * diameter / length) ** 2 / stretch**3
@@ -91,10 +89,7 @@ def disc(diameter: float, height: float, shear_modulus: float) -> PulseShaper:
 
 
 def loading(compression: FloatArray, force: FloatArray, unloading: float | None = None) -> PulseShaper:
-    """A law from its loading curve.
-
-    It unloads along its steepest slope unless another slope is given [N/m].
-    """
+    """A law from its loading curve. It unloads along its steepest slope unless another slope is given [N/m]."""
     steepest = float((np.diff(force) / np.diff(compression)).max())
     return PulseShaper(compression, force, steepest if unloading is None else unloading)
 
@@ -156,10 +151,8 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Sampled:
-    """A motion through samples with cubic interpolation.
-
-    It is at rest before, and has constant speed after the end.
-    """
+    """A motion through samples with cubic interpolation. It is at rest before, and has constant speed after
+    the end."""
 
     start: float
     """Start time [s]."""
@@ -230,11 +223,9 @@ def _read_samples(path: Path) -> tuple[FloatArray, FloatArray]:
 
 
 def ramp_of(motion: MotionTable, length: float) -> tuple[Ramp, float]:
-    """The ramp of [motion] for a specimen of given length [m], and the time from start to end [s].
-
-    The end is the time at which the nominal compression is reached. With T after the ramp, Eq. (E.2), speed
-    (rise / 2 + T (1 - slowdown / 3)) = compression x length.
-    """
+    """The ramp of [motion] for a specimen of given length [m], and the time from start to end [s]. The end is
+    the time at which the nominal compression is reached. With T after the ramp, Eq. (E.2), speed (rise / 2 +
+    T (1 - slowdown / 3)) = compression x length."""
     after = (motion.compression * length / motion.speed - 0.5 * motion.rise) / (1.0 - motion.slowdown / 3.0)
     if not 0.0 < after < LONGEST:
         raise ValueError(

@@ -67,8 +67,7 @@ Mesh = Annotated[
     _pair("mesh", "write elements across and along, e.g. [96, 129]", "across, along", 4, 1000),
 ]
 Size = Annotated[
-    tuple[int, int],
-    _pair("size", "write columns and rows, e.g. [128, 128]", "columns, rows", SMALLEST, 4096),
+    tuple[int, int], _pair("size", "write columns and rows, e.g. [128, 128]", "columns, rows", SMALLEST, 4096)
 ]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Pixels = Annotated[float, Field(ge=0.0, le=100.0)]

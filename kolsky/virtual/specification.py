@@ -191,9 +191,7 @@ class Series:
         declared, population = self.declared, self.declared.population
         if number not in self.numbers:
             raise InputError(
-                self.file.path,
-                f"has no shot {number}",
-                allowed=f"in [{self.numbers[0]}, {self.numbers[-1]}]",
+                self.file.path, f"has no shot {number}", allowed=f"in [{self.numbers[0]}, {self.numbers[-1]}]"
             )
         if population is None:
             return ShotSpecification(0, declared.name, self.file.content, declared, self.file.path.parent)

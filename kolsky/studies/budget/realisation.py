@@ -112,11 +112,9 @@ WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> FloatArray:
-    """Changes of the re-fits by one standard uncertainty of each source, shape [k, columns].
-
-    The change is zero for the noise, and for a source with a node that gave no answer. ``alone``: runs of
-    `design` from row 1 on.
-    """
+    """Changes of the re-fits by one standard uncertainty of each source, shape [k, columns]. The change is
+    zero for the noise, and for a source with a node that gave no answer. ``alone``: runs of `design` from row
+    1 on."""
     found, at = np.zeros((len(factors), columns)), 1
     for i, factor in enumerate(factors):
         if factor.key != NOISE:
@@ -278,10 +276,8 @@ def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step
 
 
 def phase(values: Mapping[str, float]) -> float:
-    """Logarithm of m / (1 - 2 nu), which determines the ringing period [-].
-
-    Only free parameters contribute.
-    """
+    """Logarithm of m / (1 - 2 nu), which determines the ringing period [-]. Only free parameters
+    contribute."""
     m, nu = values.get("stiffness_factor", 1.0), values.get("poisson", 0.0)
     return float(np.log(m) - np.log(1.0 - 2.0 * nu))
 
@@ -306,11 +302,9 @@ KEPT = 4
 
 @dataclass(frozen=True)
 class Realisations:
-    """A test as a function of its errors, for `doe.ledger.run_chunks`. It can be pickled.
-
-    A point contains the error of each factor in standard uncertainties. For the noise, it contains the number
-    of its draw. The last entry is 1 if the complete search is made in addition to the re-fit, otherwise 0.
-    """
+    """A test as a function of its errors, for `doe.ledger.run_chunks`. It can be pickled. A point contains
+    the error of each factor in standard uncertainties. For the noise, it contains the number of its draw. The
+    last entry is 1 if the complete search is made in addition to the re-fit, otherwise 0."""
 
     quantities: Specification
     """The test without errors."""
@@ -328,11 +322,8 @@ class Realisations:
     They shift the start of a realisation with several sources. None: not yet known."""
 
     def __call__(self, points: FloatArray) -> Sequence[Run]:
-        """Realise the points, shape [n, k + 1].
-
-        Every run contains the re-fit's estimates of `columns_of`, then those of the complete search. Missing
-        estimates are NaN.
-        """
+        """Realise the points, shape [n, k + 1]. Every run contains the re-fit's estimates of `columns_of`,
+        then those of the complete search. Missing estimates are NaN."""
         return [self._one(point) for point in points]
 
     def _one(self, point: FloatArray) -> Run:

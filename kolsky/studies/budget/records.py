@@ -157,10 +157,8 @@ class Budget(ResultViews):
 
     @property
     def u_together_interval(self) -> tuple[float, float]:
-        """95 % interval of this standard deviation, for normally distributed values.
-
-        NaN with fewer than `FEWEST` answers.
-        """
+        """95 % interval of this standard deviation, for normally distributed values. NaN with fewer than
+        `FEWEST` answers."""
         n, u = len(self.together), self.u_together
         if n < FEWEST:
             return NO_INTERVAL
@@ -207,10 +205,8 @@ class Campaign:
 
 
 def shot_sigma(budget: Budget, scatter: float) -> float:
-    """Standard deviation of one shot about the line [-].
-
-    It contains its independent sources and the specimens' scatter.
-    """
+    """Standard deviation of one shot about the line [-]. It contains its independent sources and the
+    specimens' scatter."""
     own = [source for source in budget.sources if not source.factor.shared]
     unknown = [source.factor.words for source in own if np.isnan(source.u)]
     if unknown:

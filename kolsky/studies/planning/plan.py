@@ -99,10 +99,8 @@ def camera_windows(found: Information, share: float) -> list[Choice]:
 
 
 def camera_heights(found: Information, count: int) -> list[Choice]:
-    """The heights at which an outline, together with the force, gives the most information.
-
-    None without cameras, or if no choice constrains all parameters.
-    """
+    """The heights at which an outline, together with the force, gives the most information. None without
+    cameras, or if no choice constrains all parameters."""
     heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):
         raise ValueError(f"of the {len(heights)} heights of the map 1 or more can be chosen, got {count}")

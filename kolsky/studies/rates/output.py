@@ -196,10 +196,7 @@ TABLES: dict[str, tuple[Callable[[GroupRates], Rows], list[str]]] = {
     ),
     "rate_criteria": (_criteria, ["criterion", "value", "limit", "unit", "at least (0/1)", "met (0/1)"]),
     "rate_shared": (_shared, ["part", "shared through", "shot", "moves m by (1)"]),
-    "rate_stiffness": (
-        _stiffness,
-        ["shot", "strain rate (1/s)", STRAIN, "quantity", "value (Pa)", "u (Pa)"],
-    ),
+    "rate_stiffness": (_stiffness, ["shot", "strain rate (1/s)", STRAIN, "quantity", "value (Pa)", "u (Pa)"]),
     "rate_force_at_strain": (_force, [STRAIN, "shot", "force (N)", "sigma (N)", "simulated force (N)"]),
     "rate_shape_at_strain": (_shape, [STRAIN, "shot", *OUTLINE]),
     "rate_quasi_static_force": (_quasi_static_force, [STRAIN, "quasi-static force (N)"]),

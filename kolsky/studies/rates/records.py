@@ -24,10 +24,8 @@ TIMES = 2001
 
 @dataclass(frozen=True)
 class StrainHistory:
-    """Nominal strain against time while the front face moves toward the specimen, and its rate.
-
-    The motion of the back face (a few um in a soft specimen) is not subtracted.
-    """
+    """Nominal strain against time while the front face moves toward the specimen, and its rate. The motion of
+    the back face (a few um in a soft specimen) is not subtracted."""
 
     time: FloatArray
     """Times on the shot's clock, from the window's start to its largest strain [s], shape [n]."""
@@ -348,10 +346,8 @@ class GroupRates(ResultViews):
 
     @property
     def in_common(self) -> tuple[str, ...]:
-        """Errors common to several counted shots, one phrase each.
-
-        Each has its largest relative effect on m.
-        """
+        """Errors common to several counted shots, one phrase each. Each has its largest relative effect on
+        m."""
         m = np.array([shot.m for shot in self.counted])
         found = []
         for (part, _), row in self.common.items():

@@ -185,9 +185,7 @@ class Pooled:
     others: dict[str, tuple[float, float]]
     """Mean and tau by each estimator of the scatter."""
     leave_one_out: tuple[MixedFit | None, ...]
-    """The fit without each shot in turn.
-
-    None if fewer than two would remain."""
+    """The fit without each shot in turn. None if fewer than two would remain."""
 
     @property
     def mean(self) -> float:
