@@ -12,7 +12,7 @@ from kolsky.bodies.sheet_fit import FieldFit
 from kolsky.bodies.specimen_constants import law_curve
 from kolsky.bodies.specimen_fit import SpecimenFit
 from kolsky.bodies.specimen_model import AXES
-from kolsky.bodies.specimen_studies import Expected, StudyRow, cross_table
+from kolsky.bodies.specimen_studies import Expected, cross_table
 from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.material.reference_curve import curve_columns, curve_table
 from kolsky.material.uniaxial import CurveBand
@@ -201,18 +201,6 @@ def plan_columns(found: Sequence[Expected], free: Sequence[str]) -> dict[str, An
     for j, name in enumerate(free):
         columns[f"relative sigma of {name} (1)"] = [float(one.relative[j]) for one in found]
     return columns | {"peak force (N)": [one.peak_force for one in found]}
-
-
-def study_columns(rows: Sequence[StudyRow]) -> dict[str, Any]:
-    """The fits of a study as named columns."""
-    names = list(dict.fromkeys(name for row in rows for name in row.values))
-    return {
-        "case": [row.label for row in rows],
-        **{f"{name} (SI)": [row.values.get(name, "") for row in rows] for name in names},
-        "RMSE (N)": [row.rmse for row in rows],
-        "displacement components": [row.unknowns for row in rows],
-        "simulations": [row.simulations for row in rows],
-    }
 
 
 def field_json(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, Any]:

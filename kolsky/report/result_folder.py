@@ -27,7 +27,6 @@ from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
     from dic.result import FullField
-    from kolsky.bodies.specimen_studies import StudyRow
     from kolsky.equilibrium.solution import Solution
     from kolsky.inverse.result import Identification
     from kolsky.pictures.measurement import Measurement
@@ -497,15 +496,13 @@ def write_specimen_results(
     formats: Sequence[str] = (),
     vtu: bool = False,
     stills: bool = False,
-    studies: Mapping[str, Sequence[StudyRow]] | None = None,
 ) -> None:
     """Write specimen.html, .json, tables and figures of force curves or of a sheet.
 
     Force curves also give specimen.h5, and curves for `identify`.
 
     ``inputs``: SHA-256 of the files that were read. ``vtu``: also write the last sample of each test for
-    ParaView. ``stills``: also draw this sample in three dimensions by PyVista. ``studies``: further tables by
-    name.
+    ParaView. ``stills``: also draw this sample in three dimensions by PyVista.
     """
     from kolsky.bodies import specimen_output as output  # imports scipy.stats
     from kolsky.report.body_views import SpecimenView
@@ -527,7 +524,6 @@ def write_specimen_results(
             from kolsky.report.films import write_specimen_still
 
             files[f"stills/{name}.png"] = partial(write_specimen_still, solution=solution)
-    tables |= {name: output.study_columns(rows) for name, rows in (studies or {}).items()}
     write_folder(folder, files | figure_files(formats, view), tables)
 
 

@@ -89,7 +89,7 @@ def disc(diameter: float, height: float, shear_modulus: float) -> PulseShaper:
 
 
 def loading(compression: FloatArray, force: FloatArray, unloading: float | None = None) -> PulseShaper:
-    """A law from its loading curve. It unloads along its steepest slope unless another slope is given [N/m]."""
+    """A law from its loading curve. It unloads along its steepest slope unless one is given [N/m]."""
     steepest = float((np.diff(force) / np.diff(compression)).max())
     return PulseShaper(compression, force, steepest if unloading is None else unloading)
 

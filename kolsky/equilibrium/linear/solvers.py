@@ -224,7 +224,7 @@ def _finite(elements: FloatArray) -> FloatArray:
 
 
 class BridgedSolver:
-    """The solver of a pattern with elements that are connected by blocks. Known blocks keep their positions."""
+    """The solver of a pattern with elements connected by blocks. Known blocks keep their positions."""
 
     def __init__(self, name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> None:
         self.name, self.pattern, self.points, self.cells = name, pattern, points, cells
