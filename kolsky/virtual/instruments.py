@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from explicit.relaxation import uniaxial_stress
 from kolsky.bars.signals.transducers import low_pass
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.virtual.material import law_of, uniaxial_stress
+from kolsky.virtual.material import law_of
 from kolsky.virtual.schema import ChannelTable, Specification
 from kolsky.virtual.specification import stream
 from kolsky.virtual.truth import SurfaceHistory, Truth

@@ -367,11 +367,11 @@ class InterfaceTable(Section):
 
 
 class MotionTable(Section):
-    """[motion]: the flyer's motion: a smooth ramp, a sampled motion, or that of the whole apparatus."""
+    """[motion]: the flyer's motion: a smooth ramp, or a sampled motion."""
 
-    kind: Literal["ramp", "sampled", "bars"] = "ramp"
+    kind: Literal["ramp", "sampled"] = "ramp"
     speed: f.Velocity = 2.6
-    """Speed of the ramp; of the striker for "bars" [m/s]."""
+    """Final speed of the ramp [m/s]."""
     rise: f.PositiveTime = 60e-6
     """Time of the ramp from rest to `speed` [s]."""
     start: f.Time = 37.5e-6
@@ -386,8 +386,6 @@ class MotionTable(Section):
     """Mass of the flying platen and transducer together [kg]."""
     flyer_diameter: f.Length = 15e-3
     flyer_length: f.Length = 20e-3
-    striker_length: f.Length = 0.25
-    """Length of the striker, for "bars" [m]."""
     duration: f.PositiveTime | None = None
     """Longest recorded time after the start [s], for motions that never reach `compression`."""
 
