@@ -108,7 +108,6 @@ RESULTS = {
     "kolsky.studies.planning.plan.Plan": ResultFiles(
         "kolsky.studies.planning.plan.tables",
         files={
-            "plan.h5": "kolsky.studies.planning.plan.write_hdf5",
             "plan.json": "kolsky.studies.planning.plan.to_json",
             "plan.html": "kolsky.report.pages.studies.write_plan",
         },
@@ -117,7 +116,7 @@ RESULTS = {
     "kolsky.studies.rates.records.RateReport": ResultFiles(
         "kolsky.studies.rates.output.tables",
         files={
-            "rates.h5": "kolsky.studies.rates.output.write_hdf5",
+            "rates.json": "kolsky.studies.rates.output.summary",
             "rates.html": "kolsky.report.pages.rates.write_page",
         },
         figures=_rate_figures,

@@ -5,12 +5,10 @@ Choices of the laboratory are compared.
 Window, frames, heights and rate are compared by the determinant or the trace of the expected covariance.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import floor, isfinite, log10
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +25,6 @@ from doe.information import (
 )
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import jsonable
-from kolsky.base.hdf5 import creating, put
 from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
 from kolsky.inverse.settings import Numerics
@@ -313,10 +310,6 @@ def correlations(expected: Expected, names: Sequence[str]) -> dict[str, float | 
     }
 
 
-VERSION = 1
-"""Version of the HDF5 file's layout."""
-
-
 def to_json(plan: Plan) -> dict[str, Any]:
     """The plan as one object of JSON types, SI. Numbers that are not finite become null."""
     names = plan.names
@@ -373,7 +366,7 @@ def _choice(choice: Choice, names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def tables(plan: Plan) -> dict[str, dict[str, Any]]:
-    """Force, outline and rates as named columns, SI, units in the names."""
+    """Force, outline, rates and ends of the window as named columns, SI, units in the names."""
     found, slopes = plan.information, plan.information.sensitivity
     grid, names = slopes.grid, plan.names
     units = [PARAMETERS[name].unit for name in names]
@@ -400,39 +393,10 @@ def tables(plan: Plan) -> dict[str, dict[str, Any]]:
         of_rates[f"sigma {name} ({units[j]})"] = [float(rate.expected.deviations[j]) for rate in plan.rates]
         alone = [float(rate.expected.alone[j]) for rate in plan.rates]
         of_rates[f"sigma {name}, others known ({units[j]})"] = alone
-    return {"plan_force": of_force, "plan_outline": of_outline, "plan_rates": of_rates}
-
-
-def write_hdf5(path: Path, plan: Plan) -> Path:
-    """Write a complete plan to one HDF5 file, atomically. Arrays have the attribute `units`."""
-    found, slopes = plan.information, plan.information.sensitivity
-    grid = slopes.grid
-    force, outline = found.densities()
-    force_alone, outline_alone = found.densities(alone=True)
-    units = [PARAMETERS[name].unit for name in plan.names]
-    said = json.dumps(to_json(plan), allow_nan=False)
-    with creating(path, format="kolsky plan", version=VERSION, shot=plan.shot, summary=said) as file:
-        put(file, "force_edges", grid.edges, "s")
-        put(file, "frames", grid.frames, "s")
-        put(file, "heights", grid.heights, "m")
-        put(file, "force", slopes.force, "N")
-        put(file, "radius", slopes.radius, "m")
-        put(file, "end_times", plan.end_times, "s")
-        for j, name in enumerate(plan.names):
-            part, per = file.create_group(name), "" if units[j] == "1" else f"/({units[j]})"
-            part.attrs["value"] = slopes.point[j]
-            part.attrs["scale"] = slopes.scale[j]
-            part.attrs["units"] = units[j]
-            put(part, "force_slope", slopes.force_slope[j], f"N{per}")
-            put(part, "radius_slope", slopes.radius_slope[j], f"m{per}")
-            put(part, "force_left", slopes.force_left[j], "N")
-            put(part, "radius_left", slopes.radius_left[j], "m")
-            put(part, "force_information", force[j], "1/s")
-            put(part, "outline_information", outline[j], "1/(m s)")
-            put(part, "force_information_others_known", force_alone[j], "1/s")
-            put(part, "outline_information_others_known", outline_alone[j], "1/(m s)")
-            put(part, "sigma_by_end", [e.deviations[j] for e in plan.by_end], units[j])
-    return path
+    of_ends: dict[str, Any] = {"end of the window (s)": plan.end_times}
+    for j, name in enumerate(names):
+        of_ends[f"sigma {name} ({units[j]})"] = [float(e.deviations[j]) for e in plan.by_end]
+    return {"plan_force": of_force, "plan_outline": of_outline, "plan_rates": of_rates, "plan_ends": of_ends}
 
 
 def rows(plan: Plan) -> Mapping[str, Any]:

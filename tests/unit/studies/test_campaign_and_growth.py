@@ -261,7 +261,7 @@ def plan() -> Plan:
     slopes = LocalSensitivity(
         names=("stiffness_factor", "damping"), point=np.array([1.2, 2e-5]), scale=np.array([0.1, 1e-5]),
         reach=0.1, grid=grid, force=np.array([50.0]), radius=np.array([[5e-3]]), force_slope=np.zeros((2, 1)),
-        radius_slope=np.zeros((2, 1, 1)), force_left=np.zeros((2, 1)), radius_left=np.zeros((2, 1, 1)),
+        radius_slope=np.zeros((2, 1, 1)), force_left=np.zeros((2, 1)),
     )  # fmt: skip
     information: Any = SimpleNamespace(sensitivity=slopes)
     return Plan(
