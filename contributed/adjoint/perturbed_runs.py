@@ -185,27 +185,14 @@ def jacobian(
     parameter is near. The error of an entry is the Richardson estimate r^2 / (r^2 - 1) |D(h) - D(h / r)| from
     the chosen step and the next smaller one. For steps below the minimum of the V it is about the round-off.
 
-    Parameters
-    ----------
-    model, sampling
-        What to simulate and what to record.
-    samples : Samples
-        One sample: where to differentiate.
-    parameters : sequence of str
-        Any of "stiffness_factor", "poisson", "damping", "friction", "mass_damping".
-    relative_steps : sequence of float
-        The ladder: steps over the parameter's scale (`explicit.model.scale_of`), descending, 3 or more.
-        A step is chosen among all but the last.
-    stepping : Stepping, optional
-        Numerical choices. Default: `same_steps` of the widest perturbations, which costs a trial batch.
-    device, threads
-        As in `explicit.run`.
-
-    Raises
-    ------
-    ValueError
-        If there is not exactly one sample, or a run does not complete. If a parameter is unknown, repeated or
-        without effect in the model, or a step leaves its range.
+    ``model``, ``sampling``: what to simulate and what to record. ``samples``: one sample: where to
+    differentiate. ``parameters``: any of "stiffness_factor", "poisson", "damping", "friction",
+    "mass_damping". ``relative_steps``: the ladder: steps over the parameter's scale
+    (`explicit.model.scale_of`), descending, 3 or more. A step is chosen among all but the last. ``stepping``:
+    numerical choices. Default: `same_steps` of the widest perturbations, which costs a trial batch.
+    ``device``, ``threads``: as in `explicit.run`. Raises ValueError if there is not exactly one sample, or a
+    run does not complete. If a parameter is unknown, repeated or without effect in the model, or a step
+    leaves its range.
     """
     names, ladder = tuple(parameters), np.asarray(relative_steps, dtype=float)
     _check(model, samples, names, ladder)

@@ -305,11 +305,8 @@ class PhasePlan:
 def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> PhasePlan:
     """Prepare one simulation on the CPU with a window of `n_steps` steps.
 
-    Raises
-    ------
-    ValueError
-        If there is not exactly one sample, or it refers to a missing material or motion. If the precision is
-        single, or the support or a contact law has no adjoint.
+    Raises ValueError if there is not exactly one sample, or it refers to a missing material or motion. If the
+    precision is single, or the support or a contact law has no adjoint.
     """
     if len(samples) != 1:
         raise ValueError(f"samples must be one sample, the point to differentiate at, got {len(samples)}")

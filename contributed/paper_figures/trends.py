@@ -150,21 +150,9 @@ def trends(
 ) -> Trends:
     """Run the simulations of all four figures.
 
-    Parameters
-    ----------
-    shot
-        A loaded shot with an outline.
-    stiffness
-        Stiffness factor of the runs over Poisson's ratio and damping: 1 in the paper.
-    numerics
-        Mesh, precision, device.
-    plane_mesh
-        Coarser mesh for the runs over the plane.
-
-    Raises
-    ------
-    ValueError
-        If no outline was measured, or a run does not complete.
+    ``shot``: a loaded shot with an outline. ``stiffness``: stiffness factor of the runs over Poisson's ratio
+    and damping: 1 in the paper. ``numerics``: mesh, precision, device. ``plane_mesh``: coarser mesh for the
+    runs over the plane. Raises ValueError if no outline was measured, or a run does not complete.
     """
     numerics = numerics or Numerics()
     prepared = prepare_shot(shot)

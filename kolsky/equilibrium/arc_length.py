@@ -96,30 +96,12 @@ def follow(
 ) -> ArcPath:
     """Follow equilibria from load 0 until the load first reaches `until`.
 
-    Parameters
-    ----------
-    model : Model
-        The body with its supports and loads.
-    histories : sequence of str
-        Histories of loads that all have the value of the load. Histories of prescribed displacements are not
-        allowed.
-    until : float
-        Load at which the path ends, > 0.
-    first : float
-        Load of the first step, > 0.
-    others : mapping of str to float, optional
-        Values of the other histories, such as that of the weight.
-    parameters : array, optional
-        As for `kolsky.equilibrium.solve.solve`.
-    steps : int
-        Maximum number of steps.
-    longest : float
-        Largest length of a step divided by that of the first [-].
-
-    Raises
-    ------
-    ValueError
-        If a history is missing, unknown or one of displacements, or if a number is not > 0.
+    ``model``: the body with its supports and loads. ``histories``: histories of loads that all have the value
+    of the load. Histories of prescribed displacements are not allowed. ``until``: load at which the path
+    ends, > 0. ``first``: load of the first step, > 0. ``others``: values of the other histories, such as that
+    of the weight. ``parameters``: as for `kolsky.equilibrium.solve.solve`. ``steps``: maximum number of
+    steps. ``longest``: largest length of a step divided by that of the first [-]. Raises ValueError if a
+    history is missing, unknown or one of displacements, or if a number is not > 0.
     """
     fixed = {} if others is None else dict(others)
     if set(fixed) | set(histories) != set(model.histories) or set(fixed) & set(histories):

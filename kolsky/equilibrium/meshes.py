@@ -52,10 +52,7 @@ class Mesh:
     def nodes(self, name: str) -> IntArray:
         """Points of a set.
 
-        Raises
-        ------
-        ValueError
-            If there is no such set. The message lists the sets.
+        Raises ValueError if there is no such set. The message lists the sets.
         """
         if name not in self.sets:
             raise ValueError(f"the mesh has no set {name!r}; it has {sorted(self.sets)}")
@@ -77,15 +74,8 @@ def components(nodes: IntArray, dimension: int) -> IntArray:
 def box(size: Sequence[float], cells: Sequence[int], *, kind: str = "hex27") -> Mesh:
     """A box (a rectangle in two dimensions) with its corner at the origin.
 
-    Parameters
-    ----------
-    size : sequence of float
-        Edge lengths [m], d of them.
-    cells : sequence of int
-        Number of hexahedra or quadrilaterals along each edge. For simplices, each is divided into six
-        tetrahedra or two triangles.
-    kind : str
-        The element.
+    ``size``: edge lengths [m], d of them. ``cells``: number of hexahedra or quadrilaterals along each edge.
+    For simplices, each is divided into six tetrahedra or two triangles. ``kind``: the element.
     """
     return _structured(size, cells, kind, None)
 

@@ -276,10 +276,7 @@ class Model:
     def parameters(self, values: ArrayLike | None = None) -> FloatArray:
         """Constants of every region, shape [n_regions, n_parameters]. None: those of the materials.
 
-        Raises
-        ------
-        ValueError
-            If their number is wrong, or if the material does not allow them.
+        Raises ValueError if their number is wrong, or if the material does not allow them.
         """
         own = self.solid.parameters()
         if values is None:

@@ -52,10 +52,7 @@ class Geometry:
 def geometry(mesh: Mesh, *, kinematics: str, thickness: float, gauss: int | None) -> Geometry:
     """Evaluate the gradients.
 
-    Raises
-    ------
-    ValueError
-        If an element is inverted, or a Gauss point is on the axis of revolution.
+    Raises ValueError if an element is inverted, or a Gauss point is on the axis of revolution.
     """
     element = mesh.element
     points, weights = element.rule(element.gauss if gauss is None else gauss)

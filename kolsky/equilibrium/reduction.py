@@ -269,16 +269,10 @@ def reduce(
 ) -> ReducedModel:
     """Make a reduced model from equilibria of one model.
 
-    Parameters
-    ----------
-    solutions : sequence of Solution
-        Equilibria with the same mesh, conditions and constants. Every step that was reached is a snapshot.
-    modes : int
-        Maximum number of unknowns. The number of independent snapshots is another limit.
-    tolerance : float
-        Tolerance for choosing the elements, Eq. (R.2).
-    gravity : str, optional
-        History of the weight's factor.
+    ``solutions``: equilibria with the same mesh, conditions and constants. Every step that was reached is a
+    snapshot. ``modes``: maximum number of unknowns. The number of independent snapshots is another limit.
+    ``tolerance``: tolerance for choosing the elements, Eq. (R.2). ``gravity``: history of the weight's
+    factor.
     """
     model = solutions[0].model
     snapshots = np.concatenate([s.displacements[: s.reached].reshape(s.reached, -1) for s in solutions])

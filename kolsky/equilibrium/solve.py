@@ -222,28 +222,14 @@ def solve(
 ) -> Solution:
     """Find the equilibrium at each step.
 
-    Parameters
-    ----------
-    model : Model
-        The body with its supports and loads.
-    steps : mapping of str to array
-        Value of each of the model's histories at each step, shape [n_steps]. Before the first step all are 0.
-        None for a model without histories: one step.
-    parameters : array, optional
-        Constants of each region, shape [n_regions, n_parameters] or, for one region, [n_parameters]. None:
-        those of the material.
-    newton : Newton, optional
-        Options.
-    guess : array, shape [n_steps, n, d], optional
-        Initial displacements for the iteration of each step [m], such as those at other constants. If the
-        iteration fails, the step is computed from the previous one.
-    like : Solution, optional
-        A solution of the same model at other constants. Its geometry and fronts are reused.
-
-    Raises
-    ------
-    ValueError
-        If a history is missing, unknown, of different length or not finite, or if `like` has another model.
+    ``model``: the body with its supports and loads. ``steps``: value of each of the model's histories at each
+    step, shape [n_steps]. Before the first step all are 0. None for a model without histories: one step.
+    ``parameters``: constants of each region, shape [n_regions, n_parameters] or, for one region,
+    [n_parameters]. None: those of the material. ``newton``: options. ``guess``: initial displacements for the
+    iteration of each step [m], such as those at other constants. If the iteration fails, the step is computed
+    from the previous one. ``like``: A solution of the same model at other constants. Its geometry and fronts
+    are reused. Raises ValueError if a history is missing, unknown, of different length or not finite, or if
+    `like` has another model.
     """
     if like is not None and like.model is not model:
         raise ValueError("like must be a solution of the same model")
