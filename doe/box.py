@@ -43,7 +43,6 @@ class Box:
     """
 
     names: tuple[str, ...]
-    """Parameter names, length d."""
     lower: tuple[float, ...]
     """Lower bounds in parameter units, length d."""
     upper: tuple[float, ...]

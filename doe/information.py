@@ -56,7 +56,6 @@ class LinearData:
     """Data with their derivatives with respect to some parameters."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     jacobian: FloatArray
     """Derivatives of the data by the parameters, in their units, shape [k, d]."""
     sigma: FloatArray

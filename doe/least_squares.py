@@ -108,11 +108,9 @@ class LeastSquaresResult:
     at_bound: tuple[str, ...]
     """Parameters on a face of the box."""
     converged: bool
-    """True if the search converged."""
     ended: str
     """Reason for the end of the search, in words."""
     runs: int
-    """Number of runs of the search."""
     steps: int
     """Number of trial points, including rejected ones."""
 

@@ -71,9 +71,7 @@ class Run:
     """The record of one run."""
 
     completed: bool
-    """True if the run completed."""
     outcome: str
-    """Outcome of the run, one word."""
     results: FloatArray
     """Results of the run, shape [k]; NaN is kept."""
     reason: str = ""

@@ -110,7 +110,6 @@ class Round:
     points: FloatArray
     """The runs, the surrogate's optimum first, in parameter units, shape [n, d]."""
     predicted: float
-    """Misfit predicted by the surrogate at the optimum."""
     confirmed: float
     """Misfit of the run at the optimum; NaN if it failed."""
     shift: float
@@ -128,11 +127,9 @@ class Refinement:
     sigma: FloatArray
     """Its standard deviation, shape [d]."""
     region: Box
-    """The last region."""
     surrogate: ProcessSurrogate
     """Surrogate built from the runs in and near the last region."""
     rounds: tuple[Round, ...]
-    """Every batch."""
     points: FloatArray
     """All completed runs, including the first design, in parameter units, shape [n, d]."""
     responses: FloatArray

@@ -52,9 +52,7 @@ class SobolIndices:
     below zero and is not corrected."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     outputs: tuple[str, ...]
-    """Names of the outputs, length s."""
     first: FloatArray
     """Share of the variance caused by each parameter without interactions [-], shape [s, d]."""
     total: FloatArray
@@ -68,7 +66,6 @@ class SobolIndices:
     variance: FloatArray
     """Variance of each output over the box, in its unit squared, shape [s]."""
     evaluations: int
-    """Number of evaluations of the function."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +205,6 @@ class HistoryIndices:
     """Indices of a history with k entries."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     first: FloatArray
     """First-order index of each entry [-], shape [d, k]; NaN where the variance of the entry is too small."""
     total: FloatArray
@@ -284,7 +280,6 @@ class ElementaryEffects:
     """Effects of each parameter on each output, per edge of the box."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     effects: FloatArray
     """Every effect, in the outputs' units, shape [r, d, s]."""
 

@@ -163,7 +163,6 @@ class Jacobian:
     study: StepStudy
     """The steps that were tried and the one that was chosen."""
     stepping: Stepping
-    """The numerical choices of all runs."""
     steps_shared: bool
     """Whether all runs took the same time steps; if not, the derivatives contain their noise."""
 

@@ -190,11 +190,9 @@ class Window:
     is a Warp array; `view` is the same memory as a NumPy array."""
 
     arrays: dict[str, Any]
-    """Warp arrays by name."""
     view: dict[str, NDArray[Any]]
     """The same memory as NumPy arrays."""
     gradient: dict[str, FloatArray]
-    """Gradients, of the arrays that have one."""
 
     @property
     def n_steps(self) -> int:
@@ -231,7 +229,6 @@ class PhasePlan:
     samples: Samples
     """Its parameters: one sample."""
     stepping: Stepping
-    """Numerical choices."""
     kernels: PhaseKernels
     window: Window
     element_inputs: tuple[Any, ...]

@@ -124,7 +124,6 @@ class Trends:
     """All four figures."""
 
     shot: str
-    """Name of the shot."""
     stiffness: float
     """Stiffness factor of the runs over Poisson's ratio and damping [-]."""
     mesh: tuple[int, int]

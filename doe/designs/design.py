@@ -91,7 +91,6 @@ class DesignKind:
     needs: tuple[Need, ...]
     """Options of `make` that the function takes."""
     summary: str
-    """Its purpose, in a few words."""
 
     def __call__(self, box: Box, *arguments: Any, **options: Any) -> Design:
         """The design made with the function's arguments."""

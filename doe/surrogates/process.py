@@ -75,7 +75,6 @@ class Hyperparameters:
     """Hyperparameters, chosen by the likelihood of the runs."""
 
     kind: str
-    """A name of `doe.surrogates.process.CORRELATIONS`."""
     lengths: FloatArray
     """Correlation lengths in the unit box [-], shape [d]."""
     nugget: float
@@ -276,7 +275,6 @@ class ProcessSurrogate:
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     components: PrincipalComponents
-    """The reduction of the response."""
     processes: tuple[GaussianProcess, ...]
     """Processes of the scores: one for each of the first components, one for all others together."""
 

@@ -37,7 +37,6 @@ class Kernel:
     name: str
     """ "thin_plate_spline", "cubic", "quintic", "multiquadric" or "gaussian"."""
     degree: int
-    """Degree of the polynomial tail."""
     shape: float | None = None
     """Shape parameter: the kernel depends on shape * r, r in edges of the unit box [-]."""
 
@@ -153,7 +152,6 @@ class SurrogateKind:
     surrogate: Any
     """The class; its class method ``fit(box, points, values, ...)`` builds a `Surrogate` from runs."""
     summary: str
-    """Short description."""
     scalar: bool = False
     """True if the response of a run is a single number; then `fit` of the class takes values of shape [n] and
     no scale."""

@@ -32,11 +32,9 @@ class Fitness:
     error: float
     """The compared error, e.g. that of the optimum over its half width [-]."""
     allowed: float
-    """The largest allowed error."""
     runs: tuple[int, ...]
     """Sizes of the nested designs, ascending; the last is the whole."""
     errors: tuple[float, ...]
-    """The error of each."""
     order: float
     """Fitted exponent p of error ~ n^-p [-]; NaN if there were no nested designs to fit."""
 

@@ -44,7 +44,6 @@ class RadialBasis:
     condition: float
     """Condition number of the reduced kernel matrix [-]."""
     interpolator: RBFInterpolator
-    """SciPy's interpolant."""
 
     @classmethod
     def fit(cls, unit_points: FloatArray, values: FloatArray, kernel: Kernel) -> RadialBasis:
@@ -166,7 +165,6 @@ class ResponseSurrogate:
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     components: PrincipalComponents
-    """The reduction of the response."""
     basis: RadialBasis
     """The interpolant of the components' scores."""
 
@@ -238,7 +236,6 @@ class CostSurrogate:
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     basis: RadialBasis
-    """The interpolant."""
 
     @classmethod
     def fit(

@@ -73,7 +73,6 @@ class Profiles:
     optimum: Fit
     """The most likely point of all fits."""
     profiles: tuple[Profile, ...]
-    """One profile for each parameter, in the box's order."""
     level: float
     """Rise at the ends of the intervals if residuals are uncorrelated."""
     restarts: int
@@ -245,7 +244,6 @@ class Partner:
     """A parameter that compensates for a change of another one."""
 
     name: str
-    """Name of the parameter."""
     change: float
     """Change of this parameter along the profile, in its units."""
     per: float
@@ -309,7 +307,6 @@ class Verdict:
 
     name: str
     kind: VerdictKind
-    """The kind of verdict."""
     interval: Interval
     """Interval of the profile likelihood; None at an open end."""
     inflation: float | None
@@ -317,7 +314,6 @@ class Verdict:
     partners: tuple[Partner, ...]
     """Parameters that compensate for a change of this one, the most important first."""
     text: str
-    """The verdict in a sentence."""
 
 
 def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:

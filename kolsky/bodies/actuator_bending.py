@@ -48,19 +48,15 @@ class Direction:
     """The actuator under one direction of gravity."""
 
     name: str
-    """Name of the direction in SPEC."""
     pristine: Bending
     """Equilibria under increasing pressures."""
     healed: Bending | None
-    """Equilibria of the healed material."""
     asked: FloatArray
     """Indices of the steps at the declared pressures, shape [n_pressures]."""
     gap: FloatArray
     """Smallest distance of neighbouring chambers [m], shape [n]. Below 0 they overlap. NaN without gaps."""
     path: ArcPath | None = None
-    """Equilibria by arc length, if SPEC declares them."""
     touching: Touching | None = None
-    """Their contact, if SPEC declares it."""
     forces: dict[str, FloatArray] = field(default_factory=dict)
     """Force on each plane and holder [N], shape [n, 3]."""
 
@@ -137,7 +133,6 @@ class BendInTime:
     """A motion of the actuator under one direction of gravity."""
 
     name: str
-    """Name of the direction in SPEC."""
     time: FloatArray
     """Times [s], shape [n]."""
     pressure: FloatArray
@@ -262,7 +257,6 @@ class Inversion:
     """dTheta/dp at these pressures [rad/Pa], shape [n_cavities]."""
     ended: SearchEnd
     equilibria: int
-    """Number of computed equilibria."""
 
 
 def pressure_for(

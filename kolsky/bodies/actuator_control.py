@@ -80,7 +80,6 @@ class Reduction:
     """A reduced actuator with its error."""
 
     model: ReducedActuator
-    """The reduced actuator."""
     pressure: FloatArray
     """Check pressures, between the pressures of the basis [Pa], shape [n]."""
     angle: FloatArray
@@ -374,7 +373,6 @@ class StoredBasis:
     """Fields of `Basis`, `Sample`, `Reduction` and `Plant` as stored in a file, in the units of `_BASIS`."""
 
     key: str
-    """SHA-256 of their inputs."""
     modes: FloatArray
     singular: FloatArray
     cells: IntArray

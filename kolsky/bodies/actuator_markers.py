@@ -50,7 +50,6 @@ class MarkerComparison:
     """Markers of one direction of gravity and one pressure."""
 
     gravity: str
-    """Direction of gravity."""
     pressure: float
     """Pressure [Pa]."""
     measured: FloatArray
@@ -93,9 +92,7 @@ class StiffnessFit:
     chi2: float
     """Sum of squares over sigma^2 at the fitted factor [-]."""
     degrees: int
-    """Degrees of freedom."""
     converged: bool
-    """True if the last step was small."""
 
     @property
     def explained(self) -> bool:

@@ -55,9 +55,7 @@ class Part:
     """Cells with other constants of the same law, such as a stiff layer in the base."""
 
     name: str
-    """Name in SPEC."""
     solid: Solid
-    """Its material."""
     density: float
     """Mass density at rest [kg/m^3]."""
     cells: IntArray
@@ -78,13 +76,11 @@ class Actuator:
     cavities: tuple[str, ...]
     """Sets of pressurised walls. Each set has a separate pressure."""
     solid: Solid
-    """The material."""
     density: float
     """Mass density at rest [kg/m^3]."""
     mixed: bool = False
     """True if volume ratio and pressure are separate fields (for nearly incompressible materials)."""
     device: str = "cpu"
-    """Device of the element kernels."""
     contacts: tuple[SelfContact, ...] = ()
     """Walls of neighbouring chambers that may touch."""
     parts: tuple[Part, ...] = ()
@@ -201,7 +197,6 @@ class Bending:
     """Equilibria of an actuator."""
 
     solution: Solution
-    """Displacements, and how the solution ended."""
     pressures: FloatArray
     """Pressure of each cavity at each step [Pa], shape [n, n_cavities]."""
 
@@ -262,7 +257,6 @@ class Pneunet:
     """Dimensions of an actuator and the size of its mesh."""
 
     chambers: int = 6
-    """Number of chambers."""
     wall: float = 2.5e-3
     """Thickness of every wall and of the roofs [m]."""
     base: float = 2.5e-3

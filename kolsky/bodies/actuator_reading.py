@@ -258,7 +258,6 @@ class ActuatorSpec:
     shape: Pneunet | None
     """Its dimensions; None for a mesh from a file."""
     healed: Solid | None
-    """The healed material, if its constants are declared."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read, by name."""
 

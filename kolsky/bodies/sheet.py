@@ -158,7 +158,6 @@ class Sheet:
     held: Mapping[int, Solid] = field(default_factory=dict)
     """Materials of the regions with fixed constants."""
     device: str = "cpu"
-    """Device of the element kernels."""
     turned: int = 0
     """Number of cells with clockwise node order in the mesh file. This order was reversed."""
 
@@ -208,7 +207,6 @@ class SheetState:
     """A sheet simulated at given constants, with derivatives by the free constants."""
 
     solution: Solution
-    """Equilibria."""
     displacements: FloatArray
     """[m], shape [n, nodes, 2]."""
     by_constants: FloatArray

@@ -93,7 +93,6 @@ class Cost:
     curvature_force: FloatArray
     """w df/dm_I df/dm_J of all steps, shape [p, p]."""
     state: SheetState
-    """The simulation."""
 
     @property
     def gauss_newton(self) -> FloatArray:
@@ -339,7 +338,6 @@ class FieldFit:
     constants: Constants
     """The law with the fitted values."""
     cost: Cost
-    """The cost at these constants."""
     hessian: FloatArray
     """Second derivatives of J at the fitted constants, shape [p, p]."""
     by_displacement: FloatArray
@@ -347,7 +345,6 @@ class FieldFit:
     by_force: FloatArray
     """dm/df_msr of every step [1/N], shape [n, p]."""
     converged: bool
-    """True if Newton's method converged."""
     at_bound: tuple[bool, ...]
     """Constants at a bound if the cost decreases beyond it. They have no uncertainty."""
     simulations: int
@@ -355,7 +352,6 @@ class FieldFit:
     rough: tuple[FloatArray, float]
     """Constants at the end of the search in the last step alone, and their cost."""
     minima: tuple["LocalMinimum", ...] = ()
-    """Minima from other starts."""
 
     @property
     def values(self) -> FloatArray:

@@ -39,7 +39,6 @@ class MeasuredField:
     """The problem of a sheet with its measured data."""
 
     problem: FieldProblem
-    """The problem to be fitted."""
     points: FloatArray
     """Measured points [m], shape [n, 2]."""
     left_out: BoolArray
@@ -47,7 +46,6 @@ class MeasuredField:
     displacements: FloatArray
     """Displacements of the points [m], shape [frames, n, 2]."""
     frames: tuple[int, ...]
-    """Numbers of the fitted frames."""
     inputs: dict[str, str]
     """SHA-256 of the files, by name."""
     declared_sigma: float | None = None
@@ -298,7 +296,6 @@ class SimulatedSheet:
     """Simulated measurements of a sheet."""
 
     frames: tuple[int, ...]
-    """Numbers of the frames."""
     points: FloatArray
     """Positions of the points [m], shape [n, 2]."""
     displacements: FloatArray

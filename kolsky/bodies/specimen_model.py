@@ -305,11 +305,8 @@ class SpecimenModel:
     """A specimen that can be simulated with any constants."""
 
     name: str
-    """Name of the test."""
     shape: Shape
-    """Form, bonds and mesh."""
     device: str = "cpu"
-    """Device of the element kernels."""
 
     def simulate(self, solid: Solid, displacement: FloatArray) -> Solution:
         """Equilibria at the displacements of the ends.

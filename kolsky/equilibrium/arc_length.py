@@ -36,7 +36,6 @@ class ArcPath:
     """Equilibria in the order of the path."""
 
     model: Model
-    """The model."""
     load: FloatArray
     """Common value of the histories that increase together, shape [n]. The first value is 0."""
     displacements: FloatArray
@@ -44,7 +43,6 @@ class ArcPath:
     arc: FloatArray
     """Length of the path in the space of the unknown displacements [m], shape [n]."""
     outcome: Outcome
-    """How it ended."""
 
     @property
     def limits(self) -> FloatArray:

@@ -103,7 +103,6 @@ class BodyState:
     forces: FloatArray
     """Internal forces of the points [N], shape [n d]."""
     points: PointState
-    """The Gauss points."""
 
     @property
     def inverted(self) -> bool:

@@ -149,7 +149,6 @@ class Motion:
     """A motion. Steps that were not reached are NaN, and the outcome gives the reason."""
 
     model: Model
-    """The model."""
     time: FloatArray
     """Times [s], the first 0, shape [n + 1]."""
     displacements: FloatArray
@@ -158,7 +157,6 @@ class Motion:
     """Forces of supports on the points [N], of the same shape: internal and inertial forces minus weight and
     pressure. They are 0 at the start."""
     outcome: Outcome
-    """How it ended."""
     reached: int
     """Number of times reached, the start included."""
 

@@ -82,7 +82,6 @@ class Element:
     """A Lagrange element."""
 
     name: str
-    """Its name in `kolsky.equilibrium.elements.ELEMENTS`."""
     shape: Shape
     """ "hypercube": coordinates in [-1, 1]; "simplex": coordinates >= 0 with a sum <= 1."""
     nodes: FloatArray
@@ -90,7 +89,6 @@ class Element:
     exponents: IntArray
     """The monomials of the space, shape [k, d]."""
     faces: tuple[Face, ...]
-    """Its faces (edges in two dimensions)."""
     gauss: int
     """Default number of Gauss points in each direction [-]."""
     pressure_degree: int | None

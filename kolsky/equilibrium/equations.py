@@ -21,7 +21,6 @@ class State:
     """A state that may differ from an equilibrium."""
 
     at: dict[str, float]
-    """Value of each history."""
     u: FloatArray
     """Displacements [m], shape [n d]."""
     body: BodyState

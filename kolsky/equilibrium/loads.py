@@ -146,7 +146,6 @@ class Faces:
     weights: FloatArray
     """Weights of the Gauss points [-], shape [g]."""
     face: Face
-    """The local face."""
 
 
 def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:

@@ -20,7 +20,6 @@ class Fixed:
     """Displacements fixed at zero."""
 
     where: str
-    """Set of points."""
     axes: tuple[int, ...] | None = None
     """Fixed components; None: all."""
 
@@ -30,9 +29,7 @@ class Prescribed:
     """One displacement component that follows a history."""
 
     where: str
-    """Set of points."""
     axis: int
-    """The component."""
     history: str
     """Name of the history [m]."""
     factor: float | FloatArray = 1.0
@@ -45,7 +42,6 @@ class Coupled:
     the coupling of Schumacher and others (2020), Eq. (6). The component is one unknown."""
 
     where: str
-    """Set of points."""
     axis: int
     """The component that the points have in common."""
     force: str | None = None
@@ -57,9 +53,7 @@ class NodalForce:
     """A dead force, distributed equally over the points of a set."""
 
     where: str
-    """Set of points."""
     axis: int
-    """Its direction."""
     history: str
     """Name of the history [N]."""
 
@@ -69,9 +63,7 @@ class Traction:
     """A dead load per undeformed area on the faces that have all points in a set."""
 
     where: str
-    """Set of points."""
     axis: int
-    """Its direction."""
     history: str
     """Name of the history [Pa]."""
 
@@ -93,7 +85,6 @@ class Pressure:
     """A pressure normal to the deformed faces with all points in a set."""
 
     where: str
-    """Set of points."""
     history: str
     """Name of the history [Pa], positive in compression."""
 
@@ -130,9 +121,7 @@ class SelfContact:
     deeper than `depth` is not accepted."""
 
     where: str
-    """Set of points of the first surface."""
     other: str
-    """Set of points of the second surface."""
     penalty: float = 500.0
     """Pressure divided by depth, in shear moduli over the size of a face [-]."""
     depth: float | None = None
@@ -179,7 +168,6 @@ class Model:
     """One specimen."""
 
     mesh: Mesh
-    """Its mesh."""
     solid: Solid
     """Its material, with the default constants of `solve`."""
     conditions: tuple[Condition, ...] = ()
@@ -307,7 +295,6 @@ class Unknowns:
     index: IntArray
     """Unknown of each component (point by point), shape [n d]; -1 for a fixed or prescribed one."""
     count: int
-    """Number of unknowns."""
     prescribed: tuple[tuple[IntArray, str, FloatArray], ...]
     """Components, history and factor of the prescribed displacements."""
     forces: tuple[tuple[int, str], ...]

@@ -95,7 +95,6 @@ class Sample:
     residual: float
     """|G w - b| / |b| [-]."""
     reached: bool
-    """True if the tolerance was reached."""
 
 
 def choose(G: FloatArray, *, tolerance: float) -> Sample:
@@ -157,9 +156,7 @@ class ReducedState:
     slopes: FloatArray
     """dq/dp by each pressure [m/Pa], shape [r, n_pressures]."""
     outcome: Outcome
-    """How it ended."""
     iterations: int
-    """Newton iterations."""
 
 
 class ReducedModel:

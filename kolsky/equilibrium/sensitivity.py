@@ -41,9 +41,7 @@ class Sensitivities:
     """Derivatives of `kolsky.equilibrium.solution.Solution.forces` [N per unit], shape [n_steps, n_names, n,
     d]."""
     solution: Solution
-    """The differentiated solution."""
     factors: tuple[Factors, ...] = ()
-    """Factors of the tangent of each step, if kept."""
 
     def reaction(self, where: str) -> FloatArray:
         """Derivatives of `Solution.reaction` [N per unit], shape [n_steps, n_names, d]."""
@@ -158,7 +156,6 @@ class SecondDerivatives:
     forces: FloatArray
     """Second derivatives of `kolsky.equilibrium.solution.Solution.forces` [N per unit squared], as above."""
     sensitivities: Sensitivities
-    """The first derivatives."""
 
     def reaction(self, where: str) -> FloatArray:
         """Second derivatives of `kolsky.equilibrium.solution.Solution.reaction`, shape [n_steps, n, n, d]."""

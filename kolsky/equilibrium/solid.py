@@ -154,7 +154,6 @@ class Isotropic:
     law: AnyLaw
     """A member of `explicit.materials.LAWS`."""
     volumetric: Volumetric
-    """The energy of the volume ratio."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -281,9 +281,7 @@ class Prediction(ResultViews):
     bars: FlightHistory
     """Motion and forces of the bars."""
     events: Events
-    """What happened when."""
     numbers: Numbers
-    """The numbers of the test."""
     response: Response | None
     """Response of the specimen; None if its static curve was used."""
     changes: FloatArray

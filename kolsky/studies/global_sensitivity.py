@@ -44,7 +44,6 @@ class Observables:
     """Force samples, bin means and outline points as one vector, and the scalar outputs of this vector."""
 
     observations: Observations
-    """The measurements."""
     counted: NDArray[np.bool_]
     """Outline points that every run reaches, shape [n_points]."""
 
@@ -121,7 +120,6 @@ class GlobalSensitivity(ResultViews):
     box: Box
     """Ranges of the parameters, which vary uniformly and independently."""
     runs: int
-    """Total number of runs."""
     by_surrogate: bool
     """True if a surrogate was used, False if the solver ran all points."""
     errors: dict[str, float]

@@ -49,7 +49,6 @@ class LocalSensitivity:
     """Slopes of force and outline by d parameters about one point."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     point: FloatArray
     """Their values, in their units, shape [d]."""
     scale: FloatArray
@@ -57,7 +56,6 @@ class LocalSensitivity:
     reach: float
     """Largest change in the runs, divided by the scale [-]."""
     grid: ObservationGrid
-    """Times and heights of the evaluation."""
     force: FloatArray
     """Mean force over each bin at the point [N], shape [n_bins]."""
     radius: FloatArray

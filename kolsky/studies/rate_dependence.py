@@ -43,9 +43,7 @@ class SlowDynamics(ResultViews):
     """Rate dependence of one material from slow tests and shots."""
 
     tests: tuple[Evidence, ...]
-    """The tests used to fit the series."""
     sweeps: Mapping[str, Superposition]
-    """Temperature sweeps by name."""
     moduli: tuple[ApparentModuli, ...]
     """Moduli of each single test, followed by those of the shots."""
     law: MaterialLaw
@@ -53,13 +51,11 @@ class SlowDynamics(ResultViews):
     declared: bool
     """True if the list declares the law. Otherwise it is neo-Hookean."""
     verdict: RateVerdict
-    """Prony series with 0, 1, 2, ... branches."""
     comparison: ModelComparison
     """Comparison of elastic model, series and creeping network."""
     fitted: ApparentModuli
     """E(t) of the series with the number of branches that the data need."""
     remarks: tuple[str, ...]
-    """Remarks that a user must read."""
 
     @property
     def fit(self) -> RateFit:

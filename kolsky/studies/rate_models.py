@@ -62,11 +62,9 @@ class Candidate:
     name: str
     """"elastic", "elastic curve", "prony", "prony:2", "prony:3" or "bergstrom_boyce"."""
     parameters: int
-    """Number of its free parameters."""
     deviance: float
     """Q of Eq. (V.6), up to a common constant [-]."""
     values: Mapping[str, float]
-    """The constants found, SI."""
     doubt: str = ""
     """Reason why it cannot be chosen; empty if it can be chosen."""
 
@@ -89,7 +87,6 @@ class ModelComparison:
     candidates: tuple[Candidate, ...]
     """The models, the fewest parameters first."""
     n_data: int
-    """Number of fitted values."""
     scatter: float
     """Smallest sum of squares divided by its degrees of freedom, 1 or more [-]. The deviances are already
     divided by it."""

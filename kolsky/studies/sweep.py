@@ -47,7 +47,6 @@ class Sweep(ResultViews):
 
     shot: str
     table: DesignTable
-    """Points, outcomes and misfits."""
     held: dict[str, float]
     """Parameters held at values that differ from the shot's."""
     damaged: tuple[str, ...] = ()
@@ -59,13 +58,10 @@ class ShotRuns:
     """The shot as a function of points, for `doe.ledger.run_chunks`. It can be pickled."""
 
     prepared: PreparedShot
-    """The prepared shot."""
     names: tuple[str, ...]
-    """Parameters varied, length d."""
     held: Mapping[str, float]
     """Parameters held at values that differ from the shot's."""
     numerics: Numerics
-    """Mesh, precision, device."""
 
     def __call__(self, points: FloatArray) -> list[Run]:
         """Simulate the points, shape [n, d]. Every run contains the results in `KEPT`."""

@@ -74,7 +74,6 @@ class SurfaceOptimum:
     output: str
     """Key of `OUTPUTS`: "Phi", or "Phi_F" without an outline."""
     at: dict[str, float]
-    """The parameters at the minimum, in their units."""
     value: float
     """The interpolant at the minimum, in the output's unit."""
     at_bound: dict[str, str]
@@ -105,7 +104,6 @@ class SweepAnalysis(ResultViews):
 
     shot: str
     box: Box
-    """Range of the parameters."""
     table: DesignTable
     outputs: dict[str, Output]
     """The misfits by name. Without an outline, only those of the force."""

@@ -234,9 +234,7 @@ class ScopeFormat:
     """One format of the recorder's file."""
 
     name: str
-    """Name of the file."""
     write: Callable[[Path, Scope], None]
-    """Function that writes the file."""
     columns: tuple[str, str]
     """Names of the incident and the transmitted channel."""
     force: dict[str, Any]

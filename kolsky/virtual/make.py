@@ -144,7 +144,6 @@ class NotMade:
 
     shot: ShotSpecification
     reason: str
-    """Reason why it was not made."""
 
 
 Place = tuple[ShotSpecification, Path]

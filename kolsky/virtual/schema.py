@@ -89,7 +89,6 @@ class CamerasTable(Section):
     """[cameras]: two cameras, their sensors, the crop and the view."""
 
     write: bool = False
-    """True to make pictures."""
     sensor: Size = (512, 512)
     """Columns and rows of the whole sensor, which the calibration pictures show [px]."""
     picture: Size = (128, 128)
@@ -191,7 +190,6 @@ class OpticsTable(Section):
     haze_memory: f.PositiveTime = 100e-6
     """Time in which its correlation decays to 1/e [s]."""
     rays: Annotated[int, Field(ge=2, le=16)] = 4
-    """Number of rays per pixel along each axis."""
 
     @model_validator(mode="after")
     def _bright_enough(self) -> "OpticsTable":
@@ -220,7 +218,6 @@ class SpeckleTable(Section):
     """Width of a drop's rim divided by its diameter [-]."""
     flyer: bool = True
     platen: bool = False
-    """True if flyer and transmission platen are painted."""
     bare: Share = 0.3
     """Reflectance of unpainted surfaces [-]."""
     scratch: Width = 0.0

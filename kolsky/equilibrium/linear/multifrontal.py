@@ -43,7 +43,6 @@ class Front:
     unknowns: IntArray
     """Unknowns of the front: first the eliminated ones, then the boundary in the order of elimination."""
     eliminated: int
-    """Number of unknowns eliminated here."""
     children: tuple[int, ...]
     """Fronts that are added here."""
     places: tuple[IntArray, ...]

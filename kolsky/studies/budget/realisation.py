@@ -209,7 +209,6 @@ class Estimate:
     sigma: Mapping[str, float]
     """Their standard deviations from the residuals."""
     outcome: RealisationOutcome
-    """Its outcome."""
 
 
 def whole_search(shot: Shot, settings: Settings) -> Estimate:
@@ -311,9 +310,7 @@ class Realisations:
     folder: Path
     """Folder of the files that it names."""
     factors: tuple[Factor, ...]
-    """Sources of error, length k."""
     settings: Settings
-    """Settings for the identification of each realisation."""
     start: Mapping[str, float] | None = None
     """The optimum of the test without errors, which is the start of the re-fits. None: every realisation uses
     the complete search. It follows from the other fields and is not part of `model_hash`."""

@@ -106,7 +106,6 @@ class Source:
     slope: float
     """Change of the answer per unit of the factor's value; NaN for the noise."""
     refused: tuple[str, ...]
-    """Reasons why realisations gave no answer, one sentence each."""
     share_interval: tuple[float, float] = NO_INTERVAL
     """95 % interval of its share in the sum of the squares [-]. The interval is due to the few draws of the
     noise."""
@@ -121,7 +120,6 @@ class Budget(ResultViews):
     """Effect of each source of error on one parameter, separately and together with the others."""
 
     name: str
-    """Name of the test."""
     parameter: str
     truth: float
     """Its true value; NaN if the specification does not define it."""

@@ -70,7 +70,6 @@ class Rate:
     discrepancy: tuple[float, float]
     """Assumed discrepancy of the model [N], [m]."""
     expected: Expected
-    """Expected uncertainties."""
     cost: Mapping[str, float]
     """-ln det H ("D") and trace of H^-1 ("A"), with parameters in units of their scale."""
 
@@ -142,7 +141,6 @@ class Plan(ResultViews):
 
     shot: str
     instruments: Instruments
-    """The measurements and their uncertainties."""
     discrepancy: tuple[float, float]
     """Assumed discrepancy of the model in a force bin [N] and an outline point [m]."""
     information: Information
@@ -164,7 +162,6 @@ class Plan(ResultViews):
     rates: tuple[Rate, ...]
     """The test at other speeds of the flyer."""
     provenance: dict[str, Any]
-    """Inputs and settings."""
 
     @property
     def names(self) -> tuple[str, ...]:

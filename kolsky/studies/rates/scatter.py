@@ -41,7 +41,6 @@ class MixedFit:
     q: float
     """Cochran's Q: residual sum of squares in units of s, without tau [-]."""
     freedom: int
-    """Degrees of freedom n - p."""
     scale: float
     """Knapp and Hartung's factor on the covariance, Eq. (S.5) [-]."""
     leverage: FloatArray
@@ -252,11 +251,9 @@ class Criterion:
     """One condition of a slope."""
 
     name: str
-    """Name of the condition."""
     value: float
     """Value of the shots; infinite without a limit."""
     limit: float
-    """Required value."""
     unit: str
     """Unit of both, "1" if none."""
     at_least: bool
@@ -282,7 +279,6 @@ class Slope:
     span: float
     """Decades between the rates of the slowest and the fastest shot."""
     criteria: tuple[Criterion, ...]
-    """Every condition, in order."""
     leave_one_out: tuple[MixedFit | None, ...]
     """The line without each shot in turn."""
 
