@@ -2,7 +2,7 @@
 
 Choices of the laboratory are compared.
 
-Window, frames, heights and rate are compared by the determinant or the trace of the expected covariance.
+Window, frames, heights and rate are compared by the determinant of the expected covariance.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,6 @@ import numpy as np
 
 from dic.views import ResultViews
 from doe.information import (
-    Criterion,
     Placement,
     SingularInformationError,
     UndecidedError,
@@ -39,18 +38,14 @@ from kolsky.studies.planning.information import (
     instruments_of,
 )
 
-CRITERIA: tuple[Criterion, ...] = ("D", "A")
 SHARES = (0.25, 0.5, 0.75)
 """Recording lengths of the cameras to be compared, divided by the window."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The best choice by one criterion, and its expected uncertainties."""
+    """The D-optimal choice (smallest volume of the joint interval), and its expected uncertainties."""
 
-    criterion: Criterion
-    """"D": smallest volume of the joint interval. "A": smallest mean variance of parameters in units of their
-    scale."""
     places: FloatArray
     """Heights [m], or first and last time [s]."""
     deviations: FloatArray
@@ -70,8 +65,8 @@ class Rate:
     discrepancy: tuple[float, float]
     """Assumed discrepancy of the model [N], [m]."""
     expected: Expected
-    cost: Mapping[str, float]
-    """-ln det H ("D") and trace of H^-1 ("A"), with parameters in units of their scale."""
+    cost: float
+    """-ln det H, with parameters in units of their scale [-]."""
 
 
 def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, list[Expected]]:
@@ -81,50 +76,43 @@ def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, lis
     return times, [Expected.of(found.data.select(found.time <= t)) for t in times]
 
 
-def camera_windows(found: Information, share: float) -> list[Choice]:
+def camera_windows(found: Information, share: float) -> Choice | None:
     """Best recording time of the cameras if their memory covers only a share of the window. The force is
-    recorded throughout. There is one choice per criterion. None without cameras, or if no choice constrains
-    all parameters.
-    """
+    recorded throughout. None without cameras, or if no choice constrains all parameters."""
     frames = found.sensitivity.grid.frames
     count = max(1, round(share * len(frames)))
     chosen = _chosen(found, found.by_frame(), count, best_window)
-    return [
-        Choice(c, frames[[p.chosen[0], p.chosen[-1]]], _deviations(p.information, found)) for c, p in chosen
-    ]
+    return chosen and Choice(frames[[chosen.chosen[0], chosen.chosen[-1]]], _deviations(chosen, found))
 
 
-def camera_heights(found: Information, count: int) -> list[Choice]:
-    """The heights at which an outline, together with the force, gives the most information. None without
-    cameras, or if no choice constrains all parameters."""
+def camera_heights(found: Information, count: int) -> Choice | None:
+    """The heights at which an outline, together with the force, gives the most information.
+
+    None without cameras, or if no choice constrains all parameters.
+    """
     heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):
         raise ValueError(f"of the {len(heights)} heights of the map 1 or more can be chosen, got {count}")
     chosen = _chosen(found, found.by_height(), count, best_groups)
-    return [Choice(c, heights[list(p.chosen)], _deviations(p.information, found)) for c, p in chosen]
+    return chosen and Choice(heights[list(chosen.chosen)], _deviations(chosen, found))
 
 
-def best_rate(rates: Sequence[Rate], criterion: Criterion) -> Rate:
-    """The rate with the smallest cost by a criterion."""
-    return min(rates, key=lambda rate: rate.cost[criterion])
+def best_rate(rates: Sequence[Rate]) -> Rate:
+    """The D-optimal rate."""
+    return min(rates, key=lambda rate: rate.cost)
 
 
 def _chosen(
     found: Information, groups: FloatArray, count: int, choose: Callable[..., Placement]
-) -> list[tuple[Criterion, Placement]]:
-    if not groups.any():
-        return []
-    chosen = []
-    for criterion in CRITERIA:
-        try:
-            chosen.append((criterion, choose(groups, count, base=found.of_force, criterion=criterion)))
-        except UndecidedError:
-            continue  # unconstrained parameters are reported with the expected deviations
-    return chosen
+) -> Placement | None:
+    try:
+        return choose(groups, count, base=found.of_force) if groups.any() else None
+    except UndecidedError:
+        return None  # unconstrained parameters are reported with the expected deviations
 
 
-def _deviations(information: FloatArray, found: Information) -> FloatArray:
-    return found.data.scale * np.sqrt(np.diag(np.linalg.inv(information)))
+def _deviations(chosen: Placement, found: Information) -> FloatArray:
+    return found.data.scale * np.sqrt(np.diag(np.linalg.inv(chosen.information)))
 
 
 NAMES = ("stiffness_factor", "poisson", "damping")
@@ -155,9 +143,9 @@ class Plan(ResultViews):
     """Ends of the window [s], shape [n]."""
     by_end: tuple[Expected, ...]
     """Expected uncertainties from the data up to each end, length n."""
-    windows: dict[float, tuple[Choice, ...]]
+    windows: dict[float, Choice]
     """Best recording times of the cameras, by the share of the window in their memory."""
-    heights: dict[int, tuple[Choice, ...]]
+    heights: dict[int, Choice]
     """Best heights of the outline, by the number of heights."""
     rates: tuple[Rate, ...]
     """The test at other speeds of the flyer."""
@@ -250,7 +238,7 @@ def plan(
                 mean_rate=travel / shot.specimen.length / float(edges[-1] - edges[0]),
                 discrepancy=left_out,
                 expected=Expected.of(found.data),
-                cost={c: float(costs(found.data.information, c)) for c in CRITERIA},
+                cost=float(costs(found.data.information)),
             )
         )
         if factor == 1.0:
@@ -280,8 +268,8 @@ def plan(
         force_scale=_scale_shift(found, prepared.observations.force_sigma_gain),
         end_times=times,
         by_end=tuple(by_end),
-        windows={share: tuple(camera_windows(found, share)) for share in SHARES},
-        heights={count: tuple(camera_heights(found, count)) for count in heights},
+        windows={share: best for share in SHARES if (best := camera_windows(found, share))},
+        heights={count: best for count in heights if (best := camera_heights(found, count))},
         rates=tuple(judged),
         provenance=provenance(shot, settings, prepared, sliding=sliding),
     )
@@ -331,11 +319,9 @@ def to_json(plan: Plan) -> dict[str, Any]:
         "instruments": vars(plan.instruments),
         "discrepancy": {"force_N": plan.discrepancy[0], "outline_m": plan.discrepancy[1]},
         "camera_windows": [
-            {"share_of_window": share, **_choice(choice, names)}
-            for share, choices in plan.windows.items()
-            for choice in choices
+            {"share_of_window": share, **_choice(choice, names)} for share, choice in plan.windows.items()
         ],
-        "camera_heights": [_choice(c, names) for choices in plan.heights.values() for c in choices],
+        "camera_heights": [_choice(choice, names) for choice in plan.heights.values()],
         "rates": [
             {
                 "speed_factor": rate.factor,
@@ -348,7 +334,7 @@ def to_json(plan: Plan) -> dict[str, Any]:
             }
             for rate in plan.rates
         ],
-        "best_rate": {c: best_rate(plan.rates, c).factor for c in CRITERIA},
+        "best_rate": best_rate(plan.rates).factor,
         "provenance": plan.provenance,
     }
     return {key: jsonable(value, key) for key, value in whole.items()}
@@ -356,7 +342,6 @@ def to_json(plan: Plan) -> dict[str, Any]:
 
 def _choice(choice: Choice, names: tuple[str, ...]) -> dict[str, Any]:
     return {
-        "criterion": choice.criterion,
         "places": choice.places,
         "sigma": dict(zip(names, choice.deviations, strict=True)),
     }
@@ -416,18 +401,16 @@ def rows(plan: Plan) -> Mapping[str, Any]:
     for pair, r in correlations(whole, names).items():
         symbols = "-".join(PARAMETERS[name].symbol for name in pair.split(", "))
         shown[f"correlation {symbols}"] = "not known" if r is None else f"{r:.2f}"
-    for share, choices in plan.windows.items():
-        for choice in choices:
-            begin, end = 1e3 * choice.places
-            shown[f"{100 * share:g} % of frames, {choice.criterion}-optimal"] = (
-                f"{begin:.2f} to {end:.2f} ms: {_sigmas(choice.deviations, names)}"
-            )
-    for count, choices in plan.heights.items():
-        for choice in choices:
-            places = ", ".join(f"{1e3 * y:.2f}" for y in choice.places)
-            shown[f"{count} height{'s' if count > 1 else ''}, {choice.criterion}-optimal"] = (
-                f"{places} mm: {_sigmas(choice.deviations, names)}"
-            )
+    for share, choice in plan.windows.items():
+        begin, end = 1e3 * choice.places
+        shown[f"{100 * share:g} % of frames, D-optimal"] = (
+            f"{begin:.2f} to {end:.2f} ms: {_sigmas(choice.deviations, names)}"
+        )
+    for count, choice in plan.heights.items():
+        places = ", ".join(f"{1e3 * y:.2f}" for y in choice.places)
+        shown[f"{count} height{'s' if count > 1 else ''}, D-optimal"] = (
+            f"{places} mm: {_sigmas(choice.deviations, names)}"
+        )
     for rate in plan.rates:
         first_pair = next(iter(correlations(rate.expected, names).values()), None)
         shown[f"speed x {rate.factor:g}"] = (
@@ -435,7 +418,7 @@ def rows(plan: Plan) -> Mapping[str, Any]:
             + _sigmas(rate.expected.deviations, names)
             + ("" if first_pair is None else f"; first correlation {first_pair:.2f}")
         )
-    best = [f"{c}-optimal x {best_rate(plan.rates, c).factor:g}" for c in CRITERIA]
+    best = [f"D-optimal x {best_rate(plan.rates).factor:g}"]
     for j, name in enumerate(names):
         sigmas = [float(rate.expected.deviations[j]) for rate in plan.rates]
         rate = plan.rates[sigmas.index(min(sigmas))]
