@@ -145,32 +145,6 @@ class ComponentSurrogate(Surrogate, Protocol):
         """The scores at points in parameter units, shape [m, d] -> [m, n_components]."""
 
 
-@dataclass(frozen=True)
-class SurrogateKind:
-    """A kind of surrogate in the registry, with one way to fit all of them."""
-
-    surrogate: Any
-    """The class; its class method ``fit(box, points, values, ...)`` builds a `Surrogate` from runs."""
-    summary: str
-    scalar: bool = False
-    """True if the response of a run is a single number; then `fit` of the class takes values of shape [n] and
-    no scale."""
-
-    def fit(self, box: Box, points: ArrayLike, values: ArrayLike, *, scale: ArrayLike = 1.0) -> Any:
-        """Build the surrogate from runs, shapes [n, d] and [n, k]; k = 1 for a scalar kind.
-
-        ``scale``: scale of differences in each entry of the response, shape [k] or a number. Raises
-        ValueError if a point is outside the box or shapes do not match, SurrogateError if no surrogate can be
-        built.
-        """
-        if not self.scalar:
-            return self.surrogate.fit(box, points, values, scale=scale)
-        y = np.asarray(values, dtype=np.float64)
-        if y.ndim != 2 or y.shape[1] != 1:
-            raise ValueError(f"values of a scalar response must have shape [n, 1], got {list(y.shape)}")
-        return self.surrogate.fit(box, points, y[:, 0])
-
-
 def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Runs and their values as arrays [n, d] and [n, k]. It checks that a surrogate can use them.
 

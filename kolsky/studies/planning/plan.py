@@ -82,7 +82,11 @@ def camera_windows(found: Information, share: float) -> Choice | None:
     frames = found.sensitivity.grid.frames
     count = max(1, round(share * len(frames)))
     chosen = _chosen(found, found.by_frame(), count, best_window)
-    return chosen and Choice(frames[[chosen.chosen[0], chosen.chosen[-1]]], _deviations(chosen, found))
+    return (
+        None
+        if chosen is None
+        else Choice(frames[[chosen.chosen[0], chosen.chosen[-1]]], _deviations(chosen, found))
+    )
 
 
 def camera_heights(found: Information, count: int) -> Choice | None:
@@ -94,7 +98,7 @@ def camera_heights(found: Information, count: int) -> Choice | None:
     if not 1 <= count <= len(heights):
         raise ValueError(f"of the {len(heights)} heights of the map 1 or more can be chosen, got {count}")
     chosen = _chosen(found, found.by_height(), count, best_groups)
-    return chosen and Choice(heights[list(chosen.chosen)], _deviations(chosen, found))
+    return None if chosen is None else Choice(heights[list(chosen.chosen)], _deviations(chosen, found))
 
 
 def best_rate(rates: Sequence[Rate]) -> Rate:
