@@ -43,7 +43,6 @@ class Box:
     """
 
     names: tuple[str, ...]
-    """Parameter names, length d."""
     lower: tuple[float, ...]
     """Lower bounds in parameter units, length d."""
     upper: tuple[float, ...]
@@ -254,11 +253,8 @@ class Constraint:
             raise ValueError(f"{text[:80]!r} cannot be read: {message}") from None
 
     def __call__(self, points: FloatArray) -> NDArray[np.bool_]:
-        """Points that meet the constraint.
-
-        ``points``: values in SI, shape [n, d], one column for each name. Returns: shape [n]. It is also False
-        where the result of the arithmetic is not finite.
-        """
+        """Points that meet the constraint. ``points``: values in SI, shape [n, d], one column for each name.
+        Returns: shape [n]. It is also False where the result of the arithmetic is not finite."""
         return _compare(self._comparison, dict(zip(self.names, points.T, strict=True)))
 
 

@@ -9,8 +9,7 @@ so that Cov p = G diag(s^2) G^T = H^-1. A datum's share of the variance of p is 
 is also its share in the information about p, because the part of the other parameters is removed.
 
 The information of independent data adds up. D-optimal data have the largest det H and thus the smallest
-volume of the joint interval. A-optimal data have the smallest trace of H^-1. This is the smallest mean
-variance of the parameters in units of their scale (Pukelsheim, *Optimal Design of Experiments*, 1993).
+volume of the joint interval (Pukelsheim, *Optimal Design of Experiments*, 1993).
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from dataclasses import dataclass
 from itertools import combinations
 from math import comb
 from operator import index
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +54,6 @@ class LinearData:
     """Data with their derivatives with respect to some parameters."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     jacobian: FloatArray
     """Derivatives of the data by the parameters, in their units, shape [k, d]."""
     sigma: FloatArray
@@ -126,10 +123,7 @@ class LinearData:
     @property
     def shares(self) -> FloatArray:
         """Share of each datum in the information about a parameter, all parameters estimated together [-],
-        shape [k, d].
-
-        Columns add up to one.
-        """
+        shape [k, d]. Columns add up to one."""
         moves = self.gain * self.sigma
         return (moves**2 / (moves**2).sum(axis=1, keepdims=True)).T
 
@@ -147,8 +141,6 @@ class LinearData:
         return LinearData(self.names, self.jacobian[rows], self.sigma[rows], self.scale)
 
 
-Criterion = Literal["D", "A"]
-
 ALL = 20_000
 """Up to this number of subsets, all are compared. Above it, points are exchanged until no exchange improves
 the result."""
@@ -165,33 +157,25 @@ class Placement:
     chosen: tuple[int, ...]
     """Indices of the groups, ascending."""
     cost: float
-    """-ln det H, or the trace of H^-1, including the base."""
+    """-ln det H, including the base."""
     information: FloatArray
     """H of base and chosen groups together [-], shape [d, d]."""
 
 
-def costs(information: FloatArray, criterion: Criterion) -> FloatArray:
-    """Cost of an information matrix, shape [..., d, d] -> [...]; infinite where it is singular.
-
-    Raises ValueError if the criterion is neither "D" nor "A".
-    """
-    if criterion not in ("D", "A"):
-        raise ValueError(f'criterion must be "D" or "A", got {criterion!r}')
+def costs(information: FloatArray) -> FloatArray:
+    """-ln det H of information matrices, shape [..., d, d] -> [...]; infinite where H is singular."""
     values = np.linalg.eigvalsh(information)
     regular = values[..., 0] > 1e-12 * np.maximum(values[..., -1], np.finfo(float).tiny)
-    safe = np.where(regular[..., None], values, 1.0)
-    cost = -np.log(safe).sum(axis=-1) if criterion == "D" else (1.0 / safe).sum(axis=-1)
+    cost = -np.log(np.where(regular[..., None], values, 1.0)).sum(axis=-1)
     return np.asarray(np.where(regular, cost, np.inf))
 
 
-def best_groups(
-    groups: FloatArray, count: int, *, base: FloatArray | None = None, criterion: Criterion = "D"
-) -> Placement:
-    """The `count` groups of data that, together with the base, minimise the criterion.
+def best_groups(groups: FloatArray, count: int, *, base: FloatArray | None = None) -> Placement:
+    """The `count` groups of data that, together with the base, are D-optimal.
 
     ``groups``: information of each group, e.g. of all data measured at one height [-], shape [n, d, d].
     ``count``: how many to choose, 1 to n. ``base``: information that is available in any case [-], shape [d,
-    d]; none if left out. ``criterion``: "D" or "A".
+    d]; none if left out.
     """
     n, d, _ = groups.shape
     count = index(count)
@@ -200,48 +184,44 @@ def best_groups(
     start = np.zeros((d, d)) if base is None else base
     if comb(n, count) <= ALL:
         subsets = np.array(list(combinations(range(n), count)))
-        cost = costs(start + groups[subsets].sum(axis=1), criterion)
+        cost = costs(start + groups[subsets].sum(axis=1))
         chosen = [int(i) for i in subsets[int(np.argmin(cost))]]
     else:
-        chosen = _exchanged(groups, count, start, criterion)
-    return _placed(groups, chosen, start, criterion)
+        chosen = _exchanged(groups, count, start)
+    return _placed(groups, chosen, start)
 
 
-def best_window(
-    groups: FloatArray, length: int, *, base: FloatArray | None = None, criterion: Criterion = "D"
-) -> Placement:
-    """The `length` neighbouring groups, e.g. frames, that together with the base minimise the criterion.
-
-    Parameters and errors as in `best_groups`.
-    """
+def best_window(groups: FloatArray, length: int, *, base: FloatArray | None = None) -> Placement:
+    """The `length` neighbouring groups, e.g. frames, that together with the base are D-optimal.
+    Parameters and errors as in `best_groups`."""
     n, d, _ = groups.shape
     length = index(length)
     if not 1 <= length <= n:
         raise ValueError(f"length must be in [1, {n}], got {length}")
     start = np.zeros((d, d)) if base is None else base
     total = np.concatenate([np.zeros((1, d, d)), np.cumsum(groups, axis=0)])
-    cost = costs(start + total[length:] - total[:-length], criterion)
+    cost = costs(start + total[length:] - total[:-length])
     first = int(np.argmin(cost))
-    return _placed(groups, list(range(first, first + length)), start, criterion)
+    return _placed(groups, list(range(first, first + length)), start)
 
 
-def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Criterion) -> list[int]:
+def _exchanged(groups: FloatArray, count: int, start: FloatArray) -> list[int]:
     # A few groups give a singular matrix. A small multiple of the total makes the first choices comparable.
     ridge = 1e-6 * np.trace(groups.sum(axis=0)) / len(start) * np.eye(len(start))
     chosen: list[int] = []
     information = start + ridge
     for _ in range(count):
-        cost = costs(information + groups, criterion)
+        cost = costs(information + groups)
         cost[chosen] = np.inf
         chosen.append(int(np.argmin(cost)))
         information = information + groups[chosen[-1]]
-    best = float(costs(start + groups[chosen].sum(axis=0), criterion))
+    best = float(costs(start + groups[chosen].sum(axis=0)))
     gained = True
     while gained:
         gained = False
         for place in range(count):
             chosen_rows = [g for k, g in enumerate(chosen) if k != place]
-            cost = costs(start + groups[chosen_rows].sum(axis=0) + groups, criterion)
+            cost = costs(start + groups[chosen_rows].sum(axis=0) + groups)
             cost[chosen_rows] = np.inf
             candidate = int(np.argmin(cost))
             if cost[candidate] < best - 1e-12 * abs(best):
@@ -249,9 +229,9 @@ def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Cri
     return chosen
 
 
-def _placed(groups: FloatArray, chosen: list[int], start: FloatArray, criterion: Criterion) -> Placement:
+def _placed(groups: FloatArray, chosen: list[int], start: FloatArray) -> Placement:
     information = start + groups[chosen].sum(axis=0)
-    cost = float(costs(information, criterion))
+    cost = float(costs(information))
     if not np.isfinite(cost):
         raise UndecidedError("no choice determines all parameters: choose more groups, or hold a parameter")
     return Placement(tuple(sorted(chosen)), cost, information)

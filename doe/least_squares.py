@@ -108,11 +108,9 @@ class LeastSquaresResult:
     at_bound: tuple[str, ...]
     """Parameters on a face of the box."""
     converged: bool
-    """True if the search converged."""
     ended: str
     """Reason for the end of the search, in words."""
     runs: int
-    """Number of runs of the search."""
     steps: int
     """Number of trial points, including rejected ones."""
 
@@ -218,10 +216,8 @@ def bounded_step(
 
 def newton_step(hessian: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Newton's step inside bounds for a regular Hessian, shape [d]. Much faster than `bounded_step`.
-
     Coordinates that pass a bound stop there, and the steps of the others are found again. ``low`` <= 0 <=
-    ``high``: bounds of the step.
-    """
+    ``high``: bounds of the step."""
     step, free = np.linalg.solve(hessian, -gradient), np.ones(len(low), dtype=bool)
     while (beyond := free & ((step < low) | (step > high))).any():
         step = np.clip(step, low, high)

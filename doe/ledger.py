@@ -71,9 +71,7 @@ class Run:
     """The record of one run."""
 
     completed: bool
-    """True if the run completed."""
     outcome: str
-    """Outcome of the run, one word."""
     results: FloatArray
     """Results of the run, shape [k]; NaN is kept."""
     reason: str = ""
@@ -170,11 +168,9 @@ class Ledger:
             return int(self._sql.execute("SELECT count(*) FROM runs").fetchone()[0])
 
     def find(self, points: ArrayLike) -> list[Run | None]:
-        """The runs of this model at some points, shape [n, d]; None for a missing or damaged row.
-
-        A damaged row is listed in `damaged`; calling `record` for that run replaces it. Raises LedgerError if
-        the file cannot be read.
-        """
+        """The runs of this model at some points, shape [n, d]; None for a missing or damaged row. A damaged
+        row is listed in `damaged`; calling `record` for that run replaces it. Raises LedgerError if the file
+        cannot be read."""
         runs: list[Run | None] = []
         with self._refusing():
             for point in np.asarray(points, dtype=np.float64):

@@ -42,10 +42,8 @@ def choose(
     rng: np.random.Generator,
 ) -> FloatArray:
     """The optimum and the candidates with the lowest bound of the misfit, chosen one by one, shape [n, d].
-
     After each choice the surrogate is assumed to be exact at that point, which reduces its error around the
-    point (the kriging believer). Fewer than ``size`` are chosen if the region has no room for more.
-    """
+    point (the kriging believer). Fewer than ``size`` are chosen if the region has no room for more."""
     unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
     x = region.scale(unit)
     draws = scipy.stats.norm.ppf(scipy.stats.qmc.Sobol(surrogate.n_components, rng=rng).random(DRAWS))
@@ -112,7 +110,6 @@ class Round:
     points: FloatArray
     """The runs, the surrogate's optimum first, in parameter units, shape [n, d]."""
     predicted: float
-    """Misfit predicted by the surrogate at the optimum."""
     confirmed: float
     """Misfit of the run at the optimum; NaN if it failed."""
     shift: float
@@ -130,11 +127,9 @@ class Refinement:
     sigma: FloatArray
     """Its standard deviation, shape [d]."""
     region: Box
-    """The last region."""
     surrogate: ProcessSurrogate
     """Surrogate built from the runs in and near the last region."""
     rounds: tuple[Round, ...]
-    """Every batch."""
     points: FloatArray
     """All completed runs, including the first design, in parameter units, shape [n, d]."""
     responses: FloatArray

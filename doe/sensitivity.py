@@ -48,15 +48,11 @@ the box more evenly than the bootstrap assumes."""
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """First-order and total indices with their intervals.
-
-    They are estimates: a small index can be slightly below zero and is not corrected.
-    """
+    """First-order and total indices with their intervals. They are estimates: a small index can be slightly
+    below zero and is not corrected."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     outputs: tuple[str, ...]
-    """Names of the outputs, length s."""
     first: FloatArray
     """Share of the variance caused by each parameter without interactions [-], shape [s, d]."""
     total: FloatArray
@@ -70,7 +66,6 @@ class SobolIndices:
     variance: FloatArray
     """Variance of each output over the box, in its unit squared, shape [s]."""
     evaluations: int
-    """Number of evaluations of the function."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +123,7 @@ def evaluate(function: Function, box: Box, unit_points: FloatArray) -> FloatArra
 
 
 def sobol_indices(
-    box: Box,
-    function: Function,
-    *,
-    outputs: tuple[str, ...],
-    n: int = 1024,
-    rng: Rng,
+    box: Box, function: Function, *, outputs: tuple[str, ...], n: int = 1024, rng: Rng
 ) -> SobolIndices:
     """Variance-based sensitivity of some scalar outputs, e.g. of a verified surrogate.
 
@@ -215,7 +205,6 @@ class HistoryIndices:
     """Indices of a history with k entries."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     first: FloatArray
     """First-order index of each entry [-], shape [d, k]; NaN where the variance of the entry is too small."""
     total: FloatArray
@@ -234,12 +223,7 @@ class HistoryIndices:
 
 
 def history_indices(
-    box: Box,
-    function: Function,
-    *,
-    scale: ArrayLike = 1.0,
-    n: int = 1024,
-    rng: Rng,
+    box: Box, function: Function, *, scale: ArrayLike = 1.0, n: int = 1024, rng: Rng
 ) -> HistoryIndices:
     """Variance-based sensitivity of a history, e.g. `Surrogate.predict`.
 
@@ -296,7 +280,6 @@ class ElementaryEffects:
     """Effects of each parameter on each output, per edge of the box."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     effects: FloatArray
     """Every effect, in the outputs' units, shape [r, d, s]."""
 

@@ -72,30 +72,13 @@ def gradient(
     and differentiates it. The cost does not depend on the number of unknowns. The result is the derivative of
     the discrete response, with fixed time steps and fixed contact decisions (README.md).
 
-    Parameters
-    ----------
-    model : Model
-        The model to simulate.
-    samples : Samples
-        One sample: where to differentiate.
-    sampling : Sampling
-        The recorded times.
-    objective : callable
-        ``objective(histories) -> (value, cotangent)``: a number and, as `Histories` of the same shapes, its
-        derivative by every entry. Begin a cotangent with `Histories.zeros`.
-    stepping : Stepping, optional
-        Numerical choices; fp64 only.
-    steps : StepSequence, optional
-        The time steps to take; default: measured as by `explicit.run`.
-    checkpoint_every : int
-        Steps of a segment.
-
-    Raises
-    ------
-    ValueError
-        If there is not exactly one sample, or a requested time is before the start. If the wave in a bar
-        returns within a segment, or the run does not reach its end. If the cotangent and the histories have
-        different shapes.
+    ``model``: the model to simulate. ``samples``: one sample: where to differentiate. ``sampling``: the
+    recorded times. ``objective``: ``objective(histories) -> (value, cotangent)``: a number and, as
+    `Histories` of the same shapes, its derivative by every entry. Begin a cotangent with `Histories.zeros`.
+    ``stepping``: numerical choices; fp64 only. ``steps``: the time steps to take; default: measured as by
+    `explicit.run`. ``checkpoint_every``: steps of a segment. Raises ValueError if there is not exactly one
+    sample, or a requested time is before the start. If the wave in a bar returns within a segment, or the run
+    does not reach its end. If the cotangent and the histories have different shapes.
     """
     if checkpoint_every < 1:
         raise ValueError(f"checkpoint_every must be >= 1 step, got {checkpoint_every}")
@@ -129,10 +112,7 @@ def forward_run(
     """The forward run of `gradient` without the reverse pass, for difference quotients. It can repeat given
     steps.
 
-    Raises
-    ------
-    ValueError
-        As `gradient`.
+    Raises ValueError as `gradient`.
     """
     forward = run_forward(plan(model, samples, stepping or Stepping(), CHECKPOINT_EVERY), sampling, steps)
     return forward.histories, forward.steps
@@ -167,25 +147,10 @@ def by_table(gradient: Gradient, law: MarlowLaw) -> tuple[FloatArray, FloatArray
     """Derivatives of the objective by the knots of the law's table, with quotients and slopes as independent
     variables.
 
-    Parameters
-    ----------
-    gradient : Gradient
-        Of a model whose sample has this law.
-    law : MarlowLaw
-        The law.
-
-    Returns
-    -------
-    by_quotient : array, shape [n_knots]
-        Derivative by 2 U' at each knot [1/Pa]. The first one is also the initial shear modulus. Its effect on
-        the bulk modulus, the damping and the hourglass control is included.
-    by_slope : array, shape [n_knots]
-        Derivative by the slope of 2 U' in s at each knot [1/Pa].
-
-    Raises
-    ------
-    ValueError
-        If the gradient has another number of constants than the law.
+    ``gradient``: of a model whose sample has this law. ``law``: the law. Returns: derivative by 2 U' at each
+    knot [1/Pa]. The first one is also the initial shear modulus. Its effect on the bulk modulus, the damping
+    and the hourglass control is included. Returns: derivative by the slope of 2 U' in s at each knot [1/Pa].
+    Raises ValueError if the gradient has another number of constants than the law.
     """
     n = len(law.parameters())
     if len(gradient.law) != n:
@@ -211,22 +176,9 @@ def by_curve_stress(
     The table is linear in the stresses of the curve except for the slopes of the monotone cubic. Its
     derivative is computed by central differences of `marlow_from_curve`, which needs no simulation.
 
-    Parameters
-    ----------
-    gradient : Gradient
-        Of a model whose sample has the law ``marlow_from_curve(stretch, stress, n_knots=n_knots)``.
-    stretch, stress, n_knots
-        The curve, as there; shape [n].
-
-    Returns
-    -------
-    array, shape [n]
-        Derivatives [1/Pa], 0 for a point at rest.
-
-    Raises
-    ------
-    ValueError
-        As `marlow_from_curve`, or if the gradient is of another law.
+    ``gradient``: of a model whose sample has the law ``marlow_from_curve(stretch, stress, n_knots=n_knots)``.
+    ``stretch``, ``stress``, ``n_knots``: the curve, as there; shape [n]. Returns: derivatives [1/Pa], 0 for a
+    point at rest. Raises ValueError as `marlow_from_curve`, or if the gradient is of another law.
     """
     law = marlow_from_curve(stretch, stress, n_knots=n_knots)
     by_quotient, by_slope = by_table(gradient, law)

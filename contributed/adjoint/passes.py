@@ -53,11 +53,9 @@ class StepSequence:
 
 @dataclass(frozen=True)
 class ForceSampling:
-    """The linear map from the forces of the steps to force and impulse at the requested times.
-
-    The interpolation is that of the time loop. A force is linear between two steps. An impulse increases with
-    the force of the step that contains the time.
-    """
+    """The linear map from the forces of the steps to force and impulse at the requested times. The
+    interpolation is that of the time loop. A force is linear between two steps. An impulse increases with the
+    force of the step that contains the time."""
 
     steps: StepSequence
     times: FloatArray
@@ -116,12 +114,9 @@ class Source(NamedTuple):
 
 @dataclass
 class ReturnedWave:
-    """The outgoing wave of each step and the returned wave, which is interpolated from it.
-
-    The time loop stores `BAR_HISTORY` values of the outgoing wave per round trip. Each value comes from the
-    first step at or after its time. The loop interpolates linearly, so each returned value depends on two
-    outgoing ones.
-    """
+    """The outgoing wave of each step and the returned wave, which is interpolated from it. The time loop
+    stores `BAR_HISTORY` values of the outgoing wave per round trip. Each value comes from the first step at
+    or after its time. The loop interpolates linearly, so each returned value depends on two outgoing ones."""
 
     support: CharacteristicBar
     returned: list[float] = field(default_factory=list)

@@ -27,11 +27,9 @@ from explicit.run_batch import run
 
 @dataclass(frozen=True)
 class Histories:
-    """Forces, impulses and the side surface at the times of an `explicit.Sampling`.
-
-    Leading axes depend on the use: samples, parameters or none. Units are those of the values. A derivative
-    is per unit of its parameter; a cotangent is per unit of the value.
-    """
+    """Forces, impulses and the side surface at the times of an `explicit.Sampling`. Leading axes depend on
+    the use: samples, parameters or none. Units are those of the values. A derivative is per unit of its
+    parameter; a cotangent is per unit of the value."""
 
     force_flyer: FloatArray
     """Force of the flyer's platen [N], shape [..., n_force_times]."""
@@ -125,12 +123,9 @@ def stencil_for(name: str, value: float, widest: float) -> Stencil:
 
 @dataclass(frozen=True)
 class StepStudy:
-    """Change of a derivative from one step of the ladder to the next smaller one (the V).
-
-    Changes are root mean squares over both platens, or over radii and heights, relative to that of the
-    derivative. They decrease with the square of a step that is too large. They increase again if the step is
-    too small.
-    """
+    """Change of a derivative from one step of the ladder to the next smaller one (the V). Changes are root
+    mean squares over both platens, or over radii and heights, relative to that of the derivative. They
+    decrease with the square of a step that is too large. They increase again if the step is too small."""
 
     step: FloatArray
     """Steps, widest first, in the parameter's unit, shape [n_parameters, n_steps]."""
@@ -168,7 +163,6 @@ class Jacobian:
     study: StepStudy
     """The steps that were tried and the one that was chosen."""
     stepping: Stepping
-    """The numerical choices of all runs."""
     steps_shared: bool
     """Whether all runs took the same time steps; if not, the derivatives contain their noise."""
 
@@ -190,27 +184,14 @@ def jacobian(
     parameter is near. The error of an entry is the Richardson estimate r^2 / (r^2 - 1) |D(h) - D(h / r)| from
     the chosen step and the next smaller one. For steps below the minimum of the V it is about the round-off.
 
-    Parameters
-    ----------
-    model, sampling
-        What to simulate and what to record.
-    samples : Samples
-        One sample: where to differentiate.
-    parameters : sequence of str
-        Any of "stiffness_factor", "poisson", "damping", "friction", "mass_damping".
-    relative_steps : sequence of float
-        The ladder: steps over the parameter's scale (`explicit.model.scale_of`), descending, 3 or more.
-        A step is chosen among all but the last.
-    stepping : Stepping, optional
-        Numerical choices. Default: `same_steps` of the widest perturbations, which costs a trial batch.
-    device, threads
-        As in `explicit.run`.
-
-    Raises
-    ------
-    ValueError
-        If there is not exactly one sample, or a run does not complete. If a parameter is unknown, repeated or
-        without effect in the model, or a step leaves its range.
+    ``model``, ``sampling``: what to simulate and what to record. ``samples``: one sample: where to
+    differentiate. ``parameters``: any of "stiffness_factor", "poisson", "damping", "friction",
+    "mass_damping". ``relative_steps``: the ladder: steps over the parameter's scale
+    (`explicit.model.scale_of`), descending, 3 or more. A step is chosen among all but the last. ``stepping``:
+    numerical choices. Default: `same_steps` of the widest perturbations, which costs a trial batch.
+    ``device``, ``threads``: as in `explicit.run`. Raises ValueError if there is not exactly one sample, or a
+    run does not complete. If a parameter is unknown, repeated or without effect in the model, or a step
+    leaves its range.
     """
     names, ladder = tuple(parameters), np.asarray(relative_steps, dtype=float)
     _check(model, samples, names, ladder)

@@ -186,17 +186,13 @@ SUMS = ("push", "loaded")
 
 @dataclass(frozen=True)
 class Window:
-    """Rows of the fields for a number of consecutive steps: step k leads from row k to row k + 1.
-
-    Every entry is a Warp array; `view` is the same memory as a NumPy array.
-    """
+    """Rows of the fields for a number of consecutive steps: step k leads from row k to row k + 1. Every entry
+    is a Warp array; `view` is the same memory as a NumPy array."""
 
     arrays: dict[str, Any]
-    """Warp arrays by name."""
     view: dict[str, NDArray[Any]]
     """The same memory as NumPy arrays."""
     gradient: dict[str, FloatArray]
-    """Gradients, of the arrays that have one."""
 
     @property
     def n_steps(self) -> int:
@@ -233,7 +229,6 @@ class PhasePlan:
     samples: Samples
     """Its parameters: one sample."""
     stepping: Stepping
-    """Numerical choices."""
     kernels: PhaseKernels
     window: Window
     element_inputs: tuple[Any, ...]
@@ -307,11 +302,8 @@ class PhasePlan:
 def plan(model: Model, samples: Samples, stepping: Stepping, n_steps: int) -> PhasePlan:
     """Prepare one simulation on the CPU with a window of `n_steps` steps.
 
-    Raises
-    ------
-    ValueError
-        If there is not exactly one sample, or it refers to a missing material or motion. If the precision is
-        single, or the support or a contact law has no adjoint.
+    Raises ValueError if there is not exactly one sample, or it refers to a missing material or motion. If the
+    precision is single, or the support or a contact law has no adjoint.
     """
     if len(samples) != 1:
         raise ValueError(f"samples must be one sample, the point to differentiate at, got {len(samples)}")

@@ -83,10 +83,8 @@ class Plane:
     """Likewise of Phi_S [-]."""
 
     def left_beyond(self, friction: float) -> tuple[float, float]:
-        """Range of Phi_F and Phi_S where friction is at least `friction`, over their full range [-].
-
-        Means over the stiffness are compared, because oscillations of the force make single runs scatter.
-        """
+        """Range of Phi_F and Phi_S where friction is at least `friction`, over their full range [-]. Means
+        over the stiffness are compared, because oscillations of the force make single runs scatter."""
         f = np.unique(self.design.points[:, 0])
         shares = []
         for phi in (self.phi_force, self.phi_shape):
@@ -126,7 +124,6 @@ class Trends:
     """All four figures."""
 
     shot: str
-    """Name of the shot."""
     stiffness: float
     """Stiffness factor of the runs over Poisson's ratio and damping [-]."""
     mesh: tuple[int, int]
@@ -152,21 +149,9 @@ def trends(
 ) -> Trends:
     """Run the simulations of all four figures.
 
-    Parameters
-    ----------
-    shot
-        A loaded shot with an outline.
-    stiffness
-        Stiffness factor of the runs over Poisson's ratio and damping: 1 in the paper.
-    numerics
-        Mesh, precision, device.
-    plane_mesh
-        Coarser mesh for the runs over the plane.
-
-    Raises
-    ------
-    ValueError
-        If no outline was measured, or a run does not complete.
+    ``shot``: a loaded shot with an outline. ``stiffness``: stiffness factor of the runs over Poisson's ratio
+    and damping: 1 in the paper. ``numerics``: mesh, precision, device. ``plane_mesh``: coarser mesh for the
+    runs over the plane. Raises ValueError if no outline was measured, or a run does not complete.
     """
     numerics = numerics or Numerics()
     prepared = prepare_shot(shot)

@@ -4,28 +4,21 @@
 from doe.designs.design import Design, DesignKind, Rng
 from doe.designs.optimal import d_optimal
 from doe.designs.response_surface import box_behnken, central_composite, fractional_factorial
-from doe.designs.space_filling import (
-    from_points,
-    full_factorial,
-    halton,
-    latin_hypercube,
-    maximin,
-    sobol,
-)
+from doe.designs.space_filling import from_points, full_factorial, halton, latin_hypercube, maximin, sobol
 
 DESIGNS: dict[str, DesignKind] = {
     kind.function.__name__: kind
     for kind in (
-        DesignKind(full_factorial, "factorial", ("levels",), "every combination of levels"),
-        DesignKind(latin_hypercube, "lhs", ("runs", "rng"), "a Latin hypercube"),
-        DesignKind(maximin, "maximin", ("runs", "rng"), "a Latin hypercube with points far apart"),
-        DesignKind(sobol, "sobol", ("runs", "rng"), "Sobol' points, a power of two"),
-        DesignKind(halton, "halton", ("runs", "rng"), "Halton points, any number"),
-        DesignKind(fractional_factorial, "fractional", ("generators",), "a part of the box's corners"),
-        DesignKind(central_composite, "composite", (), "corners, axis points, centre"),
-        DesignKind(box_behnken, "box-behnken", (), "middles of the edges, centre"),
-        DesignKind(d_optimal, "d-optimal", ("runs", "rng", "candidates"), "best for a quadratic"),
-        DesignKind(from_points, "csv", ("points",), "points of a file"),
+        DesignKind(full_factorial, "factorial", ("levels",)),
+        DesignKind(latin_hypercube, "lhs", ("runs", "rng")),
+        DesignKind(maximin, "maximin", ("runs", "rng")),
+        DesignKind(sobol, "sobol", ("runs", "rng")),
+        DesignKind(halton, "halton", ("runs", "rng")),
+        DesignKind(fractional_factorial, "fractional", ("generators",)),
+        DesignKind(central_composite, "composite", ()),
+        DesignKind(box_behnken, "box-behnken", ()),
+        DesignKind(d_optimal, "d-optimal", ("runs", "rng", "candidates")),
+        DesignKind(from_points, "csv", ("points",)),
     )
 }
 """Designs by the name of their function, in the order of a command line's help."""

@@ -81,7 +81,7 @@ Need = Literal["levels", "runs", "rng", "generators", "candidates", "points"]
 
 @dataclass(frozen=True)
 class DesignKind:
-    """A kind of design; calling it with the box and the function's arguments returns the design."""
+    """A kind of design."""
 
     function: Callable[..., Design]
     """Function of the box and of the options listed in `needs`, with their names in `DesignKind.make`. "runs"
@@ -90,12 +90,6 @@ class DesignKind:
     """Name at a command line."""
     needs: tuple[Need, ...]
     """Options of `make` that the function takes."""
-    summary: str
-    """Its purpose, in a few words."""
-
-    def __call__(self, box: Box, *arguments: Any, **options: Any) -> Design:
-        """The design made with the function's arguments."""
-        return self.function(box, *arguments, **options)
 
     def make(
         self,

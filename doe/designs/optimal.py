@@ -24,14 +24,7 @@ GAIN = 1e-9
 """An exchange must increase the determinant by at least this relative gain. Round-off is far smaller."""
 
 
-def d_optimal(
-    box: Box,
-    n: int,
-    *,
-    rng: Rng,
-    candidates: ArrayLike | None = None,
-    degree: int = 2,
-) -> Design:
+def d_optimal(box: Box, n: int, *, rng: Rng, candidates: ArrayLike | None = None, degree: int = 2) -> Design:
     """The n distinct candidates that determine a polynomial best; exchanges may end in a local optimum.
 
     Each start is a random choice. One point at a time is exchanged for the candidate that increases the
@@ -111,10 +104,8 @@ def _exchange(model: FloatArray, rows: IntArray) -> IntArray:
 
 def keep(design: Design, *constraints: Callable[[FloatArray], ArrayLike]) -> Design:
     """The points of a design that meet all constraints; ``settings["refused"]`` is the number of the others.
-
     A constraint is a function of points in parameter units, shape [n, d], that returns True for valid points,
-    shape [n]. Raises ValueError if its result has another shape, or no point is valid.
-    """
+    shape [n]. Raises ValueError if its result has another shape, or no point is valid."""
     mask = np.ones(len(design), dtype=bool)
     for constraint in constraints:
         allowed = np.asarray(constraint(design.points.copy()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from operator import index
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from doe.arrays import FloatArray
 from doe.box import Box
 from doe.designs.design import Design
 
-FACES = {"faced": "ccf", "inscribed": "cci"}
-"""pyDOE's names of the central composite designs whose points stay in the box."""
 GENERATOR = re.compile(r"[+-]?[a-z]+")
 
 
@@ -42,21 +40,14 @@ def fractional_factorial(box: Box, generators: str) -> Design:
     return _scaled(box, fracfact(" ".join(words)), "fractional_factorial", {"generators": generators})
 
 
-def central_composite(box: Box, *, shape: Literal["faced", "inscribed"] = "faced") -> Design:
-    """Corners, two points on each axis and one centre. A simulation has no scatter, so one centre is enough.
-
-    ``shape``: "faced" or "inscribed". "faced": corners of the box, axis points in the middle of its faces.
-    "inscribed": axis points in the middle of the faces, corners inside the box. This makes the design
-    rotatable, alpha = 2^(d/4).
-    """
+def central_composite(box: Box) -> Design:
+    """Corners, middles of the faces and one centre. A simulation has no scatter, so one centre is enough."""
     if box.dimension < 2:
         raise ValueError("a central composite design needs two parameters or more, got 1")
-    if shape not in FACES:
-        raise ValueError(f"shape must be one of {list(FACES)}, got {shape!r}")
     from pydoe import ccdesign
 
-    coded = ccdesign(box.dimension, center=(0, 1), alpha="rotatable", face=FACES[shape])  # type: ignore[arg-type]
-    return _scaled(box, coded, "central_composite", {"shape": shape})
+    coded = ccdesign(box.dimension, center=(0, 1), alpha="rotatable", face="ccf")
+    return _scaled(box, coded, "central_composite", {})
 
 
 def box_behnken(box: Box) -> Design:

@@ -14,6 +14,9 @@ from doe.arrays import FloatArray
 from doe.box import Box
 from doe.designs.design import Design, Rng, count_of, seed_of
 
+TRIES = 200
+"""Number of Latin hypercubes of which `maximin` takes the best."""
+
 
 def full_factorial(box: Box, levels: int | Sequence[int]) -> Design:
     """Every combination of equally spaced levels, bounds included; the last parameter varies fastest.
@@ -146,26 +149,22 @@ def from_points(box: Box, points: ArrayLike) -> Design:
 
 
 def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
-    """The first n >= 2 points of a Halton sequence. A larger n adds points to these.
-
-    Options as in `sobol`. Unscrambled it is the radical inverse in the first d primes.
-    """
+    """The first n >= 2 points of a Halton sequence. A larger n adds points to these. Options as in `sobol`.
+    Unscrambled it is the radical inverse in the first d primes."""
     n, seed = count_of(n), seed_of(rng)
     sampler = scipy.stats.qmc.Halton(box.dimension, scramble=scramble, rng=seed)
     settings = {"n": n, "scramble": scramble, "rng": seed}
     return Design(box.scale(sampler.random(n)), box, "halton", settings)
 
 
-def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
-    """A Latin hypercube of n >= 2 points, the best of ``tries`` random ones: its minimum distance of two
+def maximin(box: Box, n: int, *, rng: Rng) -> Design:
+    """A Latin hypercube of n >= 2 points, the best of `TRIES` random ones: its minimum distance of two
     points in the unit box is the largest.
     """
     n, seed = count_of(n), seed_of(rng)
-    if tries < 1:
-        raise ValueError(f"tries must be at least 1, got {tries}")
     sampler = scipy.stats.qmc.LatinHypercube(box.dimension, rng=seed)
-    best = max((sampler.random(n) for _ in range(tries)), key=_nearest)
-    return Design(box.scale(best), box, "maximin", {"n": n, "tries": tries, "rng": seed})
+    best = max((sampler.random(n) for _ in range(TRIES)), key=_nearest)
+    return Design(box.scale(best), box, "maximin", {"n": n, "tries": TRIES, "rng": seed})
 
 
 def _nearest(unit_points: FloatArray) -> float:

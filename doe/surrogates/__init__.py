@@ -1,5 +1,7 @@
 """Surrogates of expensive functions of a box. A new surrogate is one file and one line in `SURROGATES`."""
 
+from typing import Any
+
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.process import ProcessSurrogate
 from doe.surrogates.protocol import (
@@ -8,18 +10,17 @@ from doe.surrogates.protocol import (
     Kernel,
     Surrogate,
     SurrogateError,
-    SurrogateKind,
 )
 from doe.surrogates.quadratic import QuadraticSurrogate
 from doe.surrogates.rbf import CostSurrogate, RadialBasis, ResponseSurrogate
 
-SURROGATES: dict[str, SurrogateKind] = {
-    "response": SurrogateKind(ResponseSurrogate, "radial basis functions of principal components"),
-    "process": SurrogateKind(ProcessSurrogate, "Gaussian processes of principal components"),
-    "quadratic": SurrogateKind(QuadraticSurrogate, "a polynomial of the second degree, by least squares"),
-    "cost": SurrogateKind(CostSurrogate, "radial basis functions of one number", scalar=True),
+SURROGATES: dict[str, Any] = {
+    "response": ResponseSurrogate,
+    "process": ProcessSurrogate,
+    "quadratic": QuadraticSurrogate,
 }
-"""Surrogates by name; the `fit` of each one builds an object with the interface `Surrogate`."""
+"""Surrogates by name. ``fit(box, points, values, scale=...)`` of a class builds a `Surrogate` from runs,
+shapes [n, d] and [n, k]; ``scale``: scale of differences in each entry of the response, shape [k] or a number."""
 
 __all__ = [
     "DEFAULT_KERNELS",
@@ -34,5 +35,4 @@ __all__ = [
     "ResponseSurrogate",
     "Surrogate",
     "SurrogateError",
-    "SurrogateKind",
 ]

@@ -28,11 +28,7 @@ class PrincipalComponents:
 
     @classmethod
     def fit(
-        cls,
-        responses: FloatArray,
-        *,
-        scale: ArrayLike = 1.0,
-        variance: float = 1.0 - 1e-8,
+        cls, responses: FloatArray, *, scale: ArrayLike = 1.0, variance: float = 1.0 - 1e-8
     ) -> PrincipalComponents:
         """The smallest number of components that keep a share of the scaled variance of responses, [n, k],
         one row per run.

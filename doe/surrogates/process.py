@@ -37,10 +37,7 @@ def _matern52(r2: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (1.0 + a + a**2 / 3.0) * decay, 5.0 / 3.0 * (1.0 + a) * decay
 
 
-CORRELATIONS: dict[str, Correlation] = {
-    "squared exponential": _squared_exponential,
-    "matern 5/2": _matern52,
-}
+CORRELATIONS: dict[str, Correlation] = {"squared exponential": _squared_exponential, "matern 5/2": _matern52}
 """Correlation functions by name; the likelihood of the runs selects one."""
 
 
@@ -78,7 +75,6 @@ class Hyperparameters:
     """Hyperparameters, chosen by the likelihood of the runs."""
 
     kind: str
-    """A name of `doe.surrogates.process.CORRELATIONS`."""
     lengths: FloatArray
     """Correlation lengths in the unit box [-], shape [d]."""
     nugget: float
@@ -126,11 +122,7 @@ class GaussianProcess:
 
     @classmethod
     def fit(
-        cls,
-        unit_points: FloatArray,
-        values: FloatArray,
-        *,
-        start: Hyperparameters | None = None,
+        cls, unit_points: FloatArray, values: FloatArray, *, start: Hyperparameters | None = None
     ) -> GaussianProcess:
         """Choose the hyperparameters by the restricted likelihood of values, [n, q], at runs in the unit box,
         [n, d].
@@ -274,18 +266,15 @@ share one set."""
 
 @dataclass(frozen=True)
 class ProcessSurrogate:
-    """Predicts the response vector and its standard deviation, entry by entry.
-
-    The standard deviation is that of the interpolation between the runs with the most likely hyperparameters.
-    It does not include the error of truncation.
-    """
+    """Predicts the response vector and its standard deviation, entry by entry. The standard deviation is that
+    of the interpolation between the runs with the most likely hyperparameters. It does not include the error
+    of truncation."""
 
     box: Box
     """Range of validity."""
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     components: PrincipalComponents
-    """The reduction of the response."""
     processes: tuple[GaussianProcess, ...]
     """Processes of the scores: one for each of the first components, one for all others together."""
 
@@ -323,10 +312,8 @@ class ProcessSurrogate:
         return self.components.expand(self.scores(points, extrapolate=extrapolate))
 
     def sigma(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """Standard deviation of the response at points, in its units, shape [m, d] -> [m, k].
-
-        The errors of the components are assumed to be independent. Raises ValueError as `predict`.
-        """
+        """Standard deviation of the response at points, in its units, shape [m, d] -> [m, k]. The errors of
+        the components are assumed to be independent. Raises ValueError as `predict`."""
         spread = self.score_sigma(points, extrapolate=extrapolate)
         return np.asarray(np.sqrt(spread**2 @ self.components.basis**2) * self.components.scale)
 
@@ -342,10 +329,8 @@ class ProcessSurrogate:
 
     def believing(self, points: ArrayLike) -> ProcessSurrogate:
         """The surrogate with additional runs at points, shape [m, d]. The results of these runs are its
-        predictions.
-
-        Its mean does not change (except for the nugget). Its standard deviation decreases near the points.
-        """
+        predictions. Its mean does not change (except for the nugget). Its standard deviation decreases near
+        the points."""
         x = self.box.require(points, what="point")
         u, groups = self.box.unit(np.concatenate([self.points, x])), []
         for process in self.processes:
@@ -377,11 +362,9 @@ class ProcessSurrogate:
 
     @property
     def loo_residuals(self) -> FloatArray:
-        """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
-
-        The components and hyperparameters are those of all runs. The residual of a run includes its
-        truncation error.
-        """
+        """Response of each run minus its prediction from the other runs, in response units, shape [n, k]. The
+        components and hyperparameters are those of all runs. The residual of a run includes its truncation
+        error."""
         scores = np.concatenate([process.loo_residuals for process in self.processes], axis=1)
         return self.components.deviation(scores) + self.components.truncation
 

@@ -37,7 +37,6 @@ class Kernel:
     name: str
     """ "thin_plate_spline", "cubic", "quintic", "multiquadric" or "gaussian"."""
     degree: int
-    """Degree of the polynomial tail."""
     shape: float | None = None
     """Shape parameter: the kernel depends on shape * r, r in edges of the unit box [-]."""
 
@@ -67,10 +66,8 @@ class Kernel:
         return self.n_terms(dimension) + 1
 
     def matrix(self, unit_points: FloatArray) -> FloatArray:
-        """Kernel values between all points, Phi_ij = phi(|u_i - u_j|), shape [n, n].
-
-        With these signs Phi is positive definite on vectors orthogonal to the tail.
-        """
+        """Kernel values between all points, Phi_ij = phi(|u_i - u_j|), shape [n, n]. With these signs Phi is
+        positive definite on vectors orthogonal to the tail."""
         r = cdist(unit_points, unit_points) * (1.0 if self.shape is None else self.shape)
         if self.name == "thin_plate_spline":
             # r^2 log r has the limit 0 at 0; the logarithm of 0 must not be computed.
@@ -84,10 +81,8 @@ class Kernel:
         return np.exp(-(r**2))
 
     def tail(self, unit_points: FloatArray) -> FloatArray:
-        """Monomials of the tail at the points, centred and scaled to their range, shape [n, n_terms].
-
-        The space that they span does not depend on this scale, and the numbers are near 1.
-        """
+        """Monomials of the tail at the points, centred and scaled to their range, shape [n, n_terms]. The
+        space that they span does not depend on this scale, and the numbers are near 1."""
         low, high = unit_points.min(axis=0), unit_points.max(axis=0)
         half = np.where(high > low, 0.5 * (high - low), 1.0)
         z = (unit_points - 0.5 * (low + high)) / half
@@ -130,10 +125,8 @@ class Surrogate(Protocol):
         """Response of each run minus its prediction from the other runs, shape [n, k]."""
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The response at points in parameter units, shape [m, d] -> [m, k].
-
-        A point outside the box raises ValueError unless `extrapolate` is True.
-        """
+        """The response at points in parameter units, shape [m, d] -> [m, k]. A point outside the box raises
+        ValueError unless `extrapolate` is True."""
 
 
 @runtime_checkable
@@ -150,33 +143,6 @@ class ComponentSurrogate(Surrogate, Protocol):
 
     def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """The scores at points in parameter units, shape [m, d] -> [m, n_components]."""
-
-
-@dataclass(frozen=True)
-class SurrogateKind:
-    """A kind of surrogate in the registry, with one way to fit all of them."""
-
-    surrogate: Any
-    """The class; its class method ``fit(box, points, values, ...)`` builds a `Surrogate` from runs."""
-    summary: str
-    """Short description."""
-    scalar: bool = False
-    """True if the response of a run is a single number; then `fit` of the class takes values of shape [n] and
-    no scale."""
-
-    def fit(self, box: Box, points: ArrayLike, values: ArrayLike, *, scale: ArrayLike = 1.0) -> Any:
-        """Build the surrogate from runs, shapes [n, d] and [n, k]; k = 1 for a scalar kind.
-
-        ``scale``: scale of differences in each entry of the response, shape [k] or a number. Raises
-        ValueError if a point is outside the box or shapes do not match, SurrogateError if no surrogate can be
-        built.
-        """
-        if not self.scalar:
-            return self.surrogate.fit(box, points, values, scale=scale)
-        y = np.asarray(values, dtype=np.float64)
-        if y.ndim != 2 or y.shape[1] != 1:
-            raise ValueError(f"values of a scalar response must have shape [n, 1], got {list(y.shape)}")
-        return self.surrogate.fit(box, points, y[:, 0])
 
 
 def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:

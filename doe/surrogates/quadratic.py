@@ -106,9 +106,7 @@ class QuadraticSurrogate:
     @property
     def loo_residuals(self) -> FloatArray:
         """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
-
-        Infinite where the other runs do not determine the quadratic.
-        """
+        Infinite where the other runs do not determine the quadratic."""
         freedom = 1.0 - self.leverage
         interpolated = freedom <= 1e-12  # round-off of the leverage
         return np.where(

@@ -32,11 +32,9 @@ class Fitness:
     error: float
     """The compared error, e.g. that of the optimum over its half width [-]."""
     allowed: float
-    """The largest allowed error."""
     runs: tuple[int, ...]
     """Sizes of the nested designs, ascending; the last is the whole."""
     errors: tuple[float, ...]
-    """The error of each."""
     order: float
     """Fitted exponent p of error ~ n^-p [-]; NaN if there were no nested designs to fit."""
 
@@ -123,10 +121,8 @@ def fitness(
 
 
 def nested(unit_points: FloatArray) -> NDArray[np.intp]:
-    """An order of runs, shape [n]: for every n the first n runs are spread over the box.
-
-    The first run is the one nearest to the middle; each next run is the one farthest from all before.
-    """
+    """An order of runs, shape [n]: for every n the first n runs are spread over the box. The first run is the
+    one nearest to the middle; each next run is the one farthest from all before."""
     distance = cdist(unit_points, unit_points)
     order = [int(np.argmin(((unit_points - 0.5) ** 2).sum(axis=1)))]
     nearest = distance[order[0]].copy()

@@ -44,7 +44,6 @@ class RadialBasis:
     condition: float
     """Condition number of the reduced kernel matrix [-]."""
     interpolator: RBFInterpolator
-    """SciPy's interpolant."""
 
     @classmethod
     def fit(cls, unit_points: FloatArray, values: FloatArray, kernel: Kernel) -> RadialBasis:
@@ -86,11 +85,9 @@ class RadialBasis:
 
 
 def loo_operator(unit_points: FloatArray, kernel: Kernel) -> tuple[FloatArray, float]:
-    """The block B of the inverse saddle matrix that maps values to kernel coefficients, c = B f.
-
-    With the tail's values P and an orthonormal basis Z of the null space of P^T it is
-    B = Z (Z^T Phi Z)^-1 Z^T; the matrix in brackets is positive definite.
-    """
+    """The block B of the inverse saddle matrix that maps values to kernel coefficients, c = B f. With the
+    tail's values P and an orthonormal basis Z of the null space of P^T it is B = Z (Z^T Phi Z)^-1 Z^T; the
+    matrix in brackets is positive definite."""
     n, d = unit_points.shape
     if n < kernel.n_needed(d):
         raise SurrogateError(
@@ -160,18 +157,14 @@ def _refuse_twins(unit_points: FloatArray) -> None:
 
 @dataclass(frozen=True)
 class ResponseSurrogate:
-    """Predicts the response vector. A cost is computed from the prediction.
-
-    A cost with absolute values has a kink where the response is smooth in the parameters. One surrogate is
-    sufficient for every cost.
-    """
+    """Predicts the response vector. A cost is computed from the prediction. A cost with absolute values has a
+    kink where the response is smooth in the parameters. One surrogate is sufficient for every cost."""
 
     box: Box
     """Range of validity."""
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     components: PrincipalComponents
-    """The reduction of the response."""
     basis: RadialBasis
     """The interpolant of the components' scores."""
 
@@ -222,10 +215,8 @@ class ResponseSurrogate:
 
     @property
     def loo_residuals(self) -> FloatArray:
-        """Response of each run minus its prediction from the other runs, in response units, shape [n, k].
-
-        The components are those of all runs. The residual of a run includes its truncation error.
-        """
+        """Response of each run minus its prediction from the other runs, in response units, shape [n, k]. The
+        components are those of all runs. The residual of a run includes its truncation error."""
         return self.components.deviation(self.basis.loo_residuals) + self.components.truncation
 
     @property
@@ -236,18 +227,15 @@ class ResponseSurrogate:
 
 @dataclass(frozen=True)
 class CostSurrogate:
-    """Interpolates the cost itself, k = 1: the classic response surface, for comparison.
-
-    A cost with absolute values has a kink at its optimum. A smooth interpolant does not follow the kink; its
-    leave-one-out error shows this.
-    """
+    """Interpolates the cost itself, k = 1: the classic response surface, for comparison. A cost with absolute
+    values has a kink at its optimum. A smooth interpolant does not follow the kink; its leave-one-out error
+    shows this."""
 
     box: Box
     """Range of validity."""
     points: FloatArray
     """The runs it was built from, in parameter units, shape [n, d]."""
     basis: RadialBasis
-    """The interpolant."""
 
     @classmethod
     def fit(

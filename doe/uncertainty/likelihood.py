@@ -40,7 +40,6 @@ class Channel:
     """
 
     name: str
-    """Name of the measured quantity, e.g. "force"."""
     sigma: FloatArray
     """Standard deviation of each entry, in the entries' units, shape [k_c]."""
     discrepancy: float | Literal["profiled"] = 0.0
@@ -118,7 +117,6 @@ class Likelihood:
     data: FloatArray
     """Measured data vector, shape [k]."""
     channels: Sequence[Channel]
-    """Channels of the data vector, in its order."""
     slices: tuple[slice, ...] = field(init=False, repr=False)
     """Slice of the data vector for the entries of each channel."""
 
@@ -208,11 +206,9 @@ class Likelihood:
     def _least_squares(
         self, u: FloatArray, rows: FloatArray, free: NDArray[np.int_], tau: FloatArray, rest: float
     ) -> tuple[FloatArray, FloatArray, bool]:
-        """Bounded Levenberg-Marquardt search: the point, its residual, and True if it converged.
-
-        Each trial point is evaluated together with its neighbours for central differences. ``rows``:
-        residuals at the start and its neighbours.
-        """
+        """Bounded Levenberg-Marquardt search: the point, its residual, and True if it converged. Each trial
+        point is evaluated together with its neighbours for central differences. ``rows``: residuals at the
+        start and its neighbours."""
         n = len(free)
 
         def linearised(points: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -42,11 +42,9 @@ class Posterior:
     autocorrelation: FloatArray
     """Integrated autocorrelation time of each coordinate [steps], parameters first."""
     steps: int
-    """Steps of each walker."""
     acceptance: float
     """Share of accepted moves [-]."""
     prior: str
-    """The priors, in words."""
 
     def interval(self, name: str, *, probability: float = 0.95) -> tuple[float, float]:
         """Equal-tailed credible interval of a parameter, in its units.

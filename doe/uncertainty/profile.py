@@ -73,17 +73,13 @@ class Profiles:
     optimum: Fit
     """The most likely point of all fits."""
     profiles: tuple[Profile, ...]
-    """One profile for each parameter, in the box's order."""
     level: float
     """Rise at the ends of the intervals if residuals are uncorrelated."""
     restarts: int
     """Number of times that a profile found a better optimum than the search."""
 
     def __getitem__(self, name: str) -> Profile:
-        """The profile of a parameter.
-
-        Raises KeyError for an unknown name.
-        """
+        """The profile of a parameter. Raises KeyError for an unknown name."""
         for profile in self.profiles:
             if profile.name == name:
                 return profile
@@ -91,7 +87,7 @@ class Profiles:
 
 
 def profile_likelihoods(
-    likelihood: Likelihood, start: ArrayLike, *, level: float = LEVEL, correlation: ArrayLike = 1.0
+    likelihood: Likelihood, start: ArrayLike, *, correlation: ArrayLike = 1.0
 ) -> Profiles:
     """Profile likelihood of every parameter, by re-optimising all others.
 
@@ -107,24 +103,20 @@ def profile_likelihoods(
         surrogate.
     start
         First point, in parameter units, shape [d].
-    level
-        Rise of -2 ln L at the ends of the intervals, > 0; 3.84 for 95 %.
     correlation
-        Factors > 0 on the level: one for all parameters, or one for each. Correlations that the likelihood
+        Factors > 0 on the rise of 3.84 at the ends of 95 % intervals: one for all parameters, or one for each. Correlations that the likelihood
         does not model increase the parameter's variance by this factor. With one parameter of interest the
         rise is then this factor times a chi-square variable (Rotnitzky and Jewell 1990).
 
     Raises
     ------
     ValueError
-        If the start is outside the box, or a level is not > 0.
+        If the start is outside the box, or a correlation is not > 0.
     RuntimeError
         If too many restarts find better optima: the model is too rough for its derivatives.
     """
-    if not 0.0 < level < np.inf:
-        raise ValueError(f"level must be > 0, got {level}")
     box = likelihood.box
-    levels = level * np.broadcast_to(np.asarray(correlation, dtype=np.float64), (box.dimension,))
+    levels = LEVEL * np.broadcast_to(np.asarray(correlation, dtype=np.float64), (box.dimension,))
     if not np.all((levels > 0.0) & np.isfinite(levels)):
         raise ValueError(f"correlation must be > 0, got {correlation!r}")
     x = box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")[0]
@@ -144,7 +136,7 @@ def profile_likelihoods(
             if better is None:
                 profiles.append(_profile(likelihood, walk, fits, single, float(levels[j])))
         if better is None:
-            return Profiles(best, tuple(profiles), level, restarts)
+            return Profiles(best, tuple(profiles), LEVEL, restarts)
         best = likelihood.maximise(better.unit_point)
     raise RuntimeError(
         f"{RESTARTS} better optima in a row were met on the way: the model is not smooth enough for its "
@@ -248,7 +240,6 @@ class Partner:
     """A parameter that compensates for a change of another one."""
 
     name: str
-    """Name of the parameter."""
     change: float
     """Change of this parameter along the profile, in its units."""
     per: float
@@ -312,7 +303,6 @@ class Verdict:
 
     name: str
     kind: VerdictKind
-    """The kind of verdict."""
     interval: Interval
     """Interval of the profile likelihood; None at an open end."""
     inflation: float | None
@@ -320,7 +310,6 @@ class Verdict:
     partners: tuple[Partner, ...]
     """Parameters that compensate for a change of this one, the most important first."""
     text: str
-    """The verdict in a sentence."""
 
 
 def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:

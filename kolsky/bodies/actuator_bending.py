@@ -48,29 +48,22 @@ class Direction:
     """The actuator under one direction of gravity."""
 
     name: str
-    """Name of the direction in SPEC."""
     pristine: Bending
     """Equilibria under increasing pressures."""
     healed: Bending | None
-    """Equilibria of the healed material."""
     asked: FloatArray
     """Indices of the steps at the declared pressures, shape [n_pressures]."""
     gap: FloatArray
     """Smallest distance of neighbouring chambers [m], shape [n]. Below 0 they overlap. NaN without gaps."""
     path: ArcPath | None = None
-    """Equilibria by arc length, if SPEC declares them."""
     touching: Touching | None = None
-    """Their contact, if SPEC declares it."""
     forces: dict[str, FloatArray] = field(default_factory=dict)
     """Force on each plane and holder [N], shape [n, 3]."""
 
     @property
     def overlapping(self) -> BoolArray:
-        """Steps at which chambers have passed through each other, shape [n].
-
-        With contact, a tenth of the gap at rest is allowed. The facing points that measure the gap may slide
-        along the walls.
-        """
+        """Steps at which chambers have passed through each other, shape [n]. With contact, a tenth of the gap
+        at rest is allowed. The facing points that measure the gap may slide along the walls."""
         allowed = 0.0 if self.touching is None else OVERLAP * self.gap[0]
         with np.errstate(invalid="ignore"):
             return np.asarray(self.gap < -allowed)
@@ -140,7 +133,6 @@ class BendInTime:
     """A motion of the actuator under one direction of gravity."""
 
     name: str
-    """Name of the direction in SPEC."""
     time: FloatArray
     """Times [s], shape [n]."""
     pressure: FloatArray
@@ -150,10 +142,8 @@ class BendInTime:
 
 
 def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
-    """Simulate in time the rise of the pressure to its largest value, as declared in [motion].
-
-    The motion begins at rest under the weight. Raises ValueError with the reason if a step fails.
-    """
+    """Simulate in time the rise of the pressure to its largest value, as declared in [motion]. The motion
+    begins at rest under the weight. Raises ValueError with the reason if a step fails."""
     section = spec.declared.motion
     if section is None:
         return []
@@ -191,10 +181,8 @@ stress is about twice the pressure. Rubbers tear at a few shear moduli."""
 
 
 def implausible_load(pressure: float, shear_modulus: float) -> list[str]:
-    """A warning if the pressure [Pa] is too large for a material of this shear modulus [Pa].
-
-    Empty otherwise.
-    """
+    """A warning if the pressure [Pa] is too large for a material of this shear modulus [Pa]. Empty
+    otherwise."""
     share = abs(pressure) / shear_modulus
     if share <= LARGEST_LOAD:
         return []
@@ -228,10 +216,8 @@ def warnings_of(directions: list[Direction]) -> list[str]:
 
 
 def relative_bend(one: Direction) -> FloatArray:
-    """Relative change of the bend by healing: ratio of healed to pristine, both from rest, minus 1.
-
-    At the declared pressures [-], shape [n_pressures].
-    """
+    """Relative change of the bend by healing: ratio of healed to pristine, both from rest, minus 1. At the
+    declared pressures [-], shape [n_pressures]."""
     assert one.healed is not None
     before, after = (run.angle - run.angle[0] for run in (one.pristine, one.healed))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -271,7 +257,6 @@ class Inversion:
     """dTheta/dp at these pressures [rad/Pa], shape [n_cavities]."""
     ended: SearchEnd
     equilibria: int
-    """Number of computed equilibria."""
 
 
 def pressure_for(

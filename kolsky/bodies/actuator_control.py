@@ -80,7 +80,6 @@ class Reduction:
     """A reduced actuator with its error."""
 
     model: ReducedActuator
-    """The reduced actuator."""
     pressure: FloatArray
     """Check pressures, between the pressures of the basis [Pa], shape [n]."""
     angle: FloatArray
@@ -336,12 +335,9 @@ def run_loop(
     seed: int,
     real_time: bool = False,
 ) -> Closed:
-    """Run the closed loop for target angles [rad] of shape [n], one per tick.
-
-    The pressure follows the requested one with the plant's lag. The camera measures the angle with noise and
-    a delay of some ticks. In real time, each tick waits for its scheduled time, and the wake-up delay is part
-    of its wall time.
-    """
+    """Run the closed loop for target angles [rad] of shape [n], one per tick. The pressure follows the
+    requested one with the plant's lag. The camera measures the angle with noise and a delay of some ticks. In
+    real time, each tick waits for its scheduled time, and the wake-up delay is part of its wall time."""
     rng = np.random.default_rng(seed)
     bend = PchipInterpolator(plant.pressure, plant.angle)
     n, dt = len(wanted), 1.0 / rate
@@ -377,7 +373,6 @@ class StoredBasis:
     """Fields of `Basis`, `Sample`, `Reduction` and `Plant` as stored in a file, in the units of `_BASIS`."""
 
     key: str
-    """SHA-256 of their inputs."""
     modes: FloatArray
     singular: FloatArray
     cells: IntArray

@@ -50,7 +50,6 @@ class MarkerComparison:
     """Markers of one direction of gravity and one pressure."""
 
     gravity: str
-    """Direction of gravity."""
     pressure: float
     """Pressure [Pa]."""
     measured: FloatArray
@@ -93,9 +92,7 @@ class StiffnessFit:
     chi2: float
     """Sum of squares over sigma^2 at the fitted factor [-]."""
     degrees: int
-    """Degrees of freedom."""
     converged: bool
-    """True if the last step was small."""
 
     @property
     def explained(self) -> bool:
@@ -131,10 +128,8 @@ def _line(mesh: Mesh) -> FloatArray:
 def interval(
     left: FloatArray, J: FloatArray, sigma: float, factor: float, *, converged: bool
 ) -> StiffnessFit:
-    """Interval of a factor by Eq. (A.6).
-
-    It is computed from the residual [m] and dx/dm [m], each of shape [n].
-    """
+    """Interval of a factor by Eq. (A.6). It is computed from the residual [m] and dx/dm [m], each of shape
+    [n]."""
     degrees = left.size - 1
     square = float((left**2).sum()) / sigma**2
     deviation = sigma * max(1.0, np.sqrt(square / degrees)) / float(np.linalg.norm(J))
@@ -190,10 +185,8 @@ EQUAL_PRESSURES = 1e-6
 def compared_markers(
     spec: ActuatorSpec, directions: Sequence[Direction]
 ) -> tuple[list[MarkerComparison], StiffnessFit | None, dict[str, str]]:
-    """Compare the markers of a SPEC with the simulation, and fit the stiffness.
-
-    The hash of their file is returned too.
-    """
+    """Compare the markers of a SPEC with the simulation, and fit the stiffness. The hash of their file is
+    returned too."""
     section = spec.declared.markers
     if section is None:
         return [], None, {}

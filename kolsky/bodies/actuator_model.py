@@ -55,9 +55,7 @@ class Part:
     """Cells with other constants of the same law, such as a stiff layer in the base."""
 
     name: str
-    """Name in SPEC."""
     solid: Solid
-    """Its material."""
     density: float
     """Mass density at rest [kg/m^3]."""
     cells: IntArray
@@ -78,13 +76,11 @@ class Actuator:
     cavities: tuple[str, ...]
     """Sets of pressurised walls. Each set has a separate pressure."""
     solid: Solid
-    """The material."""
     density: float
     """Mass density at rest [kg/m^3]."""
     mixed: bool = False
     """True if volume ratio and pressure are separate fields (for nearly incompressible materials)."""
     device: str = "cpu"
-    """Device of the element kernels."""
     contacts: tuple[SelfContact, ...] = ()
     """Walls of neighbouring chambers that may touch."""
     parts: tuple[Part, ...] = ()
@@ -114,9 +110,7 @@ class Actuator:
 
     def constants(self, factor: float = 1.0, *, body: Solid | None = None) -> FloatArray:
         """Constants of each region with all moduli multiplied by a factor, shape [n_regions, n_parameters].
-
-        `body`: a material that replaces `solid`.
-        """
+        `body`: a material that replaces `solid`."""
         solids = (self.solid if body is None else body, *(part.solid for part in self.parts))
         return np.array([one.scaled(factor).parameters() for one in solids])
 
@@ -153,11 +147,9 @@ class Actuator:
         guess: FloatArray | None = None,
         newton: Newton | None = None,
     ) -> "Bending":
-        """Equilibria under pressures [Pa] of shape [n] (all cavities alike) or [n, n_cavities].
-
-        `constants`: constants of each region that replace the actuator's. `guess`: as for
-        `kolsky.equilibrium.solve.solve`.
-        """
+        """Equilibria under pressures [Pa] of shape [n] (all cavities alike) or [n, n_cavities]. `constants`:
+        constants of each region that replace the actuator's. `guess`: as for
+        `kolsky.equilibrium.solve.solve`."""
         table = np.asarray(pressures, dtype=float)
         table = np.repeat(table[:, None], len(self.cavities), axis=1) if table.ndim == 1 else table
         if table.ndim != 2 or table.shape[1] != len(self.cavities):
@@ -205,7 +197,6 @@ class Bending:
     """Equilibria of an actuator."""
 
     solution: Solution
-    """Displacements, and how the solution ended."""
     pressures: FloatArray
     """Pressure of each cavity at each step [Pa], shape [n, n_cavities]."""
 
@@ -266,7 +257,6 @@ class Pneunet:
     """Dimensions of an actuator and the size of its mesh."""
 
     chambers: int = 6
-    """Number of chambers."""
     wall: float = 2.5e-3
     """Thickness of every wall and of the roofs [m]."""
     base: float = 2.5e-3
@@ -429,11 +419,9 @@ def _touching(points: FloatArray, lines: tuple[FloatArray, ...], hollow: BoolArr
 
 
 def smallest_gap(run: Bending) -> FloatArray:
-    """Smallest distance of the facing walls of neighbouring chambers [m], shape [n].
-
-    Each pair of facing points is taken along the line between the middles of its two walls. It is negative if
-    they have passed each other.
-    """
+    """Smallest distance of the facing walls of neighbouring chambers [m], shape [n]. Each pair of facing
+    points is taken along the line between the middles of its two walls. It is negative if they have passed
+    each other."""
     mesh, u = run.solution.model.mesh, run.solution.displacements
     smallest = np.full(len(u), np.nan)
     number = 1
@@ -451,10 +439,8 @@ def smallest_gap(run: Bending) -> FloatArray:
 
 
 def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
-    """Points of boundary faces that are not entirely in one of the sets `apart`.
-
-    Clamped points are left out.
-    """
+    """Points of boundary faces that are not entirely in one of the sets `apart`. Clamped points are left
+    out."""
     everything = mesh.with_set("all", np.arange(len(mesh.points)))
     found = []
     for faces in faces_on(everything, "all"):
@@ -466,9 +452,7 @@ def outside(mesh: Mesh, apart: Sequence[str]) -> IntArray:
 
 def forces_outside(run: Bending) -> dict[str, FloatArray]:
     """Force of the whole actuator on each fixed set except the clamp, and on each plane [N], shape [n, 3].
-
-    Keys are the names of the point sets.
-    """
+    Keys are the names of the point sets."""
     solution, found = run.solution, {}
     half = "mirror" in solution.model.mesh.sets
     planes = iter(solution.contact_forces)
@@ -490,9 +474,8 @@ class Touching:
     """Contact of neighbouring chambers over a history."""
 
     force: FloatArray
-    """Sum of the pressures between all walls over their area [N], shape [n].
-
-    It is that of the whole actuator."""
+    """Sum of the pressures between all walls over their area [N], shape [n]. It is that of the whole
+    actuator."""
     depth: FloatArray
     """Largest penetration, caused by the penalty method [m], shape [n]."""
 

@@ -17,10 +17,8 @@ Tables = dict[str, Mapping[str, Any]]
 def bend_tables(
     directions: Sequence[Direction], motions: Sequence[BendInTime], markers: Sequence[MarkerComparison]
 ) -> Tables:
-    """Bends, paths, forces, the base's middle line at the declared pressures, motions and markers.
-
-    A table without rows is left out.
-    """
+    """Bends, paths, forces, the base's middle line at the declared pressures, motions and markers. A table
+    without rows is left out."""
     paths = {
         f"path_{one.name}": {
             "arc (m)": one.path.arc,

@@ -258,7 +258,6 @@ class ActuatorSpec:
     shape: Pneunet | None
     """Its dimensions; None for a mesh from a file."""
     healed: Solid | None
-    """The healed material, if its constants are declared."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read, by name."""
 
@@ -443,10 +442,8 @@ def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContac
 
 
 def volume_reading(d1: Any) -> float:
-    """Bulk modulus K [Pa] from a declared D1. Its unit defines its meaning.
-
-    In 1/Pa it belongs to U = (J - 1)^2 / D1, K = 2 / D1 (Abaqus, and Table 1 of the paper). In Pa it belongs
-    to U = D1 (J - 1)^2, K = 2 D1.
+    """Bulk modulus K [Pa] from a declared D1. Its unit defines its meaning. In 1/Pa it belongs to U = (J -
+    1)^2 / D1, K = 2 / D1 (Abaqus, and Table 1 of the paper). In Pa it belongs to U = D1 (J - 1)^2, K = 2 D1.
     """
     try:
         value, modulus = quantity(d1, "1/Pa"), None

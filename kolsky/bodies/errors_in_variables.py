@@ -101,7 +101,6 @@ class SearchOptimum:
     at_bound: tuple[bool, ...]
     """Constants at a bound, shape [p]."""
     converged: bool
-    """True if the search converged."""
     ended: str
     simulations: int
     """Number of trial points, rejected ones included."""

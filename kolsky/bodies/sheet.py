@@ -102,10 +102,8 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
 
 
 def point_noise(points: FloatArray, values: FloatArray) -> float:
-    """Standard deviation of a value from its prediction by neighbours, for all fields [unit of values].
-
-    A field that is smooth over `_GATE_NEIGHBOURS` points does not contribute. A rough field counts as noise.
-    """
+    """Standard deviation of a value from its prediction by neighbours, for all fields [unit of values]. A
+    field that is smooth over `_GATE_NEIGHBOURS` points does not contribute. A rough field counts as noise."""
     return float(MAD * np.median(_deviations(points, values)[1]))
 
 
@@ -160,7 +158,6 @@ class Sheet:
     held: Mapping[int, Solid] = field(default_factory=dict)
     """Materials of the regions with fixed constants."""
     device: str = "cpu"
-    """Device of the element kernels."""
     turned: int = 0
     """Number of cells with clockwise node order in the mesh file. This order was reversed."""
 
@@ -210,7 +207,6 @@ class SheetState:
     """A sheet simulated at given constants, with derivatives by the free constants."""
 
     solution: Solution
-    """Equilibria."""
     displacements: FloatArray
     """[m], shape [n, nodes, 2]."""
     by_constants: FloatArray
@@ -226,10 +222,8 @@ class SheetState:
 def sheet_state(
     sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray, near: SheetState | None = None
 ) -> SheetState | str:
-    """Simulate a sheet with derivatives, or return the reason of a failure.
-
-    `near`: as in `Sheet.simulate`.
-    """
+    """Simulate a sheet with derivatives, or return the reason of a failure. `near`: as in
+    `Sheet.simulate`."""
     try:
         solids = constants.solids(free)
     except ValueError as error:
@@ -248,10 +242,8 @@ def sheet_state(
 
 
 def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_array:
-    """Integral of products of shape functions over some cells [m^2], shape [nodes, nodes].
-
-    This is for one displacement component. The other component has the same integral.
-    """
+    """Integral of products of shape functions over some cells [m^2], shape [nodes, nodes]. This is for one
+    displacement component. The other component has the same integral."""
     # products of shape functions have twice their degree
     whole = geometry(mesh, kinematics="plane_strain", thickness=1.0, gauss=mesh.element.gauss + 1)
     each = np.einsum("mg,ga,gb->mab", whole.volumes[cells], whole.values, whole.values)

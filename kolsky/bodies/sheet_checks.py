@@ -141,10 +141,8 @@ def predicted(measured: MeasuredField, found: FieldFit, *, gate: float) -> BoolA
 def fit_measured(
     measured: MeasuredField, *, gate: float, progress: Progress = SILENT
 ) -> tuple[MeasuredField, FieldFit]:
-    """Fit a measured sheet and readmit suspected points that it predicts, until there are none.
-
-    Arguments and errors are those of `fit_field`.
-    """
+    """Fit a measured sheet and readmit suspected points that it predicts, until there are none. Arguments and
+    errors are those of `fit_field`."""
     begun = measured.problem.constants.start
     found = fit_field(measured.problem, progress=progress)
     for _ in range(_PASSES):
@@ -169,10 +167,8 @@ class LackingFactor:
     """Its standard uncertainty [-]."""
 
     def near(self, factor: float) -> bool:
-        """True if a common factor agrees with this factor.
-
-        The uncertainty and the explained share are allowed.
-        """
+        """True if a common factor agrees with this factor. The uncertainty and the explained share are
+        allowed."""
         return abs(self.value - factor) <= 2.0 * np.hypot(self.sigma, 0.5 * EXPLAINED_SHARE * abs(factor))
 
 
@@ -187,11 +183,9 @@ def lacking_factor(
 
 
 def one_change(measured: MeasuredField, found: FieldFit) -> str:
-    """A single change of the data that lets the sheet explain field and force, in words, or no words.
-
-    Common factors of the force, the displacements and the mesh, and mirrored axes are tried. Each is
-    confirmed by a fit.
-    """
+    """A single change of the data that lets the sheet explain field and force, in words, or no words. Common
+    factors of the force, the displacements and the mesh, and mirrored axes are tried. Each is confirmed by a
+    fit."""
     if found.explained:
         return ""
     problem = measured.problem

@@ -93,7 +93,6 @@ class Cost:
     curvature_force: FloatArray
     """w df/dm_I df/dm_J of all steps, shape [p, p]."""
     state: SheetState
-    """The simulation."""
 
     @property
     def gauss_newton(self) -> FloatArray:
@@ -118,10 +117,8 @@ class FieldProblem:
         return np.asarray((weights @ fields / weights.sum())[..., None, :])
 
     def loaded(self, fields: FloatArray) -> FloatArray:
-        """Mass matrix times nodal fields of shape [..., nodes, 2].
-
-        If the translation of a field is unknown, the best-fit translation is removed (F.1).
-        """
+        """Mass matrix times nodal fields of shape [..., nodes, 2]. If the translation of a field is unknown,
+        the best-fit translation is removed (F.1)."""
         if self.data.floating:
             fields = fields - self.mean(fields)
         flat = fields.reshape(-1, *fields.shape[-2:])
@@ -341,7 +338,6 @@ class FieldFit:
     constants: Constants
     """The law with the fitted values."""
     cost: Cost
-    """The cost at these constants."""
     hessian: FloatArray
     """Second derivatives of J at the fitted constants, shape [p, p]."""
     by_displacement: FloatArray
@@ -349,7 +345,6 @@ class FieldFit:
     by_force: FloatArray
     """dm/df_msr of every step [1/N], shape [n, p]."""
     converged: bool
-    """True if Newton's method converged."""
     at_bound: tuple[bool, ...]
     """Constants at a bound if the cost decreases beyond it. They have no uncertainty."""
     simulations: int
@@ -357,7 +352,6 @@ class FieldFit:
     rough: tuple[FloatArray, float]
     """Constants at the end of the search in the last step alone, and their cost."""
     minima: tuple["LocalMinimum", ...] = ()
-    """Minima from other starts."""
 
     @property
     def values(self) -> FloatArray:
@@ -598,11 +592,9 @@ def _search(
 
 
 def secant(remainder: FloatArray, step: FloatArray, change: FloatArray, size: FloatArray) -> FloatArray:
-    """Second derivatives updated for a step that changes the gradient by `change`.
-
-    This is the symmetric update of rank one (Davidon 1991). It is left out if it is unbounded. ``size``: of
-    the constants, shape [p].
-    """
+    """Second derivatives updated for a step that changes the gradient by `change`. This is the symmetric
+    update of rank one (Davidon 1991). It is left out if it is unbounded. ``size``: of the constants, shape
+    [p]."""
     lacking = change - remainder @ step
     along = float(lacking @ step)
     if abs(along) <= 1e-8 * float(np.linalg.norm(lacking * size) * np.linalg.norm(step / size)):

@@ -39,7 +39,6 @@ class MeasuredField:
     """The problem of a sheet with its measured data."""
 
     problem: FieldProblem
-    """The problem to be fitted."""
     points: FloatArray
     """Measured points [m], shape [n, 2]."""
     left_out: BoolArray
@@ -47,7 +46,6 @@ class MeasuredField:
     displacements: FloatArray
     """Displacements of the points [m], shape [frames, n, 2]."""
     frames: tuple[int, ...]
-    """Numbers of the fitted frames."""
     inputs: dict[str, str]
     """SHA-256 of the files, by name."""
     declared_sigma: float | None = None
@@ -114,10 +112,8 @@ def _check_count(toml: TomlFile, section: FieldSection, count: int) -> None:
 
 
 def mesh_scale(nodes: FloatArray, points: FloatArray) -> float | None:
-    """Common length factor for which the nodes' box contains the points.
-
-    The box may be at most twice as large as the points' extent.
-    """
+    """Common length factor for which the nodes' box contains the points. The box may be at most twice as
+    large as the points' extent."""
     size, wanted = np.ptp(nodes, axis=0), np.ptp(points, axis=0)
     for factor in (1e3, 1e-3, 10.0, 0.1, 25.4, 1.0 / 25.4):
         low, high = factor * nodes.min(axis=0), factor * nodes.max(axis=0)
@@ -300,7 +296,6 @@ class SimulatedSheet:
     """Simulated measurements of a sheet."""
 
     frames: tuple[int, ...]
-    """Numbers of the frames."""
     points: FloatArray
     """Positions of the points [m], shape [n, 2]."""
     displacements: FloatArray
@@ -327,11 +322,7 @@ class SimulatedSheet:
     @property
     def pad_columns(self) -> dict[str, FloatArray]:
         """Columns of the CSV file that `[field.pad]` can name."""
-        return {
-            "frame": np.array(self.frames),
-            "pad (mm)": 1e3 * self.pad,
-            "force (mN)": 1e3 * self.force,
-        }
+        return {"frame": np.array(self.frames), "pad (mm)": 1e3 * self.pad, "force (mN)": 1e3 * self.force}
 
 
 def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> SimulatedSheet:
@@ -353,11 +344,9 @@ def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> Simul
 
 
 def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[Expected]:
-    """Expected deviations of the constants from field and force together, and from each separately.
-
-    The information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), which is Eq. (K.30) over the noise
-    of one point per area a. That of the force is df/dm_I df/dm_J / sigma_f^2.
-    """
+    """Expected deviations of the constants from field and force together, and from each separately. The
+    information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), which is Eq. (K.30) over the noise of
+    one point per area a. That of the force is df/dm_I df/dm_J / sigma_f^2."""
     cost, data, constants = _simulated(problem), problem.data, problem.constants
     variance = data.area * data.sigma_displacement**2
     sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)

@@ -174,10 +174,8 @@ class Constants:
     def differences(
         self, free: Sequence[float] | FloatArray, share: float, value: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Central differences of a value of shape [n] by the free constants, shape [n, n_free].
-
-        The steps are the given shares of their sizes. A difference is one-sided if the point on the other
-        side is invalid.
+        """Central differences of a value of shape [n] by the free constants, shape [n, n_free]. The steps are
+        the given shares of their sizes. A difference is one-sided if the point on the other side is invalid.
         """
         at = np.asarray(free, dtype=np.float64)
         changes = []
@@ -197,12 +195,8 @@ class Constants:
         return np.stack(changes, axis=-1)
 
     def chain_changes(self, free: Sequence[float] | FloatArray) -> FloatArray:
-        """Derivative of `chain` by the free constants, shape [n_parameters, n_free, n_free].
-
-        Differences of `chain`.
-
-        A difference is one-sided if the point on the other side is invalid.
-        """
+        """Derivative of `chain` by the free constants, shape [n_parameters, n_free, n_free]. Differences of
+        `chain`. A difference is one-sided if the point on the other side is invalid."""
         whole = self.differences(free, _SECOND_DIFFERENCE, self.chain)
         return np.asarray(0.5 * (whole + np.swapaxes(whole, 1, 2)))
 

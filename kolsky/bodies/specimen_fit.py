@@ -25,14 +25,7 @@ from scipy.stats import t as student
 from dic.views import ResultViews
 from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
-from kolsky.bodies.errors_in_variables import (
-    Linearised,
-    Reduced,
-    Samples,
-    SearchOptimum,
-    reduce,
-    search,
-)
+from kolsky.bodies.errors_in_variables import Linearised, Reduced, Samples, SearchOptimum, reduce, search
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_model import SpecimenModel
 from kolsky.material.fits.fit import inflation, neighbour_correlation
@@ -71,9 +64,7 @@ class ConstantEstimate:
     """A fitted constant with its interval."""
 
     name: str
-    """Name, as in the specification."""
     value: float
-    """Value in SI units."""
     sigma: float | None
     """Standard uncertainty, SI; None if it does not exist."""
     low: float | None
@@ -119,7 +110,6 @@ class Intervals:
     neighbours: float
     """Correlation of neighbouring residuals [-]."""
     degrees: int
-    """Degrees of freedom."""
     probability: float
     """Probability of an equal or larger chi-square if law and declared noise are correct [-]."""
 
@@ -243,12 +233,7 @@ class Debonding:
 
 
 def debonding(
-    residual: FloatArray,
-    jacobian: FloatArray,
-    shortened: FloatArray,
-    *,
-    amount: float,
-    scale: float,
+    residual: FloatArray, jacobian: FloatArray, shortened: FloatArray, *, amount: float, scale: float
 ) -> Debonding | None:
     """Search a series of residuals for the peeling of a bond.
 
@@ -289,7 +274,6 @@ class SlowTest:
 
     model: SpecimenModel
     samples: Samples
-    """Displacements and forces of its ends, with their noise."""
 
     @property
     def name(self) -> str:
@@ -324,13 +308,10 @@ class SpecimenFit(ResultViews):
     """One set of constants for some tests."""
 
     name: str
-    """Name of the group of tests."""
     constants: Constants
     """The law with the fitted values."""
     intervals: Intervals
-    """Intervals of the free constants."""
     tests: tuple[TestFit, ...]
-    """Fitted tests, then predicted ones."""
     found: SearchOptimum
     starts: tuple[FloatArray, ...]
     """End points of the other starts, best first, each of shape [p]."""

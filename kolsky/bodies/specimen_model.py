@@ -140,12 +140,8 @@ class Shape:
         return Mesh(points, cells, mesh.kind, sets)
 
     def model(self, solid: Solid, *, device: str = "cpu") -> Model:
-        """The specimen of a material.
-
-        Histories "d_x" (and "d_y") are the displacements of its ends [m].
-
-        A displacement is that of one end relative to the other. Each end moves by half of it.
-        """
+        """The specimen of a material. Histories "d_x" (and "d_y") are the displacements of its ends [m]. A
+        displacement is that of one end relative to the other. Each end moves by half of it."""
         mesh = self.mesh
         conditions: list[Condition] = []
         if self.eighth:
@@ -224,9 +220,7 @@ class BodyShape(Shape):
     """A specimen from a mesh file. One group is held, another moves."""
 
     body: Mesh | None = None
-    """The mesh.
-
-    The moving group is the set "bond_x+", the held group "bond_x-"."""
+    """The mesh. The moving group is the set "bond_x+", the held group "bond_x-"."""
     axis: int = 0
     """Axis of the motion and of the measured force of the moving group."""
     frictionless: bool = False
@@ -311,11 +305,8 @@ class SpecimenModel:
     """A specimen that can be simulated with any constants."""
 
     name: str
-    """Name of the test."""
     shape: Shape
-    """Form, bonds and mesh."""
     device: str = "cpu"
-    """Device of the element kernels."""
 
     def simulate(self, solid: Solid, displacement: FloatArray) -> Solution:
         """Equilibria at the displacements of the ends.
@@ -364,11 +355,9 @@ class SpecimenModel:
 
 
 def strains(solution: Solution, step: int) -> tuple[FloatArray, FloatArray]:
-    """Normal strains F_ii - 1 along the coordinate axes at the Gauss points [-], shape [m, g, 3].
-
-    The volumes of the points in the reference state [m^3], shape [m, g], are returned too. ``solution``:
-    equilibria of a three-dimensional model. ``step``: which.
-    """
+    """Normal strains F_ii - 1 along the coordinate axes at the Gauss points [-], shape [m, g, 3]. The volumes
+    of the points in the reference state [m^3], shape [m, g], are returned too. ``solution``: equilibria of a
+    three-dimensional model. ``step``: which."""
     geometry = solution.equations.body.points.geometry
     moved = solution.displacements[step][solution.model.mesh.cells]
     return np.einsum("mki,mgki->mgi", moved, geometry.E), geometry.volumes

@@ -12,7 +12,7 @@ from kolsky.bodies.sheet_fit import FieldFit
 from kolsky.bodies.specimen_constants import law_curve
 from kolsky.bodies.specimen_fit import SpecimenFit
 from kolsky.bodies.specimen_model import AXES
-from kolsky.bodies.specimen_studies import Expected, StudyRow, cross_table
+from kolsky.bodies.specimen_studies import Expected, cross_table
 from kolsky.bodies.stiffness_map import StiffnessMap
 from kolsky.material.reference_curve import curve_columns, curve_table
 from kolsky.material.uniaxial import CurveBand
@@ -76,10 +76,8 @@ def _fit(found: SpecimenFit) -> dict[str, Any]:
 
 
 def files_of(fits: Sequence[SpecimenFit], inputs: Mapping[str, str]) -> dict[str, Any]:
-    """The files of fits beside their tables, for `kolsky.base.files.write_folder`.
-
-    A text with the lines of a shot.toml that name the law's curves belongs to each fit.
-    """
+    """The files of fits beside their tables, for `kolsky.base.files.write_folder`. A text with the lines of a
+    shot.toml that name the law's curves belongs to each fit."""
     files: dict[str, Any] = {
         "specimen.json": fits_json(fits, inputs),
         "specimen.h5": lambda path: _write_hdf5(path, fits),
@@ -144,9 +142,7 @@ def _constant_rows(found: SpecimenFit) -> Iterator[dict[str, Any]]:
 
 def largest_strains(found: SpecimenFit) -> tuple[float, float]:
     """Largest pull and push of the fitted tests, divided by the free length between the bonds, both >= 0 [-].
-
-    A shear counts as both.
-    """
+    A shear counts as both."""
     pulls, pushes = [0.0], [0.0]
     for one in found.tests:
         if one.fitted:
@@ -205,18 +201,6 @@ def plan_columns(found: Sequence[Expected], free: Sequence[str]) -> dict[str, An
     for j, name in enumerate(free):
         columns[f"relative sigma of {name} (1)"] = [float(one.relative[j]) for one in found]
     return columns | {"peak force (N)": [one.peak_force for one in found]}
-
-
-def study_columns(rows: Sequence[StudyRow]) -> dict[str, Any]:
-    """The fits of a study as named columns."""
-    names = list(dict.fromkeys(name for row in rows for name in row.values))
-    return {
-        "case": [row.label for row in rows],
-        **{f"{name} (SI)": [row.values.get(name, "") for row in rows] for name in names},
-        "RMSE (N)": [row.rmse for row in rows],
-        "displacement components": [row.unknowns for row in rows],
-        "simulations": [row.simulations for row in rows],
-    }
 
 
 def field_json(found: FieldFit, steps: Sequence[FieldFit | str]) -> dict[str, Any]:

@@ -35,7 +35,6 @@ class Specification:
     constants: Constants
     """The law, its constants and the free ones."""
     models: dict[str, SpecimenModel]
-    """Every specimen by the name of its test."""
     samples: dict[str, Samples]
     """Measurements of the tests with a file."""
     inputs: dict[str, str]

@@ -224,7 +224,6 @@ class SpecimenFile(Section):
     """A whole SPEC.toml."""
 
     NEW: ClassVar[str] = "kolsky specimen new"
-    """Command that writes such a file."""
     material: MaterialSection
     numerics: NumericsSection = Field(default_factory=NumericsSection)
     tests: dict[str, TestSection] = Field(default_factory=dict)

@@ -1,6 +1,4 @@
-"""Effects of mesh, noise, softening and start on a fit, and expected intervals of a planned test.
-
-Sections VI-C, VI-D and VI-F of Schumacher and others (2020) as functions of tests.
+"""Expected intervals of a planned test, and fits compared with other tests.
 
 At expected constants, the derivatives of the forces by the constants give the covariance of a fit, C =
 (sum_tests J^T J)^-1. J is whitened by the noise of the instruments. No data are needed. Shapes are compared
@@ -9,7 +7,7 @@ determinant of the relative covariance (D-optimality, Kiefer and Wolfowitz 1960)
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,78 +15,8 @@ from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.errors_in_variables import Samples, reduce
 from kolsky.bodies.specimen_constants import Constants
-from kolsky.bodies.specimen_fit import SlowTest, SpecimenFit, correlation_of, fit
+from kolsky.bodies.specimen_fit import SpecimenFit, correlation_of
 from kolsky.bodies.specimen_model import SpecimenModel
-
-
-@dataclass(frozen=True)
-class StudyRow:
-    """One fit of a study."""
-
-    label: str
-    """Description of the variation."""
-    values: dict[str, float]
-    """All constants, SI."""
-    rmse: float
-    """Root mean square residual of the force over all tests [N]."""
-    unknowns: int
-    """Displacement components of the mesh of the first test."""
-    simulations: int
-    """Number of trial points of the search."""
-
-
-def study_row(label: str, result: SpecimenFit) -> StudyRow:
-    parts = [one for one in result.tests if one.fitted]
-    rmse = float(np.sqrt(np.mean([one.rmse**2 for one in parts])))
-    unknowns = parts[0].test.model.shape.mesh.points.size
-    return StudyRow(label, dict(result.constants.values), rmse, unknowns, result.found.simulations)
-
-
-def resolution_study(
-    test: SlowTest,
-    constants: Constants,
-    *,
-    factors: Sequence[int],
-    orders: Sequence[str],
-    base: Sequence[int],
-) -> list[StudyRow]:
-    """Constants for several meshes and element orders (their Fig. 6).
-
-    ``constants``: the law, its start and the free constants. ``factors``: factors of the numbers of elements.
-    ``orders``: elements: "hex8" (linear) and "hex27" (quadratic). ``base``: elements along each edge at the
-    factor 1, as 20 x 5 x 1. Raises ValueError if a fit fails.
-    """
-    rows = []
-    for element in orders:
-        start = constants
-        for factor in factors:
-            elements = (factor * base[0], factor * base[1], factor * base[2])
-            shape = replace(test.model.shape, elements=elements, element=element)
-            own = replace(test, model=replace(test.model, shape=shape))
-            result = fit(f"{element} {elements}", [own], start, bonds=False)
-            label = f"{element} {elements[0]} x {elements[1]} x {elements[2]}"
-            rows.append(study_row(label, result))
-            start = result.constants  # of the coarser mesh: fewer steps
-    return rows
-
-
-def noise_study(
-    test: SlowTest, constants: Constants, *, sigmas: Sequence[float], repeats: int
-) -> list[StudyRow]:
-    """Constants with increasing noise added to the forces.
-
-    ``sigmas``: standard deviations of the added noise [N]. ``repeats``: number of draws for each.
-    """
-    rng = np.random.default_rng(1)
-    rows = []
-    for sigma in sigmas:
-        for draw in range(repeats if sigma > 0.0 else 1):
-            added = sigma * rng.standard_normal(test.samples.force.shape)
-            total = float(np.hypot(test.samples.sigma_force, sigma))
-            samples = replace(test.samples, force=test.samples.force + added, sigma_force=total)
-            result = fit("noise", [replace(test, samples=samples)], constants, bonds=False)
-            rows.append(study_row(f"sigma {sigma:g} N, draw {draw + 1}", result))
-    return rows
 
 
 def cross_table(fits: Sequence[SpecimenFit], tests: Sequence[str]) -> FloatArray:

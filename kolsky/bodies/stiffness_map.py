@@ -150,13 +150,7 @@ def stiffness_map(
         (value, gradient), (rough, slope) = blocks.chi2(at), total_variation(at, touching)
         return value + tau * rough, gradient + tau * slope
 
-    shift = minimize(
-        shifted,
-        np.zeros(1),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(-LARGEST, LARGEST)],
-    )
+    shift = minimize(shifted, np.zeros(1), jac=True, method="L-BFGS-B", bounds=[(-LARGEST, LARGEST)])
     logs += float(shift.x[0])
     uniform, chi2, weight = float(shift.fun), float(shift.fun), float("inf")
     for weight in weights:

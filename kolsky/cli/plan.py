@@ -131,7 +131,7 @@ def plan(
 ) -> None:
     """Predict the uncertainty of a planned test like this shot: where, when and how fast to measure.
 
-    Writes plan.html, plan.h5, plan.json, CSV tables and figures into SHOT/results.
+    Writes plan.html, plan.json, CSV tables and figures into SHOT/results.
     """
     changes: dict[str, Any] = {name: value for name, value in vars(instruments).items() if value is not None}
     names = tuple(texts.ranges("--free", [_without_bounds(name) for name in free]))

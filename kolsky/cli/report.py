@@ -138,8 +138,8 @@ def rate(
 ) -> None:
     """Compare the stiffness of identified shots over their strain rates: mean, scatter, slope.
 
-    Writes rates.h5, rates.html and CSV tables. A slope that the range of rates does not support is rejected.
-    A shot whose data the model does not explain is left out and named.
+    Writes rates.json, rates.html and CSV tables. A slope that the range of rates does not support is
+    rejected. A shot whose data the model does not explain is left out and named.
     """
     from kolsky.report.result_folder import write_results
     from kolsky.studies.rates import rate as rates
@@ -160,7 +160,7 @@ def rate(
     print_result(
         {name: text for group in report.groups for name, text in rows(group, report).items()},
         summary(report),
-        files={"result": folder / "rates.h5", "page": folder / "rates.html"},
+        files={"result": folder / "rates.json", "page": folder / "rates.html"},
         warnings=[remark for group in report.groups for remark in group.remarks],
     )
 

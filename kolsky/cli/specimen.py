@@ -17,7 +17,7 @@ from kolsky.inverse.settings import Device
 
 if TYPE_CHECKING:
     from kolsky.bodies.specimen_reading import Specification
-    from kolsky.bodies.specimen_studies import Expected, StudyRow
+    from kolsky.bodies.specimen_studies import Expected
 
 
 _SpecPath = Annotated[Path, typer.Argument(metavar="SPEC", help="A SPEC.toml: material, specimens, files.")]
@@ -39,21 +39,6 @@ def specimen_new(
 def specimen_fit(
     spec: _SpecPath,
     out: _OutOfSpec = None,
-    resolution: Annotated[
-        list[int] | None,
-        Option(
-            "Also fit on meshes this many times as fine as 20 x 5 x 1 cells.",
-            metavar="FACTORS",
-            read=texts.whole_numbers,
-        ),
-    ] = None,
-    noise: Annotated[
-        list[float] | None,
-        Option(
-            "Also fit with noise of these sizes added to the force [N].", metavar="SIGMAS", read=texts.numbers
-        ),
-    ] = None,
-    draws: Annotated[int, Option("Draws of each size of --noise.", min=1)] = 3,
     steps_alone: Annotated[bool, Option("For a sheet: also fit every step separately.")] = False,
     blocks: Annotated[
         tuple[int, int] | None,
@@ -76,7 +61,6 @@ def specimen_fit(
     read = read_specification(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "results")
     if read.declared.field is not None:
-        _refuse({"--resolution": bool(resolution), "--noise": bool(noise)}, "is for force curves")
         _fit_sheet(read, folder, figures, each_step=steps_alone, blocks=blocks, vtu=vtu, stills=stills)
         return
     _refuse({"--steps-alone": steps_alone, "--map": blocks is not None}, "is for a sheet")
@@ -104,10 +88,7 @@ def specimen_fit(
                 )
             )
     view = view_of(read.name, fits)
-    studies = _studies(read, resolution or [], noise or [], draws)
-    write_specimen_results(
-        folder, view, read.inputs, formats=figures, vtu=vtu, stills=stills, studies=studies
-    )
+    write_specimen_results(folder, view, read.inputs, formats=figures, vtu=vtu, stills=stills)
     rows = {
         f"{row['Fit']}: {row['Constant']}": f"{row['Value']}, {row['Interval, 95 %']}, {row['Verdict']}"
         for row in constant_rows(view)
@@ -130,22 +111,6 @@ def _require_drawing() -> None:
     cure = "leave --stills out, or install what it needs; --vtu is for ParaView"
     with texts.refused("--stills ", cure=cure, errors=(CannotRender,)):
         offscreen_pyvista()
-
-
-def _studies(
-    read: "Specification", factors: list[int], sigmas: list[float], draws: int
-) -> "dict[str, list[StudyRow]]":
-    from kolsky.bodies.specimen_studies import noise_study, resolution_study
-
-    first = read.test(next(iter(read.samples)))
-    made = {}
-    if factors:
-        made["resolution"] = resolution_study(
-            first, read.constants, factors=factors, orders=("hex8", "hex27"), base=(20, 5, 1)
-        )
-    if sigmas:
-        made["noise"] = noise_study(first, read.constants, sigmas=sigmas, repeats=draws)
-    return made
 
 
 def _fit_sheet(

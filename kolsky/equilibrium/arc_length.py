@@ -36,7 +36,6 @@ class ArcPath:
     """Equilibria in the order of the path."""
 
     model: Model
-    """The model."""
     load: FloatArray
     """Common value of the histories that increase together, shape [n]. The first value is 0."""
     displacements: FloatArray
@@ -44,14 +43,11 @@ class ArcPath:
     arc: FloatArray
     """Length of the path in the space of the unknown displacements [m], shape [n]."""
     outcome: Outcome
-    """How it ended."""
 
     @property
     def limits(self) -> FloatArray:
-        """Loads at limit points, in their order, shape [...].
-
-        At a limit point, the load has an extremum. It is computed from the parabola through three equilibria.
-        """
+        """Loads at limit points, in their order, shape [...]. At a limit point, the load has an extremum. It
+        is computed from the parabola through three equilibria."""
         found = []
         for k in range(1, len(self.load) - 1):
             if (self.load[k] - self.load[k - 1]) * (self.load[k + 1] - self.load[k]) < 0.0:
@@ -98,30 +94,12 @@ def follow(
 ) -> ArcPath:
     """Follow equilibria from load 0 until the load first reaches `until`.
 
-    Parameters
-    ----------
-    model : Model
-        The body with its supports and loads.
-    histories : sequence of str
-        Histories of loads that all have the value of the load. Histories of prescribed displacements are not
-        allowed.
-    until : float
-        Load at which the path ends, > 0.
-    first : float
-        Load of the first step, > 0.
-    others : mapping of str to float, optional
-        Values of the other histories, such as that of the weight.
-    parameters : array, optional
-        As for `kolsky.equilibrium.solve.solve`.
-    steps : int
-        Maximum number of steps.
-    longest : float
-        Largest length of a step divided by that of the first [-].
-
-    Raises
-    ------
-    ValueError
-        If a history is missing, unknown or one of displacements, or if a number is not > 0.
+    ``model``: the body with its supports and loads. ``histories``: histories of loads that all have the value
+    of the load. Histories of prescribed displacements are not allowed. ``until``: load at which the path
+    ends, > 0. ``first``: load of the first step, > 0. ``others``: values of the other histories, such as that
+    of the weight. ``parameters``: as for `kolsky.equilibrium.solve.solve`. ``steps``: maximum number of
+    steps. ``longest``: largest length of a step divided by that of the first [-]. Raises ValueError if a
+    history is missing, unknown or one of displacements, or if a number is not > 0.
     """
     fixed = {} if others is None else dict(others)
     if set(fixed) | set(histories) != set(model.histories) or set(fixed) & set(histories):
@@ -212,10 +190,8 @@ class _Stepper:
     def step(
         self, start: State, load: float, tangent: FloatArray, change: float, length: float
     ) -> tuple[State, float, int] | Outcome:
-        """The equilibrium after an arc length, its load and the iterations.
-
-        If the step fails, the outcome.
-        """
+        """The equilibrium after an arc length, its load and the iterations. If the step fails, the
+        outcome."""
         equations = self.equations
         moved, p = length * tangent, load + change
         for number in range(ITERATIONS + 1):

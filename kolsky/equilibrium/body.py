@@ -103,7 +103,6 @@ class BodyState:
     forces: FloatArray
     """Internal forces of the points [N], shape [n d]."""
     points: PointState
-    """The Gauss points."""
 
     @property
     def inverted(self) -> bool:
@@ -130,10 +129,8 @@ class Body:
         return changed
 
     def evaluate(self, u: FloatArray, *, start: BodyState | None = None) -> BodyState:
-        """Internal forces at displacements [m] of shape [n d]; `start`: a state near it.
-
-        If the body is inverted at a point, the forces are NaN and `BodyState.inverted` is True.
-        """
+        """Internal forces at displacements [m] of shape [n d]; `start`: a state near it. If the body is
+        inverted at a point, the forces are NaN and `BodyState.inverted` is True."""
         at = u.reshape(-1, self.model.dimension)
         pressure = None
         if self.field is not None:
@@ -155,13 +152,7 @@ class Body:
             pressure, curvature = self.field.pressures(state.points.J)
         thickness = state.points.thickness
         points = self.points.evaluate(
-            at,
-            self.rows,
-            tangent=True,
-            forces=False,
-            single=single,
-            pressure=pressure,
-            thickness=thickness,
+            at, self.rows, tangent=True, forces=False, single=single, pressure=pressure, thickness=thickness
         )
         stiffness = points.stiffness
         assert stiffness is not None
@@ -183,9 +174,7 @@ class Body:
 
     def forces_by_parameters(self, state: BodyState) -> FloatArray:
         """d(internal forces)/d(constants) at fixed displacements [N per unit], [n_regions n_parameters, n d].
-
-        The rows are ordered by region.
-        """
+        The rows are ordered by region."""
         model, pattern = self.model, self.pattern
         elements = self.element_forces_by_parameters(state)
         regions = model.cell_regions

@@ -149,7 +149,6 @@ class Motion:
     """A motion. Steps that were not reached are NaN, and the outcome gives the reason."""
 
     model: Model
-    """The model."""
     time: FloatArray
     """Times [s], the first 0, shape [n + 1]."""
     displacements: FloatArray
@@ -158,7 +157,6 @@ class Motion:
     """Forces of supports on the points [N], of the same shape: internal and inertial forces minus weight and
     pressure. They are 0 at the start."""
     outcome: Outcome
-    """How it ended."""
     reached: int
     """Number of times reached, the start included."""
 
@@ -186,33 +184,14 @@ def march(
 ) -> Motion:
     """Step a model through time from rest.
 
-    Parameters
-    ----------
-    model : Model
-        The body with its supports and loads, without rigid planes.
-    histories : mapping of str to array
-        Value of each history at the end of each step, shape [n].
-    dt : float
-        Length of a step [s].
-    density : float or tuple of float
-        Density at rest [kg/m3], one value for all regions or one for each.
-    scheme : str
-        "backward_euler" or "trapezoidal".
-    prony : Prony, optional
-        Relaxation of the stress.
-    steps : int, optional
-        Number of steps, for a model without histories.
-    start : array, shape [n_points, d], optional
-        Displacements at the start [m], with zero velocity; None: undeformed.
-    start_histories : mapping of str to float, optional
-        Values of the histories at the start; None: those of the first step.
-    tolerance : float
-        Largest residual as a share of the internal, external or inertial forces [-].
-
-    Raises
-    ------
-    ValueError
-        If a history does not fit, if dt is not > 0, if the scheme is unknown, or if there is a rigid plane.
+    ``model``: the body with its supports and loads, without rigid planes. ``histories``: value of each
+    history at the end of each step, shape [n]. ``dt``: length of a step [s]. ``density``: density at rest
+    [kg/m3], one value for all regions or one for each. ``scheme``: "backward_euler" or "trapezoidal".
+    ``prony``: relaxation of the stress. ``steps``: number of steps, for a model without histories. ``start``:
+    displacements at the start [m], with zero velocity; None: undeformed. ``start_histories``: values of the
+    histories at the start; None: those of the first step. ``tolerance``: largest residual as a share of the
+    internal, external or inertial forces [-]. Raises ValueError if a history does not fit, if dt is not > 0,
+    if the scheme is unknown, or if there is a rigid plane.
     """
     table = checked_steps(model, histories)
     n = len(next(iter(table.values()))) if table else (steps or 1)

@@ -63,11 +63,9 @@ Shape = Literal["hypercube", "simplex"]
 
 @dataclass(frozen=True)
 class Face:
-    """A face as an affine image of the reference face: xi = origin + tangents @ s.
-
-    The normal from the tangents points outward. It is their cross product; in two dimensions, it is the
-    tangent rotated by -90 degrees.
-    """
+    """A face as an affine image of the reference face: xi = origin + tangents @ s. The normal from the
+    tangents points outward. It is their cross product; in two dimensions, it is the tangent rotated by -90
+    degrees."""
 
     origin: tuple[float, ...]
     """Point s = 0 in the element's coordinates [-], shape [d]."""
@@ -84,7 +82,6 @@ class Element:
     """A Lagrange element."""
 
     name: str
-    """Its name in `kolsky.equilibrium.elements.ELEMENTS`."""
     shape: Shape
     """ "hypercube": coordinates in [-1, 1]; "simplex": coordinates >= 0 with a sum <= 1."""
     nodes: FloatArray
@@ -92,7 +89,6 @@ class Element:
     exponents: IntArray
     """The monomials of the space, shape [k, d]."""
     faces: tuple[Face, ...]
-    """Its faces (edges in two dimensions)."""
     gauss: int
     """Default number of Gauss points in each direction [-]."""
     pressure_degree: int | None

@@ -21,7 +21,6 @@ class State:
     """A state that may differ from an equilibrium."""
 
     at: dict[str, float]
-    """Value of each history."""
     u: FloatArray
     """Displacements [m], shape [n d]."""
     body: BodyState
@@ -147,18 +146,14 @@ class Equations:
         return elements
 
     def stiffness(self, state: State, *, single: bool = False) -> FloatArray:
-        """Tangent of the residual, for each element [N/m], shape [m, k d, k d].
-
-        `single`: single precision, for factors that only guide an iteration.
-        """
+        """Tangent of the residual, for each element [N/m], shape [m, k d, k d]. `single`: single precision,
+        for factors that only guide an iteration."""
         return self.with_contact(self.carried_stiffness(state, single=single), state, held=False)
 
     def with_contact(self, elements: FloatArray, state: State, *, held: bool) -> FloatArray:
-        """Element matrices with the stiffness of the points in contact.
-
-        `held` fixes these points on their surface. Derivatives of the solution need this. Without points in
-        contact, the unchanged array is returned.
-        """
+        """Element matrices with the stiffness of the points in contact. `held` fixes these points on their
+        surface. Derivatives of the solution need this. Without points in contact, the unchanged array is
+        returned."""
         if self.contacts:
             elements = elements.copy()
         for contact, blocks in zip(self.contacts, self.contact_blocks(state, held=held), strict=True):
@@ -214,11 +209,7 @@ class Equations:
         return total
 
     def _external(
-        self,
-        u: FloatArray,
-        at: dict[str, float],
-        multipliers: tuple[FloatArray, ...],
-        carried: FloatArray,
+        self, u: FloatArray, at: dict[str, float], multipliers: tuple[FloatArray, ...], carried: FloatArray
     ) -> FloatArray:
         total = carried + nodal_forces(self.model, at)
         for contact, pushed in zip(self.contacts, multipliers, strict=True):

@@ -146,7 +146,6 @@ class Faces:
     weights: FloatArray
     """Weights of the Gauss points [-], shape [g]."""
     face: Face
-    """The local face."""
 
 
 def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
@@ -181,13 +180,9 @@ def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
 
 
 def rim(mesh: Mesh, where: str) -> IntArray:
-    """End points of the edges that bound the surface of a set, shape [n, 2].
-
-    Empty for a closed surface.
-
+    """End points of the edges that bound the surface of a set, shape [n, 2]. Empty for a closed surface.
     Every edge of a closed surface belongs to an even number of its faces. ``where``: set of a
-    three-dimensional mesh. Raises ValueError if no face has all its points in the set.
-    """
+    three-dimensional mesh. Raises ValueError if no face has all its points in the set."""
     element, low = mesh.element, -1.0 if mesh.element.shape == "hypercube" else 0.0
     corners = np.flatnonzero(np.isin(element.nodes, (low, 1.0)).all(axis=1))
     edges = []

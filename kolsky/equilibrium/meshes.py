@@ -52,10 +52,7 @@ class Mesh:
     def nodes(self, name: str) -> IntArray:
         """Points of a set.
 
-        Raises
-        ------
-        ValueError
-            If there is no such set. The message lists the sets.
+        Raises ValueError if there is no such set. The message lists the sets.
         """
         if name not in self.sets:
             raise ValueError(f"the mesh has no set {name!r}; it has {sorted(self.sets)}")
@@ -77,15 +74,8 @@ def components(nodes: IntArray, dimension: int) -> IntArray:
 def box(size: Sequence[float], cells: Sequence[int], *, kind: str = "hex27") -> Mesh:
     """A box (a rectangle in two dimensions) with its corner at the origin.
 
-    Parameters
-    ----------
-    size : sequence of float
-        Edge lengths [m], d of them.
-    cells : sequence of int
-        Number of hexahedra or quadrilaterals along each edge. For simplices, each is divided into six
-        tetrahedra or two triangles.
-    kind : str
-        The element.
+    ``size``: edge lengths [m], d of them. ``cells``: number of hexahedra or quadrilaterals along each edge.
+    For simplices, each is divided into six tetrahedra or two triangles. ``kind``: the element.
     """
     return _structured(size, cells, kind, None)
 
@@ -109,17 +99,10 @@ def cross(size: Sequence[float], cells: Sequence[int], corner: Sequence[int], *,
 
 
 def dog_bone(
-    size: Sequence[float],
-    cells: Sequence[int],
-    *,
-    waist: float,
-    straight: float,
-    kind: str = "hex27",
+    size: Sequence[float], cells: Sequence[int], *, waist: float, straight: float, kind: str = "hex27"
 ) -> Mesh:
-    """A bar along x with a waist: its width (along y) is ``waist`` [m] over the length ``straight`` [m].
-
-    The waist is in the middle. Toward the ends, the width increases by a cosine.
-    """
+    """A bar along x with a waist: its width (along y) is ``waist`` [m] over the length ``straight`` [m]. The
+    waist is in the middle. Toward the ends, the width increases by a cosine."""
     if not 0.0 < waist <= size[1]:
         raise ValueError(f"waist must be in (0, {size[1]}] m, got {waist}")
     if not 0.0 <= straight < size[0]:

@@ -20,7 +20,6 @@ class Fixed:
     """Displacements fixed at zero."""
 
     where: str
-    """Set of points."""
     axes: tuple[int, ...] | None = None
     """Fixed components; None: all."""
 
@@ -30,9 +29,7 @@ class Prescribed:
     """One displacement component that follows a history."""
 
     where: str
-    """Set of points."""
     axis: int
-    """The component."""
     history: str
     """Name of the history [m]."""
     factor: float | FloatArray = 1.0
@@ -41,13 +38,10 @@ class Prescribed:
 
 @dataclass(frozen=True)
 class Coupled:
-    """Points that move together along an axis (a rigid sliding interface), with or without a force.
-
-    This is the coupling of Schumacher and others (2020), Eq. (6). The component is one unknown.
-    """
+    """Points that move together along an axis (a rigid sliding interface), with or without a force. This is
+    the coupling of Schumacher and others (2020), Eq. (6). The component is one unknown."""
 
     where: str
-    """Set of points."""
     axis: int
     """The component that the points have in common."""
     force: str | None = None
@@ -59,9 +53,7 @@ class NodalForce:
     """A dead force, distributed equally over the points of a set."""
 
     where: str
-    """Set of points."""
     axis: int
-    """Its direction."""
     history: str
     """Name of the history [N]."""
 
@@ -71,9 +63,7 @@ class Traction:
     """A dead load per undeformed area on the faces that have all points in a set."""
 
     where: str
-    """Set of points."""
     axis: int
-    """Its direction."""
     history: str
     """Name of the history [Pa]."""
 
@@ -95,18 +85,15 @@ class Pressure:
     """A pressure normal to the deformed faces with all points in a set."""
 
     where: str
-    """Set of points."""
     history: str
     """Name of the history [Pa], positive in compression."""
 
 
 @dataclass(frozen=True)
 class RigidSurface:
-    """A frictionless rigid plane or sphere. Points of a set cannot pass through it.
-
-    The contact force of a point is the penalty force stiffness * depth plus a multiplier. Augmentation
-    increases the multiplier by the penalty force until no point is deeper than the tolerance.
-    """
+    """A frictionless rigid plane or sphere. Points of a set cannot pass through it. The contact force of a
+    point is the penalty force stiffness * depth plus a multiplier. Augmentation increases the multiplier by
+    the penalty force until no point is deeper than the tolerance."""
 
     where: str
     """Set of points that may touch."""
@@ -129,16 +116,12 @@ class RigidSurface:
 
 @dataclass(frozen=True)
 class SelfContact:
-    """Two surfaces of the body that cannot pass through each other. They have no friction.
-
-    A penalty force acts on the integration points of each surface that penetrate the other. An equilibrium
-    with a point deeper than `depth` is not accepted.
-    """
+    """Two surfaces of the body that cannot pass through each other. They have no friction. A penalty force
+    acts on the integration points of each surface that penetrate the other. An equilibrium with a point
+    deeper than `depth` is not accepted."""
 
     where: str
-    """Set of points of the first surface."""
     other: str
-    """Set of points of the second surface."""
     penalty: float = 500.0
     """Pressure divided by depth, in shear moduli over the size of a face [-]."""
     depth: float | None = None
@@ -185,7 +168,6 @@ class Model:
     """One specimen."""
 
     mesh: Mesh
-    """Its mesh."""
     solid: Solid
     """Its material, with the default constants of `solve`."""
     conditions: tuple[Condition, ...] = ()
@@ -282,10 +264,7 @@ class Model:
     def parameters(self, values: ArrayLike | None = None) -> FloatArray:
         """Constants of every region, shape [n_regions, n_parameters]. None: those of the materials.
 
-        Raises
-        ------
-        ValueError
-            If their number is wrong, or if the material does not allow them.
+        Raises ValueError if their number is wrong, or if the material does not allow them.
         """
         own = self.solid.parameters()
         if values is None:
@@ -316,7 +295,6 @@ class Unknowns:
     index: IntArray
     """Unknown of each component (point by point), shape [n d]; -1 for a fixed or prescribed one."""
     count: int
-    """Number of unknowns."""
     prescribed: tuple[tuple[IntArray, str, FloatArray], ...]
     """Components, history and factor of the prescribed displacements."""
     forces: tuple[tuple[int, str], ...]

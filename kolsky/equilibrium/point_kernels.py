@@ -58,10 +58,7 @@ def volumetric_functions(form: str, start: int) -> tuple[Any, Any]:
         slope = two * (J - one) * (row[at] + z * (two * row[at + 1] + z * three * row[at + 2]))
         return slope, two * (row[at] + z * (six * row[at + 1] + z * three * five * row[at + 2]))
 
-    return {
-        "quadratic": (quadratic_energy, quadratic),
-        "polynomial": (polynomial_energy, polynomial),
-    }[form]
+    return {"quadratic": (quadratic_energy, quadratic), "polynomial": (polynomial_energy, polynomial)}[form]
 
 
 mat33 = wp.mat33d
@@ -558,11 +555,7 @@ def stiffness_kernel(d: int, columns: int) -> Any:
     components, D = int(d), int(columns)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def stiffness(
-        E: wp.array4d(dtype=f64),
-        A: wp.array4d(dtype=f64),
-        out: wp.array3d(dtype=f64),
-    ):
+    def stiffness(E: wp.array4d(dtype=f64), A: wp.array4d(dtype=f64), out: wp.array3d(dtype=f64)):
         c, a, b = wp.tid()
         for i in range(components):
             for k in range(components):

@@ -52,10 +52,7 @@ class Geometry:
 def geometry(mesh: Mesh, *, kinematics: str, thickness: float, gauss: int | None) -> Geometry:
     """Evaluate the gradients.
 
-    Raises
-    ------
-    ValueError
-        If an element is inverted, or a Gauss point is on the axis of revolution.
+    Raises ValueError if an element is inverted, or a Gauss point is on the axis of revolution.
     """
     element = mesh.element
     points, weights = element.rule(element.gauss if gauss is None else gauss)
@@ -101,11 +98,9 @@ def element_forces(T: FloatArray, weighted: FloatArray) -> FloatArray:
 
 
 def element_stiffness(T: FloatArray, weighted: FloatArray) -> FloatArray:
-    """Sum over the points of E A dV E: stiffness of each element [N/m], shape [m, k d, k d].
-
-    `weighted` is A dV, shape [m, g, d D, d D]. A is symmetric: blocks (i, j) with i > j are transposes. The
-    result has the precision of T, shape [m, g, D, k].
-    """
+    """Sum over the points of E A dV E: stiffness of each element [N/m], shape [m, k d, k d]. `weighted` is A
+    dV, shape [m, g, d D, d D]. A is symmetric: blocks (i, j) with i > j are transposes. The result has the
+    precision of T, shape [m, g, D, k]."""
     m, g, columns, k = T.shape
     d = weighted.shape[-1] // columns
     K = np.empty((m, k, d, k, d), dtype=T.dtype)
@@ -266,9 +261,7 @@ class Points:
 
     def stress_by_row(self, u: FloatArray, rows: FloatArray, thickness: FloatArray) -> FloatArray:
         """Derivatives of the full 3 x 3 P by the kernels' row at fixed deformation, shape [m, g, 9, n_row].
-
-        They are computed by reverse-mode differentiation of the law's function.
-        """
+        They are computed by reverse-mode differentiation of the law's function."""
         (m, g), n_row = self.shape, rows.shape[1]
         deformations, stresses = stress_kernel(self.functions[1], self.model.kinematics)
         F = wp.zeros((m, g), dtype=wp.mat33d, device=self.device)

@@ -95,7 +95,6 @@ class Sample:
     residual: float
     """|G w - b| / |b| [-]."""
     reached: bool
-    """True if the tolerance was reached."""
 
 
 def choose(G: FloatArray, *, tolerance: float) -> Sample:
@@ -157,21 +156,15 @@ class ReducedState:
     slopes: FloatArray
     """dq/dp by each pressure [m/Pa], shape [r, n_pressures]."""
     outcome: Outcome
-    """How it ended."""
     iterations: int
-    """Newton iterations."""
 
 
 class ReducedModel:
     """A model, its basis, and the sampled elements."""
 
     def __init__(self, model: Model, basis: Basis, sample: Sample, *, gravity: str | None = None) -> None:
-        """Make the reduced model.
-
-        The conditions of `model` must be supports, weight and pressures.
-
-        `gravity` is the history of the weight's factor.
-        """
+        """Make the reduced model. The conditions of `model` must be supports, weight and pressures. `gravity`
+        is the history of the weight's factor."""
         _checked(model)
         self.model, self.basis, self.sample = model, basis, sample
         V = basis.modes
@@ -269,24 +262,14 @@ class ReducedModel:
 
 
 def reduce(
-    solutions: Sequence[Solution],
-    *,
-    modes: int,
-    tolerance: float,
-    gravity: str | None = None,
+    solutions: Sequence[Solution], *, modes: int, tolerance: float, gravity: str | None = None
 ) -> ReducedModel:
     """Make a reduced model from equilibria of one model.
 
-    Parameters
-    ----------
-    solutions : sequence of Solution
-        Equilibria with the same mesh, conditions and constants. Every step that was reached is a snapshot.
-    modes : int
-        Maximum number of unknowns. The number of independent snapshots is another limit.
-    tolerance : float
-        Tolerance for choosing the elements, Eq. (R.2).
-    gravity : str, optional
-        History of the weight's factor.
+    ``solutions``: equilibria with the same mesh, conditions and constants. Every step that was reached is a
+    snapshot. ``modes``: maximum number of unknowns. The number of independent snapshots is another limit.
+    ``tolerance``: tolerance for choosing the elements, Eq. (R.2). ``gravity``: history of the weight's
+    factor.
     """
     model = solutions[0].model
     snapshots = np.concatenate([s.displacements[: s.reached].reshape(s.reached, -1) for s in solutions])

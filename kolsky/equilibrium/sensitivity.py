@@ -41,9 +41,7 @@ class Sensitivities:
     """Derivatives of `kolsky.equilibrium.solution.Solution.forces` [N per unit], shape [n_steps, n_names, n,
     d]."""
     solution: Solution
-    """The differentiated solution."""
     factors: tuple[Factors, ...] = ()
-    """Factors of the tangent of each step, if kept."""
 
     def reaction(self, where: str) -> FloatArray:
         """Derivatives of `Solution.reaction` [N per unit], shape [n_steps, n_names, d]."""
@@ -59,14 +57,8 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = (), keep: bool = 
 
     There is one factorisation per step, and one solution per constant.
 
-    Parameters
-    ----------
-    solution : Solution
-        Equilibria.
-    histories : tuple of str
-        Histories for which derivatives by their value at each step are added (such as a fitted force).
-    keep : bool
-        Keep the factors of every step for `second`.
+    ``solution``: equilibria. ``histories``: histories for which derivatives by their value at each step are
+    added (such as a fitted force). ``keep``: keep the factors of every step for `second`.
     """
     model, equations, kept = solution.model, solution.equations, []
     names = (*model.parameter_names, *histories)
@@ -96,25 +88,13 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = (), keep: bool = 
 
 
 def adjoint(
-    solution: Solution,
-    by_displacements: FloatArray,
-    by_forces: FloatArray | None = None,
+    solution: Solution, by_displacements: FloatArray, by_forces: FloatArray | None = None
 ) -> FloatArray:
     """Gradient of a cost by the constants, by Eq. (S.2).
 
-    Parameters
-    ----------
-    solution : Solution
-        Equilibria.
-    by_displacements : array, shape [n_steps, n, d]
-        Derivative of the cost by the displacements [1/m].
-    by_forces : array, shape [n_steps, n, d], optional
-        Derivative of the cost by the forces of the points [1/N].
-
-    Returns
-    -------
-    array
-        dc/dp, region by region, shape [n_regions, n_parameters], summed over the steps that were reached.
+    ``solution``: equilibria. ``by_displacements``: derivative of the cost by the displacements [1/m].
+    ``by_forces``: derivative of the cost by the forces of the points [1/N]. Returns: dc/dp, region by region,
+    shape [n_regions, n_parameters], summed over the steps that were reached.
     """
     model, equations = solution.model, solution.equations
     gradient = np.zeros(solution.parameters.shape)
@@ -176,7 +156,6 @@ class SecondDerivatives:
     forces: FloatArray
     """Second derivatives of `kolsky.equilibrium.solution.Solution.forces` [N per unit squared], as above."""
     sensitivities: Sensitivities
-    """The first derivatives."""
 
     def reaction(self, where: str) -> FloatArray:
         """Second derivatives of `kolsky.equilibrium.solution.Solution.reaction`, shape [n_steps, n, n, d]."""
@@ -187,10 +166,8 @@ class SecondDerivatives:
 def second(sensitivities: Sensitivities, *, first: int | None = None) -> SecondDerivatives:
     """Second derivatives by the constants of every region, or by the first ``first`` of them.
 
-    Raises
-    ------
-    ValueError
-        If the model has a contact, because its points may change, or if `sensitivities` include a history.
+    Raises ValueError if the model has a contact, because its points may change, or if `sensitivities` include
+    a history.
     """
     solution = sensitivities.solution
     model, table = solution.model, solution.parameters

@@ -25,10 +25,7 @@ from kolsky.equilibrium.point_kernels import (
     with_volume,
 )
 
-VOLUMETRIC_PARAMETERS: dict[str, tuple[str, ...]] = {
-    "quadratic": ("K",),
-    "polynomial": ("D1", "D2", "D3"),
-}
+VOLUMETRIC_PARAMETERS: dict[str, tuple[str, ...]] = {"quadratic": ("K",), "polynomial": ("D1", "D2", "D3")}
 """Constants [Pa] of each form."""
 
 
@@ -88,10 +85,8 @@ class Volumetric:
         return np.asarray(2.0 * d1 + z * (12.0 * d2 + 30.0 * d3 * z))
 
     def slope_by_constants(self, J: FloatArray) -> tuple[FloatArray, ...]:
-        """Derivatives of U'(J) by the constants [-], each of shape [...].
-
-        U'(J) is linear in the constants.
-        """
+        """Derivatives of U'(J) by the constants [-], each of shape [...]. U'(J) is linear in the
+        constants."""
         x = np.asarray(J) - 1.0
         return (x,) if self.form == "quadratic" else (2.0 * x, 4.0 * x**3, 6.0 * x**5)
 
@@ -159,7 +154,6 @@ class Isotropic:
     law: AnyLaw
     """A member of `explicit.materials.LAWS`."""
     volumetric: Volumetric
-    """The energy of the volume ratio."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -52,7 +52,6 @@ class Solution:
     """A history of equilibria. Steps that were not reached are NaN, and the outcome gives the reason."""
 
     model: Model
-    """The model."""
     parameters: FloatArray
     """Constants of each region, shape [n_regions, n_parameters]."""
     steps: dict[str, FloatArray]
@@ -65,7 +64,6 @@ class Solution:
     energy: FloatArray
     """Strain energy [J], shape [n_steps]."""
     outcome: Outcome
-    """How it ended."""
     reached: int
     """Number of steps reached."""
     iterations: int
@@ -75,7 +73,6 @@ class Solution:
     contact_forces: tuple[FloatArray, ...]
     """Forces of the points of each rigid surface along its normal [N], each of shape [n_steps, p]."""
     equations: Equations = field(repr=False, compare=False)
-    """Equations of the model with these constants."""
 
     def reaction(self, where: str) -> FloatArray:
         """Sum of `forces` over a set of points [N], shape [n_steps, d]."""

@@ -43,10 +43,8 @@ class QuasiNewtonTangent:
         return -found
 
     def learn(self, step: FloatArray, change: FloatArray) -> None:
-        """Store the change of the residual, `change` [N], along `step` [m].
-
-        A pair with a stiffness that is not positive is not stored. The formula does not allow it.
-        """
+        """Store the change of the residual, `change` [N], along `step` [m]. A pair with a stiffness that is
+        not positive is not stored. The formula does not allow it."""
         self.uses += 1
         work = float(step @ change)
         if self.learns and work > 0.0:
@@ -125,10 +123,8 @@ class Iteration:
         self.kept = QuasiNewtonTangent(factors, learns=self.equations.symmetric and self.equations.smooth)
 
     def equilibrium(self, state: State) -> State | Outcome:
-        """The equilibrium near a state, with contacts within tolerance.
-
-        If the iteration fails, the outcome.
-        """
+        """The equilibrium near a state, with contacts within tolerance. If the iteration fails, the
+        outcome."""
         try:
             for _ in range(AUGMENTATIONS):
                 found = self._converged(state)
@@ -226,28 +222,14 @@ def solve(
 ) -> Solution:
     """Find the equilibrium at each step.
 
-    Parameters
-    ----------
-    model : Model
-        The body with its supports and loads.
-    steps : mapping of str to array
-        Value of each of the model's histories at each step, shape [n_steps]. Before the first step all are 0.
-        None for a model without histories: one step.
-    parameters : array, optional
-        Constants of each region, shape [n_regions, n_parameters] or, for one region, [n_parameters]. None:
-        those of the material.
-    newton : Newton, optional
-        Options.
-    guess : array, shape [n_steps, n, d], optional
-        Initial displacements for the iteration of each step [m], such as those at other constants. If the
-        iteration fails, the step is computed from the previous one.
-    like : Solution, optional
-        A solution of the same model at other constants. Its geometry and fronts are reused.
-
-    Raises
-    ------
-    ValueError
-        If a history is missing, unknown, of different length or not finite, or if `like` has another model.
+    ``model``: the body with its supports and loads. ``steps``: value of each of the model's histories at each
+    step, shape [n_steps]. Before the first step all are 0. None for a model without histories: one step.
+    ``parameters``: constants of each region, shape [n_regions, n_parameters] or, for one region,
+    [n_parameters]. None: those of the material. ``newton``: options. ``guess``: initial displacements for the
+    iteration of each step [m], such as those at other constants. If the iteration fails, the step is computed
+    from the previous one. ``like``: A solution of the same model at other constants. Its geometry and fronts
+    are reused. Raises ValueError if a history is missing, unknown, of different length or not finite, or if
+    `like` has another model.
     """
     if like is not None and like.model is not model:
         raise ValueError("like must be a solution of the same model")
@@ -408,12 +390,9 @@ class _Path:
 
 
 def continued(places: list[float], states: list[FloatArray]) -> FloatArray:
-    """The polynomial through the last states, the latest first, at position 1.
-
-    Its degree is the one that would have predicted the latest state best from earlier states. If this is the
-    highest possible degree, the next higher one is used. A history with kinks is thus extrapolated from few
-    states.
-    """
+    """The polynomial through the last states, the latest first, at position 1. Its degree is the one that
+    would have predicted the latest state best from earlier states. If this is the highest possible degree,
+    the next higher one is used. A history with kinks is thus extrapolated from few states."""
     latest, errors = states[0], [np.linalg.norm(states[1] - states[0])]
     for degree in range(1, len(states) - 1):
         met = _extrapolated(places[1 : degree + 2], states[1 : degree + 2], places[0])

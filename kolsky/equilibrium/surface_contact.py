@@ -172,10 +172,8 @@ class SurfaceContact:
         return total.reshape(-1)
 
     def blocks(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Pairs of faces in contact, numbered by first and second, shape [p, 2].
-
-        The stiffness of the points of both faces [N/m], shape [p, 2 k d, 2 k d], is also returned.
-        """
+        """Pairs of faces in contact, numbered by first and second, shape [p, 2]. The stiffness of the points
+        of both faces [N/m], shape [p, 2 k d, 2 k d], is also returned."""
         near, d, k = self._active(u), self.model.dimension, self.first.shape[1]
         pairs = np.stack([near.points // len(self.values), near.faces], axis=-1)
         unique, which = np.unique(pairs, axis=0, return_inverse=True)

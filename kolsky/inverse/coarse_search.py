@@ -12,13 +12,14 @@ Replicates of the fitted path give the patterns of data changes by the noise of 
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doe import SURROGATES, Box, Surrogate, from_points
 from doe.refine import Refinement, refine
-from doe.surrogates import ProcessSurrogate, ResponseSurrogate, SurrogateError, SurrogateKind
+from doe.surrogates import ProcessSurrogate, ResponseSurrogate, SurrogateError
 from doe.surrogates.quality import Fitness, fitness
 from doe.uncertainty import Channel, Likelihood
 from kolsky.base.arrays import FloatArray
@@ -186,7 +187,7 @@ class CoarseOptimum:
     """The optimum, shape [d]."""
 
 
-def surrogate_kind(box: Box, *, smooth: bool = False) -> SurrogateKind:
+def surrogate_kind(box: Box, *, smooth: bool = False) -> Any:
     """The surrogate for a number of free parameters, from the registry.
 
     ``box``: range of the parameters. ``smooth``: True if the response is smooth in the box and the box is

@@ -53,11 +53,9 @@ class Varied:
     low: float
     """Lower bound, in `unit`."""
     high: float
-    """Upper bound."""
     unit: str
     """Unit as written; empty for a plain number."""
     levels: int = 5
-    """Number of values."""
 
     @classmethod
     def of(cls, text: str) -> "Varied":
@@ -88,7 +86,6 @@ class Scan:
     """Predictions over a grid of quantities."""
 
     varied: tuple[Varied, ...]
-    """The varied quantities."""
     points: FloatArray
     """Values in the units of `varied`, shape [n, d]."""
     numbers: tuple[Numbers, ...]
@@ -104,7 +101,6 @@ class Aim:
     """The point closest to the requested results, confirmed by a run at this point."""
 
     wanted: dict[str, float]
-    """Wanted results, SI."""
     at: dict[str, float]
     """Values of the quantities, in their units."""
     numbers: Numbers
@@ -313,10 +309,8 @@ def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = 
 
 
 def tables(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
-    """Signals and events.
-
-    With finite elements, also the outline at every recorded time. For a scan, its points.
-    """
+    """Signals and events. With finite elements, also the outline at every recorded time. For a scan, its
+    points."""
     made = {"signals": signals(found), "events": events_table(found)}
     response = found.response
     if response is not None:

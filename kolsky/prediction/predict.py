@@ -24,14 +24,14 @@ import explicit
 from dic.views import ResultViews
 from explicit.bars import Apparatus, Joint, PulseShaper, Section, find_events, integrate_test, simulate_test
 from explicit.bars.lines import Events, FlightHistory, SpecimenForce
+from explicit.relaxation import uniaxial_stress
 from explicit.response import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import refused
 from kolsky.base.toml import TomlFile, read_toml
 from kolsky.prediction.schema import PartTable, ShaperTable, TestFile
 from kolsky.readers.table import Column, read_table
-from kolsky.virtual.material import law_of, relaxation_of, uniaxial_stress
-from kolsky.virtual.motion import disc, loading
+from kolsky.virtual.material import law_of, relaxation_of
 
 LEAST_POINTS = 8
 """Smallest number of points of a law's loading."""
@@ -149,6 +149,22 @@ def shaper_of(table: ShaperTable, folder: Path, *, striker: Section, incident: S
         )
 
 
+def disc(diameter: float, height: float, shear_modulus: float) -> PulseShaper:
+    """A neo-Hookean disc that slides on the steel: F = mu A (lam^-2 - lam), down to a stretch of 0.2.
+
+    ``diameter``, ``height``: before the test [m]. ``shear_modulus``: at the rate of the test [Pa].
+    """
+    stretch = np.linspace(1.0, 0.2, 161)
+    force = shear_modulus * np.pi * (0.5 * diameter) ** 2 * (stretch**-2 - stretch)
+    return loading(height * (1.0 - stretch), force)
+
+
+def loading(compression: FloatArray, force: FloatArray, unloading: float | None = None) -> PulseShaper:
+    """A law from its loading curve. It unloads along its steepest slope unless one is given [N/m]."""
+    steepest = float((np.diff(force) / np.diff(compression)).max())
+    return PulseShaper(compression, force, steepest if unloading is None else unloading)
+
+
 def _made(compression: FloatArray, force: FloatArray, table: ShaperTable, path: Path) -> PulseShaper:
     cure = "give a pulse that was recorded with this shaper"
     with refused(path, key="shaper", cure=cure, errors=(ValueError, IndexError)):
@@ -189,10 +205,8 @@ class PlannedTest:
         )
 
     def static_curve(self) -> tuple[FloatArray, FloatArray]:
-        """Approximate static compression [m] and force [N] of the bonded specimen.
-
-        It includes the stiffening of a flat specimen.
-        """
+        """Approximate static compression [m] and force [N] of the bonded specimen. It includes the stiffening
+        of a flat specimen."""
         specimen, material = self.declared.specimen, self.declared.material
         law = law_of(material.law, material.parameters, material.shear_modulus)
         stretch = np.linspace(1.0, FLATTEST, 300)
@@ -267,9 +281,7 @@ class Prediction(ResultViews):
     bars: FlightHistory
     """Motion and forces of the bars."""
     events: Events
-    """What happened when."""
     numbers: Numbers
-    """The numbers of the test."""
     response: Response | None
     """Response of the specimen; None if its static curve was used."""
     changes: FloatArray

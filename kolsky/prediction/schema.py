@@ -90,7 +90,6 @@ class RunTable(Section):
     tolerance: Force = 0.02
     """Largest change of a force between two passes of bars and specimen [N]."""
     passes: Annotated[int, Field(ge=2, le=200)] = 20
-    """Largest number of passes."""
 
 
 class HoldTable(Section):

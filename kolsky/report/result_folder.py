@@ -27,7 +27,6 @@ from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
     from dic.result import FullField
-    from kolsky.bodies.specimen_studies import StudyRow
     from kolsky.equilibrium.solution import Solution
     from kolsky.inverse.result import Identification
     from kolsky.pictures.measurement import Measurement
@@ -108,7 +107,6 @@ RESULTS = {
     "kolsky.studies.planning.plan.Plan": ResultFiles(
         "kolsky.studies.planning.plan.tables",
         files={
-            "plan.h5": "kolsky.studies.planning.plan.write_hdf5",
             "plan.json": "kolsky.studies.planning.plan.to_json",
             "plan.html": "kolsky.report.pages.studies.render_plan",
         },
@@ -117,7 +115,7 @@ RESULTS = {
     "kolsky.studies.rates.records.RateReport": ResultFiles(
         "kolsky.studies.rates.output.tables",
         files={
-            "rates.h5": "kolsky.studies.rates.output.write_hdf5",
+            "rates.json": "kolsky.studies.rates.output.summary",
             "rates.html": "kolsky.report.pages.rates.render",
         },
         figures=_rate_figures,
@@ -415,7 +413,6 @@ def write_specimen_results(
     formats: Sequence[str] = (),
     vtu: bool = False,
     stills: bool = False,
-    studies: Mapping[str, Sequence[StudyRow]] | None = None,
 ) -> None:
     """Write specimen.html, .json, tables and figures of force curves or of a sheet.
 
@@ -442,7 +439,6 @@ def write_specimen_results(
             from kolsky.report.films import write_specimen_still
 
             files[f"stills/{name}.png"] = partial(write_specimen_still, solution=solution)
-    tables |= {name: output.study_columns(rows) for name, rows in (studies or {}).items()}
     write_folder(folder, files | figure_files(formats, view), tables)
 
 

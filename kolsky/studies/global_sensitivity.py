@@ -44,7 +44,6 @@ class Observables:
     """Force samples, bin means and outline points as one vector, and the scalar outputs of this vector."""
 
     observations: Observations
-    """The measurements."""
     counted: NDArray[np.bool_]
     """Outline points that every run reaches, shape [n_points]."""
 
@@ -121,7 +120,6 @@ class GlobalSensitivity(ResultViews):
     box: Box
     """Ranges of the parameters, which vary uniformly and independently."""
     runs: int
-    """Total number of runs."""
     by_surrogate: bool
     """True if a surrogate was used, False if the solver ran all points."""
     errors: dict[str, float]
@@ -167,11 +165,7 @@ SEED = 1
 
 
 def solver_sensitivity(
-    shot: Shot,
-    box: Box,
-    *,
-    n: int = 256,
-    numerics: Numerics | None = None,
+    shot: Shot, box: Box, *, n: int = 256, numerics: Numerics | None = None
 ) -> GlobalSensitivity:
     """Sobol' indices by the solver itself, n (d + 2) runs.
 
@@ -239,14 +233,7 @@ def global_sensitivity(
     if min(errors.values()) > LARGEST_ERROR:
         raise SurrogateError("; ".join(f"{name}: {_refusal(error)}" for name, error in errors.items()))
     return _indices(
-        shot,
-        box,
-        observables,
-        surrogate.predict,
-        n=n,
-        runs=runs + unseen,
-        errors=errors,
-        by_surrogate=True,
+        shot, box, observables, surrogate.predict, n=n, runs=runs + unseen, errors=errors, by_surrogate=True
     )
 
 
@@ -315,11 +302,7 @@ def _indices(
 
 
 def screening(
-    shot: Shot,
-    box: Box,
-    *,
-    trajectories: int = 10,
-    numerics: Numerics | None = None,
+    shot: Shot, box: Box, *, trajectories: int = 10, numerics: Numerics | None = None
 ) -> tuple[tuple[str, ...], ElementaryEffects]:
     """Morris' elementary effects on the misfits and the peak force, by the solver itself.
 

@@ -4,7 +4,7 @@ Slopes are those of straight lines through runs at `LEVELS` values within a *rea
 batch. They are the mean slopes in the range of a search. The derivative at the point can be very different.
 Near incompressibility the specimen rings, and one per cent of stiffness changes the phase noticeably. As the
 reach decreases, dF/dp then increases without limit; no mesh predicts the phase so accurately. The residuals
-of the lines are stored too.
+of the force's lines are kept too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,7 +49,6 @@ class LocalSensitivity:
     """Slopes of force and outline by d parameters about one point."""
 
     names: tuple[str, ...]
-    """Parameters, length d."""
     point: FloatArray
     """Their values, in their units, shape [d]."""
     scale: FloatArray
@@ -57,7 +56,6 @@ class LocalSensitivity:
     reach: float
     """Largest change in the runs, divided by the scale [-]."""
     grid: ObservationGrid
-    """Times and heights of the evaluation."""
     force: FloatArray
     """Mean force over each bin at the point [N], shape [n_bins]."""
     radius: FloatArray
@@ -70,8 +68,6 @@ class LocalSensitivity:
     every run."""
     force_left: FloatArray
     """Root mean square residual of the line [N], shape [d, n_bins]."""
-    radius_left: FloatArray
-    """Root mean square residual of the radius [m], shape [d, n_frames, n_heights]; NaN as above."""
 
 
 def local_sensitivity(
@@ -108,10 +104,8 @@ def local_sensitivity(
     for i, change in enumerate(changes):
         rows = [0, *range(1 + i * LEVELS, 1 + (i + 1) * LEVELS)]
         x = np.concatenate([[0.0], change])
-        slopes.append((*_line(x, force[rows]), *_line(x, radius[rows])))
-    force_slope, force_left, radius_slope, radius_left = (
-        np.array(part) for part in zip(*slopes, strict=True)
-    )
+        slopes.append((*_line(x, force[rows]), _line(x, radius[rows])[0]))
+    force_slope, force_left, radius_slope = (np.array(part) for part in zip(*slopes, strict=True))
     return LocalSensitivity(
         names=tuple(names),
         point=point,
@@ -123,7 +117,6 @@ def local_sensitivity(
         force_slope=force_slope,
         radius_slope=radius_slope,
         force_left=force_left,
-        radius_left=radius_left,
     )
 
 

@@ -36,7 +36,6 @@ class Surface:
     """Runs of one mesh, and radial basis functions through their cost."""
 
     runs: sweeping.Sweep
-    """The runs."""
     fit: CostSurrogate
     """Surface through the cost of the completed runs."""
     optimum: FloatArray
@@ -110,7 +109,6 @@ class CostInterval:
     low: float
     """Lower end, in the parameter's unit."""
     high: float
-    """Upper end."""
     open_low: bool
     """True if the cost at the lower bound of the design is still within delta Phi."""
     open_high: bool
@@ -122,11 +120,8 @@ class CostInterval:
 
 
 def cost_interval(x: FloatArray, cost: FloatArray, delta: float) -> CostInterval:
-    """The outermost values of a parameter with Phi <= min Phi + delta Phi.
-
-    A cost may have several valleys. One interval then covers all valleys that cannot be distinguished from
-    the deepest.
-    """
+    """The outermost values of a parameter with Phi <= min Phi + delta Phi. A cost may have several valleys.
+    One interval then covers all valleys that cannot be distinguished from the deepest."""
     if not (np.isfinite(cost).all() and np.isfinite(delta) and delta >= 0.0):
         raise ValueError(f"the interval needs finite costs and an uncertainty >= 0, got {delta}")
     limit = float(cost.min()) + delta
@@ -191,7 +186,6 @@ class PaperAnswer:
     design: tuple[float, float]
     """Bounds of the design of m [-]."""
     meshes: tuple[tuple[int, int], tuple[int, int]]
-    """The coarse and the refined mesh."""
     surfaces: tuple[Surface, ...]
     """Every design that was run, in order. The last one is that of the refined mesh."""
     checks: tuple[tuple[dict[str, float], float], ...]

@@ -43,9 +43,7 @@ class SlowDynamics(ResultViews):
     """Rate dependence of one material from slow tests and shots."""
 
     tests: tuple[Evidence, ...]
-    """The tests used to fit the series."""
     sweeps: Mapping[str, Superposition]
-    """Temperature sweeps by name."""
     moduli: tuple[ApparentModuli, ...]
     """Moduli of each single test, followed by those of the shots."""
     law: MaterialLaw
@@ -53,13 +51,11 @@ class SlowDynamics(ResultViews):
     declared: bool
     """True if the list declares the law. Otherwise it is neo-Hookean."""
     verdict: RateVerdict
-    """Prony series with 0, 1, 2, ... branches."""
     comparison: ModelComparison
     """Comparison of elastic model, series and creeping network."""
     fitted: ApparentModuli
     """E(t) of the series with the number of branches that the data need."""
     remarks: tuple[str, ...]
-    """Remarks that a user must read."""
 
     @property
     def fit(self) -> RateFit:
@@ -125,10 +121,8 @@ def analyse_rate_dependence(
 
 
 def shot_modulus(shot: RatedShot) -> ApparentModuli:
-    """The point of an identified shot, Eq. (M.1).
-
-    It is m times the mean E_a of its curve over its strains.
-    """
+    """The point of an identified shot, Eq. (M.1). It is m times the mean E_a of its curve over its
+    strains."""
     largest, curve = shot.history.largest, shot.quasi_static.curve
     strain = curve.stretch - 1.0
     compression = bool(strain[np.argmax(np.abs(strain))] < 0.0)

@@ -62,11 +62,9 @@ class Candidate:
     name: str
     """"elastic", "elastic curve", "prony", "prony:2", "prony:3" or "bergstrom_boyce"."""
     parameters: int
-    """Number of its free parameters."""
     deviance: float
     """Q of Eq. (V.6), up to a common constant [-]."""
     values: Mapping[str, float]
-    """The constants found, SI."""
     doubt: str = ""
     """Reason why it cannot be chosen; empty if it can be chosen."""
 
@@ -89,7 +87,6 @@ class ModelComparison:
     candidates: tuple[Candidate, ...]
     """The models, the fewest parameters first."""
     n_data: int
-    """Number of fitted values."""
     scatter: float
     """Smallest sum of squares divided by its degrees of freedom, 1 or more [-]. The deviances are already
     divided by it."""
@@ -111,11 +108,9 @@ class ModelComparison:
 
     @property
     def rivals(self) -> tuple[Candidate, ...]:
-        """Models that prevent the choice of the best one.
-
-        A model that cannot be chosen is a rival only if its BIC is lower than that of the best. The law and a
-        curve are both elastic and therefore no rivals of each other.
-        """
+        """Models that prevent the choice of the best one. A model that cannot be chosen is a rival only if
+        its BIC is lower than that of the best. The law and a curve are both elastic and therefore no rivals
+        of each other."""
         best, n = self.best, self.n_data
         return tuple(
             one
@@ -164,10 +159,8 @@ class ModelComparison:
 
 
 def compare_slow(law: MaterialLaw, slow: Slow, fits: Sequence[RateFit]) -> ModelComparison:
-    """Compare the Prony series of `required_branches` with the creeping network on slow tests.
-
-    `law` is the long-term law at factor 1.
-    """
+    """Compare the Prony series of `required_branches` with the creeping network on slow tests. `law` is the
+    long-term law at factor 1."""
     found = [
         Candidate(
             series_name(len(fit.model.series)),

@@ -47,7 +47,6 @@ class Sweep(ResultViews):
 
     shot: str
     table: DesignTable
-    """Points, outcomes and misfits."""
     held: dict[str, float]
     """Parameters held at values that differ from the shot's."""
     damaged: tuple[str, ...] = ()
@@ -59,13 +58,10 @@ class ShotRuns:
     """The shot as a function of points, for `doe.ledger.run_chunks`. It can be pickled."""
 
     prepared: PreparedShot
-    """The prepared shot."""
     names: tuple[str, ...]
-    """Parameters varied, length d."""
     held: Mapping[str, float]
     """Parameters held at values that differ from the shot's."""
     numerics: Numerics
-    """Mesh, precision, device."""
 
     def __call__(self, points: FloatArray) -> list[Run]:
         """Simulate the points, shape [n, d]. Every run contains the results in `KEPT`."""
@@ -87,12 +83,9 @@ class ShotRuns:
         return runs
 
     def model_hash(self) -> bytes:
-        """SHA-256 of all inputs of a run's result except the varied values.
-
-        The inputs are window, specimen, interface, held parameters, names, mesh and other numerical choices,
-        class of device, versions and the package's sources. The number of threads is not included, because
-        the result does not depend on it.
-        """
+        """SHA-256 of all inputs of a run's result except the varied values. The inputs are window, specimen,
+        interface, held parameters, names, mesh and other numerical choices, class of device, versions and the
+        package's sources. The number of threads is not included, because the result does not depend on it."""
         device = self.numerics.device.partition(":")[0]
         settings = {
             "varied": list(self.names),
@@ -226,10 +219,8 @@ def _table(design: Design, runs: list[Run]) -> DesignTable:
 
 
 def columns(result: Sweep) -> dict[str, Any]:
-    """One row per run: parameters, outcome, Phi_F, Phi_S, Phi and chi-square.
-
-    A failed run also has the reason, time and place of its failure.
-    """
+    """One row per run: parameters, outcome, Phi_F, Phi_S, Phi and chi-square. A failed run also has the
+    reason, time and place of its failure."""
     table = result.table
     made: dict[str, Any] = {"run": np.arange(len(table.outcomes))}
     made |= {f"{name} ({PARAMETERS[name].unit})": table.points[:, i] for i, name in enumerate(table.names)}
@@ -256,10 +247,8 @@ def misfit_sum(table: DesignTable) -> FloatArray:
 
 
 def costs(table: DesignTable) -> FloatArray:
-    """Phi of every run, Eq. (M.5) [-]. Without an outline, its force term.
-
-    NaN if a run did not complete, shape [n_runs].
-    """
+    """Phi of every run, Eq. (M.5) [-]. Without an outline, its force term. NaN if a run did not complete,
+    shape [n_runs]."""
     phi = misfit_sum(table)
     return phi if np.isfinite(phi).any() else table.phi_force / SCALE_FORCE
 
@@ -271,10 +260,8 @@ def least_run(table: DesignTable) -> int | None:
 
 
 def least_misfit(result: Sweep) -> dict[str, Any]:
-    """The completed run with the smallest Phi (without an outline, Phi_F), and its parameters in SI.
-
-    Values are None if no run completed.
-    """
+    """The completed run with the smallest Phi (without an outline, Phi_F), and its parameters in SI. Values
+    are None if no run completed."""
     table = result.table
     phi = misfit_sum(table)
     seen, best = bool(np.isfinite(phi).any()), least_run(table)
@@ -291,11 +278,9 @@ HEADER = re.compile(r"\s*([a-z_]+)\s*(?:\(\s*([^()]+?)\s*\))?\s*")
 
 
 def read_design(path: Path) -> Design:
-    """Read a design from a table with the header "stiffness_factor (1), damping (us)", one point per row.
-
-    A name without a unit is in SI. The design's box covers the values of each column. Raises InputError if
-    the file cannot be read, or if a column is no parameter or has a value that is not allowed.
-    """
+    """Read a design from a table with the header "stiffness_factor (1), damping (us)", one point per row. A
+    name without a unit is in SI. The design's box covers the values of each column. Raises InputError if the
+    file cannot be read, or if a column is no parameter or has a value that is not allowed."""
     table = read_table(path)
     columns: dict[str, Column] = {}
     for cell in table.names:

@@ -74,7 +74,6 @@ class SurfaceOptimum:
     output: str
     """Key of `OUTPUTS`: "Phi", or "Phi_F" without an outline."""
     at: dict[str, float]
-    """The parameters at the minimum, in their units."""
     value: float
     """The interpolant at the minimum, in the output's unit."""
     at_bound: dict[str, str]
@@ -105,7 +104,6 @@ class SweepAnalysis(ResultViews):
 
     shot: str
     box: Box
-    """Range of the parameters."""
     table: DesignTable
     outputs: dict[str, Output]
     """The misfits by name. Without an outline, only those of the force."""
@@ -193,12 +191,8 @@ def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | No
 
 
 def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
-    """Minimum of the interpolant in plain types: point, value and bounds reached.
-
-    If there is none, the reason.
-
-    The value is that of Phi. Without an outline, it is Phi_F in newtons.
-    """
+    """Minimum of the interpolant in plain types: point, value and bounds reached. If there is none, the
+    reason. The value is that of Phi. Without an outline, it is Phi_F in newtons."""
     found = analysis.optimum
     if found is None:
         output = analysis.outputs.get(analysis.judged)

@@ -1,4 +1,1 @@
-"""Synthetic tests: complete shot folders from a chosen truth.
-
-They have the faults of a real laboratory.
-"""
+"""Synthetic tests: complete shot folders from a chosen truth. They have the faults of a real laboratory."""

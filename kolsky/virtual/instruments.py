@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from explicit.relaxation import uniaxial_stress
 from kolsky.bars.signals.transducers import low_pass
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.virtual.material import law_of, uniaxial_stress
+from kolsky.virtual.material import law_of
 from kolsky.virtual.schema import ChannelTable, Specification
 from kolsky.virtual.specification import stream
 from kolsky.virtual.truth import SurfaceHistory, Truth
@@ -196,11 +197,9 @@ def measure_outline(quantities: Specification, truth: Truth, *, shot: int) -> Ou
 
 
 def free_outline(surface: SurfaceHistory, frame: int) -> tuple[FloatArray, FloatArray]:
-    """Height and radius of the free side surface in one frame [m], with ascending heights.
-
-    Nodes on a platen are left out, except the last one on each side. Between nodes, the curve is a cubic
-    spline over the node index.
-    """
+    """Height and radius of the free side surface in one frame [m], with ascending heights. Nodes on a platen
+    are left out, except the last one on each side. Between nodes, the curve is a cubic spline over the node
+    index."""
     y, r = surface.y[frame], surface.r[frame]
     widest = int(np.argmax(np.diff(y)))
     flat = np.flatnonzero(np.diff(y) < _LANDED)
@@ -235,9 +234,7 @@ class ScopeFormat:
     """One format of the recorder's file."""
 
     name: str
-    """Name of the file."""
     write: Callable[[Path, Scope], None]
-    """Function that writes the file."""
     columns: tuple[str, str]
     """Names of the incident and the transmitted channel."""
     force: dict[str, Any]
@@ -303,10 +300,7 @@ FORMATS = {
         {"time": _TIME, "layout": {"format": "excel", "sheet": "Data"}},
     ),
     "tdms": ScopeFormat(
-        "scope.tdms",
-        _tdms,
-        (f"{GROUP}/{INCIDENT}", f"{GROUP}/{TRANSMITTED}"),
-        {"layout": {"format": "tdms"}},
+        "scope.tdms", _tdms, (f"{GROUP}/{INCIDENT}", f"{GROUP}/{TRANSMITTED}"), {"layout": {"format": "tdms"}}
     ),
 }
 """The formats by their names in [scope]."""

@@ -33,12 +33,7 @@ _TIME_DIGITS = "{:.10e}"
 
 
 def write_shot(
-    shot: ShotSpecification,
-    truth: Truth,
-    folder: Path,
-    *,
-    device: str = "cpu",
-    threads: int | None = None,
+    shot: ShotSpecification, truth: Truth, folder: Path, *, device: str = "cpu", threads: int | None = None
 ) -> None:
     """Write the folder of one shot, completely or not at all. The truth is written last."""
     q, number = shot.quantities, shot.number
@@ -149,7 +144,6 @@ class NotMade:
 
     shot: ShotSpecification
     reason: str
-    """Reason why it was not made."""
 
 
 Place = tuple[ShotSpecification, Path]
@@ -258,11 +252,9 @@ def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> l
 
 
 def gpu_batches(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[list[Place]]:
-    """Batches of shots simulated in parallel on a GPU, of any models.
-
-    Every GPU gets the same number of batches. Shots are distributed by their simulated time, because the
-    longest shot of a batch determines its run time.
-    """
+    """Batches of shots simulated in parallel on a GPU, of any models. Every GPU gets the same number of
+    batches. Shots are distributed by their simulated time, because the longest shot of a batch determines its
+    run time."""
     rounds = -(-len(todo) // (count * TRUTHS_PER_GPU))
     order = sorted(range(len(todo)), key=lambda k: -jobs[k].last)
     parts = [order[k :: rounds * count] for k in range(rounds * count)]

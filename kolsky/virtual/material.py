@@ -2,14 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from explicit.materials.laws import AnyLaw, law_class
 from explicit.relaxation.base import RateDependence
 from explicit.relaxation.bergstrom_boyce import BergstromBoyce
 from explicit.relaxation.prony import PronySeries
 from kolsky.base.apparatus import Relaxation
-from kolsky.base.arrays import FloatArray
 
 
 def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> AnyLaw:
@@ -50,13 +47,3 @@ def what_relaxes(
     if declared.kind == "bergstrom_boyce":
         return (BergstromBoyce(*constants),)
     return relaxation_of(constants[: declared.branches], constants[declared.branches :])
-
-
-def uniaxial_stress(law: AnyLaw, stretch: FloatArray) -> FloatArray:
-    """Nominal stress of an incompressible cylinder that is free to expand [Pa], of the stretch's shape.
-
-    P = dW/dlam along the load = W_1 + 2 W_2 dlam_2/dlam_1 with lam_2 = lam_1^(-1/2).
-    """
-    across = stretch**-0.5
-    along, side, _ = law.principal(stretch, across, across)
-    return np.asarray(along - side * across / stretch)

@@ -131,10 +131,8 @@ Pose = tuple[FloatArray, FloatArray]
 
 
 def target_of(q: Specification) -> Any:
-    """The target of a specification.
-
-    Its width is `share` of the sensor's field at the distance of the axis.
-    """
+    """The target of a specification. Its width is `share` of the sensor's field at the distance of the
+    axis."""
     c = q.calibration
     width = c.share * min(q.cameras.sensor) * q.cameras.pixel
     if c.target == "chessboard":
@@ -290,10 +288,8 @@ def scene_of(q: Specification, surface: SurfaceHistory, *, shot: int) -> Scene:
 
 
 def instants_of(q: Specification, surface: SurfaceHistory) -> Instants:
-    """Instants of the exposures.
-
-    There is one if the motion is below `SHARP`, otherwise two or more, depending on the blur.
-    """
+    """Instants of the exposures. There is one if the motion is below `SHARP`, otherwise two or more,
+    depending on the blur."""
     speed = np.abs(np.gradient(surface.displacement, surface.time))
     blur = speed * q.optics.exposure / q.cameras.pixel
     points = np.where(blur > SHARP, 1 + np.maximum(1, np.ceil(blur)), 1).astype(np.int64)
@@ -461,11 +457,8 @@ def write_pictures(
 def expose_series(
     q: Specification, scene: Scene, camera: Camera, k: int, shot: int, device: str, threads: int
 ) -> Iterable[NDArray[np.uint16]]:
-    """Grey values of the frames of one camera, in order.
-
-    Every frame of every camera has a separate random stream. The pictures therefore do not depend on the
-    distribution of the work.
-    """
+    """Grey values of the frames of one camera, in order. Every frame of every camera has a separate random
+    stream. The pictures therefore do not depend on the distribution of the work."""
     o, shape = q.optics, (q.cameras.picture[1], q.cameras.picture[0])
     n = scene.instants.n_frames
     sensor = Sensor(

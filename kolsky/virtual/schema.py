@@ -67,8 +67,7 @@ Mesh = Annotated[
     _pair("mesh", "write elements across and along, e.g. [96, 129]", "across, along", 4, 1000),
 ]
 Size = Annotated[
-    tuple[int, int],
-    _pair("size", "write columns and rows, e.g. [128, 128]", "columns, rows", SMALLEST, 4096),
+    tuple[int, int], _pair("size", "write columns and rows, e.g. [128, 128]", "columns, rows", SMALLEST, 4096)
 ]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Pixels = Annotated[float, Field(ge=0.0, le=100.0)]
@@ -90,7 +89,6 @@ class CamerasTable(Section):
     """[cameras]: two cameras, their sensors, the crop and the view."""
 
     write: bool = False
-    """True to make pictures."""
     sensor: Size = (512, 512)
     """Columns and rows of the whole sensor, which the calibration pictures show [px]."""
     picture: Size = (128, 128)
@@ -192,7 +190,6 @@ class OpticsTable(Section):
     haze_memory: f.PositiveTime = 100e-6
     """Time in which its correlation decays to 1/e [s]."""
     rays: Annotated[int, Field(ge=2, le=16)] = 4
-    """Number of rays per pixel along each axis."""
 
     @model_validator(mode="after")
     def _bright_enough(self) -> "OpticsTable":
@@ -221,7 +218,6 @@ class SpeckleTable(Section):
     """Width of a drop's rim divided by its diameter [-]."""
     flyer: bool = True
     platen: bool = False
-    """True if flyer and transmission platen are painted."""
     bare: Share = 0.3
     """Reflectance of unpainted surfaces [-]."""
     scratch: Width = 0.0
@@ -368,11 +364,11 @@ class InterfaceTable(Section):
 
 
 class MotionTable(Section):
-    """[motion]: the flyer's motion: a smooth ramp, a sampled motion, or that of the whole apparatus."""
+    """[motion]: the flyer's motion: a smooth ramp, or a sampled motion."""
 
-    kind: Literal["ramp", "sampled", "bars"] = "ramp"
+    kind: Literal["ramp", "sampled"] = "ramp"
     speed: f.Velocity = 2.6
-    """Speed of the ramp; of the striker for "bars" [m/s]."""
+    """Final speed of the ramp [m/s]."""
     rise: f.PositiveTime = 60e-6
     """Time of the ramp from rest to `speed` [s]."""
     start: f.Time = 37.5e-6
@@ -387,8 +383,6 @@ class MotionTable(Section):
     """Mass of the flying platen and transducer together [kg]."""
     flyer_diameter: f.Length = 15e-3
     flyer_length: f.Length = 20e-3
-    striker_length: f.Length = 0.25
-    """Length of the striker, for "bars" [m]."""
     duration: f.PositiveTime | None = None
     """Longest recorded time after the start [s], for motions that never reach `compression`."""
 

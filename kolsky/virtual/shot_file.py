@@ -284,12 +284,7 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
         "quasi_static": {"largest_strain": f"{100.0 * (1.0 - shot.curve.stretch.min()):.9g} %"},
         "interface": si_texts(shot.interface, "faces", "side", "friction"),
         "transmission": {"support": "rigid" if bar is None else "bar"},
-        "motion": {
-            "kind": "sampled",
-            "file": MOTION,
-            "start": f"{start:.9g} s",
-            "compression": "75 %",
-        },
+        "motion": {"kind": "sampled", "file": MOTION, "start": f"{start:.9g} s", "compression": "75 %"},
         "scope": {
             "interval": f"{float(np.median(np.diff(force.time))):.9g} s",
             "start": f"{force.time[0]:.9g} s",
@@ -321,10 +316,8 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
 
 
 def declared_sizes(uncertainty: Mapping[str, float]) -> dict[str, str | float]:
-    """A shot's declared standard uncertainties as keys and sizes of a budget.
-
-    Uncertainties of 0 are left out.
-    """
+    """A shot's declared standard uncertainties as keys and sizes of a budget. Uncertainties of 0 are left
+    out."""
     sizes: dict[str, str | float] = {}
     for key, sigma in uncertainty.items():
         one = INPUTS.get(key)
@@ -336,10 +329,8 @@ def declared_sizes(uncertainty: Mapping[str, float]) -> dict[str, str | float]:
 
 
 def yeoh_of(curve: MaterialCurve) -> tuple[dict[str, float], float]:
-    """Yeoh's law through a curve: constants divided by the shear modulus, and the shear modulus [Pa].
-
-    The law is linear in its constants: non-negative least squares in the stress, weighted by its sigma.
-    """
+    """Yeoh's law through a curve: constants divided by the shear modulus, and the shear modulus [Pa]. The law
+    is linear in its constants: non-negative least squares in the stress, weighted by its sigma."""
     lam = curve.stretch
     x = lam**2 + 2.0 / lam - 3.0
     basis = 2.0 * (lam - lam**-2)[:, None] * np.stack([np.ones_like(x), 2.0 * x, 3.0 * x**2], axis=1)

@@ -116,7 +116,6 @@ class Population(Section):
 
     shots: Annotated[int, Field(ge=1, le=100_000)]
     draw: dict[str, Draw] = Field(default_factory=dict)
-    """Dotted key of the specification -> its draw."""
 
 
 def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot: int) -> dict[str, Any]:
@@ -164,7 +163,6 @@ class ShotSpecification:
     content: dict[str, Any]
     """The specification in written form, without [population]."""
     quantities: Specification
-    """The content in SI."""
     folder: Path
     """Folder of the specification and of its other files."""
 
@@ -191,9 +189,7 @@ class Series:
         declared, population = self.declared, self.declared.population
         if number not in self.numbers:
             raise InputError(
-                self.file.path,
-                f"has no shot {number}",
-                allowed=f"in [{self.numbers[0]}, {self.numbers[-1]}]",
+                self.file.path, f"has no shot {number}", allowed=f"in [{self.numbers[0]}, {self.numbers[-1]}]"
             )
         if population is None:
             return ShotSpecification(0, declared.name, self.file.content, declared, self.file.path.parent)

@@ -187,12 +187,9 @@ def try_truths(
     device: str = "cpu",
     threads: int | None = None,
 ) -> list[Truth | TruthError]:
-    """Simulate the truths of several shots. A failed simulation does not affect the others.
-
-    Shots with one mesh and one kind of material form one launch. On a GPU, the launches run in parallel.
-    Shots of forty geometries therefore take little longer than one. Each result is bit-identical to a
-    separate run.
-    """
+    """Simulate the truths of several shots. A failed simulation does not affect the others. Shots with one
+    mesh and one kind of material form one launch. On a GPU, the launches run in parallel. Shots of forty
+    geometries therefore take little longer than one. Each result is bit-identical to a separate run."""
     elements = [_elements_of(quantities) for quantities in specifications]
     each = iter(_try_each([one for both in elements for one in both], folder, device, threads))
     return [middle([next(each) for _ in both]) for both in elements]

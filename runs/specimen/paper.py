@@ -23,10 +23,9 @@ from mid_region import marker_stretch, mid_region_fit
 from kolsky.base.files import write_table
 from kolsky.bodies.errors_in_variables import Samples
 from kolsky.bodies.specimen_constants import Constants
-from kolsky.bodies.specimen_fit import SlowTest, fit
+from kolsky.bodies.specimen_fit import SlowTest, SpecimenFit, fit
 from kolsky.bodies.specimen_model import Shape, SpecimenModel
-from kolsky.bodies.specimen_output import study_columns
-from kolsky.bodies.specimen_studies import cross_table, noise_study, resolution_study, study_row
+from kolsky.bodies.specimen_studies import cross_table
 from kolsky.report.body_views import BINS, strain_share
 
 TRUE = {"C10": 9e3, "C01": 4e3, "C11": 400.0, "poisson": 0.45}
@@ -152,22 +151,48 @@ def study_strains(lab: Laboratory, path: Path) -> None:
     write_table(path, columns)  # type: ignore[arg-type]
 
 
+def fit_columns(fits: dict[str, SpecimenFit]) -> dict[str, object]:
+    """Constants, residual and effort of fits by their description."""
+    names = list(dict.fromkeys(name for found in fits.values() for name in found.constants.values))
+    parts = [[one for one in found.tests if one.fitted] for found in fits.values()]
+    return {
+        "case": list(fits),
+        **{f"{n} (SI)": [found.constants.values.get(n, "") for found in fits.values()] for n in names},
+        "RMSE (N)": [float(np.sqrt(np.mean([one.rmse**2 for one in own]))) for own in parts],
+        "displacement components": [own[0].test.model.shape.mesh.points.size for own in parts],
+        "simulations": [found.found.simulations for found in fits.values()],
+    }
+
+
 def study_resolution(lab: Laboratory, path: Path) -> None:
     """Constants over mesh and order, from 20 x 5 x 1 on. The data are those of the finest quadratic mesh:
     their Fig. 6."""
-    factors = (1, 2, 3, 4) if lab.full else (1, 2)
     fine = replace(lab.strip, elements=(40, 10, 2), element="hex27")
     test = lab.test("uniaxial", fine, 0.1, constants(TRUE), 1)
-    rows = resolution_study(
-        test, constants(START), factors=factors, orders=("hex8", "hex27"), base=(20, 5, 1)
-    )
-    write_table(path, study_columns(rows))
+    fits = {}
+    for element in ("hex8", "hex27"):
+        start = constants(START)
+        for factor in (1, 2, 3, 4) if lab.full else (1, 2):
+            elements = (20 * factor, 5 * factor, factor)
+            shape = replace(test.model.shape, elements=elements, element=element)
+            own = replace(test, model=replace(test.model, shape=shape))
+            label = f"{element} {elements[0]} x {elements[1]} x {elements[2]}"
+            fits[label] = fit(label, [own], start, bonds=False)
+            start = fits[label].constants  # of the coarser mesh: fewer steps
+    write_table(path, fit_columns(fits))  # type: ignore[arg-type]
 
 
 def study_noise(lab: Laboratory, path: Path) -> None:
     """Noise of up to 1.249 N added to the force: their Fig. 9."""
-    rows = noise_study(lab.pair()[0], constants(START), sigmas=(0.0, 0.125, 0.312, 0.624, 1.249), repeats=3)
-    write_table(path, study_columns(rows))
+    test, rng, fits = lab.pair()[0], np.random.default_rng(1), {}
+    for sigma in (0.0, 0.125, 0.312, 0.624, 1.249):
+        for draw in range(3 if sigma > 0.0 else 1):
+            added = sigma * rng.standard_normal(test.samples.force.shape)
+            total = float(np.hypot(test.samples.sigma_force, sigma))
+            samples = replace(test.samples, force=test.samples.force + added, sigma_force=total)
+            own = [replace(test, samples=samples)]
+            fits[f"sigma {sigma:g} N, draw {draw + 1}"] = fit("noise", own, constants(START), bonds=False)
+    write_table(path, fit_columns(fits))  # type: ignore[arg-type]
 
 
 def study_starts(lab: Laboratory, path: Path) -> None:
@@ -197,12 +222,12 @@ def study_pulls(lab: Laboratory, path: Path) -> None:
         constants(stiff, "mooney_rivlin"),
         constants({"C10": 100e3, "C20": 5e3, "C30": 1e3, "poisson": 0.45}, "yeoh", ("C10", "C20", "C30")),
     ]
-    rows = []
-    for name, test in pulls.items():
-        for law in laws:
-            found = fit(name, [test], law, bonds=False)
-            rows.append(study_row(f"{name}, {law.law}", found))
-    write_table(path, study_columns(rows))
+    fits = {
+        f"{name}, {law.law}": fit(name, [test], law, bonds=False)
+        for name, test in pulls.items()
+        for law in laws
+    }
+    write_table(path, fit_columns(fits))  # type: ignore[arg-type]
 
 
 def study_bonds(lab: Laboratory, path: Path) -> None:

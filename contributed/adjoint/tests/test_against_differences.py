@@ -44,13 +44,7 @@ N_DIRECTIONS = 4
 """Random directions of a table."""
 SHORT = 7e-4
 """End of the run with friction and full damping, which needs short steps [s]."""
-POINT = {
-    "stiffness_factor": 1.1,
-    "poisson": 0.495,
-    "damping": 2.5e-5,
-    "mass_damping": 50.0,
-    "friction": 0.3,
-}
+POINT = {"stiffness_factor": 1.1, "poisson": 0.495, "damping": 2.5e-5, "mass_damping": 50.0, "friction": 0.3}
 BAR = CharacteristicBar(impedance=30.0, round_trip=3e-4)
 """A light and short bar: the platen in front of it moves by half a millimetre."""
 ALLOWED = 1e-6
@@ -138,11 +132,7 @@ def differences(evaluate: Callable[[float], float], steps: FloatArray = STEPS) -
 
 
 def parameter_check(
-    model: Model,
-    sampling: Sampling,
-    found: Gradient,
-    objective: Objective,
-    name: str,
+    model: Model, sampling: Sampling, found: Gradient, objective: Objective, name: str
 ) -> Check:
     """A scalar parameter, by its relative scale."""
     samples = Samples.of(**POINT)
@@ -302,10 +292,8 @@ def impact(end: float, n: tuple[int, int] = (16, 22), law: str = "bonded") -> tu
 
 
 def test_derivative_of_a_plane_wave_against_its_closed_form() -> None:
-    """A plane wave in a rod without lateral motion: F = Z v at the flyer, 2 Z v one transit later.
-
-    With Z = A sqrt(E rho) and the transit L / c both depend on m through c = sqrt(E / rho) ~ sqrt(m).
-    """
+    """A plane wave in a rod without lateral motion: F = Z v at the flyer, 2 Z v one transit later. With Z = A
+    sqrt(E rho) and the transit L / c both depend on m through c = sqrt(E / rho) ~ sqrt(m)."""
     speed, rise = 1e-3, 6e-4
     mu = shear_modulus(0.0)
     c = sqrt(2.0 * mu / DENSITY)  # E = 2 mu where Poisson's ratio is 0

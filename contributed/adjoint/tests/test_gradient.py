@@ -123,13 +123,7 @@ BAR = CharacteristicBar(impedance=5.0, round_trip=1e-4)
     ],
 )
 def test_what_cannot_be_differentiated_is_refused(changes, message) -> None:
-    arguments = {
-        "model": model(),
-        "samples": POINT,
-        "sampling": SAMPLING,
-        "objective": half_force,
-        **changes,
-    }
+    arguments = {"model": model(), "samples": POINT, "sampling": SAMPLING, "objective": half_force, **changes}
     with pytest.raises(ValueError, match=message):
         gradient(**arguments)
 

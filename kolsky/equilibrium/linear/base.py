@@ -48,10 +48,7 @@ class Pattern:
 
     def __init__(self, dofs: IntArray, index: IntArray, count: int) -> None:
         """Store the components of each cell, shape [m, k d], the unknown of each component, and the number of
-        unknowns.
-
-        The unknown -1 means none.
-        """
+        unknowns. The unknown -1 means none."""
         self.dofs, self.index, self.count = dofs, index, count
 
     def vector(self, elements: FloatArray) -> FloatArray:
@@ -68,10 +65,8 @@ class Pattern:
         )
 
     def expanded(self, unknowns: FloatArray) -> FloatArray:
-        """Unknowns in all components, shape [..., n d] of [..., count].
-
-        Components without an unknown are 0.
-        """
+        """Unknowns in all components, shape [..., n d] of [..., count]. Components without an unknown are
+        0."""
         padded = np.concatenate([unknowns, np.zeros((*unknowns.shape[:-1], 1))], axis=-1)
         return padded[..., self.index]
 

@@ -213,11 +213,9 @@ BACKWARD = """
 
 @cache
 def substitution_kernel(kind: Any) -> Any:
-    """The kernel for a precision. One thread solves L L^T x = b in place.
-
-    For each front, `fronts` has p, q, the starts of its L11 (p, p) and L21 (q, p) in `kept`, its first
-    unknown in `x` and its first place in `outside`. `scratch` has room for the largest q.
-    """
+    """The kernel for a precision. One thread solves L L^T x = b in place. For each front, `fronts` has p, q,
+    the starts of its L11 (p, p) and L21 (q, p) in `kept`, its first unknown in `x` and its first place in
+    `outside`. `scratch` has room for the largest q."""
 
     @wp.func_native(FORWARD)
     def forward(

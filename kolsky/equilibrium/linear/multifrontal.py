@@ -43,7 +43,6 @@ class Front:
     unknowns: IntArray
     """Unknowns of the front: first the eliminated ones, then the boundary in the order of elimination."""
     eliminated: int
-    """Number of unknowns eliminated here."""
     children: tuple[int, ...]
     """Fronts that are added here."""
     places: tuple[IntArray, ...]
@@ -164,11 +163,9 @@ Blocks = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 class Assembly:
-    """Tables of positions for the assembly. They are made once for a mesh.
-
-    The remainder of a front is on one of two stacks, for even and for odd depth. A front is put on top of its
-    siblings. Its halves are at the top of the other stack and are then released.
-    """
+    """Tables of positions for the assembly. They are made once for a mesh. The remainder of a front is on one
+    of two stacks, for even and for odd depth. A front is put on top of its siblings. Its halves are at the
+    top of the other stack and are then released."""
 
     def __init__(self, fronts: list[Front]) -> None:
         n = len(fronts)
@@ -331,18 +328,10 @@ class Multifrontal:
     """A factorised matrix; see `kolsky.equilibrium.linear.base.Factors`."""
 
     def __init__(
-        self,
-        fronts: list[Front],
-        assembly: Assembly,
-        elements: FloatArray,
-        count: int,
-        *,
-        symmetric: bool,
+        self, fronts: list[Front], assembly: Assembly, elements: FloatArray, count: int, *, symmetric: bool
     ) -> None:
-        """Factorise the sum of element matrices of shape [m, k d, k d], in their precision.
-
-        Raises SingularError if it is singular.
-        """
+        """Factorise the sum of element matrices of shape [m, k d, k d], in their precision. Raises
+        SingularError if it is singular."""
         self.fronts, self.count, self.positive = fronts, count, symmetric
         self._order = np.concatenate([front.unknowns[: front.eliminated] for front in fronts])
         self._kind = elements.dtype

@@ -58,10 +58,8 @@ class Hierarchy:
         return self._levels is not None
 
     def served(self, iterations: int, tolerance: float) -> None:
-        """Record the iterations of a solution to a tolerance.
-
-        If they are too many, the hierarchy is removed.
-        """
+        """Record the iterations of a solution to a tolerance. If they are too many, the hierarchy is
+        removed."""
         if iterations > AGED * self._first.setdefault(tolerance, iterations):
             self.drop()
 
@@ -175,11 +173,7 @@ class SparseSolver:
     """A solver of matrices in CSR."""
 
     def __init__(
-        self,
-        pattern: Pattern,
-        factorise: Callable[[csr_array, bool, bool], Factors],
-        *,
-        worth: int,
+        self, pattern: Pattern, factorise: Callable[[csr_array, bool, bool], Factors], *, worth: int
     ) -> None:
         self.pattern, self._factorise, self.worth = pattern, factorise, worth
 
@@ -230,10 +224,7 @@ def _finite(elements: FloatArray) -> FloatArray:
 
 
 class BridgedSolver:
-    """The solver of a pattern with elements that are connected by blocks.
-
-    Known blocks keep their positions.
-    """
+    """The solver of a pattern with elements connected by blocks. Known blocks keep their positions."""
 
     def __init__(self, name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> None:
         self.name, self.pattern, self.points, self.cells = name, pattern, points, cells

@@ -82,10 +82,9 @@ def plan_information(plan: Plan, panels: Panels) -> str:
         label = f"Share on ${symbol}$ (1/(mm ms))"
         draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
         left, right = top.get_xlim()
-        for count, choices in plan.heights.items():
-            for choice in (c for c in choices if c.criterion == "D"):
-                x = np.full(choice.places.size, left + (right - left) * (0.035 * count))
-                top.plot(x, MM * choice.places, ">", color="white", ms=2.4, mew=0.0)
+        for count, choice in plan.heights.items():
+            x = np.full(choice.places.size, left + (right - left) * (0.035 * count))
+            top.plot(x, MM * choice.places, ">", color="white", ms=2.4, mew=0.0)
         top.set_xlim(left, right)
         time = MS * grid.times
         low.plot(time, PER_MS * force[j], color=FORCE)
@@ -99,9 +98,7 @@ def plan_information(plan: Plan, panels: Panels) -> str:
     several = len(plan.names) > 1
     together = " when all parameters are estimated together" if several else ""
     counts = ", ".join(str(n) for n in sorted(plan.heights))
-    best = (
-        f"; triangles: the best heights (D-optimal), {counts} of them" if any(plan.heights.values()) else ""
-    )
+    best = f"; triangles: the best heights (D-optimal), {counts} of them" if plan.heights else ""
     known = ", and what it would be if the other parameters were known (dashed)" if several else ""
     return (
         f"Information of a measurement about each parameter over place and time{together}. Top: share of a "

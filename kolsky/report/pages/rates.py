@@ -143,7 +143,6 @@ def _heterogeneity(group: GroupRates) -> list[tuple[str, str]]:
         return []
     _, low, high = _ends(p.mean, p.prediction)
     mean, u = measured(p.mean, p.sigma)
-    others = {name: (plain(m, 4), plain(tau, 2)) for name, (m, tau) in p.others.items()}
     return [
         ("random-effects mean, u", f"{mean}, {u}"),
         ("part of u that the shots share", plain(p.sigma_common, 2)),
@@ -154,8 +153,6 @@ def _heterogeneity(group: GroupRates) -> list[tuple[str, str]]:
         ("I², share of the scatter not from noise", percent(p.fit.i_squared)),
         ("Knapp and Hartung’s factor", plain(p.fit.scale, 3)),
         ("one more shot, 95 %", f"{low} to {high}"),
-        ("by DerSimonian and Laird: mean, τ", ", ".join(others["dersimonian-laird"])),
-        ("by restricted likelihood: mean, τ", ", ".join(others["reml"])),
     ]
 
 

@@ -112,11 +112,9 @@ WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> FloatArray:
-    """Changes of the re-fits by one standard uncertainty of each source, shape [k, columns].
-
-    The change is zero for the noise, and for a source with a node that gave no answer. ``alone``: runs of
-    `design` from row 1 on.
-    """
+    """Changes of the re-fits by one standard uncertainty of each source, shape [k, columns]. The change is
+    zero for the noise, and for a source with a node that gave no answer. ``alone``: runs of `design` from row
+    1 on."""
     found, at = np.zeros((len(factors), columns)), 1
     for i, factor in enumerate(factors):
         if factor.key != NOISE:
@@ -211,7 +209,6 @@ class Estimate:
     sigma: Mapping[str, float]
     """Their standard deviations from the residuals."""
     outcome: RealisationOutcome
-    """Its outcome."""
 
 
 def whole_search(shot: Shot, settings: Settings) -> Estimate:
@@ -278,10 +275,8 @@ def _downhill(runner: Runner, box: Box, x: FloatArray) -> tuple[FloatArray, Step
 
 
 def phase(values: Mapping[str, float]) -> float:
-    """Logarithm of m / (1 - 2 nu), which determines the ringing period [-].
-
-    Only free parameters contribute.
-    """
+    """Logarithm of m / (1 - 2 nu), which determines the ringing period [-]. Only free parameters
+    contribute."""
     m, nu = values.get("stiffness_factor", 1.0), values.get("poisson", 0.0)
     return float(np.log(m) - np.log(1.0 - 2.0 * nu))
 
@@ -306,20 +301,16 @@ KEPT = 4
 
 @dataclass(frozen=True)
 class Realisations:
-    """A test as a function of its errors, for `doe.ledger.run_chunks`. It can be pickled.
-
-    A point contains the error of each factor in standard uncertainties. For the noise, it contains the number
-    of its draw. The last entry is 1 if the complete search is made in addition to the re-fit, otherwise 0.
-    """
+    """A test as a function of its errors, for `doe.ledger.run_chunks`. It can be pickled. A point contains
+    the error of each factor in standard uncertainties. For the noise, it contains the number of its draw. The
+    last entry is 1 if the complete search is made in addition to the re-fit, otherwise 0."""
 
     quantities: Specification
     """The test without errors."""
     folder: Path
     """Folder of the files that it names."""
     factors: tuple[Factor, ...]
-    """Sources of error, length k."""
     settings: Settings
-    """Settings for the identification of each realisation."""
     start: Mapping[str, float] | None = None
     """The optimum of the test without errors, which is the start of the re-fits. None: every realisation uses
     the complete search. It follows from the other fields and is not part of `model_hash`."""
@@ -328,11 +319,8 @@ class Realisations:
     They shift the start of a realisation with several sources. None: not yet known."""
 
     def __call__(self, points: FloatArray) -> Sequence[Run]:
-        """Realise the points, shape [n, k + 1].
-
-        Every run contains the re-fit's estimates of `columns_of`, then those of the complete search. Missing
-        estimates are NaN.
-        """
+        """Realise the points, shape [n, k + 1]. Every run contains the re-fit's estimates of `columns_of`,
+        then those of the complete search. Missing estimates are NaN."""
         return [self._one(point) for point in points]
 
     def _one(self, point: FloatArray) -> Run:

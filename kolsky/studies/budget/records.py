@@ -106,7 +106,6 @@ class Source:
     slope: float
     """Change of the answer per unit of the factor's value; NaN for the noise."""
     refused: tuple[str, ...]
-    """Reasons why realisations gave no answer, one sentence each."""
     share_interval: tuple[float, float] = NO_INTERVAL
     """95 % interval of its share in the sum of the squares [-]. The interval is due to the few draws of the
     noise."""
@@ -121,7 +120,6 @@ class Budget(ResultViews):
     """Effect of each source of error on one parameter, separately and together with the others."""
 
     name: str
-    """Name of the test."""
     parameter: str
     truth: float
     """Its true value; NaN if the specification does not define it."""
@@ -157,10 +155,8 @@ class Budget(ResultViews):
 
     @property
     def u_together_interval(self) -> tuple[float, float]:
-        """95 % interval of this standard deviation, for normally distributed values.
-
-        NaN with fewer than `FEWEST` answers.
-        """
+        """95 % interval of this standard deviation, for normally distributed values. NaN with fewer than
+        `FEWEST` answers."""
         n, u = len(self.together), self.u_together
         if n < FEWEST:
             return NO_INTERVAL
@@ -207,10 +203,8 @@ class Campaign:
 
 
 def shot_sigma(budget: Budget, scatter: float) -> float:
-    """Standard deviation of one shot about the line [-].
-
-    It contains its independent sources and the specimens' scatter.
-    """
+    """Standard deviation of one shot about the line [-]. It contains its independent sources and the
+    specimens' scatter."""
     own = [source for source in budget.sources if not source.factor.shared]
     unknown = [source.factor.words for source in own if np.isnan(source.u)]
     if unknown:

@@ -1,7 +1,4 @@
-"""The information of a planned test.
-
-Its instruments, and the information of each datum on each parameter.
-"""
+"""The information of a planned test. Its instruments, and the information of each datum on each parameter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -56,10 +53,8 @@ class Instruments:
 
 
 def instruments_of(prepared: PreparedShot) -> Instruments:
-    """The instruments of the shot itself.
-
-    Without an outline there are no points. The caller must then supply their density and sigma.
-    """
+    """The instruments of the shot itself. Without an outline there are no points. The caller must then supply
+    their density and sigma."""
     observations, window = prepared.observations, prepared.forward.shot.window
     edges = observations.bins.edges
     points, sigma, interval, clearance = 0.0, 1e-6, float(np.diff(edges).mean()), 0.0
@@ -148,20 +143,16 @@ class Information:
         return np.concatenate([grid.times, frames])
 
     def mapped(self, column: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """A column over the data as forces, shape [n_bins], and as a map.
-
-        The map is NaN at invisible points.
-        """
+        """A column over the data as forces, shape [n_bins], and as a map. The map is NaN at invisible
+        points."""
         field = np.full(self.seen.shape, np.nan)
         field[self.seen] = column[self.n_force :]
         return column[: self.n_force], field
 
     def densities(self, *, alone: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Shares of the information on each parameter, per time, and per time and height.
-
-        Per time [1/s], shape [d, n_bins]. Per time and height [1/(m s)], shape [d, n_frames, n_heights], NaN
-        at invisible points. If some direction is unconstrained, the shares in the joint estimate are all NaN.
-        """
+        """Shares of the information on each parameter, per time, and per time and height. Per time [1/s],
+        shape [d, n_bins]. Per time and height [1/(m s)], shape [d, n_frames, n_heights], NaN at invisible
+        points. If some direction is unconstrained, the shares in the joint estimate are all NaN."""
         try:
             shares = self.data.conditional_shares if alone else self.data.shares
         except SingularInformationError:

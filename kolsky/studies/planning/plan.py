@@ -2,22 +2,19 @@
 
 Choices of the laboratory are compared.
 
-Window, frames, heights and rate are compared by the determinant or the trace of the expected covariance.
+Window, frames, heights and rate are compared by the determinant of the expected covariance.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import floor, isfinite, log10
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dic.views import ResultViews
 from doe.information import (
-    Criterion,
     Placement,
     SingularInformationError,
     UndecidedError,
@@ -27,7 +24,6 @@ from doe.information import (
 )
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import jsonable
-from kolsky.base.hdf5 import creating, put
 from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
 from kolsky.inverse.settings import Numerics
@@ -42,18 +38,14 @@ from kolsky.studies.planning.information import (
     instruments_of,
 )
 
-CRITERIA: tuple[Criterion, ...] = ("D", "A")
 SHARES = (0.25, 0.5, 0.75)
 """Recording lengths of the cameras to be compared, divided by the window."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The best choice by one criterion, and its expected uncertainties."""
+    """The D-optimal choice (smallest volume of the joint interval), and its expected uncertainties."""
 
-    criterion: Criterion
-    """"D": smallest volume of the joint interval. "A": smallest mean variance of parameters in units of their
-    scale."""
     places: FloatArray
     """Heights [m], or first and last time [s]."""
     deviations: FloatArray
@@ -73,9 +65,8 @@ class Rate:
     discrepancy: tuple[float, float]
     """Assumed discrepancy of the model [N], [m]."""
     expected: Expected
-    """Expected uncertainties."""
-    cost: Mapping[str, float]
-    """-ln det H ("D") and trace of H^-1 ("A"), with parameters in units of their scale."""
+    cost: float
+    """-ln det H, with parameters in units of their scale [-]."""
 
 
 def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, list[Expected]]:
@@ -85,20 +76,20 @@ def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, lis
     return times, [Expected.of(found.data.select(found.time <= t)) for t in times]
 
 
-def camera_windows(found: Information, share: float) -> list[Choice]:
+def camera_windows(found: Information, share: float) -> Choice | None:
     """Best recording time of the cameras if their memory covers only a share of the window. The force is
-    recorded throughout. There is one choice per criterion. None without cameras, or if no choice constrains
-    all parameters.
-    """
+    recorded throughout. None without cameras, or if no choice constrains all parameters."""
     frames = found.sensitivity.grid.frames
     count = max(1, round(share * len(frames)))
     chosen = _chosen(found, found.by_frame(), count, best_window)
-    return [
-        Choice(c, frames[[p.chosen[0], p.chosen[-1]]], _deviations(p.information, found)) for c, p in chosen
-    ]
+    return (
+        None
+        if chosen is None
+        else Choice(frames[[chosen.chosen[0], chosen.chosen[-1]]], _deviations(chosen, found))
+    )
 
 
-def camera_heights(found: Information, count: int) -> list[Choice]:
+def camera_heights(found: Information, count: int) -> Choice | None:
     """The heights at which an outline, together with the force, gives the most information.
 
     None without cameras, or if no choice constrains all parameters.
@@ -107,30 +98,25 @@ def camera_heights(found: Information, count: int) -> list[Choice]:
     if not 1 <= count <= len(heights):
         raise ValueError(f"of the {len(heights)} heights of the map 1 or more can be chosen, got {count}")
     chosen = _chosen(found, found.by_height(), count, best_groups)
-    return [Choice(c, heights[list(p.chosen)], _deviations(p.information, found)) for c, p in chosen]
+    return None if chosen is None else Choice(heights[list(chosen.chosen)], _deviations(chosen, found))
 
 
-def best_rate(rates: Sequence[Rate], criterion: Criterion) -> Rate:
-    """The rate with the smallest cost by a criterion."""
-    return min(rates, key=lambda rate: rate.cost[criterion])
+def best_rate(rates: Sequence[Rate]) -> Rate:
+    """The D-optimal rate."""
+    return min(rates, key=lambda rate: rate.cost)
 
 
 def _chosen(
     found: Information, groups: FloatArray, count: int, choose: Callable[..., Placement]
-) -> list[tuple[Criterion, Placement]]:
-    if not groups.any():
-        return []
-    chosen = []
-    for criterion in CRITERIA:
-        try:
-            chosen.append((criterion, choose(groups, count, base=found.of_force, criterion=criterion)))
-        except UndecidedError:
-            continue  # unconstrained parameters are reported with the expected deviations
-    return chosen
+) -> Placement | None:
+    try:
+        return choose(groups, count, base=found.of_force) if groups.any() else None
+    except UndecidedError:
+        return None  # unconstrained parameters are reported with the expected deviations
 
 
-def _deviations(information: FloatArray, found: Information) -> FloatArray:
-    return found.data.scale * np.sqrt(np.diag(np.linalg.inv(information)))
+def _deviations(chosen: Placement, found: Information) -> FloatArray:
+    return found.data.scale * np.sqrt(np.diag(np.linalg.inv(chosen.information)))
 
 
 NAMES = ("stiffness_factor", "poisson", "damping")
@@ -147,7 +133,6 @@ class Plan(ResultViews):
 
     shot: str
     instruments: Instruments
-    """The measurements and their uncertainties."""
     discrepancy: tuple[float, float]
     """Assumed discrepancy of the model in a force bin [N] and an outline point [m]."""
     information: Information
@@ -162,14 +147,13 @@ class Plan(ResultViews):
     """Ends of the window [s], shape [n]."""
     by_end: tuple[Expected, ...]
     """Expected uncertainties from the data up to each end, length n."""
-    windows: dict[float, tuple[Choice, ...]]
+    windows: dict[float, Choice]
     """Best recording times of the cameras, by the share of the window in their memory."""
-    heights: dict[int, tuple[Choice, ...]]
+    heights: dict[int, Choice]
     """Best heights of the outline, by the number of heights."""
     rates: tuple[Rate, ...]
     """The test at other speeds of the flyer."""
     provenance: dict[str, Any]
-    """Inputs and settings."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -258,7 +242,7 @@ def plan(
                 mean_rate=travel / shot.specimen.length / float(edges[-1] - edges[0]),
                 discrepancy=left_out,
                 expected=Expected.of(found.data),
-                cost={c: float(costs(found.data.information, c)) for c in CRITERIA},
+                cost=float(costs(found.data.information)),
             )
         )
         if factor == 1.0:
@@ -288,8 +272,8 @@ def plan(
         force_scale=_scale_shift(found, prepared.observations.force_sigma_gain),
         end_times=times,
         by_end=tuple(by_end),
-        windows={share: tuple(camera_windows(found, share)) for share in SHARES},
-        heights={count: tuple(camera_heights(found, count)) for count in heights},
+        windows={share: best for share in SHARES if (best := camera_windows(found, share))},
+        heights={count: best for count in heights if (best := camera_heights(found, count))},
         rates=tuple(judged),
         provenance=provenance(shot, settings, prepared, sliding=sliding),
     )
@@ -313,10 +297,6 @@ def correlations(expected: Expected, names: Sequence[str]) -> dict[str, float | 
         f"{names[i]}, {names[j]}": None if R is None else float(R[i, j])
         for i, j in combinations(range(len(names)), 2)
     }
-
-
-VERSION = 1
-"""Version of the HDF5 file's layout."""
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
@@ -343,11 +323,9 @@ def to_json(plan: Plan) -> dict[str, Any]:
         "instruments": vars(plan.instruments),
         "discrepancy": {"force_N": plan.discrepancy[0], "outline_m": plan.discrepancy[1]},
         "camera_windows": [
-            {"share_of_window": share, **_choice(choice, names)}
-            for share, choices in plan.windows.items()
-            for choice in choices
+            {"share_of_window": share, **_choice(choice, names)} for share, choice in plan.windows.items()
         ],
-        "camera_heights": [_choice(c, names) for choices in plan.heights.values() for c in choices],
+        "camera_heights": [_choice(choice, names) for choice in plan.heights.values()],
         "rates": [
             {
                 "speed_factor": rate.factor,
@@ -360,7 +338,7 @@ def to_json(plan: Plan) -> dict[str, Any]:
             }
             for rate in plan.rates
         ],
-        "best_rate": {c: best_rate(plan.rates, c).factor for c in CRITERIA},
+        "best_rate": best_rate(plan.rates).factor,
         "provenance": plan.provenance,
     }
     return {key: jsonable(value, key) for key, value in whole.items()}
@@ -368,14 +346,13 @@ def to_json(plan: Plan) -> dict[str, Any]:
 
 def _choice(choice: Choice, names: tuple[str, ...]) -> dict[str, Any]:
     return {
-        "criterion": choice.criterion,
         "places": choice.places,
         "sigma": dict(zip(names, choice.deviations, strict=True)),
     }
 
 
 def tables(plan: Plan) -> dict[str, dict[str, Any]]:
-    """Force, outline and rates as named columns, SI, units in the names."""
+    """Force, outline, rates and ends of the window as named columns, SI, units in the names."""
     found, slopes = plan.information, plan.information.sensitivity
     grid, names = slopes.grid, plan.names
     units = [PARAMETERS[name].unit for name in names]
@@ -402,39 +379,10 @@ def tables(plan: Plan) -> dict[str, dict[str, Any]]:
         of_rates[f"sigma {name} ({units[j]})"] = [float(rate.expected.deviations[j]) for rate in plan.rates]
         alone = [float(rate.expected.alone[j]) for rate in plan.rates]
         of_rates[f"sigma {name}, others known ({units[j]})"] = alone
-    return {"plan_force": of_force, "plan_outline": of_outline, "plan_rates": of_rates}
-
-
-def write_hdf5(path: Path, plan: Plan) -> Path:
-    """Write a complete plan to one HDF5 file, atomically. Arrays have the attribute `units`."""
-    found, slopes = plan.information, plan.information.sensitivity
-    grid = slopes.grid
-    force, outline = found.densities()
-    force_alone, outline_alone = found.densities(alone=True)
-    units = [PARAMETERS[name].unit for name in plan.names]
-    said = json.dumps(to_json(plan), allow_nan=False)
-    with creating(path, format="kolsky plan", version=VERSION, shot=plan.shot, summary=said) as file:
-        put(file, "force_edges", grid.edges, "s")
-        put(file, "frames", grid.frames, "s")
-        put(file, "heights", grid.heights, "m")
-        put(file, "force", slopes.force, "N")
-        put(file, "radius", slopes.radius, "m")
-        put(file, "end_times", plan.end_times, "s")
-        for j, name in enumerate(plan.names):
-            part, per = file.create_group(name), "" if units[j] == "1" else f"/({units[j]})"
-            part.attrs["value"] = slopes.point[j]
-            part.attrs["scale"] = slopes.scale[j]
-            part.attrs["units"] = units[j]
-            put(part, "force_slope", slopes.force_slope[j], f"N{per}")
-            put(part, "radius_slope", slopes.radius_slope[j], f"m{per}")
-            put(part, "force_left", slopes.force_left[j], "N")
-            put(part, "radius_left", slopes.radius_left[j], "m")
-            put(part, "force_information", force[j], "1/s")
-            put(part, "outline_information", outline[j], "1/(m s)")
-            put(part, "force_information_others_known", force_alone[j], "1/s")
-            put(part, "outline_information_others_known", outline_alone[j], "1/(m s)")
-            put(part, "sigma_by_end", [e.deviations[j] for e in plan.by_end], units[j])
-    return path
+    of_ends: dict[str, Any] = {"end of the window (s)": plan.end_times}
+    for j, name in enumerate(names):
+        of_ends[f"sigma {name} ({units[j]})"] = [float(e.deviations[j]) for e in plan.by_end]
+    return {"plan_force": of_force, "plan_outline": of_outline, "plan_rates": of_rates, "plan_ends": of_ends}
 
 
 def rows(plan: Plan) -> Mapping[str, Any]:
@@ -457,18 +405,16 @@ def rows(plan: Plan) -> Mapping[str, Any]:
     for pair, r in correlations(whole, names).items():
         symbols = "-".join(PARAMETERS[name].symbol for name in pair.split(", "))
         shown[f"correlation {symbols}"] = "not known" if r is None else f"{r:.2f}"
-    for share, choices in plan.windows.items():
-        for choice in choices:
-            begin, end = 1e3 * choice.places
-            shown[f"{100 * share:g} % of frames, {choice.criterion}-optimal"] = (
-                f"{begin:.2f} to {end:.2f} ms: {_sigmas(choice.deviations, names)}"
-            )
-    for count, choices in plan.heights.items():
-        for choice in choices:
-            places = ", ".join(f"{1e3 * y:.2f}" for y in choice.places)
-            shown[f"{count} height{'s' if count > 1 else ''}, {choice.criterion}-optimal"] = (
-                f"{places} mm: {_sigmas(choice.deviations, names)}"
-            )
+    for share, choice in plan.windows.items():
+        begin, end = 1e3 * choice.places
+        shown[f"{100 * share:g} % of frames, D-optimal"] = (
+            f"{begin:.2f} to {end:.2f} ms: {_sigmas(choice.deviations, names)}"
+        )
+    for count, choice in plan.heights.items():
+        places = ", ".join(f"{1e3 * y:.2f}" for y in choice.places)
+        shown[f"{count} height{'s' if count > 1 else ''}, D-optimal"] = (
+            f"{places} mm: {_sigmas(choice.deviations, names)}"
+        )
     for rate in plan.rates:
         first_pair = next(iter(correlations(rate.expected, names).values()), None)
         shown[f"speed x {rate.factor:g}"] = (
@@ -476,7 +422,7 @@ def rows(plan: Plan) -> Mapping[str, Any]:
             + _sigmas(rate.expected.deviations, names)
             + ("" if first_pair is None else f"; first correlation {first_pair:.2f}")
         )
-    best = [f"{c}-optimal x {best_rate(plan.rates, c).factor:g}" for c in CRITERIA]
+    best = [f"D-optimal x {best_rate(plan.rates).factor:g}"]
     for j, name in enumerate(names):
         sigmas = [float(rate.expected.deviations[j]) for rate in plan.rates]
         rate = plan.rates[sigmas.index(min(sigmas))]

@@ -281,19 +281,14 @@ def _group(
         long_lever=None if pooled is None else _long_lever(counted, pooled),
         stiffness=stiffness,
         equal_strain=equal_strain(counted, strains, laws),
-        remarks=(
-            *_remarks(shots, counted),
-            *_strains_left_out(counted, stiffness, strains, laws),
-        ),
+        remarks=(*_remarks(shots, counted), *_strains_left_out(counted, stiffness, strains, laws)),
     )
 
 
 def common_parts(shots: Sequence[RatedShot], shared: float) -> dict[tuple[str, str], FloatArray]:
-    """Shared error parts of the shots: (part, common source) -> shift of each m by it, shape [n].
-
-    Parts of a single shot are included as independent rows. They are thus kept out of the weights, which must
-    not depend on errors common to all shots.
-    """
+    """Shared error parts of the shots: (part, common source) -> shift of each m by it, shape [n]. Parts of a
+    single shot are included as independent rows. They are thus kept out of the weights, which must not depend
+    on errors common to all shots."""
     found: dict[tuple[str, str], FloatArray] = {}
     for i, shot in enumerate(shots):
         for key, value in shot.common_parts().items():

@@ -1,12 +1,9 @@
-"""A rate report as tables: CSV files, and one HDF5 file with the same column names."""
+"""A rate report as tables, JSON and words."""
 
-import re
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 from kolsky.base.files import columns_of, jsonable
-from kolsky.base.hdf5 import Format, OpenGroup, group, put, put_text, writing
 from kolsky.results import numbers
 from kolsky.results.numbers import plain_sentence
 from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
@@ -107,10 +104,6 @@ def _group_row(group: GroupRates) -> dict[str, Any]:
         "probability of Q (1)": of(p, lambda p: p.probability),
         "I^2 (1)": of(p, lambda p: p.fit.i_squared),
         "Knapp-Hartung factor (1)": of(p, lambda p: p.fit.scale),
-        "mean m, DerSimonian-Laird (1)": of(p, lambda p: p.others["dersimonian-laird"][0]),
-        "tau, DerSimonian-Laird (1)": of(p, lambda p: p.others["dersimonian-laird"][1]),
-        "mean m, REML (1)": of(p, lambda p: p.others["reml"][0]),
-        "tau, REML (1)": of(p, lambda p: p.others["reml"][1]),
         "reference rate (1/s)": of(line, lambda s: s.reference),
         "span of the rates (decade)": of(line, lambda s: s.span),
         "slope of m (1/decade)": of(fit, lambda f: f.coefficients[1]),
@@ -196,10 +189,7 @@ TABLES: dict[str, tuple[Callable[[GroupRates], Rows], list[str]]] = {
     ),
     "rate_criteria": (_criteria, ["criterion", "value", "limit", "unit", "at least (0/1)", "met (0/1)"]),
     "rate_shared": (_shared, ["part", "shared through", "shot", "moves m by (1)"]),
-    "rate_stiffness": (
-        _stiffness,
-        ["shot", "strain rate (1/s)", STRAIN, "quantity", "value (Pa)", "u (Pa)"],
-    ),
+    "rate_stiffness": (_stiffness, ["shot", "strain rate (1/s)", STRAIN, "quantity", "value (Pa)", "u (Pa)"]),
     "rate_force_at_strain": (_force, [STRAIN, "shot", "force (N)", "sigma (N)", "simulated force (N)"]),
     "rate_shape_at_strain": (_shape, [STRAIN, "shot", *OUTLINE]),
     "rate_quasi_static_force": (_quasi_static_force, [STRAIN, "quasi-static force (N)"]),
@@ -207,36 +197,6 @@ TABLES: dict[str, tuple[Callable[[GroupRates], Rows], list[str]]] = {
     "rate_remarks": (lambda rates: ((remark,) for remark in rates.remarks), ["remark"]),
 }
 """Rows of a group. Headings follow the group's name."""
-
-FORMAT = Format("kolsky-rates")
-_UNIT = re.compile(r" \(([^()]*)\)$")
-
-
-def write_hdf5(path: Path, report: RateReport) -> None:
-    """Write every table to one HDF5 file, atomically.
-
-    There is one group per table and one dataset per column.
-
-    Stress-strain and outline data of the shots are in the results of the shots.
-
-    Raises OSError if the file cannot be written. An older file is then unchanged.
-    """
-    with writing(path, FORMAT) as place:
-        about = {"grouped_by": report.grouped_by, "shared_relative_uncertainty": report.shared}
-        entry = group(place.file, place.path, "NXentry", **about)
-        for name, columns in tables(report).items():
-            _write_table(group(entry, name.removeprefix("rate_")), columns)
-
-
-def _write_table(table: OpenGroup, columns: Columns) -> None:
-    for heading, cells in columns.items():
-        unit = _UNIT.search(heading)
-        # A slash would create a group inside the group.
-        name = (heading[: unit.start()] if unit else heading).replace("/", "_")
-        if cells and isinstance(cells[0], str):
-            put_text(table, name, cells, escape=True)
-        else:
-            put(table, name, cells, unit[1] if unit else "1")
 
 
 def summary(report: RateReport) -> dict[str, Any]:

@@ -51,10 +51,8 @@ class RateShotFile(Section):
 
     @property
     def quasi_static_rate(self) -> float | None:
-        """Rate of the reference of m [1/s].
-
-        It is that of [law] if [law] is the baseline, otherwise of [curve].
-        """
+        """Rate of the reference of m [1/s]. It is that of [law] if [law] is the baseline, otherwise of
+        [curve]."""
         said = self.law if self.law is not None and self.law.baseline else self.curve
         return None if said is None else said.strain_rate
 
@@ -154,10 +152,8 @@ def collected_shot(
 
 
 def digest(curve: MaterialCurve) -> str:
-    """SHA-256 of a curve's numbers, hex.
-
-    Shots with the same hash have the same curve errors, even from different files.
-    """
+    """SHA-256 of a curve's numbers, hex. Shots with the same hash have the same curve errors, even from
+    different files."""
     modes = np.zeros(0) if curve.modes is None else curve.modes
     made = hashlib.sha256()
     for array in (curve.stretch, curve.stress, curve.sigma, modes):
@@ -195,9 +191,7 @@ def _same_files(place: Path, found: Identification, loaded: Shot, shot_file: str
     )
     if changed:
         raise InputError(
-            place,
-            f"was made of another {changed[0]} than the shot has now",
-            cure="identify the shot again",
+            place, f"was made of another {changed[0]} than the shot has now", cure="identify the shot again"
         )
     specimen = found.provenance.get("specimen")
     now = {name: getattr(loaded.specimen, name) for name in ("diameter", "length", "density")}

@@ -24,10 +24,8 @@ TIMES = 2001
 
 @dataclass(frozen=True)
 class StrainHistory:
-    """Nominal strain against time while the front face moves toward the specimen, and its rate.
-
-    The motion of the back face (a few um in a soft specimen) is not subtracted.
-    """
+    """Nominal strain against time while the front face moves toward the specimen, and its rate. The motion of
+    the back face (a few um in a soft specimen) is not subtracted."""
 
     time: FloatArray
     """Times on the shot's clock, from the window's start to its largest strain [s], shape [n]."""
@@ -152,7 +150,6 @@ class QuasiStatic:
     """The baseline that the stiffness factor multiplies."""
 
     curve: MaterialCurve
-    """The curve, from zero strain outward."""
     source: str
     """SHA-256 of its numbers. Shots with the same hash have the same errors of the curve."""
     rate: float | None
@@ -164,17 +161,12 @@ class RatedShot:
     """One identified shot with its rate."""
 
     name: str
-    """Name of the shot."""
     group: str
-    """Group for the comparison."""
     rig: str
     """Test rig. Shots of one rig have the same scales of transducers and cameras."""
     history: StrainHistory
-    """Its strain and strain rate."""
     quasi_static: QuasiStatic
-    """Its baseline."""
     found: Identification
-    """The whole result."""
     specimen: tuple[float, float]
     """Diameter and length [m]."""
     conditions: dict[str, str]
@@ -285,7 +277,6 @@ class EqualStrain:
     strains: FloatArray
     """Strains that every shot of the comparison reached [-], shape [k]."""
     shots: tuple[str, ...]
-    """Length n."""
     force: FloatArray
     """Measured force [N], shape [n, k]."""
     sigma: FloatArray
@@ -322,7 +313,6 @@ class GroupRates(ResultViews):
     """Shots of one group."""
 
     name: str
-    """The group."""
     shots: tuple[RatedShot, ...]
     """All shots, slowest first."""
     common: dict[tuple[str, str], FloatArray]
@@ -339,7 +329,6 @@ class GroupRates(ResultViews):
     equal_strain: EqualStrain | None
     """Comparison at equal strain. None if no requested strain was reached by all shots."""
     remarks: tuple[str, ...]
-    """Remarks that a user must read, one sentence each."""
 
     @property
     def counted(self) -> tuple[RatedShot, ...]:
@@ -348,10 +337,8 @@ class GroupRates(ResultViews):
 
     @property
     def in_common(self) -> tuple[str, ...]:
-        """Errors common to several counted shots, one phrase each.
-
-        Each has its largest relative effect on m.
-        """
+        """Errors common to several counted shots, one phrase each. Each has its largest relative effect on
+        m."""
         m = np.array([shot.m for shot in self.counted])
         found = []
         for (part, _), row in self.common.items():

@@ -7,7 +7,6 @@ a large leverage.
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
@@ -17,9 +16,6 @@ from scipy.stats import t as student
 
 from kolsky.base.arrays import FloatArray
 
-Between = Literal["paule-mandel", "dersimonian-laird", "reml"]
-METHODS: tuple[Between, ...] = ("paule-mandel", "dersimonian-laird", "reml")
-"""Estimators of the scatter between shots."""
 POWER = 0.9
 """Probability of detecting a slope of the size `MixedFit.noticeable`."""
 QUANTILES = 400
@@ -45,7 +41,6 @@ class MixedFit:
     q: float
     """Cochran's Q: residual sum of squares in units of s, without tau [-]."""
     freedom: int
-    """Degrees of freedom n - p."""
     scale: float
     """Knapp and Hartung's factor on the covariance, Eq. (S.5) [-]."""
     leverage: FloatArray
@@ -99,7 +94,6 @@ def mixed_fit(
     columns: FloatArray,
     *,
     common: FloatArray | None = None,
-    method: Between = "paule-mandel",
 ) -> MixedFit:
     """Fit y = X b, and estimate the scatter between the values."""
     y, s, X = (np.asarray(a, dtype=float) for a in (values, sigma, columns))
@@ -115,7 +109,7 @@ def mixed_fit(
         raise ValueError(f"{p} coefficients with a scatter need at least {p + 1} values, got {n}")
     if np.linalg.matrix_rank(X) < p:
         raise ValueError(f"the {p} columns do not determine {p} coefficients: two of them go together")
-    variance = _between(y, s, X, method)
+    variance = _between(y, s, X)
     b, gain, covariance = _least_squares(y, s**2 + variance, X)
     return MixedFit(
         coefficients=b,
@@ -144,24 +138,11 @@ def _generalised_q(y: FloatArray, variance: FloatArray, X: FloatArray) -> float:
     return float(np.sum(residual**2 / variance))
 
 
-def _between(y: FloatArray, s: FloatArray, X: FloatArray, method: Between) -> float:
-    """tau^2, not below zero."""
-    n, p = X.shape
-    if method == "dersimonian-laird":
-        w = s**-2.0
-        inner = np.linalg.inv(X.T @ (X * w[:, None])) @ (X.T @ (X * (w**2)[:, None]))
-        return max(0.0, float((_generalised_q(y, s**2, X) - (n - p)) / (w.sum() - np.trace(inner))))
-    if method not in METHODS:
-        raise ValueError(f"{method!r} is not an estimator of the scatter; there are {', '.join(METHODS)}")
+def _between(y: FloatArray, s: FloatArray, X: FloatArray) -> float:
+    """tau^2 of Paule and Mandel, not below zero: Q at the final weights is its expected value, Eq. (S.4)."""
 
     def excess(variance: float) -> float:
-        total = s**2 + variance
-        if method == "paule-mandel":  # Eq. (S.4): Q at the final weights is its value expected by chance
-            return _generalised_q(y, total, X) - (n - p)
-        gain = _least_squares(y, total, X)[1]
-        P = (np.eye(n) - X @ gain) / total[:, None]
-        Py = P @ y
-        return float((Py @ Py - np.trace(P)) * total.mean())  # the restricted likelihood's score
+        return _generalised_q(y, s**2 + variance, X) - (X.shape[0] - X.shape[1])
 
     if excess(0.0) <= 0.0:
         return 0.0
@@ -182,12 +163,8 @@ class Pooled:
     """The fit with Paule and Mandel's scatter."""
     scatter: float
     """Experimental standard deviation s of the shots, n - 1."""
-    others: dict[str, tuple[float, float]]
-    """Mean and tau by each estimator of the scatter."""
     leave_one_out: tuple[MixedFit | None, ...]
-    """The fit without each shot in turn.
-
-    None if fewer than two would remain."""
+    """The fit without each shot in turn. None if fewer than two would remain."""
 
     @property
     def mean(self) -> float:
@@ -232,16 +209,14 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
         raise ValueError(f"a scatter between shots needs at least {FEWEST_POOLED} of them, got {y.size}")
     shared = np.zeros((0, y.size)) if common is None else np.asarray(common, dtype=float)
     ones = np.ones((y.size, 1))
-    fits = {name: mixed_fit(y, s, ones, common=shared, method=name) for name in METHODS}
     without: list[MixedFit | None] = []
     for i in range(y.size):
         kept = np.arange(y.size) != i
         enough = int(kept.sum()) >= FEWEST_POOLED
         without.append(mixed_fit(y[kept], s[kept], ones[kept], common=shared[:, kept]) if enough else None)
     return Pooled(
-        fit=fits["paule-mandel"],
+        fit=mixed_fit(y, s, ones, common=shared),
         scatter=float(y.std(ddof=1)),
-        others={name: (float(fit.coefficients[0]), fit.between) for name, fit in fits.items()},
         leave_one_out=tuple(without),
     )
 
@@ -276,11 +251,9 @@ class Criterion:
     """One condition of a slope."""
 
     name: str
-    """Name of the condition."""
     value: float
     """Value of the shots; infinite without a limit."""
     limit: float
-    """Required value."""
     unit: str
     """Unit of both, "1" if none."""
     at_least: bool
@@ -306,7 +279,6 @@ class Slope:
     span: float
     """Decades between the rates of the slowest and the fastest shot."""
     criteria: tuple[Criterion, ...]
-    """Every condition, in order."""
     leave_one_out: tuple[MixedFit | None, ...]
     """The line without each shot in turn."""
 

@@ -83,5 +83,5 @@ def test_sheet(tmp_path: Path) -> None:
 
 def test_options_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     _field_folder(tmp_path)
-    result = run_kolsky("specimen", "fit", tmp_path / "sheet.toml", "--noise", "0.1", code=2)
+    result = run_kolsky("specimen", "simulate", tmp_path / "sheet.toml", "--vtu", code=2)
     assert "for force curves" in result.output

@@ -97,13 +97,13 @@ def test_the_rate_is_that_of_the_recorded_motion(whole):
 def test_the_files_are_where_they_were_asked_for(whole, shots):
     out = whole[0]
     names = {path.name for path in out.iterdir()}
-    assert {"rates.h5", "rates.html", "rate_shots.csv", "rate_stiffness.csv"} <= names
+    assert {"rates.json", "rates.html", "rate_shots.csv", "rate_stiffness.csv"} <= names
     assert all(path.is_file() for path in out.iterdir())
     assert list(out.parent.iterdir()) == [out]
     page = (out / "rates.html").read_text("utf-8")
     assert "<script" not in page
     assert "&lt;script&gt;" in page
-    assert not any((shot / "results" / "rates.h5").exists() for shot in shots)
+    assert not any((shot / "results" / "rates.json").exists() for shot in shots)
 
 
 def test_groups_by_any_key_of_the_shot_file(shots):

@@ -256,12 +256,9 @@ def test_the_best_places_for_a_line_are_its_ends():
     x = np.linspace(-1.0, 1.0, 41)
     rows = np.column_stack([np.ones_like(x), x])
     groups = np.einsum("np,nq->npq", rows, rows)
-    for criterion in ("D", "A"):
-        found = best_groups(groups, 2, criterion=criterion)
-        assert found.chosen == (0, 40)
-    # D: det = 2 x 2 - 0; A: 1/2 + 1/2.
-    assert best_groups(groups, 2, criterion="D").cost == pytest.approx(-np.log(4.0))
-    assert best_groups(groups, 2, criterion="A").cost == pytest.approx(1.0)
+    found = best_groups(groups, 2)
+    assert found.chosen == (0, 40)
+    assert found.cost == pytest.approx(-np.log(4.0))  # det = 2 x 2 - 0
 
 
 def test_the_best_places_for_a_parabola():
@@ -269,18 +266,16 @@ def test_the_best_places_for_a_parabola():
     rows = np.column_stack([np.ones_like(x), x, x**2])
     groups = np.einsum("np,nq->npq", rows, rows)
     # Three points for three terms: the Fekete points of degree two (Hoel 1958) are -1, 0, 1.
-    assert best_groups(groups, 3, criterion="D").chosen == (0, 20, 40)
+    assert best_groups(groups, 3).chosen == (0, 20, 40)
 
 
 def test_exchange_finds_what_the_comparison_of_all_finds(monkeypatch: pytest.MonkeyPatch):
     rows = np.random.default_rng(8).normal(size=(16, 3, 3))
     groups = rows.swapaxes(1, 2) @ rows
-    for criterion in ("D", "A"):
-        exact = best_groups(groups, 4, criterion=criterion)
-        with monkeypatch.context() as patch:
-            patch.setattr(information, "ALL", 0)
-            other = best_groups(groups, 4, criterion=criterion)
-        assert other.chosen == exact.chosen
+    exact = best_groups(groups, 4)
+    with monkeypatch.context() as patch:
+        patch.setattr(information, "ALL", 0)
+        assert best_groups(groups, 4).chosen == exact.chosen
     by_hand = min(
         combinations(range(16), 4), key=lambda s: -np.linalg.slogdet(groups[list(s)].sum(axis=0))[1]
     )

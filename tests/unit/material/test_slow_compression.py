@@ -12,11 +12,11 @@ from shot_folders import shot_in
 
 from explicit.materials import LAWS
 from explicit.materials.families import InvariantLaw
+from explicit.relaxation import uniaxial_stress
 from kolsky.base.apparatus import Specimen
 from kolsky.inverse import simulate
 from kolsky.material import slow_compression as module
 from kolsky.material.slow_compression import SlowNumerics
-from kolsky.virtual.material import uniaxial_stress
 
 SPECIMEN = Specimen(9.5e-3, 6.5e-3, 870.0)
 STRAIN = np.array([0.01, 0.1, 0.3])

@@ -6,7 +6,6 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
-import h5py
 import numpy as np
 import pytest
 from ratedshots import DIAMETER, SHEAR, baseline, rated
@@ -17,7 +16,7 @@ from kolsky.report.canvas import build, save_figures
 from kolsky.report.figures.base import label_text
 from kolsky.report.pages.rates import figures_of, render
 from kolsky.studies.rates.comparison import Baselines, compare
-from kolsky.studies.rates.output import summary, tables, write_hdf5
+from kolsky.studies.rates.output import summary, tables
 from kolsky.studies.rates.records import RateReport
 
 EVIL = '<script>alert("x")</script> ../../x $\\alpha_{'
@@ -220,30 +219,19 @@ def test_without_an_outline_there_are_forces(report):
 # Files
 
 
-def test_csv_and_hdf5_hold_the_same_numbers(report, tmp_path):
-    write_tables(tmp_path, tables(report))
-    write_hdf5(tmp_path / "rates.h5", report)
+def test_csv_holds_the_tables(report, tmp_path):
     made = tables(report)
-    assert {p.name for p in tmp_path.iterdir()} == {"rates.h5", *(f"{name}.csv" for name in made)}
-    with h5py.File(tmp_path / "rates.h5") as file:
-        for name, columns in made.items():
-            with (tmp_path / f"{name}.csv").open(newline="", encoding="utf-8") as stream:
-                rows = list(csv.DictReader(stream))
-            group = file["entry"][name.removeprefix("rate_")]
-            assert len(group) == len(columns), name
-            for heading, cells in columns.items():
-                stored = group[re.sub(r" \([^()]*\)$", "", heading).replace("/", "_")]
-                assert stored.shape == (len(cells),)
-                if not cells:
-                    continue
-                if isinstance(cells[0], str):
-                    assert [cell.decode() for cell in stored[()]] == cells
-                    assert [row[heading] for row in rows] == cells
-                else:
-                    assert stored.attrs["units"]
-                    np.testing.assert_array_equal(stored[()], cells)
-                    written = np.array([float(row[heading]) for row in rows])
-                    np.testing.assert_allclose(written, cells, rtol=1e-8)  # 9 digits
+    write_tables(tmp_path, made)
+    assert {p.name for p in tmp_path.iterdir()} == {f"{name}.csv" for name in made}
+    for name, columns in made.items():
+        with (tmp_path / f"{name}.csv").open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        for heading, cells in columns.items():
+            if cells and isinstance(cells[0], str):
+                assert [row[heading] for row in rows] == cells
+            else:
+                written = np.array([float(row[heading]) for row in rows])
+                np.testing.assert_allclose(written, cells, rtol=1e-8)  # 9 digits
 
 
 def test_the_summary_is_json(hostile):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
+from explicit.relaxation import uniaxial_stress
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
 from kolsky.schema.apparatus import UncertaintySection
@@ -14,8 +15,8 @@ from kolsky.shot.load import load_shot
 from kolsky.studies.budget.realisation import factors_of
 from kolsky.virtual import instruments
 from kolsky.virtual.instruments import free_outline, measure_curve, measure_outline, side_displacement
-from kolsky.virtual.material import law_of, uniaxial_stress
-from kolsky.virtual.motion import Ramp, flyer_samples, path_of, ramp_of, static_curve
+from kolsky.virtual.material import law_of
+from kolsky.virtual.motion import Ramp, path_of, ramp_of
 from kolsky.virtual.schema import MotionTable, Specification
 from kolsky.virtual.shot_file import _uncertainty, declared_sizes, shot_tables, specification_of, yeoh_of
 from kolsky.virtual.specification import Draw, Series, read_specification, stream
@@ -181,26 +182,6 @@ def test_a_sampled_motion_goes_through_its_samples(tmp_path: Path) -> None:
     assert path.velocity(q.motion.start + np.array([-1e-5, 2e-4])) == pytest.approx([0.0, 0.8], abs=1e-5)
     # 3 % of 6.5 mm, at the first sample that has it: 2000 t^2 = 0.195 mm at 0.3122 ms.
     assert end == pytest.approx(3.2e-4)
-
-
-def test_the_flyer_of_the_whole_test_keeps_its_momentum() -> None:
-    """Without a specimen to speak of the flyer flies on at one speed, near the paper's 2.7 m/s."""
-    time, path = flyer_samples(
-        speed=5.5,
-        striker_length=0.25,
-        flyer=(0.026, 15e-3, 21e-3),
-        specimen=(1e-3, 6.5e-3, 1.0),
-        duration=8e-4,
-    )
-    speed = np.gradient(path, time)[time > 5e-4]
-    assert speed.mean() == pytest.approx(2.7, abs=0.3)
-    assert path[0] == 0.0
-
-
-def test_static_curve_is_neo_hookean_where_it_is_slender() -> None:
-    compression, force = static_curve(1e-3, 1.0, 2e4)
-    lam = 1.0 - compression[100]
-    assert force[100] == pytest.approx(2e4 * np.pi * 0.25e-6 * (lam**-2 - lam), rel=1e-6)
 
 
 # A specification from a shot.
