@@ -14,7 +14,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.optimize import least_squares
 
 from dic.views import ResultViews
-from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide, check_bar
+from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import ComplexArray, FloatArray
@@ -317,7 +317,6 @@ def _fit(
     first_window: tuple[float, float],
     later_window: tuple[float, float],
 ) -> BarsTogether:
-    check_bar(bar)
     if abs(first.interval / later.interval - 1.0) > 1e-9:
         raise ValueError(f"sampling intervals must be equal, got {first.interval:g} and {later.interval:g} s")
     if not distance > 0.0:
