@@ -19,7 +19,7 @@ with the jerks j_k and covariances C_k of each draw. The path is still that of t
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,8 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from kolsky.bars.flyer.jerks import (
     ZERO_PRIOR,
-    Evidences,
+    deviances,
+    evidence,
     hat_functions,
     maximum_likelihood,
     noise_parts,
@@ -225,8 +226,6 @@ def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[His
     The other face is at rest. ``time``: times, not after the path's end [s]. ``length``: of the specimen
     before the test [m].
     """
-    if not length > 0.0:
-        raise ValueError(f"length is {length:g} m, must be > 0 m")
     t = np.asarray(time, dtype=np.float64)
     moving = t >= path.start
     at = t[moving]
@@ -258,18 +257,6 @@ LEAST_WEIGHT = 1e-5
 """A draw with less weight is omitted."""
 
 
-class Deviances(Protocol):
-    """-2 ln L for several rows of unknowns."""
-
-    @property
-    def values(self) -> FloatArray:
-        """The values, shape [n_rows]."""
-
-    @property
-    def gradients(self) -> FloatArray:
-        """Their gradients, shape [n_rows, n]."""
-
-
 def controls_in_gaps(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: FloatArray) -> BoolArray:
     """Control points of log tau that affect a span with an end in no frame, shape [n_controls]."""
     hidden = np.isin(knots, t[~seen])
@@ -277,15 +264,19 @@ def controls_in_gaps(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: Fl
 
 
 def importance_draws(
-    theta: FloatArray, free: BoolArray, deviances: Callable[[FloatArray], Deviances]
+    theta: FloatArray,
+    free: BoolArray,
+    values_of: Callable[[FloatArray], FloatArray],
+    gradient_of: Callable[[FloatArray], FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
     """Draws around the likeliest values of some unknowns, and their weights, with the sum one.
 
-    Draws come in pairs with opposite signs. The same call gives the same draws.
+    Draws come in pairs with opposite signs. The same call gives the same draws. ``values_of``: -2 ln L of
+    rows of unknowns, shape [n_rows]. ``gradient_of``: its gradient for one row.
     """
     rows = np.flatnonzero(free)
     steps = STEP * np.eye(theta.size)[rows]
-    ahead, behind = np.split(deviances(np.concatenate([theta + steps, theta - steps])).gradients[:, rows], 2)
+    ahead, behind = (np.array([gradient_of(theta + way * one)[rows] for one in steps]) for way in (1.0, -1.0))
     curvature = 0.5 * (ahead - behind) / (2.0 * STEP)
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     widths = _WIDER / np.sqrt(np.maximum(values, _LEAST_CURVATURE))
@@ -293,7 +284,7 @@ def importance_draws(
     normal = np.concatenate([half, -half])
     drawn = np.tile(theta, (DRAWS, 1))
     drawn[:, rows] += normal * widths @ vectors.T
-    log = -0.5 * deviances(drawn).values + 0.5 * (normal**2).sum(axis=1)
+    log = -0.5 * values_of(drawn) + 0.5 * (normal**2).sum(axis=1)
     weight = np.exp(log - log.max())
     return drawn, weight / weight.sum()
 
@@ -402,7 +393,9 @@ def fit_flyer(
     if free.any():
         data = (y, weight, np.diff(knots) / frame, hats, parts, shared)
         likeliest = np.concatenate([log_scales, log_tau])
-        draws = importance_draws(likeliest, free, lambda rows: Evidences(rows, *data))
+        draws = importance_draws(
+            likeliest, free, lambda rows: deviances(rows, *data), lambda row: evidence(row, *data)[1]
+        )
         drawn = np.append(False, (hats[:, free[log_scales.size :]] > 0.0).any(axis=1))
         tau = np.exp(draws[0][:, log_scales.size :] @ hats[drawn[1:]].T)
         mixed = mixed_covariance(whitened(y), whitened(G), prior, drawn, tau, draws[1])
