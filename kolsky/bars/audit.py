@@ -1,13 +1,11 @@
 """The audit log: every correction with its switch, its size and its reason, even if it was not applied."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kolsky.bars.records import Correction
 from kolsky.base.arrays import BoolArray, FloatArray
@@ -33,97 +31,32 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Switches(Mapping[str, bool]):
-    """Switches of the corrections. A switch that is not given has its default from `CORRECTIONS`.
-
-    Raises ValueError if a key is unknown (the message gives the nearest known key) or a value is not true or
-    false.
-    """
+class Switches:
+    """Switches of the corrections. A switch that is not given has its default from `CORRECTIONS`."""
 
     stated: Mapping[str, bool] = field(default_factory=dict)
-    """Keys that were given."""
-
-    def __post_init__(self) -> None:
-        stated: dict[str, bool] = {}
-        for key, value in self.stated.items():
-            if not isinstance(value, bool):
-                raise ValueError(f"switch '{key}' must be true or false, got {value!r}")
-            if correction_key(key) in stated:
-                raise ValueError(
-                    f"switch '{correction_key(key)}' is stated twice, with blanks and with underscores"
-                )
-            stated[correction_key(key)] = value
-        object.__setattr__(self, "stated", MappingProxyType(stated))
+    """Switches that were given, by the keys of `CORRECTIONS`."""
 
     def __getitem__(self, key: str) -> bool:
-        known = correction_key(key)
-        return self.stated.get(known, CORRECTIONS[known][0])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(CORRECTIONS)
-
-    def __len__(self) -> int:
-        return len(CORRECTIONS)
+        return self.stated.get(key, CORRECTIONS[key][0])
 
     def state(self, key: str) -> str:
         """Origin of a switch's value: "on by default", "switched off", ..."""
         state = "on" if self[key] else "off"
-        return f"switched {state}" if correction_key(key) in self.stated else f"{state} by default"
+        return f"switched {state}" if key in self.stated else f"{state} by default"
 
 
-def correction_key(key: str) -> str:
-    """The switch of `CORRECTIONS` for a key. Underscores replace blanks in the key."""
-    known = str(key).replace("_", " ")
-    if known not in CORRECTIONS:
-        near = get_close_matches(known, CORRECTIONS, n=1)
-        hint = f"; did you mean '{near[0]}'? Known are" if near else "; known are"
-        raise ValueError(f"no correction is called {key!r}{hint} {', '.join(map(repr, CORRECTIONS))}")
-    return known
-
-
-def compare(
-    name: str,
-    key: str,
-    before: ArrayLike,
-    after: ArrayLike,
-    *,
-    applied: bool,
-    unit: str,
-    reason: str,
-    over: BoolArray | slice | None = None,
+def correction_of(
+    name: str, key: str, change: FloatArray, *, applied: bool, unit: str, reason: str
 ) -> Correction:
-    """Measure the change by a correction, applied or not, over a pulse.
+    """The entry for a correction, applied or not, with the size of the change, shape [n], in `unit`.
 
-    Raises ValueError if the key is unknown, the shapes differ, or the reason is missing. The same error is
-    raised if no sample is compared, or if a compared value is not finite.
-
-    ``name``: name of the correction, e.g. "dispersion, incident wave". ``before``, ``after``: the signal
-    without and with it, shape [n]. ``applied``: True if the result includes it. ``unit``: unit of the signal.
-    ``reason``: the reason, with the values used, in one sentence. ``over``: the samples of the pulse; all of
-    them by default.
+    ``name``: name of the correction, e.g. "dispersion, incident wave". ``key``: its switch in `CORRECTIONS`.
+    ``reason``: the reason, with the values used, in one sentence.
     """
-    key = correction_key(key)
-    a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
-    if a.shape != b.shape:
-        raise ValueError(
-            f"{name}: before and after have the shapes {a.shape} and {b.shape}; they must be one"
-        )
-    change = np.atleast_1d(b - a)[slice(None) if over is None else over]
-    if not change.size:
-        raise ValueError(f"{name}: there is no sample to measure the change over")
-    if not np.isfinite(change).all():
-        raise ValueError(f"{name}: the change is not finite at sample {np.argmin(np.isfinite(change))}")
-    if not reason.strip():
-        raise ValueError(f"{name}: a correction needs a reason")
-    return Correction(
-        name=name,
-        key=key,
-        applied=applied,
-        size=float(np.abs(change).max()),
-        rms=float(np.sqrt(np.mean(change**2))),
-        unit=unit,
-        reason=reason,
-    )
+    size = float(np.abs(change).max(initial=0.0))
+    rms = float(np.sqrt(np.mean(change**2))) if change.size else 0.0
+    return Correction(name, key, applied, size, rms, unit, reason)
 
 
 class AuditLog:
@@ -142,26 +75,30 @@ class AuditLog:
         return tuple(self._entries)
 
     def add(self, *corrections: Correction) -> None:
-        """Append entries that another function has measured. Raises ValueError if a key is unknown."""
-        self._entries.extend([replace(entry, key=correction_key(entry.key)) for entry in corrections])
+        """Append entries that another function has measured."""
+        self._entries.extend(corrections)
 
     def complete(self, reasons: Mapping[str, str]) -> None:
-        """Append an entry for each correction that has none.
-
-        It is listed as not applied, with its reason.
-
-        Raises ValueError if a key is unknown.
-        """
+        """Append an entry for each correction that has none. It is listed as not applied, with its reason."""
         there = {entry.key for entry in self._entries}
         self.add(
             *(Correction(k, k, False, 0.0, 0.0, "1", why) for k, why in reasons.items() if k not in there)
         )
 
-    def compare(self, name: str, key: str, before: ArrayLike, after: ArrayLike, **options: Any) -> Correction:
-        """Measure a change by `compare`, and append it."""
-        entry = compare(name, key, before, after, **options)
-        self.add(entry)
-        return entry
+    def compare(
+        self,
+        name: str,
+        key: str,
+        before: FloatArray,
+        after: FloatArray,
+        *,
+        applied: bool,
+        unit: str,
+        reason: str,
+        over: BoolArray | slice = slice(None),
+    ) -> None:
+        """Append the change by a correction, see `correction_of`. ``over``: the samples of the pulse."""
+        self.add(correction_of(name, key, (after - before)[over], applied=applied, unit=unit, reason=reason))
 
     def choose(
         self,
@@ -172,7 +109,7 @@ class AuditLog:
         *,
         unit: str,
         reason: str,
-        over: BoolArray | slice | None = None,
+        over: BoolArray | slice = slice(None),
     ) -> FloatArray:
         """The corrected signal if its switch is on, otherwise the uncorrected one.
 

@@ -37,23 +37,6 @@ def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
     return list(found.values())
 
 
-def check_quantities(quantities: Sequence[Quantity]) -> None:
-    """Reject impossible quantities and duplicate names."""
-    seen: set[str] = set()
-    for q in quantities:
-        if q.name in seen:
-            raise ValueError(f"quantity '{q.name}' occurs twice; see `merged`")
-        seen.add(q.name)
-        if not (np.isfinite(q.value) and np.isfinite(q.sigma) and q.sigma >= 0.0):
-            raise ValueError(
-                f"{q.name}: value must be finite and sigma finite and >= 0, got {q.value}, {q.sigma}"
-            )
-        if q.kind not in ("A", "B"):
-            raise ValueError(f"{q.name}: kind must be 'A' or 'B', got {q.kind!r}")
-        if not q.freedom >= 1.0:
-            raise ValueError(f"{q.name}: degrees of freedom must be >= 1, got {q.freedom}")
-
-
 def correlation_matrix(
     quantities: Sequence[Quantity], correlations: Mapping[tuple[str, str], float]
 ) -> FloatArray:
@@ -61,18 +44,7 @@ def correlation_matrix(
     place = {q.name: i for i, q in enumerate(quantities)}
     R = np.eye(len(place))
     for (one, other), r in correlations.items():
-        for name in (one, other):
-            if name not in place:
-                raise ValueError(f"correlation of {name!r}: no quantity has this name")
-        if one == other or not -1.0 <= r <= 1.0:
-            raise ValueError(f"correlation of '{one}' and '{other}' must be of two, in [-1, 1], got {r}")
         R[place[one], place[other]] = R[place[other], place[one]] = r
-    lowest = float(np.linalg.eigvalsh(R)[0]) if R.size else 0.0
-    if lowest < -1e-9:  # round-off
-        raise ValueError(
-            f"the correlations contradict each other: their matrix has the eigenvalue {lowest:.3g}, all must"
-            " be >= 0; if they were rounded, state more digits"
-        )
     return R
 
 
@@ -143,18 +115,6 @@ class Budget:
         """An output with its combined standard uncertainty."""
         return History(self.value[self._known(output)], self.sigma(output), unit)
 
-    def covariance(self, one: str, other: str) -> FloatArray:
-        """Covariance of two outputs at each sample, from the quantities (GUM F.1.2.3), shape [...].
-
-        Raises ValueError if their shapes differ.
-        """
-        a, b = self.contribution[self._known(one)], self.contribution[self._known(other)]
-        if a.shape != b.shape:
-            raise ValueError(
-                f"{one} and {other} have the shapes {a.shape[1:]} and {b.shape[1:]}; they must be one"
-            )
-        return np.asarray(np.einsum("i...,ij,j...->...", a, self.correlation, b))
-
     def nonlinearity(self, output: str) -> float:
         """Largest second-order term, divided by the combined standard uncertainty at the same sample [-].
 
@@ -223,8 +183,7 @@ def propagate(
     the model's round-off, a jump (e.g. of a window by one sample) and a strong nonlinearity. The model is run
     2 n + 3 times.
 
-    Raises ValueError if a quantity is impossible or occurs twice, if the correlations are invalid, or if the
-    steps disagree. The same error is raised if the model fails at a varied value, or if an output is not
+    Raises ValueError if the steps disagree, if the model fails at a varied value, or if an output is not
     finite or changes its shape.
 
     ``model``: from values by name to outputs, which must keep their shapes. ``quantities``: inputs with their
@@ -234,11 +193,13 @@ def propagate(
     contributions [-]. It is divided by the combined standard uncertainty, as root mean square over the
     samples.
     """
-    check_quantities(quantities)
     R = correlation_matrix(quantities, correlations or {})
     best = {q.name: q.value for q in quantities}
     value = outputs(model, best, "the best estimates", None)
-    noises = _noises(noise or {}, value)
+    noises = {
+        name: np.array(np.broadcast_to(np.asarray((noise or {}).get(name, 0.0), dtype=float), output.shape))
+        for name, output in value.items()
+    }
     whole: dict[str, list[FloatArray]] = {name: [] for name in value}
     bend: dict[str, list[FloatArray]] = {name: [] for name in value}
     for q in quantities:
@@ -276,19 +237,6 @@ def propagate(
 def _size(contribution: FloatArray, noise: FloatArray) -> float:
     """Combined standard uncertainty without correlations, which may cancel contributions to zero."""
     return float(np.sqrt(np.mean(np.sum(contribution**2, axis=0) + noise**2)))
-
-
-def _noises(noise: Mapping[str, ArrayLike], value: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    for name in noise:
-        if name not in value:
-            raise ValueError(f"noise of {name!r}: no output is called so; there are {', '.join(value)}")
-    found = {}
-    for name, output in value.items():
-        sigma = np.asarray(noise.get(name, 0.0), dtype=float)
-        if not (np.isfinite(sigma).all() and (sigma >= 0.0).all()):
-            raise ValueError(f"noise of {name} must be finite and >= 0")
-        found[name] = np.array(np.broadcast_to(sigma, output.shape))
-    return found
 
 
 def _stack(rows: list[FloatArray], like: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.bars.budget import Budget, check_quantities, correlation_matrix
+from kolsky.bars.budget import Budget, correlation_matrix
 from kolsky.bars.records import Quantity
 from kolsky.base.arrays import FloatArray
 
@@ -61,7 +61,6 @@ def monte_carlo(
     [-]. Raises ValueError if an option or quantity is impossible, or an output is not finite or changes its
     shape. Also if a t distribution has fewer than 3 degrees of freedom: it has no standard deviation then.
     """
-    check_quantities(quantities)
     if trials < 100:
         raise ValueError(f"a Monte Carlo run needs at least 100 trials, got {trials}")
     if not 0.0 < probability < 1.0:

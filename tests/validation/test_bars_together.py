@@ -83,7 +83,7 @@ def test_lanl_copper_by_its_own_formula(shared):
     bridge = Bridge("half, opposed", gauge_factor=2.061, excitation=8.0, gain=200.0)
     options = {"baseline": (-50e-6, -10e-6), "clock_offset": 0.0}
     sign = 1 if recording.value[np.abs(recording.value).argmax()] > 0.0 else -1
-    found = bar_signal([recording], bridge, TITANIUM, 0.381, "incident", compression=sign, **options)
+    found = bar_signal([recording], bridge, TITANIUM, 0.381, "incident", compression=[sign], **options)
     rest = recording.value[(recording.time >= -50e-6) & (recording.time <= -10e-6)].mean()
     # HopPyBar: strain = 2 V / (GF gain Vexc); ours divides by 1 - e, e = -V / (gain Vexc) in compression.
     V = sign * (recording.value - rest)
@@ -119,7 +119,7 @@ def test_epoxy_of_yao_steps_and_noise(shared, file, interval, steps):
             side,
             baseline=(-1.9e-4, -2e-5),
             clock_offset=0.0,
-            compression=-1,
+            compression=[-1],
         ).signal.strain
         rest = measure_signal_zero(made.time, made.value, (-1.9e-4, -2e-5), name=side)
         assert rest.step == pytest.approx(1e-6 * step, rel=2e-3)  # printed with three digits

@@ -81,7 +81,7 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMot
     With fewer than three poses at rest, the flyer is assumed to have rested at its first poses, within
     `UNSEEN` and `UNTURNED`.
     """
-    time, ok = _times(body, t)
+    time, ok = np.asarray(t, dtype=np.float64), body.outcome == FrameOutcome.VALID
     u, r = body.displacement, body.rotation
     own = np.flatnonzero(ok)
 
@@ -158,14 +158,10 @@ def symmetry_end(
     ``time``: times, usually of the frames [s], increasing, shape [n_times]. ``separation``: time at which the
     flyer has separated from the bar [s]. ``over``: span after separation; its displacement gives the
     reference direction [s]. ``share``: allowed transverse part of the velocity [-], in (0, 1).
-    ``times_in_row``: number of successive times that must agree. Raises ValueError if an option is out of
-    range, or if a span is outside the paths.
+    ``times_in_row``: number of successive times that must agree. Raises ValueError if a span is outside the
+    paths.
     """
     at = np.asarray(time, dtype=np.float64)
-    if not 0.0 < share < 1.0 or not over > 0.0 or times_in_row < 1:
-        raise ValueError(
-            f"share must be in (0, 1), over > 0 s, times_in_row >= 1, got {share}, {over}, {times_in_row}"
-        )
     paths = (flight.toward, *flight.lateral)
     span = np.array([separation, separation + over])
     moved = np.array([np.diff(path.position(span))[0] for path in paths])
@@ -182,13 +178,6 @@ def symmetry_end(
     beyond = (at >= separation) & (part - COVERAGE * sigma > share)
     run = np.convolve(beyond, np.ones(times_in_row), mode="full")[times_in_row - 1 :] == times_in_row
     return SymmetryEnd(reference, part, sigma, int(np.argmax(run)) if run.any() else None)
-
-
-def _times(body: BodyMotion, t: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_]]:
-    time = np.asarray(t, dtype=np.float64)
-    if time.shape != body.outcome.shape:
-        raise ValueError(f"t has shape {time.shape}, must be {body.outcome.shape}: one time a frame")
-    return time, np.asarray(body.outcome == FrameOutcome.VALID)
 
 
 SHARE = 0.05

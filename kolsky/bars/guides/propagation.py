@@ -14,7 +14,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.optimize import least_squares
 
 from dic.views import ResultViews
-from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide, check_bar
+from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import ComplexArray, FloatArray
@@ -84,8 +84,6 @@ _LARGEST_GAIN = 10.0
 """Largest amplification of a spectral component [-]. Propagation ends the band where this is exceeded."""
 _SLOPES = 1024
 """Number of frequencies in the search for the delay of the slowest component."""
-FEWEST_SAMPLES = 8
-"""Smallest number of samples for a useful spectrum."""
 
 
 @dataclass(frozen=True)
@@ -132,10 +130,8 @@ def propagation(
     if the result needs a different clock. The result is interpolated within the band of the sampling.
     ``samples``: length of the result; default: that of the signal. Returns: with the band that was kept and
     the amplification of the noise. For propagation back, the band of a lossy bar ends at an amplification of
-    10. Raises ValueError if an argument is outside its range, if a sample is not finite, or if the band is
-    empty.
+    10. Raises ValueError if the window is outside the signal, or if the band is empty.
     """
-    _check(signal, distance, band)
     value = signal.value if window is None else windowed(signal, window).value
     n, step = value.size, signal.interval
     count = n if samples is None else samples
@@ -204,22 +200,6 @@ def _shifted(padded: FloatArray, fraction: float, first: int, count: int) -> Flo
     """A plain shift by a fraction of a sample, for comparison with the effect of dispersion."""
     omega = 2.0 * pi * rfftfreq(padded.size)
     return irfft(rfft(padded) * np.exp(1j * omega * fraction), padded.size)[first : first + count]
-
-
-def _check(signal: Signal, distance: float, band: float | None) -> None:
-    if signal.value.ndim != 1 or signal.value.size < FEWEST_SAMPLES:
-        raise ValueError(f"a signal needs {FEWEST_SAMPLES} samples or more, got {signal.value.size}")
-    if not np.isfinite(signal.value).all():
-        bad = int(np.argmin(np.isfinite(signal.value)))
-        raise ValueError(
-            f"sample {bad} of {signal.name or 'the signal'} is not finite, at {signal.time[bad]:g} s"
-        )
-    if not (isfinite(signal.interval) and signal.interval > 0.0):
-        raise ValueError(f"the sampling interval must be > 0 s, got {signal.interval}")
-    if not isfinite(distance):
-        raise ValueError(f"the distance must be finite, got {distance} m")
-    if band is not None and not band > 0.0:
-        raise ValueError(f"a band limit must be > 0 Hz, got {band}")
 
 
 _SEARCH = 0.1
@@ -317,7 +297,6 @@ def _fit(
     first_window: tuple[float, float],
     later_window: tuple[float, float],
 ) -> BarsTogether:
-    check_bar(bar)
     if abs(first.interval / later.interval - 1.0) > 1e-9:
         raise ValueError(f"sampling intervals must be equal, got {first.interval:g} and {later.interval:g} s")
     if not distance > 0.0:

@@ -8,7 +8,7 @@ solution. Polymer bars have a complex modulus or a measured propagation coeffici
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf, isfinite, pi
+from math import inf, pi
 from typing import Any, Protocol
 
 import numpy as np
@@ -245,63 +245,6 @@ def wavenumber(frequency: ArrayLike, poisson: float) -> Array:
     return np.where(w.real < 0.0, -1.0, 1.0) * _polished(found, turned, poisson)
 
 
-def phase_velocity(ratio: ArrayLike, poisson: float) -> FloatArray:
-    """Phase velocity of the first mode divided by c0 [-], as a function of radius over wavelength.
-
-    ``ratio``: a / Lambda [-], >= 0. ``poisson``: poisson's ratio, in [0, 0.5).
-    """
-    k = 2.0 * np.pi * np.asarray(ratio, dtype=float)
-    if not (np.isfinite(k).all() and (k >= 0.0).all()):
-        raise ValueError("a / Lambda must be finite and >= 0")
-    w = frequency(k, poisson)
-    still = k == 0.0
-    return np.asarray(np.where(still, 1.0, w / np.where(still, 1.0, k)))
-
-
-def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
-    """Frequency of the first mode, the inverse of `wavenumber`.
-
-    ``wavenumber``: k a [-], real or complex, any sign. The real part of a complex wavenumber must exceed the
-    imaginary part. ``poisson``: Poisson's ratio, in [0, 0.5). Returns: omega a / c0 [-], same shape. Raises
-    ValueError if Poisson's ratio is outside its range, or if a wavenumber is not finite.
-    """
-    k = np.asarray(wavenumber)
-    if not np.isfinite(k).all():
-        raise ValueError("wavenumbers must be finite")
-    sign = np.where(k.real < 0.0, -1.0, 1.0)
-    turned = sign * k
-    table = dispersion_table(poisson, float(np.abs(turned.real).max(initial=0.0)))
-    knots = table.x * table(table.x)
-    w = np.asarray(np.interp(turned.real, knots, table.x), dtype=k.dtype if np.iscomplexobj(k) else float)
-    w = w + (turned - turned.real) * (w.real / np.where(turned.real == 0.0, 1.0, turned.real))
-    moving = np.abs(turned) > 1e-4
-    for _ in range(8):
-        if poisson == 0.0 or not moving.any():
-            break
-        f, _, slope = frequency_equation(turned[moving], w[moving], poisson)
-        w[moving] -= f / slope
-    return np.asarray(sign * np.where(moving | (poisson == 0.0), w, turned))
-
-
-def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
-    """Axial strain averaged over the section, divided by that on the surface with the gauges [-].
-
-    This is the factor M1 of Tyas and Watson (2001). Their M2 is the mean stress divided by E times the mean
-    strain. It equals (c / c0)^2, which follows from the balance of axial momentum at a free surface.
-    ``frequency``: omega a / c0 [-], real or complex.
-    """
-    if not poisson > 0.0:
-        raise ValueError("without Poisson's ratio the mean strain is that of the surface")
-    w = np.asarray(frequency)
-    k = wavenumber(w, poisson)
-    shear, longitudinal = _slownesses(poisson)
-    p, q = w**2 * longitudinal - k**2, w**2 * shear - k**2
-    mean = 2.0 * w**2 * (shear - 2.0 * longitudinal)  # = 2 (q - K^2) - 4 p without its cancellation
-    surface = onoe(p) * (q - k**2) - 2.0 * p * onoe(q)
-    still = np.abs(w) < 1e-6
-    return np.asarray(np.where(still, 1.0, mean / np.where(still, 1.0, surface)))
-
-
 def _polished(k: Array, w: Array, poisson: float) -> Array:
     """A few Newton steps in the complex plane, from a nearby start."""
     result = np.array(k)
@@ -321,10 +264,6 @@ def _polished(k: Array, w: Array, poisson: float) -> Array:
         f"no wavenumber found at omega a / c0 = {at[moving[0]]:.6g}; the damping must be small, the "
         "imaginary part below a third of the real one. Cure: limit the band"
     )
-
-
-_SURFACE_BAND = 2.0
-"""omega a / c0 up to which a gauge on the surface represents the section."""
 
 
 class Waveguide(Protocol):
@@ -352,26 +291,12 @@ class Waveguide(Protocol):
 class ElasticWaveguide:
     """A linear elastic bar in its first longitudinal mode.
 
-    Raises ValueError if a property of the bar is outside its range.
-
-    ``bar``: diameter, Young's modulus, density and Poisson's ratio. ``dispersive``: True if Poisson's ratio
-    of the bar causes dispersion. If False, every wave travels at c0. ``surface``: True if the strain of a
-    gauge on the surface differs from the section's mean (M1 of Tyas and Watson). The band then ends at omega
-    a / c0 = `SURFACE_BAND`.
+    ``bar``: diameter, Young's modulus, density and Poisson's ratio.
     """
 
     bar: Bar
     dispersive: bool = True
-    """True if waves of different length have different speeds."""
-    surface: bool = False
-    """True if strains are those of the surface."""
-
-    def __post_init__(self) -> None:
-        check_bar(self.bar)
-        if self.surface and not (self.dispersive and self.bar.poisson > 0.0):
-            raise ValueError(
-                "a surface strain differs from the mean in a dispersive bar with poisson > 0 only"
-            )
+    """True if Poisson's ratio causes dispersion. If False, every wave travels at c0."""
 
     @property
     def wave_speed(self) -> float:
@@ -380,8 +305,8 @@ class ElasticWaveguide:
 
     @property
     def largest_frequency(self) -> float:
-        """Infinite, unless a surface gauge limits the band [Hz]."""
-        return _SURFACE_BAND * self.wave_speed / (pi * self.bar.diameter) if self.surface else inf
+        """No limit: infinity [Hz]."""
+        return inf
 
     def wavenumber(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.3): k a of the first mode at omega a / c0 [rad/m]."""
@@ -393,13 +318,9 @@ class ElasticWaveguide:
         return np.asarray(turned / radius, dtype=complex)
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
-        """Eq. (B.6): rho A (omega / k)^2, times M1 if strains are those of the surface [N]."""
+        """Eq. (B.6): rho A (omega / k)^2 [N]."""
         w = np.asarray(omega)
-        stiffness = self.impedance(w) * _speed_of(w, self.wavenumber(w), self.wave_speed)
-        if self.surface:
-            reduced = 0.5 * w * self.bar.diameter / self.wave_speed
-            stiffness = stiffness * mean_over_surface(reduced, self.bar.poisson)
-        return np.asarray(stiffness, dtype=complex)
+        return self.impedance(w) * _speed_of(w, self.wavenumber(w), self.wave_speed)
 
     def impedance(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.5): rho A omega / k [N s/m]."""
@@ -410,16 +331,6 @@ class ElasticWaveguide:
 def area(bar: Bar) -> float:
     """Cross-section of a bar [m^2]."""
     return pi * bar.diameter**2 / 4.0
-
-
-def check_bar(bar: Bar) -> None:
-    """Raise ValueError for a bar with waves that cannot be computed."""
-    for name in ("diameter", "length", "youngs_modulus", "density"):
-        value = getattr(bar, name)
-        if not (isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} of a bar must be > 0 and finite, got {value}")
-    if not 0.0 <= bar.poisson < 0.5:
-        raise ValueError(f"poisson of a bar must be in [0, 0.5), got {bar.poisson}")
 
 
 def _impedance_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
@@ -446,13 +357,6 @@ class PronyModulus:
     """Moduli E_j of the Maxwell elements [Pa], > 0."""
     times: tuple[float, ...]
     """Their relaxation times tau_j [s], > 0."""
-
-    def __post_init__(self) -> None:
-        if len(self.moduli) != len(self.times):
-            raise ValueError(f"a modulus for each time, got {len(self.moduli)} and {len(self.times)}")
-        for value in (self.long_term, *self.moduli, *self.times):
-            if not (isfinite(value) and value > 0.0):
-                raise ValueError(f"moduli and times of a Prony series must be > 0 and finite, got {value}")
 
     def __call__(self, omega: ArrayLike) -> ComplexArray:
         """Complex modulus E* [Pa] at angular frequencies [rad/s]."""
@@ -488,9 +392,6 @@ class ViscoelasticWaveguide:
     modulus: PronyModulus
     dispersive: bool = True
     """True if the finite radius of the bar also causes dispersion."""
-
-    def __post_init__(self) -> None:
-        check_bar(self.bar)
 
     @property
     def wave_speed(self) -> float:

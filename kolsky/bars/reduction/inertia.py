@@ -1,12 +1,12 @@
 """Inertia corrections: radial and axial inertia of the specimen, and a mass between gauge and specimen."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.bars.audit import Switches, correction_key
+from kolsky.bars.audit import Switches, correction_of
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.bars.records import Correction, History, Quantity, Reduction
 from kolsky.bars.reduction.validity import Validity, validity
@@ -58,9 +58,8 @@ def correct_radial_inertia(
 
     ``stress``: nominal stress [Pa], compression positive. ``strain``, ``rate``, ``second``: nominal
     compression [-], [1/s], [1/s^2]. ``apply``: False returns the stress unchanged. Raises ValueError for the
-    reasons of `radial_pressure`, and if shapes differ.
+    reasons of `radial_pressure`.
     """
-    _one_shape(stress.value, (strain, rate, second))
     rho, a0 = specimen.density, specimen.radius
     left = 1.0 - strain.value
     p = radial_pressure(strain.value, rate.value, second.value, density=rho, radius=a0)
@@ -78,7 +77,7 @@ def correct_radial_inertia(
         f" {np.abs(rate.value).max():.3g} 1/s, its derivative up to {np.abs(second.value).max():.3g} 1/s^2"
     )
     change = -p / left
-    log = audited("radial inertia", "radial inertia", change, "Pa", apply, reason)
+    log = correction_of("radial inertia", "radial inertia", change, applied=apply, unit="Pa", reason=reason)
     return (History(stress.value + change, sigma, "Pa") if apply else stress), log
 
 
@@ -130,7 +129,6 @@ def correct_axial_inertia(
 
     ``back_stress``: by one wave [Pa]. ``second``: second derivative of the nominal compression [1/s^2].
     """
-    _one_shape(back_stress.value, (second,))
     rho, length = specimen.density, specimen.length
     change = axial_stress(second.value, density=rho, length=length)
     sigma = np.sqrt(back_stress.sigma**2 + (rho * length**2 / 6.0 * second.sigma) ** 2)
@@ -138,31 +136,8 @@ def correct_axial_inertia(
         f"{1e3 * length:.4g} mm of {rho:.4g} kg/m^3, second derivative of the strain up to"
         f" {np.abs(second.value).max():.3g} 1/s^2"
     )
-    log = audited("axial inertia", "axial inertia", change, "Pa", apply, reason)
+    log = correction_of("axial inertia", "axial inertia", change, applied=apply, unit="Pa", reason=reason)
     return (History(back_stress.value + change, sigma, "Pa") if apply else back_stress), log
-
-
-def audited(name: str, key: str, change: FloatArray, unit: str, apply: bool, reason: str) -> Correction:
-    """The audit log's entry for a change over all samples, applied or not."""
-    return Correction(
-        name=name,
-        key=key,
-        applied=apply,
-        size=float(np.abs(change).max(initial=0.0)),
-        rms=float(np.sqrt(np.mean(change**2))) if change.size else 0.0,
-        unit=unit,
-        reason=reason,
-    )
-
-
-def _one_shape(like: FloatArray, histories: Sequence[History]) -> None:
-    """Raise ValueError for histories without exactly one value at each time."""
-    for history in histories:
-        if history.value.shape != like.shape or history.sigma.shape != like.shape:
-            raise ValueError(
-                f"every history needs one value at each of {like.size} times, got {history.value.size}"
-                f" in {history.unit}"
-            )
 
 
 WAY = "three waves"
@@ -238,7 +213,7 @@ def corrections_that_act(
     size = f"inertia reaches {100.0 * part:.2g} % of the largest stress, the limit is {100.0 * share:g} %"
     found = {}
     for key in KEYS:
-        if correction_key(key) in switches.stated:
+        if key in switches.stated:
             found[key] = f"{'on' if switches[key] else 'off'}, as the shot states; {size}"
         elif key == "radial inertia" and part > share:
             found[key] = f"on: the specimen is soft, {size}"
@@ -269,7 +244,9 @@ def correct_inertia(
         f"{1e3 * specimen.length:.4g} mm of {specimen.density:.4g} kg/m^3, second derivative of the strain "
         f"up to {np.abs(motion.second.value).max():.3g} 1/s^2"
     )
-    axial = audited("axial inertia", "axial inertia", change[WAY], "Pa", on["axial inertia"], reason)
+    axial = correction_of(
+        "axial inertia", "axial inertia", change[WAY], applied=on["axial inertia"], unit="Pa", reason=reason
+    )
     if on["axial inertia"]:
         stress = {
             way: History(h.value + change[way], np.hypot(h.sigma, noise[way]), h.unit)
@@ -299,9 +276,6 @@ def valid_span(
         reduction.time, front, back, strain,
         inertial_stress=added, area=specimen.area, share=share, average=width * step,
     )  # fmt: skip
-
-
-SIDES = ("incident", "transmission")
 
 
 def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
@@ -335,12 +309,6 @@ def compensate_mass(
     ``apply``: False returns the force unchanged. The correction is still measured.
     """
     t = np.asarray(time, dtype=np.float64)
-    _one_shape(t, (force, acceleration))
-    for name, value in (("sigma_time", sigma_time), ("sigma_mass", mass.sigma)):
-        if not (np.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{name} is {value:g}, must be finite and >= 0")
-    if not mass.value > 0.0:
-        raise ValueError(f"{mass.name} is {mass.value:g} kg, must be > 0 kg")
     a = acceleration.value
     change = -mass.value * a
     jerk = np.gradient(a, t)
@@ -354,5 +322,7 @@ def compensate_mass(
         f"{1e3 * mass.value:.4g} g between the incident gauge and the specimen, acceleration from {source} up"
         f" to {np.abs(a).max():.3g} m/s^2, clocks known to {1e6 * sigma_time:.2g} us"
     )
-    log = audited("mass compensation, incident", "mass", change, force.unit, apply, reason)
+    log = correction_of(
+        "mass compensation, incident", "mass", change, applied=apply, unit=force.unit, reason=reason
+    )
     return (History(force.value + change, sigma, force.unit) if apply else force), log

@@ -230,7 +230,7 @@ LARGEST_CONDITION = 1e6
 
 @dataclass(frozen=True)
 class SeparatedWaves:
-    """The waves at the specimen's face of one bar, and the face's force and velocity with them."""
+    """The waves at the specimen's face of one bar."""
 
     time: FloatArray
     """Times at the face on the shot's clock [s], shape [n]. They end when a wave at the face has not yet
@@ -239,14 +239,6 @@ class SeparatedWaves:
     """Strain of the wave toward the specimen, compression positive [-]."""
     away: History
     """Strain of the wave from the specimen [-]."""
-    force: History
-    """Force on the face [N]."""
-    velocity: History
-    """Velocity of the face toward the specimen [m/s]."""
-    misfit: tuple[float, ...]
-    """Root mean square of the difference between each gauge's strain and that of the two waves at the gauge,
-    divided by the gauge's sigma [-]. With two gauges it is 0 within round-off, because two waves always fit
-    exactly. With more gauges it is about 1."""
     singular: FloatArray
     """Frequencies at which the gauges cannot distinguish the two waves [Hz]. They are zero and, with two
     gauges, all frequencies at which half-waves fit between them. Noise at these frequencies grows with the
@@ -271,9 +263,8 @@ def separate(
 
     ``gauges``: stations of one bar with the same sampling. Their records may start at different times.
     ``waveguide``: the bar. ``band``: frequency at which the waves end [Hz], by a half-cosine edge. ``end``:
-    last time at the face [s]. Returns: with sigmas that grow in time. Raises ValueError if there are fewer
-    than two stations, or if two are at the same place. The same error is raised if records differ in sampling
-    or do not overlap.
+    last time at the face [s]. Returns: with sigmas that grow in time. Raises ValueError if two stations are
+    at the same place, or if records differ in sampling or do not overlap.
     """
     interval, begin, values, sigma, memory = _common(gauges)
     position = np.array([gauge.position for gauge in gauges])
@@ -304,35 +295,19 @@ def separate(
 
     data = np.array([fade_ends(value, lead, length, fade=max(64, n // 4), rising=False) for value in values])
     spectra = rfft(data * falling, axis=1)[:, kept]
-    waves = np.einsum("fwj,jf->wf", inverse, spectra) * edge
-    stiffness, impedance = waveguide.stiffness(omega), waveguide.impedance(omega)
-    speed = stiffness / impedance
-    sums = {
-        "toward": (edge, 0.0 * edge),
-        "away": (0.0 * edge, edge),
-        "force": (edge * stiffness, edge * stiffness),
-        "velocity": (edge * speed, -edge * speed),
-    }
     count = int(np.floor((last - begin) / interval)) + 1
     slow = frequency[kept] * memory[:, None] <= 0.5 / interval  # where there is noise: even up to there
-    found = {}
-    for name, (first, second) in sums.items():
-        response = first * inverse[:, 0, :].T + second * inverse[:, 1, :].T  # of each gauge, shape [j, f]
+    waves = []
+    for row in range(2):
+        response = edge * inverse[:, row, :].T  # of each gauge, shape [j, f]
         value = _back((response * spectra).sum(axis=0), kept, length) / falling
         noise = _noise(_back(response * slow, kept, length), decay * interval, sigma * memory**0.5, n, count)
-        unit = {"force": "N", "velocity": "m/s"}.get(name, "1")
-        found[name] = History(value[lead : lead + count], noise, unit)
-    there = np.einsum("fjw,wf->jf", matrix, waves)
-    seen = _back(there, kept, length)[:, lead : lead + n] / falling[lead : lead + n]
-    misfit = np.sqrt(np.mean((seen - values)[:, :count] ** 2, axis=1)) * weight
-    largest = max(float(found[name].sigma.max()) for name in ("toward", "away"))
+        waves.append(History(value[lead : lead + count], noise, "1"))
+    largest = max(float(wave.sigma.max()) for wave in waves)
     return SeparatedWaves(
         time=np.asarray(begin + interval * np.arange(count), dtype=np.float64),
-        toward=found["toward"],
-        away=found["away"],
-        force=found["force"],
-        velocity=found["velocity"],
-        misfit=tuple(float(value) for value in misfit),
+        toward=waves[0],
+        away=waves[1],
         singular=_singular(waveguide, far - near, min(limit, 0.5 / interval), len(gauges)),
         noise_gain=largest / float(sigma.min()) if sigma.min() > 0.0 else 0.0,
     )
@@ -340,12 +315,8 @@ def separate(
 
 def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
     """Interval, first time, strains over the common span, sigmas and memories of the gauges' noise."""
-    if len(gauges) < 2:
-        raise ValueError(f"wave separation needs two gauges or more on a bar, got {len(gauges)}")
     first = gauges[0].strain
     places = sorted(gauge.position for gauge in gauges)
-    if places[0] < 0.0:
-        raise ValueError(f"gauges lie at 0 m or more from the specimen, got {places[0]} m")
     closest = min(b - a for a, b in pairwise(places))
     if closest * 10.0 < gauges[0].bar.wave_speed * first.interval:
         raise ValueError(
@@ -353,14 +324,10 @@ def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, Floa
             "wave between two samples. Cure: correct their positions, or average them as one station"
         )
     for gauge in gauges:
-        if gauge.bar != gauges[0].bar:
-            raise ValueError("gauges of different bars cannot be separated together")
         if abs(gauge.strain.interval / first.interval - 1.0) > 1e-9:
             raise ValueError(
                 f"sampling intervals must be equal, got {first.interval:g} and {gauge.strain.interval:g} s"
             )
-        if not np.isfinite(gauge.strain.value).all():
-            raise ValueError(f"{gauge.strain.name or 'a gauge'} has samples that are not finite")
     begin = max(gauge.strain.start for gauge in gauges)
     finish = min(gauge.strain.end for gauge in gauges)
     n = int(np.floor((finish - begin) / first.interval + 1e-6)) + 1

@@ -154,43 +154,12 @@ def test_back_along_a_lossy_bar_the_band_ends_where_noise_is_amplified_tenfold()
     assert np.abs(recovered.value - carried(pulse, time, omega)).max() < TARGET
 
 
-def test_a_surface_gauge_shows_less_than_the_mean():
-    plain, surface = ElasticWaveguide(BAR), ElasticWaveguide(BAR, surface=True)
-    omega = 1.0 * BAR.wave_speed / 0.01  # omega a / c0 = 1
-    ratio = float((surface.stiffness(omega) / plain.stiffness(omega)).real)
-    assert 1.05 < ratio < 1.2  # its value is checked by the mode shape, in test_pochhammer
-    assert surface.largest_frequency == pytest.approx(2.0 * BAR.wave_speed / (2.0 * np.pi * 0.01))
-    with pytest.raises(ValueError, match="poisson > 0"):
-        ElasticWaveguide(replace(BAR, poisson=0.0), surface=True)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"value": np.full(100, np.nan)}, "sample 0 of incident gauge is not finite"),
-        ({"value": np.zeros(3)}, "8 samples or more, got 3"),
-        ({"interval": 0.0}, "interval must be > 0"),
-    ],
-)
-def test_refuses_broken_signals(change, message):
-    with pytest.raises(ValueError, match=message):
-        propagation(replace(strain(np.zeros(100)), **change), ElasticWaveguide(BAR), 1.0)
-
-
 def test_refuses_arguments_outside_their_range():
     signal, guide = strain(np.zeros(100)), ElasticWaveguide(BAR)
-    with pytest.raises(ValueError, match="distance must be finite"):
-        propagation(signal, guide, np.inf)
-    with pytest.raises(ValueError, match="band limit must be > 0"):
-        propagation(signal, guide, 1.0, band=0.0)
     with pytest.raises(ValueError, match="wider band or a longer record"):
         propagation(signal, guide, 1.0, band=1.0)
     with pytest.raises(ValueError, match="within"):
         propagation(signal, guide, 1.0, window=(5e-6, 5e-3))
-    with pytest.raises(ValueError, match="diameter of a bar"):
-        ElasticWaveguide(replace(BAR, diameter=0.0))
-    with pytest.raises(ValueError, match="poisson of a bar"):
-        ElasticWaveguide(replace(BAR, poisson=0.5))
 
 
 # The first longitudinal mode: roots of an independent equation, limits, mode shapes, invalid input.
@@ -199,9 +168,10 @@ REFERENCE = Path(__file__).resolve().parent.parent.parent / "reference" / "F_poc
 
 
 def test_reference_table():
-    data = np.loadtxt(REFERENCE, delimiter=",")
-    found = waveguide.phase_velocity(data[:, 0], 0.29)
-    np.testing.assert_allclose(found, data[:, 1], rtol=0.0, atol=1e-8)  # it has eight decimals
+    ratio, speed = np.loadtxt(REFERENCE, delimiter=",")[1:, :2].T  # in the first row, k is 0
+    k = 2.0 * np.pi * ratio
+    # c / c0 has eight decimals; the error of k is up to c over the group velocity times as large.
+    np.testing.assert_allclose(waveguide.wavenumber(k * speed, 0.29), k, rtol=2e-8)
 
 
 @pytest.mark.parametrize("poisson", [0.1, 0.29, 0.35, 0.45, 0.495])
@@ -256,33 +226,6 @@ def test_complex_frequencies_satisfy_the_equation_and_continue_the_real_ones():
     np.testing.assert_allclose(waveguide.wavenumber(-np.conj(w), 0.35), -np.conj(k), rtol=1e-12)
 
 
-def test_frequency_is_the_inverse():
-    k = np.array([0.0, 1e-5, 0.1, 2.0, -3.0, 30.0])
-    np.testing.assert_allclose(
-        waveguide.wavenumber(waveguide.frequency(k, 0.3), 0.3), k, rtol=2 * TABLE_ERROR
-    )
-    lossy = np.array([0.1, 1.0, 4.0]) * np.exp(-0.1j)
-    np.testing.assert_allclose(waveguide.wavenumber(waveguide.frequency(lossy, 0.3), 0.3), lossy, rtol=1e-12)
-
-
-def test_mean_over_surface_by_integrating_the_mode_shape():
-    # Displacements from the potentials (Graff 1975, Eqs. 8.2.20 to 8.2.24), the mean by Gauss quadrature.
-    nu = 0.33
-    for w in (0.1, 0.8, 1.5, 2.5):
-        k = float(waveguide.wavenumber(w, nu))
-        p = np.sqrt(w**2 * (1 + nu) * (1 - 2 * nu) / (1 - nu) - k**2 + 0j)
-        q = np.sqrt(w**2 * 2 * (1 + nu) - k**2 + 0j)
-        shear = 2.0 * k * p * jv(1, p) / ((q**2 - k**2) * jv(1, q))  # no shear stress on the surface
-
-        def strain(r, k=k, p=p, q=q, shear=shear):
-            return (k * jv(0, p * r) - q * shear * jv(0, q * r)).real
-
-        r, weight = np.polynomial.legendre.leggauss(30)
-        r, weight = 0.5 * (r + 1.0), 0.5 * weight
-        mean = 2.0 * (weight * r * strain(r)).sum()
-        assert float(waveguide.mean_over_surface(w, nu)) == pytest.approx(mean / strain(1.0), rel=1e-7)
-
-
 def test_onoe_function_on_both_sides_of_its_series():
     s = np.array([-2000.0, -30.0, -1.1e-3, -0.9e-3, 0.0, 0.9e-3, 1.1e-3, 5.0, 70.0])
     z = np.sqrt(s + 0j)
@@ -301,10 +244,6 @@ def test_refuses_other_poisson_ratios(poisson):
 def test_refuses_what_is_not_a_frequency():
     with pytest.raises(ValueError, match="finite"):
         waveguide.wavenumber([1.0, np.nan], 0.3)
-    with pytest.raises(ValueError, match=">= 0"):
-        waveguide.phase_velocity([-0.1], 0.3)
-    with pytest.raises(ValueError, match="mean strain"):
-        waveguide.mean_over_surface(1.0, 0.0)
 
 
 POCHHAMMER_BAR = Bar(0.02, 2.0, 5e9, 1190.0, 0.35)
@@ -332,10 +271,3 @@ def test_lossy_waves_fade_in_their_direction_and_mirror_in_frequency():
     np.testing.assert_allclose(k, -np.conj(k[::-1]), rtol=1e-12, atol=1e-12)
     assert GUIDE.wavenumber(0.0) == 0.0
     assert GUIDE.stiffness(0.0).real == pytest.approx(5.0e9 * np.pi * 1e-4, rel=1e-12)
-
-
-def test_refuses_broken_series():
-    with pytest.raises(ValueError, match="a modulus for each time"):
-        PronyModulus(5e9, (1e9,), ())
-    with pytest.raises(ValueError, match="> 0 and finite"):
-        PronyModulus(5e9, (1e9,), (0.0,))

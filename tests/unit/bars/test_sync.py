@@ -57,9 +57,7 @@ def test_a_wrong_mass_shows_as_gain_and_another_channel_as_no_match():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"mass": 0.0}, "must be > 0 kg"),
         ({"travel": 5e-6}, "at least 8 are needed"),
-        ({"travel": 0.0}, "must be > 0"),
         ({"rest": 1.0}, "outside the signal"),
         ({"reach": 600e-6}, "shorten reach"),
     ],

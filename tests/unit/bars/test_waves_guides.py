@@ -11,7 +11,7 @@ from barshots import INCIDENT, INTERVAL, RATE, SHARE, STRESS, bar_shot, ramp
 from elastic_layer import ALUMINIUM, Layer, elastic
 
 from kolsky.bars.guides.propagation import propagation, wave_speed
-from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide, area
+from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.records import ANALYSES, BarSignal, FaceWaves, Signal, Windows
 from kolsky.bars.reduction.separation import check_length, face_waves, free_end_limits, separate, without_echo
 from kolsky.bars.reduction.stress_strain import BarWaves, reduce
@@ -214,18 +214,6 @@ def test_overlapping_waves_at_two_gauges():
     )  # nu^2 W^2 / 4 at 13 kHz
 
 
-def test_force_and_velocity_of_the_face_are_those_of_the_bar_wave():
-    found = separate(gauges([0.9, 0.3]), ElasticWaveguide(STEEL), band=20e3)
-    stiffness = STEEL.youngs_modulus * area(STEEL)
-    # Below 20 kHz, W < 0.24: force and velocity are E A eps and c0 eps within (nu W)^2 / 2 = 0.3 %.
-    np.testing.assert_allclose(
-        found.force.value, stiffness * (found.toward.value + found.away.value), atol=3e-3 * stiffness
-    )
-    difference = STEEL.wave_speed * (found.toward.value - found.away.value)
-    np.testing.assert_allclose(found.velocity.value, difference, atol=3e-3 * STEEL.wave_speed)
-    assert (found.force.unit, found.velocity.unit, found.toward.unit) == ("N", "m/s", "1")
-
-
 @pytest.mark.slow
 def test_sigma_is_the_scatter_and_grows():
     sigma, places = 1e-3, [0.9, 0.3]
@@ -259,7 +247,7 @@ def test_sigma_of_slow_noise():
     assert ratio == pytest.approx(1.0, abs=0.35)
 
 
-def test_three_gauges_fit_better_and_show_their_misfit():
+def test_three_gauges_fit_better():
     sigma = 1e-3
     two = separate(gauges([1.0, 0.3], sigma), ElasticWaveguide(STEEL))
     three = separate(gauges([1.0, 0.55, 0.3], sigma), ElasticWaveguide(STEEL))
@@ -269,15 +257,6 @@ def test_three_gauges_fit_better_and_show_their_misfit():
     true_toward, _ = waves_at(0.0, three.time)
     assert np.abs(three.toward.value - true_toward).max() < 6.0 * three.toward.sigma.max()
     assert three.away.sigma[-1] < two.away.sigma[n - 1]
-    # One sum of squares of three is left over two waves: each gauge's share is between 0 and 1.
-    assert all(0.2 < value < 1.1 for value in three.misfit)
-    assert max(two.misfit) < 1e-6
-
-
-def test_a_wrong_gain_shows_in_the_misfit_of_three_gauges():
-    measured = gauges([1.0, 0.55, 0.3], 1e-3)
-    wrong = replace(measured[1], strain=replace(measured[1].strain, value=1.03 * measured[1].strain.value))
-    assert max(separate([measured[0], wrong, measured[2]], ElasticWaveguide(STEEL)).misfit) > 3.0
 
 
 def test_clocks_that_differ_by_a_fraction_of_a_sample():
@@ -315,18 +294,12 @@ def test_polymer_bar():
 def test_refuses_what_cannot_be_separated():
     far, near = gauges([0.9, 0.3])
     guide = ElasticWaveguide(STEEL)
-    with pytest.raises(ValueError, match="two gauges or more"):
-        separate([far], guide)
     with pytest.raises(ValueError, match=r"0 m apart"):
         separate([far, replace(near, position=0.9)], guide)
-    with pytest.raises(ValueError, match="different bars"):
-        separate([far, replace(near, bar=replace(STEEL, density=7900.0))], guide)
     with pytest.raises(ValueError, match="intervals must be equal"):
         separate([far, replace(near, strain=replace(near.strain, interval=1e-7))], guide)
     with pytest.raises(ValueError, match="overlap in 0 samples"):
         separate([far, replace(near, strain=replace(near.strain, start=1.0))], guide)
-    with pytest.raises(ValueError, match="not finite"):
-        separate([far, replace(near, strain=replace(near.strain, value=np.full(4500, np.nan)))], guide)
     short = [replace(g, strain=replace(g.strain, value=g.strain.value[:100])) for g in (far, near)]
     with pytest.raises(ValueError, match="longer records"):
         separate(short, guide)
