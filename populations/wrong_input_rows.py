@@ -12,6 +12,7 @@ import numpy as np
 from kolsky.bars.signals.transducers import low_pass
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import MaterialCurve
+from kolsky.base.toml import with_values
 from kolsky.shot.corrections import (
     changed_curve,
     with_film,
@@ -78,7 +79,7 @@ def _specimen(name: str, factor: float) -> Wrong:
     def wrong(folder: Path) -> Shot:
         content = tomllib.loads((folder / "shot.toml").read_text("utf-8"))
         number, _, unit = content["specimen"][name].partition(" ")
-        return _edited(folder, "specimen", name, f'{name} = "{factor * float(number):.9g} {unit}"')
+        return _edited(folder, "specimen", name, f'"{factor * float(number):.9g} {unit}"')
 
     return wrong
 
@@ -128,20 +129,13 @@ def _zero(volts: FloatArray, step: float, channel: ForceChannel) -> FloatArray:
 
 def _voltage(column: str) -> Wrong:
     """Shot with another column of the recorder declared as the voltage of the force."""
-    return lambda folder: _edited(
-        folder, "force", "voltage", f'voltage = {{ column = "{column}", unit = "V" }}'
-    )
+    return lambda folder: _edited(folder, "force", "voltage", f'{{ column = "{column}", unit = "V" }}')
 
 
-def _edited(folder: Path, table: str, key: str, line: str) -> Shot:
-    """The shot with a changed line of its shot file."""
-    lines = (folder / "shot.toml").read_text("utf-8").splitlines()
-    at = lines.index(f"[{table}]")
-    for i in range(at + 1, len(lines)):
-        if lines[i].startswith(f"{key} ="):
-            lines[i] = line
-            break
-    return _with_file(folder, "shot.toml", "\n".join(lines))
+def _edited(folder: Path, table: str, key: str, value: str) -> Shot:
+    """The shot with a changed value in its shot file."""
+    text = (folder / "shot.toml").read_text("utf-8")
+    return _with_file(folder, "shot.toml", with_values(text, table, {key: value}))
 
 
 def _with_file(folder: Path, name: str, text: str) -> Shot:
