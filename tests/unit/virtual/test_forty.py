@@ -123,7 +123,7 @@ def test_inputs_are_declared_as_they_are(tmp_path: Path) -> None:
     is_so = '[specimen]\ndiameter = "8.8 mm"\nlength = "5.8 mm"\ndensity = "1043 kg/m^3"\n'
     declared = f'{said}[force]\nsensitivity = "0.011 V/N"\n{rest}'
     assert true_inputs(declared, tmp_path) == f'{is_so}[force]\nsensitivity = "0.01 V/N"\n{rest}'
-    with pytest.raises(ValueError, match="no table .force."):
+    with pytest.raises(ValueError, match=r"no table \[force\]"):
         true_inputs(said, tmp_path)
 
 
