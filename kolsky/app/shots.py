@@ -71,9 +71,8 @@ class ListedShot:
 def shot_folders(root: Path) -> Iterator[tuple[str, str]]:
     """Folders of shots, of pictures without a shot and of raw files below a root, by name.
 
-    Yields: a folder with the name of its shot file or dic.toml. The name is empty without such a file.
-
-    Shots are not searched inside a shot, nor in folders with a name that begins with a dot.
+    Yields: a folder with the name of its shot file or dic.toml. The name is empty without such a file. Shots
+    are not searched inside a shot, nor in folders with a name that begins with a dot.
     """
     for place, folders, files in os.walk(root):
         file = next((name for name in (SHOT_FILE, MEASUREMENT_FILE) if name in files), "")

@@ -261,9 +261,8 @@ def flyer_moves(
 def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
     """The motion with a list of outliers in its static frames.
 
-    The uncertainty of an outlier is set to its deviation.
-
-    ``flyer``: its motion, from pictures. ``rest``: time of the last static frame on the shot's clock [s].
+    The uncertainty of an outlier is set to its deviation. ``flyer``: its motion, from pictures. ``rest``:
+    time of the last static frame on the shot's clock [s].
     """
     static = np.flatnonzero(flyer.time <= rest)
     if static.size == 0:
@@ -287,10 +286,9 @@ def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
 def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
     """Check the motion of a flyer in pictures.
 
-    It is at rest in the static frames, then moves toward the specimen.
-
-    ``flyer``: its motion; lost frames have no row. ``rest``: time of the last static frame on the shot's
-    clock [s]. ``source``: the file named in an error message.
+    It is at rest in the static frames, then moves toward the specimen. ``flyer``: its motion; lost frames
+    have no row. ``rest``: time of the last static frame on the shot's clock [s]. ``source``: the file named
+    in an error message.
     """
     static = flyer.time <= rest
     if not static.any():

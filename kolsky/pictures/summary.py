@@ -179,11 +179,9 @@ def flyer_problem(
 ) -> tuple[str, str]:
     """The reason why the flyer's displacement is unknown, and the remedy.
 
-    Each is a text that follows the region's key.
-
-    ``length``: length of the specimen at rest [m]. ``length_sigma``: its declared standard uncertainty [m].
-    ``subset``: side of the subsets [px]. If the flyer's region is narrower, a smaller subset is the first
-    remedy.
+    Each is a text that follows the region's key. ``length``: length of the specimen at rest [m].
+    ``length_sigma``: its declared standard uncertainty [m]. ``subset``: side of the subsets [px]. If the
+    flyer's region is narrower, a smaller subset is the first remedy.
     """
     seen = np.zeros(0, dtype=np.int64) if result.flyer is None else np.flatnonzero(result.flyer.n_valid)
     if not seen.size:

@@ -254,9 +254,8 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
 def load_bars(source: Source) -> WavesInput:
     """Load and check the input of `kolsky wavespeed`: bars and gauges, no specimen.
 
-    The specimen of the result is a placeholder of zero length. It must not be used.
-
-    Raises InputError as `load_waves`.
+    The specimen of the result is a placeholder of zero length. It must not be used. Raises InputError as
+    `load_waves`.
     """
     file = parsed(source)
     return _waves_input(file, file.validated(BarsShotFile))

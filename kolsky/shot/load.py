@@ -58,13 +58,12 @@ def window(
 ) -> tuple[float, float]:
     """The window on the shot's clock: as declared, or from the last static frame to the last usable one.
 
-    The last usable frame lies before the end of symmetry, and all recordings cover it.
-
-    ``toml``: the shot file. ``frame_time``: frame times on the shot's clock [s], shape [n_frames].
-    ``flyer_end``: time of the last flyer displacement [s]. ``scope``: the force channel. ``scope_time``: its
-    sample times on the shot's clock [s], shape [n_samples]. ``symmetry_end``: time at which the flyer leaves
-    its first direction [s]; None if it does not, or if the time is unknown. Raises InputError if the specimen
-    already moves at the start, or if the recordings do not cover the window.
+    The last usable frame lies before the end of symmetry, and all recordings cover it. ``toml``: the shot
+    file. ``frame_time``: frame times on the shot's clock [s], shape [n_frames]. ``flyer_end``: time of the
+    last flyer displacement [s]. ``scope``: the force channel. ``scope_time``: its sample times on the shot's
+    clock [s], shape [n_samples]. ``symmetry_end``: time at which the flyer leaves its first direction [s];
+    None if it does not, or if the time is unknown. Raises InputError if the specimen already moves at the
+    start, or if the recordings do not cover the window.
     """
     declared = toml.declared
     rest = float(frame_time[declared.frames.static - 1])

@@ -1,12 +1,10 @@
 """Plausibility checks of a shot's inputs, before any computation.
 
-Inputs are compared with each other and with usual values.
-
-A rule is one function and one line of `RULES`; rules for single declared values are in
-`kolsky.shot.declared_values`. A rule compares the known inputs and yields findings. A warning names both keys
-and both values. For a contradiction, the shot is rejected, with the unit or factor that would correct it.
-`gate` is called as soon as a record is read. It therefore reports the cause before a later check finds its
-effect.
+Inputs are compared with each other and with usual values. A rule is one function and one line of `RULES`;
+rules for single declared values are in `kolsky.shot.declared_values`. A rule compares the known inputs and
+yields findings. A warning names both keys and both values. For a contradiction, the shot is rejected, with
+the unit or factor that would correct it. `gate` is called as soon as a record is read. It therefore reports
+the cause before a later check finds its effect.
 """
 
 import math
