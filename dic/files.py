@@ -26,7 +26,9 @@ def scratch(folder: Path) -> Iterator[Path]:
     """A new hidden folder in `folder`; it is removed with its contents when the block ends.
 
     It is locked as long as this process runs. The folder of a killed process is not locked; another process
-    recognises it and removes it. ``folder``: folder of the results; it must exist.
+    recognises it and removes it.
+
+    ``folder``: folder of the results; it must exist.
     """
     remove_abandoned(folder)
     while True:
@@ -142,8 +144,10 @@ def regular(path: Path | str) -> Path:
     """The path of a regular file. Any other type of file is rejected before it is opened.
 
     Reading from a pipe without a writer never returns, reading from a device never ends, and links may lead
-    to either. Raises OSError if there is no such file, or it is a folder, a pipe, a socket or a device;
-    `strerror` names the type.
+    to either.
+
+    Raises OSError if there is no such file, or it is a folder, a pipe, a socket or a device; `strerror` names
+    the type.
     """
     mode = os.stat(path).st_mode
     if stat.S_ISREG(mode):

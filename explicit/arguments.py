@@ -159,9 +159,10 @@ def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArr
     """Indices of each node's corner forces, shape [VALENCE, n_nodes].
 
     The forces are stored corner by corner. Each corner has the same number of slots for the elements. Entries
-    after the last one are zero; nodes with fewer elements refer to them. The k-th entry of a node is the
-    element whose k-th corner it is, if this entry is free. Neighbouring nodes then read neighbouring
-    elements.
+    after the last one are zero; nodes with fewer elements refer to them.
+
+    The k-th entry of a node is the element whose k-th corner it is, if this entry is free. Neighbouring nodes
+    then read neighbouring elements.
     """
     start, corner = mesh.corners_of_node
     count = np.diff(start)

@@ -123,9 +123,10 @@ def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tup
     """Derivatives of `project_points` by the rig's parameters and by the target's pose.
 
     Changes of (CC.1) and (CC.2) with the pose are neglected. Relative to the other terms they are only (r/z)²
-    and s κ/z. Returns: derivatives by the parameters, shape [n, 2, SHARED], in the order of
-    `StereoRig.parameter_names`. Returns: derivatives by a small rotation applied after R, and by t, shape [n,
-    2, 6].
+    and s κ/z.
+
+    Returns: derivatives by the parameters, shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`.
+    Returns: derivatives by a small rotation applied after R, and by t, shape [n, 2, 6].
     """
     n = len(view.points)
     turned = _turned(view.points, R)

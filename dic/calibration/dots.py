@@ -386,8 +386,10 @@ def corner_sigma(picture: NDArray[np.generic], corners: FloatArray, reach: float
     """Standard deviation of a corner's coordinate from the grey values' noise [px], shape [n].
 
     The gradients around a saddle locate it. With G = Σ ∇I ∇Iᵀ over the window, the covariance is σ² G⁻¹
-    (least squares). The root of its mean eigenvalue is returned. ``picture``: grey values, shape [rows,
-    columns]. ``corners``: places [px], shape [n, 2]. ``reach``: half side of the window [px].
+    (least squares). The root of its mean eigenvalue is returned.
+
+    ``picture``: grey values, shape [rows, columns]. ``corners``: places [px], shape [n, 2]. ``reach``: half
+    side of the window [px].
     """
     image, noise, w = grey(picture), noise_level(picture), max(int(reach), 2)
     sigma = np.empty(len(corners))

@@ -112,8 +112,10 @@ def read(path: Path) -> TiffPictures:
     """Open a TIFF.
 
     The grey range is that of the stored numbers. The first page may state a smaller range, in the
-    `MaxSampleValue` tag or as `SignificantBits` in an OME description. Raises PictureError if it is not a
-    TIFF of grey pictures, or if the header of its first page is incomplete.
+    `MaxSampleValue` tag or as `SignificantBits` in an OME description.
+
+    Raises PictureError if it is not a TIFF of grey pictures, or if the header of its first page is
+    incomplete.
     """
     import tifffile
 

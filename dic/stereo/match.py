@@ -249,10 +249,11 @@ def disagreement(points: FloatArray, warp: FloatArray, near: IntArray, valid: Bo
     [n].
 
     The prediction is the neighbour's match plus the mapped step between the points. The mean of both
-    gradients maps the step. It is exact for quadratic displacements. ``points``: places in the material
-    picture [px], shape [n, 2]. ``warp``: total warps, shape [n, 12]. ``near``: their neighbours, shape [n,
-    k], -1 for none. ``valid``: matched points, shape [n]; only these are used as neighbours. Returns: inf for
-    a point that is not matched or has no matched neighbour.
+    gradients maps the step. It is exact for quadratic displacements.
+
+    ``points``: places in the material picture [px], shape [n, 2]. ``warp``: total warps, shape [n, 12].
+    ``near``: their neighbours, shape [n, k], -1 for none. ``valid``: matched points, shape [n]; only these
+    are used as neighbours. Returns: inf for a point that is not matched or has no matched neighbour.
     """
     step = points[:, None] - points[near]
     gradient = warp[:, 2:6].reshape(-1, 2, 2)

@@ -137,11 +137,13 @@ def departures(
     """Outline minus the mean of the radii left and right of the strip at the same height.
 
     A lateral error of the axis increases one of the two radii and decreases the other by the same amount. The
-    lateral radii are interpolated linearly between rows. ``surface``: the measured surface; its axis is that
-    of its frame. ``points``: positions of its points in the material picture, on a grid along the axis [px],
-    shape [n_points, 2]. ``half_width``: half width of the outline's strip [m]. Returns: the difference for
-    each row of the outline [m], shape [n]; NaN where the lateral surface is not known. Returns: its standard
-    deviation [m], shape [n]. The lateral points of a row share their pixels and count as one point.
+    lateral radii are interpolated linearly between rows.
+
+    ``surface``: the measured surface; its axis is that of its frame. ``points``: positions of its points in
+    the material picture, on a grid along the axis [px], shape [n_points, 2]. ``half_width``: half width of
+    the outline's strip [m]. Returns: the difference for each row of the outline [m], shape [n]; NaN where the
+    lateral surface is not known. Returns: its standard deviation [m], shape [n]. The lateral points of a row
+    share their pixels and count as one point.
     """
     row = rows_of(surface, points)
     position = surface.position

@@ -191,10 +191,11 @@ def static_mean(
     """Mean positions over static frames, and their covariances.
 
     The noise of the material picture is the same in every frame and does not average out. For two pictures of
-    equal noise it causes half of the variance of a match. ``shared``: share of the variance that is common to
-    all frames [-]. Returns: positions [m], shape [n_points, 3]; NaN for a point that is valid in none of the
-    frames. Returns: covariances [m²], shape [n_points, 3, 3]; likewise. Raises ValueError if there are no
-    frames, or if `shared` is outside [0, 1].
+    equal noise it causes half of the variance of a match.
+
+    ``shared``: share of the variance that is common to all frames [-]. Returns: positions [m], shape
+    [n_points, 3]; NaN for a point that is valid in none of the frames. Returns: covariances [m²], shape
+    [n_points, 3, 3]; likewise. Raises ValueError if there are no frames, or if `shared` is outside [0, 1].
     """
     if not len(frames) or not 0.0 <= shared <= 1.0:
         raise ValueError(f"frames must be given and shared be in [0, 1], got {list(frames)} and {shared}")

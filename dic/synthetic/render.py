@@ -172,9 +172,10 @@ class Sensor:
         """Grey values of one picture, shape [rows, columns].
 
         Photons have a Poisson distribution, read noise is Gaussian. The sum is rounded and clipped at 0 and
-        the largest grey value. ``light``: light on the pixels, 1 for white paint, shape [rows, columns].
-        ``pattern``: result of `pattern` for this camera. ``brightness``: brightness of the lamp in this
-        frame, 1 on average.
+        the largest grey value.
+
+        ``light``: light on the pixels, 1 for white paint, shape [rows, columns]. ``pattern``: result of
+        `pattern` for this camera. ``brightness``: brightness of the lamp in this frame, 1 on average.
         """
         mean = np.maximum(self.electrons(light) * pattern * brightness, 0.0)
         caught = rng.poisson(mean) + self.read_noise * rng.standard_normal(mean.shape)

@@ -32,10 +32,11 @@ def exposures(times: FloatArray, exposure: float, points: np.ndarray | int = 1) 
     """Instants of frames whose shutters are open for `exposure`, centred on `times`.
 
     The instants are Gauss-Legendre points. n points integrate motion blur of a polynomial of degree 2 n - 1
-    exactly. ``times``: middle of each exposure [s], shape [n_frames]. ``exposure``: time for which the
-    shutter is open [s]; 0: no motion blur. ``points``: number of instants per frame: one number for all
-    frames, or one for each frame. Raises ValueError if the exposure is negative or a number of points is
-    below 1.
+    exactly.
+
+    ``times``: middle of each exposure [s], shape [n_frames]. ``exposure``: time for which the shutter is open
+    [s]; 0: no motion blur. ``points``: number of instants per frame: one number for all frames, or one for
+    each frame. Raises ValueError if the exposure is negative or a number of points is below 1.
     """
     counts = np.broadcast_to(np.asarray(points, dtype=np.int64), (len(times),))
     if not (np.isfinite(exposure) and exposure >= 0.0):
@@ -235,9 +236,11 @@ def haze(
     """Displacements of the picture by warm air [px], shape [n_frames, n_down, n_across, 2].
 
     They are a Gaussian random field with correlation length `length` and correlation time `memory` (an
-    autoregression). The distance between its nodes is `length`. ``n_frames``, ``shape``: frames, and rows and
-    columns of the pictures [px]. ``size``: standard deviation of a displacement [px]. ``length``: correlation
-    length [px]. ``memory``: number of frames after which the correlation is 1/e. ``rng``: random numbers.
+    autoregression). The distance between its nodes is `length`.
+
+    ``n_frames``, ``shape``: frames, and rows and columns of the pictures [px]. ``size``: standard deviation
+    of a displacement [px]. ``length``: correlation length [px]. ``memory``: number of frames after which the
+    correlation is 1/e. ``rng``: random numbers.
     """
     nodes = tuple(int(np.ceil(n / length)) + 3 for n in shape)
     keep = np.exp(-1.0 / memory) if memory > 0.0 else 0.0

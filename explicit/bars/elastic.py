@@ -62,9 +62,11 @@ def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
     """Mesh sections with rectangles.
 
     Every radius of a section is a line of the mesh, so a step of the radius is sharp. Neighbours are bonded
-    over the smaller of their faces. ``sections``: the parts, the loaded one first. ``size``: largest side of
-    an element [m]. A section has an even number of elements along its axis, at least two. Its mid-section is
-    then a plane of nodes. Raises ValueError if there is no section or `size` is not positive.
+    over the smaller of their faces.
+
+    ``sections``: the parts, the loaded one first. ``size``: largest side of an element [m]. A section has an
+    even number of elements along its axis, at least two. Its mid-section is then a plane of nodes. Raises
+    ValueError if there is no section or `size` is not positive.
     """
     if not sections:
         raise ValueError("a mesh needs at least one section, got none")

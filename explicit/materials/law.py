@@ -14,7 +14,9 @@ of ``(..., row)``; ``row`` contains the result of its ``parameters``; 4. one lin
 `explicit.materials.laws.LAWS`.
 
 `tests/unit/explicit/test_material_laws.py` compares the stress and tangent of every law in `LAWS` with its
-energy. In the principal axes, with lam_bar_i = J^(-1/3) lam_i and w_i = lam_bar_i dW/dlam_bar_i,
+energy.
+
+In the principal axes, with lam_bar_i = J^(-1/3) lam_i and w_i = lam_bar_i dW/dlam_bar_i,
 
     tau_i = w_i - (w_1 + w_2 + w_3) / 3,                                                       (L.1)
     dtau_i / dln lam_j = P_ik H_kl P_lj,   H_kl = lam_k lam_l W_kl + w_k delta_kl,   P = 1 - 1 1^T / 3,  (L.2)

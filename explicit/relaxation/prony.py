@@ -17,8 +17,10 @@ The q_i are defined half a step before and after the positions, at the times of 
     q_i(n+1/2) = a q_i(n-1/2) + (1 - a) g_i S(n),
     a = (2 - x) / (2 + x),   x = (t(n+1/2) - t(n-1/2)) / tau_i,
 
-This rule is stable for any x and has second order. q_i(n) is the mean of both values. `uniaxial_stress` is
-the NumPy twin for an incompressible specimen with stress-free sides, F = diag(lam, lam^-1/2, lam^-1/2).
+This rule is stable for any x and has second order. q_i(n) is the mean of both values.
+
+`uniaxial_stress` is the NumPy twin for an incompressible specimen with stress-free sides, F = diag(lam,
+lam^-1/2, lam^-1/2).
 """
 
 from dataclasses import dataclass

@@ -50,8 +50,9 @@ class AsymmetricDots:
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its dots in a picture; the whole grid must be visible.
 
-        `cv2.findCirclesGrid` orders the dots; their centres come from `dic.calibration.dots`. Raises
-        TargetNotFound if the grid is not completely found.
+        `cv2.findCirclesGrid` orders the dots; their centres come from `dic.calibration.dots`.
+
+        Raises TargetNotFound if the grid is not completely found.
         """
         dots = find_dots(picture, dark=self.dark)
         n = self.columns * self.rows
