@@ -89,10 +89,7 @@ def _open(toml: TomlFile, name: str, section: MeasuredSeries, bits: int | None) 
 
 
 def measure_file(
-    measurement: Measurement,
-    *,
-    device: str = "cpu",
-    progress: Progress = lambda stage, done, total: None,
+    measurement: Measurement, *, device: str = "cpu", progress: Progress = lambda stage, done, total: None
 ) -> FullField:
     """Correlate the pictures of a measurement.
 

@@ -86,11 +86,7 @@ def regions_in_pictures(pictures: PictureSet) -> tuple[dict[str, list[Region]], 
     Raises InputError if one of them cannot be detected.
     """
     places = places_of(pictures)
-    drawn = {
-        "specimen": places.specimen,
-        "flyer": places.flyer,
-        "transmission_edge": Region((places.edge,)),
-    }
+    drawn = {"specimen": places.specimen, "flyer": places.flyer, "transmission_edge": Region((places.edge,))}
     return {key: [drawn[key]] for key in places.found}, places.why
 
 

@@ -174,14 +174,7 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     base |= incident_to_compare(toml, span)
     fitted = surface is not None and surface.frame == "cylinder"
     return with_warnings(
-        Shot(
-            **base,
-            flyer=flyer,
-            centre_line=centre_line,
-            window=span,
-            notes=notes,
-            axis_by_radius=fitted,
-        )
+        Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes, axis_by_radius=fitted)
     )
 
 

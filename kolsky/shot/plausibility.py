@@ -289,8 +289,7 @@ def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
         )
     if factor == 2.0:
         return likely_causes(
-            f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?',
-            by_offset,
+            f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?', by_offset
         )
     if factor is not None:
         return likely_causes(

@@ -347,10 +347,7 @@ CURE = "correct the gauge or bar that it names in shot.toml"
 
 
 def waves(
-    shot: str | Path,
-    *,
-    results: Path | None = None,
-    progress: Progress = lambda stage, done, total: None,
+    shot: str | Path, *, results: Path | None = None, progress: Progress = lambda stage, done, total: None
 ) -> ReducedTest:
     """Forces, strain, rate and stress of a test by classical means, with corrections and budget.
 
@@ -434,9 +431,7 @@ class RepeatedShots:
 
 
 def repeats(
-    shots: Sequence[str | Path],
-    *,
-    progress: Progress = lambda stage, done, total: None,
+    shots: Sequence[str | Path], *, progress: Progress = lambda stage, done, total: None
 ) -> RepeatedShots:
     """Reduce repeats of one test between bars and average their stress at equal strain.
 

@@ -174,8 +174,7 @@ def test_a_region_goes_from_the_page_into_the_file(session):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [drawn([[10, 10], [70, 10], [30, 30]]), drawn([[10, 10], [30, 30], [30, 10], [10, 30]]), {}],
+    "content", [drawn([[10, 10], [70, 10], [30, 30]]), drawn([[10, 10], [30, 30], [30, 10], [10, 30]]), {}]
 )
 def test_what_is_refused_leaves_the_file_as_it_was(session, content):
     assert session.save(content)
