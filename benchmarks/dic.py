@@ -46,9 +46,7 @@ CHOSEN = (
 def main(arguments: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.dic",
-        description=__doc__,
-        formatter_class=argparse.RawTextHelpFormatter,
+        prog="python -m benchmarks.dic", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--points", type=int, default=20000, help="points of a timed call")
@@ -127,10 +125,7 @@ def measure(
         f", prefilter {settings.prefilter:g} px" if settings.prefilter else ""
     )
     row = Row(
-        f"dic, {name}",
-        problem.name,
-        n / min(seconds),
-        errors(problem, points[:every][ok], match.warp[ok, 0]),
+        f"dic, {name}", problem.name, n / min(seconds), errors(problem, points[:every][ok], match.warp[ok, 0])
     )
     return row, {
         "points": n,

@@ -34,9 +34,7 @@ CONTACTS, NUMBERS = ("bonded", "coulomb"), ("fp64", "fp32")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.solver",
-        description=__doc__,
-        formatter_class=argparse.RawTextHelpFormatter,
+        prog="python -m benchmarks.solver", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--runs", type=int, nargs="+", default=[1, 100])

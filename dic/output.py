@@ -118,10 +118,7 @@ def _pattern(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
         ]
         if speckle["floor"] is not None:
             entries.append(
-                (
-                    "predicted noise floor",
-                    f"{speckle['floor']:.2g} px, median over subsets of {subset} px",
-                )
+                ("predicted noise floor", f"{speckle['floor']:.2g} px, median over subsets of {subset} px")
             )
             subset_text = "no subset tried" if speckle["needed"] is None else f"one of {speckle['needed']} px"
             entries.append(
@@ -143,10 +140,7 @@ def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
     prefilter = settings["prefilter"]
     entries = [
         ("software", str(facts.get("software", NOT_STATED))),
-        (
-            "image filtering",
-            f"Gaussian, standard deviation {prefilter:g} px" if prefilter > 0.0 else "none",
-        ),
+        ("image filtering", f"Gaussian, standard deviation {prefilter:g} px" if prefilter > 0.0 else "none"),
         ("subset size", f"{subset} px, {subset / per_mm:.3g} mm"),
         ("step size", f"{step} px, {step / per_mm:.3g} mm"),
         (
@@ -206,12 +200,13 @@ def as_csv(rows: tuple[Row, ...]) -> str:
 def as_markdown(rows: tuple[Row, ...]) -> str:
     """The table as Markdown."""
     lines = ["| part | quantity | value |", "| --- | --- | --- |"]
-    lines += [f"| {' | '.join(_escaped(text) for text in (row.part, row.name, row.value))} |" for row in rows]
+    for row in rows:
+        cells = (
+            str(text).replace("\\", "\\\\").replace("|", "\\|").replace("\n", " ")
+            for text in vars(row).values()
+        )
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
-
-
-def _escaped(text: str) -> str:
-    return text.replace("\\", "\\\\").replace("|", "\\|").replace("\n", " ")
 
 
 MM = 1e3
@@ -240,7 +235,7 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
     folder.mkdir(parents=True, exist_ok=True)
     names = ["X", "Y", "Z", "U", "V", "W", "x", "y", "Sigma", "sigma_X", "sigma_Y", "sigma_Z", "e"]
     names += list(STRAINS) if strain is not None else []
-    ending = {int(member): member.name for member in PointOutcome}
+    outcomes = np.array([member.name for member in PointOutcome])
     written = []
     for frame in range(surface.n_frames):
         columns = [
@@ -252,18 +247,13 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
             body.epipolar[frame][:, None],
         ]
         table = np.hstack([*columns, *([strain[frame]] if strain is not None else [])])
-        path = folder / f"frame_{frame:04d}.csv"
-        with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow([*names, "outcome"])
-            for row, outcome in zip(table, surface.outcome[frame], strict=True):
-                numbers = [f"{value:.7g}" if np.isfinite(value) else "" for value in row]
-                writer.writerow([*numbers, ending[int(outcome)]])
-        written.append(path)
+        written.append(folder / f"frame_{frame:04d}.csv")
+        named = dict(zip(names, table.T, strict=True))
+        write_history(written[-1], {**named, "outcome": outcomes[surface.outcome[frame]]}, digits=7)
     return written
 
 
-def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+def write_history(path: Path, columns: Mapping[str, NDArray[Any]], *, digits: int = 9) -> None:
     """Write columns of equal length, with units in their names, as one table; NaN becomes an empty cell."""
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
@@ -272,15 +262,13 @@ def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow([text_cell(name) for name in columns])
         for row in zip(*(values.tolist() for values in columns.values()), strict=True):
-            writer.writerow([_cell(value) for value in row])
+            writer.writerow([_cell(value, digits) for value in row])
 
 
-def _cell(value: float | int | str) -> float | int | str:
-    if isinstance(value, str):
-        return text_cell(value)
-    if not isinstance(value, float):
-        return value
-    return "" if np.isnan(value) else f"{value:.9g}"
+def _cell(value: float | int | str, digits: int) -> float | int | str:
+    if isinstance(value, float):
+        return f"{value:.{digits}g}" if np.isfinite(value) else ""
+    return text_cell(value) if isinstance(value, str) else value
 
 
 def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
@@ -299,10 +287,8 @@ def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
         columns |= {f"{name} ({unit})": surface.X[:, k] for k, name in enumerate("XYZ")}
         columns |= {f"{name} ({unit})": surface.u[frame, :, k] for k, name in enumerate("UVW")}
         columns |= {f"sigma_{name} ({unit})": surface.sigma[frame, :, k] for k, name in enumerate("UVW")}
-        columns |= {name: result.strain.value[frame, :, k] for k, name in enumerate(("exx", "eyy", "exy"))}
-        columns |= {
-            f"sigma_{name}": result.strain.sigma[frame, :, k] for k, name in enumerate(("exx", "eyy", "exy"))
-        }
+        columns |= {name: result.strain.value[frame, :, k] for k, name in enumerate(STRAINS)}
+        columns |= {f"sigma_{name}": result.strain.sigma[frame, :, k] for k, name in enumerate(STRAINS)}
         columns["zncc"] = result.zncc[:, frame].min(axis=0)
         columns["epipolar (px)"] = result.epipolar[frame]
         columns["outcome"] = names[surface.outcome[frame]]
@@ -325,7 +311,7 @@ def full_field_columns(result: FullField) -> dict[str, NDArray[Any]]:
         "time (s)" if result.timed else "time (frames)": result.surface.t,
         "outcome": np.array([FrameOutcome(int(k)).name for k in result.frame_outcome]),
         "points": result.n_valid,
-        **{f"mean {name}": mean[:, k] for k, name in enumerate(("exx", "eyy", "exy"))},
+        **{f"mean {name}": mean[:, k] for k, name in enumerate(STRAINS)},
     }
     for one in result.extensions:
         columns |= {
@@ -379,10 +365,7 @@ def html_table(caption: str, rows: list[tuple[str, str]]) -> str:
 
 def facts(surface: SurfaceHistory) -> list[tuple[str, str]]:
     """Summary of a surface: frames, points, times, outcomes, sigma."""
-    rows = [
-        ("frames", str(surface.n_frames)),
-        ("points", str(surface.n_points)),
-    ]
+    rows = [("frames", str(surface.n_frames)), ("points", str(surface.n_points))]
     if surface.n_frames:
         rows.append(("time", f"{1e3 * surface.t[0]:.6g} to {1e3 * surface.t[-1]:.6g} ms"))
     total = surface.outcome.size
@@ -410,10 +393,8 @@ def to_dataframe(surface: SurfaceHistory) -> Any:
     for symbol, values in (("u", surface.u), ("sigma", surface.sigma)):
         for k, name in enumerate(COMPONENTS):
             columns[f"{symbol}_{name} (m)"] = np.where(valid, values[..., k], np.nan).ravel()
-    names = np.array([""] * (max(map(int, PointOutcome)) + 1), dtype=object)
-    for outcome in PointOutcome:
-        names[int(outcome)] = outcome.name.lower()
-    columns["outcome"] = names[surface.outcome.ravel()]
+    names = {int(outcome): outcome.name.lower() for outcome in PointOutcome}
+    columns["outcome"] = np.array([names[k] for k in surface.outcome.ravel().tolist()], dtype=object)
     return pandas().DataFrame(columns)
 
 
@@ -446,7 +427,7 @@ def full_field_dataset(result: FullField) -> Any:
     for k, name in enumerate("uv" if result.kind == "plane" else "uvw"):
         variables[name] = (dims, np.where(valid, surface.u[..., k], np.nan), length)
         variables[f"{name}_sigma"] = (dims, np.where(valid, surface.sigma[..., k], np.nan), length)
-    for k, name in enumerate(("exx", "eyy", "exy")):
+    for k, name in enumerate(STRAINS):
         variables[name] = (dims, strain.value[..., k], {"units": "1"})
         variables[f"{name}_sigma"] = (dims, strain.sigma[..., k], {"units": "1"})
     variables["outcome"] = (dims, surface.outcome, {"meaning": ", ".join(map(repr, PointOutcome))})

@@ -95,8 +95,7 @@ STEPS = f"{INVERSE}.gauss_newton"
 SWITCHES: dict[str, Switch] = {
     "all": Switch("nothing"),
     "one_floor": Switch(
-        "all valley floors but the likeliest",
-        ((f"{INVERSE}.valleys.LIKELY", {"balanced": 1, "force": 0}),),
+        "all valley floors but the likeliest", ((f"{INVERSE}.valleys.LIKELY", {"balanced": 1, "force": 0}),)
     ),
     "balanced": Switch(
         "a frame's points as one value on coarse meshes",

@@ -87,8 +87,7 @@ def answer(case: Case, study: driver.ShotStudy) -> dict[str, Any]:
     shot = load_shot(case.folder)
     started = time.perf_counter()
     found = identify(
-        late_flyer(shot, case.late) if case.late else shot,
-        driver.settings(study, hold=case.hold),
+        late_flyer(shot, case.late) if case.late else shot, driver.settings(study, hold=case.hold)
     )
     return told(case, found, round(time.perf_counter() - started, 1))
 

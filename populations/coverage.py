@@ -322,10 +322,7 @@ def table(said: dict[str, Any]) -> str:
     heads = [SYMBOLS[name] + (f" ({UNITS[name][1]})" if name in UNITS else "") for name in names]
     rows: list[tuple[str, list[str]]] = [
         (f"intervals that hold the truth, of {n}", [f"{100 * said[p]['covered']:.1f} %" for p in names]),
-        (
-            "what an exact interval does in 95 % of studies",
-            [exact] * len(names),
-        ),
+        ("what an exact interval does in 95 % of studies", [exact] * len(names)),
         (
             f"of the {said.get('called identified', '–')} that are called identified",
             [_answered(said[p]) for p in names],

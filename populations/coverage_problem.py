@@ -342,25 +342,10 @@ def experiment(
         support="rigid",
         transmission_bar=None,
         model=ModelSettings(truth.poisson, truth.damping, "deviatoric", 0.0),
-        force=BarForce(
-            ForceHistory(
-                observations.force.time,
-                felt,
-                observations.force.sigma,
-            ),
-            sigma_gain=0.0,
-        ),
-        curve=MaterialCurve(
-            stretch=STRETCH,
-            stress=tested,
-            sigma=truth.curve_sigma * np.abs(stress),
-        ),
+        force=BarForce(ForceHistory(observations.force.time, felt, observations.force.sigma), sigma_gain=0.0),
+        curve=MaterialCurve(stretch=STRETCH, stress=tested, sigma=truth.curve_sigma * np.abs(stress)),
         inputs={},
-        flyer=FlyerMotion(
-            time=frames,
-            displacement=flown,
-            sigma=np.full(len(frames), truth.flyer_sigma),
-        ),
+        flyer=FlyerMotion(time=frames, displacement=flown, sigma=np.full(len(frames), truth.flyer_sigma)),
         centre_line=CentreLine(
             time=line.time[there],
             frame=line.frame[there],

@@ -84,11 +84,7 @@ class ShotStudy(Study):
 
 
 def command(
-    doc: str | None,
-    *,
-    seed: int | None = None,
-    out: bool = True,
-    table: Callable[[Any], str] | None = None,
+    doc: str | None, *, seed: int | None = None, out: bool = True, table: Callable[[Any], str] | None = None
 ) -> argparse.ArgumentParser:
     """Options of every study: folder, processes, device, and the seed if the study has one.
 
@@ -216,11 +212,7 @@ def hold(study: Any, folder: Path) -> None:
 def about(study: Any, given: argparse.Namespace) -> dict[str, Any]:
     """Header of a summary: the machine and the settings."""
     return {
-        "machine": {
-            "device": given.device,
-            "processor": platform.machine(),
-            "cores": os.cpu_count() or 1,
-        },
+        "machine": {"device": given.device, "processor": platform.machine(), "cores": os.cpu_count() or 1},
         "study": asdict(study),
         "workers": given.workers,
     }

@@ -133,11 +133,7 @@ def chosen(
             "of two above chosen": share(sum(value > new for value in second), len(second)),
             "of two above in use": share(sum(value > used for value in second), len(second)),
         }
-    return {
-        "limits": rows,
-        "population one": outcomes(one),
-        "population two": outcomes(two),
-    }
+    return {"limits": rows, "population one": outcomes(one), "population two": outcomes(two)}
 
 
 def outcomes(shots: list[RightShot]) -> dict[str, Any]:

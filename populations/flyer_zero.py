@@ -204,12 +204,7 @@ def measured(
         result = with_lengths(result, q.specimen.length, settings, placement, axial.rim_disagreement)
     off = axial.displacement - surface.displacement[axial.frame]
     best = np.argsort(axial.n_points)[-LATE:]
-    return replace(
-        result,
-        error=float(np.mean(off[best])),
-        sigma=axial.rest_sigma,
-        from_rim=axial.from_rim,
-    )
+    return replace(result, error=float(np.mean(off[best])), sigma=axial.rest_sigma, from_rim=axial.from_rim)
 
 
 def with_lengths(

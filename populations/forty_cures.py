@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
+from kolsky.base.toml import with_values
 from kolsky.virtual.make import SURFACE, TRUTH
 from kolsky.virtual.schema import Specification
 
@@ -83,7 +84,7 @@ def flyer_region(text: str, folder: Path) -> str | None:
     if view is None or "flyer = {" in text:
         return None
     region = view.rectangle(view.last_face, None)
-    return None if region is None else _declared(text, [_line("flyer", region, _last_frame(folder))])
+    return None if region is None else with_values(text, "dic", {"flyer": _toml(region, _last_frame(folder))})
 
 
 def all_regions(text: str, folder: Path) -> str | None:
@@ -91,31 +92,18 @@ def all_regions(text: str, folder: Path) -> str | None:
     view = View.of(folder)
     if view is None or "specimen = {" in text:
         return None
-    q = view.specification.specimen
     flyer = view.rectangle(view.last_face, None)
-    specimen = view.rectangle(0.0, q.length)
+    specimen = view.rectangle(0.0, view.specification.specimen.length)
     if flyer is None or specimen is None:
         return None
     x, y = view.lower_edge()
-    return _declared(
-        text,
-        [
-            _line("specimen", specimen, 0),
-            _line("flyer", flyer, _last_frame(folder)),
-            f"transmission_edge = [{x:.1f}, {y:.1f}]",
-        ],
-    )
+    regions = {"specimen": _toml(specimen, 0), "flyer": _toml(flyer, _last_frame(folder))}
+    return with_values(text, "dic", {**regions, "transmission_edge": f"[{x:.1f}, {y:.1f}]"})
 
 
-def _line(key: str, region: tuple[list[float], list[float]], frame: int) -> str:
+def _toml(region: tuple[list[float], list[float]], frame: int) -> str:
     ranges = [", ".join(f"{value:.1f}" for value in pair) for pair in region]
-    return f"{key} = {{ x = [{ranges[0]}], y = [{ranges[1]}], frame = {frame} }}"
-
-
-def _declared(text: str, lines: list[str]) -> str:
-    """The shot file with additional lines in its table [dic]."""
-    whole = "\n".join(["[dic]", *lines])
-    return re.sub(r"^\[dic\]$", whole, text, count=1, flags=re.MULTILINE)
+    return f"{{ x = [{ranges[0]}], y = [{ranges[1]}], frame = {frame} }}"
 
 
 def _last_frame(folder: Path) -> int:
@@ -139,14 +127,9 @@ def true_inputs(text: str, folder: Path) -> str:
     """Declare the true length, diameter, density and sensitivity. A remaining error then comes from the
     measurement or the program."""
     q = json.loads((folder / TRUTH).read_text("utf-8"))["specification"]
-    known = {**q["specimen"], "sensitivity": q["transmitted"]["sensitivity"]}
-    for key in ("diameter", "length", "density", "sensitivity"):
-        text, found = re.subn(
-            rf'^{key} = ".*"$', f'{key} = "{known[key]}"', text, count=1, flags=re.MULTILINE
-        )
-        if not found:
-            raise ValueError(f"{folder}: shot.toml declares no {key}")
-    return text
+    sizes = {key: f'"{q["specimen"][key]}"' for key in ("diameter", "length", "density")}
+    sensitivity = f'"{q["transmitted"]["sensitivity"]}"'
+    return with_values(with_values(text, "specimen", sizes), "force", {"sensitivity": sensitivity})
 
 
 CURES: dict[str, Callable[[str, Path], str | None]] = {

@@ -164,9 +164,7 @@ def main() -> None:
     print(table(each))
     print(counts(each))
     write(
-        given.out / "summary.json",
-        {"study": asdict(study), "counts": counts(each), "each": each},
-        indent=1,
+        given.out / "summary.json", {"study": asdict(study), "counts": counts(each), "each": each}, indent=1
     )
 
 

@@ -51,10 +51,7 @@ def done(number: int, study: Study, folder: Path) -> str:
     if not (shot / "truth.json").exists():  # the file that is written last
         script = maker()
         numerics = Numerics(
-            mesh=study.truth_mesh,
-            grading=script.NUMERICS.grading,
-            device=study.device,
-            threads=study.threads,
+            mesh=study.truth_mesh, grading=script.NUMERICS.grading, device=study.device, threads=study.threads
         )
         script.make(shot, SPEEDS[number - 1], TRUE, seed=number, numerics=numerics)
     if result.exists():

@@ -1,9 +1,8 @@
 """Errors of random shots over their standard uncertainties.
 
-`python -m populations.scatter --show FILE.json ...` prints their tables.
-
-Each file contains ``answers`` with ``values``, ``sigmas`` and ``truths`` by parameter. `python -m
-populations.answers` writes such files, e.g. populations/results/right_second.json.
+`python -m populations.scatter --show FILE.json ...` prints their tables. Each file contains ``answers`` with
+``values``, ``sigmas`` and ``truths`` by parameter. `python -m populations.answers` writes such files, e.g.
+populations/results/right_second.json.
 """
 
 import statistics

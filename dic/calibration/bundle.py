@@ -284,12 +284,7 @@ FAR = 1e6
 
 
 def adjust(
-    rig: Rig,
-    views: Iterable[View],
-    columns: FloatArray,
-    *,
-    tolerance: float = 1e-10,
-    damping: float = DAMPED,
+    rig: Rig, views: Iterable[View], columns: FloatArray, *, tolerance: float = 1e-10, damping: float = DAMPED
 ) -> Fit:
     """Least-squares solution over all views, from a sufficiently close start.
 

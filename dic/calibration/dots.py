@@ -54,10 +54,7 @@ def _batch_centroids(image: FloatArray, ellipses: FloatArray, reach: int, noise:
     """`centroids` of dots with windows of one size, shape [n, 5]."""
     result = np.full((len(ellipses), 5), np.nan)
     rows, x0, y0 = np.arange(len(ellipses)), ellipses[:, 0].copy(), ellipses[:, 1].copy()
-    for last in (
-        False,
-        True,
-    ):  # a second time with the window about the centre from the first time
+    for last in (False, True):  # a second time with the window about the centre from the first time
         part = _Window(image, x0[rows], y0[rows], ellipses[rows, 2:], reach)
         plane, fine = _plane(part)
         around = plane[:, :1] + plane[:, 1:2] * part.inner_x + plane[:, 2:] * part.inner_y

@@ -124,8 +124,7 @@ def in_camera_1(first: Pose, rel: Pose) -> Pose:
 
 
 def start(
-    sensors: tuple[tuple[int, int], tuple[int, int]],
-    views: Mapping[tuple[int, int], Sequence[View]],
+    sensors: tuple[tuple[int, int], tuple[int, int]], views: Mapping[tuple[int, int], Sequence[View]]
 ) -> tuple[Rig, dict[tuple[int, int], View]]:
     """Initial cameras, relative pose and poses of the target, and the numbering of the target in each view.
 

@@ -120,8 +120,6 @@ class PairView:
     """Standard deviations from the picture's noise [px], shape [n]."""
     residual: FloatArray
     """Measured minus predicted pixels [px], shape [n, 2]."""
-    eccentricity: FloatArray
-    """Predicted centroid of a dot minus the image of its centre [px], shape [n, 2]."""
     used: NDArray[np.bool_]
     """Points used in the solution; the others were rejected as outliers, shape [n]."""
 
@@ -266,8 +264,7 @@ def finished_view(rig: Rig, view: View, used: NDArray[np.bool_]) -> PairView:
     R, t = rig.poses[view.pair]
     camera = rig.cameras[view.camera]
     expected = project_points(camera, view, R, t)
-    shift = expected - project_points(camera, view, R, t, patches=False)
-    return PairView(view.ids, view.pixels, view.sigma, view.pixels - expected, shift, used)
+    return PairView(view.ids, view.pixels, view.sigma, view.pixels - expected, used)
 
 
 def only(view: View, rows: NDArray[np.bool_]) -> View:

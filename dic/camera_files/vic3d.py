@@ -68,10 +68,7 @@ class Vic3D:
         sensor = (int(size[1]), int(size[2])) if size else None
         first, second = sorted(cameras, key=lambda camera: camera.attributes["id"])
         return StereoRig(
-            (
-                _camera(source, first, 0, length_unit, sensor),
-                _camera(source, second, 1, length_unit, sensor),
-            )
+            (_camera(source, first, 0, length_unit, sensor), _camera(source, second, 1, length_unit, sensor))
         )
 
     def write(self, rig: StereoRig, length_unit: float) -> str:

@@ -152,22 +152,11 @@ def extension(
         strain[k] = elongation[k] / initial
         noise = np.where(valid[k, :, None], surface.sigma[k, rows], 0.0)
         n, n0 = between / length[k], before / initial
-        sigma[k] = np.sqrt(
-            sum(
-                (n[c] ** 2) * _variance(g * noise[:, c], rho)
-                + (n0[c] ** 2) * _variance(g * start_sigma[:, c], rho)
-                for c in range(3)
-            )
-        )
+        errors = g[:, None] * np.hstack([n * noise, n0 * start_sigma])  # one column for each component
+        sigma[k] = np.sqrt(np.einsum("ic,ij,jc->", errors, rho, errors))
         outcome[k] = int(StrainOutcome.VALID)
     return Extension(
-        extensometer.name,
-        np.array(extensometer.ends),
-        length,
-        elongation,
-        sigma,
-        strain,
-        outcome,
+        extensometer.name, np.array(extensometer.ends), length, elongation, sigma, strain, outcome
     )
 
 
@@ -205,10 +194,6 @@ def _weights(grid: FloatArray, used: BoolArray, end: tuple[float, float], step: 
     weights = np.zeros(len(grid))
     weights[used] = np.linalg.solve(T.T @ T, T.T)[0]
     return weights
-
-
-def _variance(g: FloatArray, rho: FloatArray) -> float:
-    return float(g @ rho @ g)
 
 
 def noise_at_rest(
@@ -440,12 +425,7 @@ def strains_of(
     reference_sigma: FloatArray | None = None,
 ) -> SurfaceStrain:
     """Green-Lagrange strains over the declared window."""
-    gauge = StrainGauge(
-        window=settings.strain_window,
-        step=settings.step,
-        subset=settings.subset,
-        order=settings.strain_order,
-    )
+    gauge = StrainGauge(settings.strain_window, settings.step, settings.subset, order=settings.strain_order)
     history = strains(surface, points, gauge, reference_sigma=reference_sigma)
     strain = history.green_lagrange
     return SurfaceStrain(value=strain.value, sigma=strain.sigma, outcome=history.outcome, gauge=history.gauge)

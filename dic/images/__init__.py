@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dic.files import regular
 from dic.images import cine, hdf5, numbered, photron, tiff
-from dic.images.health import FrameHealth, check_series, frame_health, saturated_mask
+from dic.images.health import FrameHealth, check_series, frame_health
 from dic.images.numbered import WEIGHTS
 from dic.images.quality import GreyNoise, SpeckleQuality, grey_noise, speckle_quality
 from dic.images.series import MOST_FRAMES, Grey, PictureError, Pictures, checked_frame, checked_index
@@ -224,6 +224,5 @@ __all__ = [
     "frame_health",
     "grey_noise",
     "open_pictures",
-    "saturated_mask",
     "speckle_quality",
 ]

@@ -180,9 +180,7 @@ def _piece(file: BinaryIO, path: Path, part: str, start: int, count: int) -> byt
     size = file.seek(0, 2)
     if not 0 <= count <= _LARGEST_HEADER or start + count > size:
         raise PictureError(
-            path,
-            f"its {part} should lie at bytes {start} to {start + count} of {size}",
-            cure=_DAMAGED,
+            path, f"its {part} should lie at bytes {start} to {start + count} of {size}", cure=_DAMAGED
         )
     file.seek(start)
     return file.read(count)

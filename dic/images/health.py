@@ -186,19 +186,6 @@ def check_series(pictures: Pictures, health: FrameHealth) -> None:
     )
 
 
-def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1) -> NDArray[np.bool_]:
-    """Pixels at or above the ceiling, and those within `grow` pixels of one, shape [rows, columns].
-
-    ``picture``: grey values, shape [rows, columns]. ``ceiling``: `FrameHealth.ceiling`, or 2**bits - 1.
-    ``grow``: distance up to which a saturated pixel affects its neighbours through interpolation [px].
-    """
-    from dic.basics import cv2
-
-    full = (np.asarray(picture) >= ceiling).astype(np.uint8)
-    kernel = np.ones((2 * grow + 1, 2 * grow + 1), dtype=np.uint8)
-    return np.asarray(cv2.dilate(full, kernel), dtype=bool)
-
-
 @dataclass(frozen=True)
 class _Scan:
     """Statistics from one pass over the frames: one value per frame, NaN for an unreadable frame."""

@@ -308,12 +308,7 @@ def unpack(raw: Bytes, bits: int, values: int) -> Words:
     byte = padded.reshape(groups, group).astype(np.uint16).T
     if bits == 10:
         a, b, c, d, e = byte
-        columns = [
-            a << 2 | b >> 6,
-            (b & 0x3F) << 4 | c >> 4,
-            (c & 0x0F) << 6 | d >> 2,
-            (d & 0x03) << 8 | e,
-        ]
+        columns = [a << 2 | b >> 6, (b & 0x3F) << 4 | c >> 4, (c & 0x0F) << 6 | d >> 2, (d & 0x03) << 8 | e]
     else:
         a, b, c = byte
         columns = [a << 4 | b >> 4, (b & 0x0F) << 8 | c]

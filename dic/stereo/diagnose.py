@@ -330,12 +330,7 @@ class Finding:
 
 
 def diagnose(
-    rig: StereoRig,
-    pixels0: FloatArray,
-    pixels1: FloatArray,
-    *,
-    tolerance: float = 0.2,
-    farthest: int = 2,
+    rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, *, tolerance: float = 0.2, farthest: int = 2
 ) -> tuple[Finding, ...]:
     """Identify the cause of too large epipolar distances of matched points.
 

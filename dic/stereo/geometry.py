@@ -103,11 +103,7 @@ def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) 
 
 
 def epipolar_sigma(
-    rig: StereoRig,
-    pixels0: FloatArray,
-    pixels1: FloatArray,
-    covariance0: FloatArray,
-    covariance1: FloatArray,
+    rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, covariance0: FloatArray, covariance1: FloatArray
 ) -> FloatArray:
     """Standard deviation of `epipolar_distance` due to the noise of the pixels [px], shape [...].
 
@@ -226,11 +222,7 @@ def _middle(rig: StereoRig, d0: FloatArray, d1: FloatArray) -> FloatArray:
 
 
 def triangulate(
-    rig: StereoRig,
-    pixels0: FloatArray,
-    pixels1: FloatArray,
-    covariance0: FloatArray,
-    covariance1: FloatArray,
+    rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, covariance0: FloatArray, covariance1: FloatArray
 ) -> Triangulation:
     """Points in space from points in two pictures, with covariances.
 

@@ -75,29 +75,6 @@ class StrainHistory:
         """U - 1 = (FᵀF)^½ - 1, the engineering strain of fibres along the principal directions."""
         return self._isotropic(lambda c: np.sqrt(c) - 1.0, lambda c: 0.5 / np.sqrt(c))
 
-    @property
-    def principal_stretch(self) -> tuple[FloatArray, FloatArray]:
-        """Stretches [-], the larger first, and their standard uncertainties, [n_frames, n_points, 2]."""
-        c, Q = self._principal()
-        V = self._turned(Q)
-        variance = np.stack([V[..., 0, 0, 0, 0], V[..., 1, 1, 1, 1]], axis=-1)
-        return np.sqrt(c), np.sqrt(variance) / (2.0 * np.sqrt(c))
-
-    @property
-    def principal_angle(self) -> tuple[FloatArray, FloatArray]:
-        """Angle of the larger stretch, from the direction around toward that along, in (-π/2, π/2] [rad], and
-        its sigma.
-
-        The sigma is a first-order estimate. Where the two stretches are equal within their noise, the sigma
-        exceeds a right angle. The direction is then undefined. Shapes [n_frames, n_points].
-        """
-        c, Q = self._principal()
-        angle = np.arctan2(Q[..., 1, 0], Q[..., 0, 0])
-        angle = angle - np.pi * np.round(angle / np.pi)
-        variance = self._turned(Q)[..., 0, 1, 0, 1]
-        with np.errstate(divide="ignore"):
-            return angle, np.sqrt(variance) / (c[..., 0] - c[..., 1])
-
     def _C(self) -> FloatArray:
         return np.asarray(np.swapaxes(self.F, -1, -2) @ self.F)
 
@@ -108,12 +85,6 @@ class StrainHistory:
         c, Q = np.linalg.eigh(np.where(finite[..., None, None], C, np.eye(2)))
         c, Q = c[..., ::-1], Q[..., ::-1]
         return np.where(finite[..., None], c, np.nan), np.where(finite[..., None, None], Q, np.nan)
-
-    def _turned(self, Q: FloatArray) -> FloatArray:
-        """Covariance of C in principal axes, shape [..., 2, 2, 2, 2]."""
-        pair = np.array([[0, 2], [2, 1]])
-        V = self.covariance[..., pair[:, :, None, None], pair[None, None]]
-        return np.einsum("...ia,...jb,...kc,...ld,...ijkl->...abcd", Q, Q, Q, Q, V, optimize=True)
 
     def _isotropic(
         self, f: Callable[[FloatArray], FloatArray], slope: Callable[[FloatArray], FloatArray]

@@ -293,11 +293,7 @@ class ElasticBar:
 
 
 def elastic_bar(
-    sections: Sequence[Section],
-    *,
-    size: float,
-    depths: Sequence[float] = (),
-    marks: Sequence[float] = (),
+    sections: Sequence[Section], *, size: float, depths: Sequence[float] = (), marks: Sequence[float] = ()
 ) -> ElasticBar:
     """Prepare elastic parts for the time integration.
 

@@ -383,10 +383,7 @@ _FOUR = """
     return wp::vec_t<4, TYPE>(number[0], number[1], number[2], number[3]);
 #endif
 """
-_QUAD = {
-    wp.float32: _LOAD[wp.float32],
-    wp.float64: _LOAD[wp.float64].replace("2 * GROUP", "2"),
-}
+_QUAD = {wp.float32: _LOAD[wp.float32], wp.float64: _LOAD[wp.float64].replace("2 * GROUP", "2")}
 _FOUR_BACKWARD = """
     if (row.grad) for (int c = 0; c < 4; ++c) wp::atomic_add((TYPE*)row.grad + place + c, adj_ret[c]);
 """

@@ -70,14 +70,7 @@ def _point(law: type, precision: Precision, bound: str) -> PointFunctions:
     push, pull, norm = tensors.push, tensors.pull, tensors.norm
 
     @wp.func
-    def flow(
-        trial: vec4,
-        stress: vec4,
-        chain: real,
-        stiff: real,
-        dt: real,
-        branches: wp.array(dtype=real),
-    ):
+    def flow(trial: vec4, stress: vec4, chain: real, stiff: real, dt: real, branches: wp.array(dtype=real)):
         """Flow in a step, gamma dt."""
         amount = real(0.0)
         size = norm(stress)
@@ -337,11 +330,7 @@ def _pieces(time: FloatArray) -> list[tuple[int, int]]:
 
 
 def _creep(
-    network: BergstromBoyce,
-    cauchy: Callable[[Any], Any],
-    time: FloatArray,
-    total: FloatArray,
-    viscous: float,
+    network: BergstromBoyce, cauchy: Callable[[Any], Any], time: FloatArray, total: FloatArray, viscous: float
 ) -> FloatArray:
     """log lam_v at the samples of a piece, shape [n]."""
     ratio, root = network.ratio, np.sqrt(2.0 / 3.0)

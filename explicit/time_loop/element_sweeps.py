@@ -95,12 +95,7 @@ def sweep_functions(
 
     @wp.func
     def sweep_elements(
-        body: Body,
-        solid: Solid,
-        row: wp.array(dtype=real),
-        fields: Fields,
-        lane: int,
-        measure: int,
+        body: Body, solid: Solid, row: wp.array(dtype=real), fields: Fields, lane: int, measure: int
     ):
         """Corner forces of this lane's elements, their largest omega^2, and the sums of the powers of
         `ElementFunctions.forces`."""
@@ -132,12 +127,7 @@ def sweep_functions(
 
     @wp.func
     def sweep_energies(
-        body: Body,
-        solid: Solid,
-        row: wp.array(dtype=real),
-        limit_s: real,
-        fields: Fields,
-        lane: int,
+        body: Body, solid: Solid, row: wp.array(dtype=real), limit_s: real, fields: Fields, lane: int
     ):
         """Strain and hourglass energy, volume beyond the data and largest s of this lane's elements."""
         elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
@@ -146,13 +136,7 @@ def sweep_functions(
         while e < body.n_elements:
             q = nodes(body, e)
             shape = read_shape(body.shapes, e, 0)
-            w, h, s = element_energies(
-                shape,
-                solid,
-                row,
-                values(fields.u_r, q),
-                values(fields.u_y, q),
-            )
+            w, h, s = element_energies(shape, solid, row, values(fields.u_r, q), values(fields.u_y, q))
             elastic = add_to(elastic, wp.float64(w), e)
             hourglass = add_to(hourglass, wp.float64(h), e)
             most = wp.max(most, s)
@@ -405,9 +389,7 @@ def failure_functions(
         while e < end:
             q = nodes(body, e)
             _jacobian, s = element_strains(
-                read_shape(body.shapes, e, 0),
-                values(fields.u_r, q),
-                values(fields.u_y, q),
+                read_shape(body.shapes, e, 0), values(fields.u_r, q), values(fields.u_y, q)
             )
             if s > limit:
                 past = wp.max(past, s)
@@ -416,12 +398,7 @@ def failure_functions(
 
     @wp.func
     def worst_of_lane(
-        body: Body,
-        solid: Solid,
-        row: wp.array(dtype=real),
-        fields: Fields,
-        lane: int,
-        status: int,
+        body: Body, solid: Solid, row: wp.array(dtype=real), fields: Fields, lane: int, status: int
     ):
         best, place = wp.float64(least), int(-1)
         e = lane

@@ -78,13 +78,7 @@ def record_functions(
 
     @wp.func
     def record_positions(
-        body: Body,
-        output: Output,
-        sample: int,
-        lane: int,
-        row: int,
-        late: real,
-        fields: Fields,
+        body: Body, output: Output, sample: int, lane: int, row: int, late: real, fields: Fields
     ):
         k = control_first(lane)
         while k < output.n_recorded:
@@ -236,10 +230,7 @@ def next_step_functions(
 
     @wp.func
     def check(
-        batch: Batch,
-        sample: int,
-        control: wp.array(dtype=wp.float64),
-        partials: wp.array(dtype=wp.float64),
+        batch: Batch, sample: int, control: wp.array(dtype=wp.float64), partials: wp.array(dtype=wp.float64)
     ):
         most_work = wp.max(wp.float64(control[Control.MOST_WORK]), get_total(partials, Total.WORK_DONE))
         control_sync()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,25 +19,15 @@ ARROW = 0.02
 """Length of the arrow of an rms residual, relative to the width of a picture [-]."""
 
 
-@dataclass(frozen=True)
-class OpenCalibration:
-    """A solved calibration with its pictures."""
+def solve(folder: Path, progress: dict[str, tuple[int, int]]) -> tuple[Calibration, list[Pictures]]:
+    """Calibrate in the way of `kolsky calibrate`. Returns the calibration and its pictures.
 
-    found: Calibration
-    series: list[Pictures]
-
-
-def solve(folder: Path, progress: dict[str, tuple[int, int]]) -> OpenCalibration:
-    """Calibrate in the way of `kolsky calibrate`.
-
-    `progress` is called with the number of pictures done.
-
-    Raises InputError as `calibration_of`.
+    `progress` gets the number of pictures done, and of all. Raises InputError as `calibration_of`.
     """
     toml, section = read_calibration_toml(folder)
     with single_threaded_libraries():
         found = calibration_of(toml, section, lambda _, done, total: progress.update(now=(done, total)))
-    return OpenCalibration(found, calibration_pictures(toml, section))
+    return found, calibration_pictures(toml, section)
 
 
 class CalibrationView:
@@ -63,7 +52,7 @@ class CalibrationView:
         self.button.disable()
         self.timer.active = True
         try:
-            opened = await frame.in_thread(solve, self.folder, self.progress)
+            self.found, self.series = await frame.in_thread(solve, self.folder, self.progress)
         except InputError as error:
             self.state.text = str(error)
             self.state.classes(replace="caution")
@@ -73,11 +62,10 @@ class CalibrationView:
             self.timer.active = False
         self.place.clear()
         with self.place:
-            self._show(opened)
+            self._show()
 
-    def _show(self, opened: OpenCalibration) -> None:
-        self.opened, self.k = opened, 0
-        found = opened.found
+    def _show(self) -> None:
+        found = self.found
         for words in calibration_warnings(found):
             frame.note(words, "caution")
         with ui.row().classes("w-full items-center no-wrap gap-3"):
@@ -88,13 +76,14 @@ class CalibrationView:
         self.about = ui.label().props("role=status").mark("pair-words")
         with ui.element("div").classes("grid2"):
             self.images = [frame.camera(i, "Target in") for i in range(2)]
-        length = arrow_scale(found, opened.series[0].shape[1])
+        length = arrow_scale(found, self.series[0].shape[1])
         frame.note(
             f"Circles: detected points. Arrows: measured minus expected place, {length:.0f} times "
             "enlarged. Red: points too far off, left out."
         )
         with ui.element("div").classes("grid2"):
-            self._pairs()
+            with ui.column().classes("w-full gap-1"):
+                self._pairs()
             with ui.column().classes("w-full gap-1"):
                 frame.heading("Cameras")
                 rows = [{"name": name, "value": value} for name, value in calibration_summary(found).items()]
@@ -108,23 +97,18 @@ class CalibrationView:
         self._at(0)
 
     def _pairs(self) -> None:
-        with ui.column().classes("w-full gap-1"):
-            frame.heading("Rms residual of every pair")
-            pairs = self.opened.found.pairs
-            series = []
-            for i, colour in enumerate((frame.INK, frame.BLUE)):
-                rms = [np.nan if (view := pair.views[i]) is None else view.rms for pair in pairs]
-                series.append(frame.dots(f"camera {i}", frame.points(range(len(pairs)), rms), colour, 8))
-            out = [
-                [k, pair.rms]
-                for k, pair in enumerate(pairs)
-                if not pair.outcome.used and pair.rms == pair.rms
-            ]
-            if out:
-                series.append(frame.dots("left out", out, frame.RED, 12, symbol="diamond"))
-            plot = frame.chart("Pair", "Rms residual (px)", series, words="Rms residual of every pair")
-            plot.options["tooltip"] = {"trigger": "item"}
-            plot.on("chart:click", lambda event: self._clicked(event.args), args=["data"])
+        frame.heading("Rms residual of every pair")
+        pairs = self.found.pairs
+        series = []
+        for i, colour in enumerate((frame.INK, frame.BLUE)):
+            rms = [np.nan if (view := pair.views[i]) is None else view.rms for pair in pairs]
+            series.append(frame.dots(f"camera {i}", frame.points(range(len(pairs)), rms), colour, 8))
+        out = [[k, p.rms] for k, p in enumerate(pairs) if not p.outcome.used and p.rms == p.rms]
+        if out:
+            series.append(frame.dots("left out", out, frame.RED, 12, symbol="diamond"))
+        words = "Rms residual of every pair"
+        plot = frame.chart("Pair", "Rms residual (px)", series, words=words, tooltip={"trigger": "item"})
+        plot.on("chart:click", lambda event: self._clicked(event.args), args=["data"])
 
     def _clicked(self, event: object) -> None:
         if isinstance(event, dict) and isinstance(data := event.get("data"), list):
@@ -132,11 +116,11 @@ class CalibrationView:
 
     def _at(self, k: int) -> None:
         """Show a pair."""
-        self.k, pair = k, self.opened.found.pairs[k]
+        pair = self.found.pairs[k]
         self.about.text = pair_words(pair)
         self.about.classes(replace="soft" if pair.outcome.ok else "caution")
-        scale = arrow_scale(self.opened.found, self.opened.series[0].shape[1])
-        for image, pictures, view in zip(self.images, self.opened.series, pair.views, strict=True):
+        scale = arrow_scale(self.found, self.series[0].shape[1])
+        for image, pictures, view in zip(self.images, self.series, pair.views, strict=True):
             image.set_source(frame.source_of(pictures, k) if k < pictures.n_frames else "")
             image.content = "" if view is None else view_svg(view, scale, pictures.shape[1] / 400.0)
 

@@ -38,10 +38,9 @@ def page(root: Path) -> None:
                     identified, value=[n for n in names if n in identified], multiple=True, label="Shots"
                 )
                 chosen.classes("grow").props("use-chips outlined dense")
-                ui.button(
-                    "Compare",
-                    on_click=lambda: ui.navigate.to(frame.comparison(*chosen.value)),
-                ).props("outline")
+                ui.button("Compare", on_click=lambda: ui.navigate.to(frame.comparison(*chosen.value))).props(
+                    "outline"
+                )
             target = ui.column().classes("w-full")
             if names:
                 with target:

@@ -74,9 +74,8 @@ def original_of(copy: Path) -> Path | None:
 def copy_with(folder: Path, cause: CauseFinding) -> Path:
     """Copy a shot's folder to the same parent folder, with one input changed.
 
-    Results are not copied.
-
-    Raises InputError if the input is not a single value of the shot file, or if the copy exists already.
+    Results are not copied. Raises InputError if the input is not a single value of the shot file, or if the
+    copy exists already.
     """
     draft = Draft(folder / SHOT_FILE)
     value = changed_value(cause, draft.content())

@@ -1,9 +1,8 @@
 """The text of a shot file that a page edits.
 
-Fields, single changes that keep comments, undo, conflicts.
-
-The file on disk is the state. A change is written immediately, as a complete new file. It is rejected if
-another tab, an editor or a script has changed the file since it was read.
+Fields, single changes that keep comments, undo, conflicts. The file on disk is the state. A change is written
+immediately, as a complete new file. It is rejected if another tab, an editor or a script has changed the file
+since it was read.
 """
 
 from __future__ import annotations
@@ -268,9 +267,7 @@ def schema_problems(path: Path, content: dict[str, Any]) -> list[InputError]:
 def with_one(path: Path, text: str, dotted: str, value: str) -> str:
     """A text with one value replaced or added.
 
-    A commented-out line of the key is replaced.
-
-    Raises InputError if the key cannot be edited separately.
+    A commented-out line of the key is replaced. Raises InputError if the key cannot be edited separately.
     """
     table, _, key = dotted.rpartition(".")
     present = {(s.table, s.key) for s in statements(text)}

@@ -12,14 +12,7 @@ from dic.outcome import PointOutcome
 from dic.surfaces.strains import StrainOutcome
 from kolsky.app import frame
 from kolsky.report.scene.drawing import CannotRender
-from kolsky.report.surface_maps import (
-    OUTCOME_COLOURS,
-    View,
-    limits_of,
-    map_png,
-    scale_colours,
-    space_png,
-)
+from kolsky.report.surface_maps import OUTCOME_COLOURS, View, limits_of, map_png, scale_colours, space_png
 from kolsky.shot.measured_points import OUTCOME, MeasuredPoints
 
 NO_FIELD = ""

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 from urllib.parse import urlencode
 
+import cv2
+import numpy as np
 from fastapi import Response
 from nicegui import app, run, ui
 
@@ -141,10 +143,17 @@ def data_uri(png: bytes) -> str:
     return f"data:image/png;base64,{b64encode(png).decode()}"
 
 
-def source_of(pictures: Pictures, k: int) -> str:
-    """A picture of a series as an image source. Empty if it cannot be read."""
+def source_of(pictures: Pictures, k: int, widest: int | None = None) -> str:
+    """A picture of a series as an image source, at most ``widest`` [px]. Empty if it cannot be read."""
     png = png_of(pictures, k)
-    return "" if isinstance(png, str) else data_uri(png)
+    if isinstance(png, str):
+        return ""
+    grey = None if widest is None else cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_GRAYSCALE)
+    if grey is not None and widest is not None and grey.shape[1] > widest:
+        rows = round(grey.shape[0] * widest / grey.shape[1])
+        small = cv2.resize(grey, (widest, rows), interpolation=cv2.INTER_AREA)
+        png = cv2.imencode(".png", small)[1].tobytes()
+    return data_uri(png)
 
 
 def camera(i: int, what: str = "Picture of", **events: Any) -> ui.interactive_image:
@@ -270,27 +279,14 @@ def chart(
 
 def line(name: str, data: list[Any], colour: str, **more: Any) -> dict[str, Any]:
     """A line of a plot."""
-    return {
-        "name": name,
-        "type": "line",
-        "showSymbol": False,
-        "data": data,
-        "lineStyle": {"color": colour, "width": 1.6},
-        "itemStyle": {"color": colour},
-        **more,
-    }
+    look = {"lineStyle": {"color": colour, "width": 1.6}, "itemStyle": {"color": colour}}
+    return {"name": name, "type": "line", "showSymbol": False, "data": data, **look, **more}
 
 
 def dots(name: str, data: list[Any], colour: str, size: float = 3.0, **more: Any) -> dict[str, Any]:
     """Points of a plot."""
-    return {
-        "name": name,
-        "type": "scatter",
-        "symbolSize": size,
-        "data": data,
-        "itemStyle": {"color": colour},
-        **more,
-    }
+    look = {"symbolSize": size, "itemStyle": {"color": colour}}
+    return {"name": name, "type": "scatter", "data": data, **look, **more}
 
 
 def mark_at(series: dict[str, Any], x: float) -> None:
@@ -303,16 +299,13 @@ def mark_at(series: dict[str, Any], x: float) -> None:
 
 def band(name: str, x: Any, low: Any, high: Any) -> list[dict[str, Any]]:
     """A band between two curves. It is an invisible lower part with its width stacked on top."""
-    common = {"type": "line", "stack": name, "symbol": "none", "silent": True, "lineStyle": {"width": 0}}
+    common = {
+        "type": "line", "stack": name, "stackStrategy": "all", "symbol": "none", "silent": True,
+        "lineStyle": {"width": 0},
+    }  # fmt: skip
     width = [b - a for a, b in zip(map(float, low), map(float, high), strict=True)]
+    look = {"areaStyle": {"color": BAND, "opacity": 1}, "itemStyle": {"color": BAND}}
     return [
-        {**common, "name": "", "data": points(x, low), "stackStrategy": "all", "tooltip": {"show": False}},
-        {
-            **common,
-            "name": name,
-            "data": points(x, width),
-            "stackStrategy": "all",
-            "areaStyle": {"color": BAND, "opacity": 1},
-            "itemStyle": {"color": BAND},
-        },
+        {**common, "name": "", "data": points(x, low), "tooltip": {"show": False}},
+        {**common, "name": name, "data": points(x, width), **look},
     ]

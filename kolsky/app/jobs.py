@@ -1,9 +1,8 @@
 """Run commands of a shot as separate processes.
 
-They continue after the tab or the server is closed.
-
-Only the log in the shot's results is stored. Its first line names the command and its process. The output of
-the command follows. A later server can therefore find a run again.
+They continue after the tab or the server is closed. Only the log in the shot's results is stored. Its first
+line names the command and its process. The output of the command follows. A later server can therefore find a
+run again.
 """
 
 from __future__ import annotations
@@ -151,10 +150,9 @@ def run_here(words: list[str]) -> None:
 def cancel(job: Job) -> None:
     """End a running command as by Ctrl+C.
 
-    It cleans up, and earlier results are kept.
-
-    A command that does not end within `GRACE` is killed with its forks. A command that is aborted in a
-    simulation cannot write the last line of its log. This function writes it.
+    It cleans up, and earlier results are kept. A command that does not end within `GRACE` is killed with its
+    forks. A command that is aborted in a simulation cannot write the last line of its log. This function
+    writes it.
     """
     if job.running:
         with suppress(ProcessLookupError):

@@ -5,16 +5,15 @@ Force, outline and specimen linked in time, what-if parameters, causes.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from nicegui import ui
 
-from dic.images import Pictures
 from kolsky.app import frame
 from kolsky.app.copies import changed_value, copy_of, copy_with
 from kolsky.app.draft import Draft
@@ -23,7 +22,6 @@ from kolsky.base.errors import InputError
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import FORCE, OUTLINE, CauseFinding, Estimate, Identification
 from kolsky.pictures.picture_set import PictureSet
-from kolsky.pictures.regions import png_of
 from kolsky.report.result_folder import RESULT_FILE
 from kolsky.report.scene.drawing import cut_svg
 from kolsky.report.scene.scene_data import FIELDS, Scene, SceneDataMissing, scene_of, solid_of
@@ -68,20 +66,12 @@ def read_result(folder: Path) -> Result:
     except InputError as error:
         return Result(folder, found, None, str(error))
     differing = [n for n, sha in found.provenance.get("inputs", {}).items() if shot.inputs.get(n) != sha]
-    why = (
-        f"{', '.join(differing[:3])} changed since this result was made: identify again" if differing else ""
-    )
-    return Result(folder, found, shot, why, _pictures(folder))
-
-
-def _pictures(folder: Path) -> PictureSet | None:
-    """The pictures of a shot, or None if they cannot be opened. The pictures page gives the reason."""
-    if "pictures" not in Draft(folder / SHOT_FILE).content():
-        return None
-    try:
-        return load_pictures(folder).pictures
-    except InputError:
-        return None
+    why = f"{', '.join(differing[:3])} changed since this result was made: identify again"
+    pictures = None
+    if "pictures" in Draft(folder / SHOT_FILE).content():
+        with suppress(InputError):  # the pictures page gives the reason
+            pictures = load_pictures(folder).pictures
+    return Result(folder, found, shot, why if differing else "", pictures)
 
 
 def page(root: Path) -> None:
@@ -136,17 +126,14 @@ class LookView:
     def _scene(self) -> Scene | None:
         """The simulated specimen with the selected field. None if the result does not contain it."""
         if self.field not in self.scenes:
-            shot = self.result.shot
+            shot, found = self.result.shot, self.found
+            values = {**found.fixed, **{name: e.value for name, e in found.estimates.items()}}
             try:
-                solid = None if shot is None else solid_of(shot.curve, self._parameters())
+                solid = None if shot is None else solid_of(shot.curve, values)
                 self.scenes[self.field] = scene_of(self.found, field=self.field, solid=solid)
             except (SceneDataMissing, ValueError):
                 return None
         return self.scenes[self.field]
-
-    def _parameters(self) -> dict[str, float]:
-        """All parameters of the simulation of the result."""
-        return {**self.found.fixed, **{name: e.value for name, e in self.found.estimates.items()}}
 
     def _over_time(self) -> None:
         c = self.found.comparison
@@ -255,7 +242,7 @@ class LookView:
         if self.result.pictures is not None:
             nearest = int(np.argmin(np.abs(self.result.pictures.time - now)))
             for image, pictures in zip(self.cameras, self.result.pictures.series, strict=True):
-                image.set_source(picture_source(pictures, nearest))
+                image.set_source(frame.source_of(pictures, nearest, PICTURE_WIDTH))
 
     def _outline_at(self, now: float) -> None:
         assert self.outline is not None
@@ -412,57 +399,27 @@ def answer_words(e: Estimate) -> str:
 
 def misfit_words(tried: Misfit, reference: Misfit) -> str:
     """Residual of each channel, the same residual in the result, and the change in per cent."""
-    parts = [
+    pairs = {"force": (tried.force, reference.force), "outline": (tried.outline, reference.outline)}
+    return "; ".join(
         f"{name} {now:.2f}, at the answer {then:.2f} ({100.0 * (now / then - 1.0):+.0f} %)"
-        for name, now, then in (
-            ("force", tried.force, reference.force),
-            ("outline", tried.outline, reference.outline),
-        )
+        for name, (now, then) in pairs.items()
         if np.isfinite(now)
-    ]
-    return "; ".join(parts)
-
-
-def picture_source(pictures: Pictures, k: int) -> str:
-    """A frame as an image source, at most as large as displayed. Empty if it cannot be read."""
-    png = png_of(pictures, k)
-    if isinstance(png, str):
-        return ""
-    grey = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_GRAYSCALE)
-    if grey is None:
-        return ""
-    if grey.shape[1] > PICTURE_WIDTH:
-        rows = round(grey.shape[0] * PICTURE_WIDTH / grey.shape[1])
-        grey = cv2.resize(grey, (PICTURE_WIDTH, rows), interpolation=cv2.INTER_AREA)
-    return frame.data_uri(cv2.imencode(".png", grey)[1].tobytes())
+    )
 
 
 def valley_chart(valley: Valley, values: dict[str, float]) -> ui.echart:
     """The misfit over two parameters, with the position of the sliders."""
     shown = np.log10(np.maximum(valley.misfit, 1e-3))
     axes: list[dict[str, Any]] = []
+    place = []
     for name, along in zip(valley.names, (valley.x, valley.y), strict=True):
         unit = PARAMETERS[name].shown_unit
         words = PARAMETERS[name].written + ("" if unit == "1" else f" ({unit})")
-        axes.append(
-            frame.axis(
-                words,
-                type="category",
-                data=[f"{v * factor_of(name):.4g}" for v in along],
-                nameGap=28 if not axes else 52,
-                axisLabel={"color": frame.SOFT, "interval": 2},
-            )
-        )
-    cells = [
-        [i, j, float(f"{shown[j, i]:.4g}")]
-        for j in range(len(valley.y))
-        for i in range(len(valley.x))
-        if np.isfinite(shown[j, i])
-    ]
-    place = [
-        int(np.argmin(np.abs(along - values[n])))
-        for n, along in zip(valley.names, (valley.x, valley.y), strict=True)
-    ]
+        label, data = {"color": frame.SOFT, "interval": 2}, [f"{v * factor_of(name):.4g}" for v in along]
+        gap = 52 if axes else 28
+        axes.append(frame.axis(words, type="category", data=data, nameGap=gap, axisLabel=label))
+        place.append(int(np.argmin(np.abs(along - values[name]))))
+    cells = [[int(i), int(j), float(f"{shown[j, i]:.4g}")] for j, i in np.argwhere(np.isfinite(shown))]
     best = np.unravel_index(int(np.nanargmin(valley.misfit)), valley.misfit.shape)
     finite = shown[np.isfinite(shown)]
     edged = {"itemStyle": {"color": "#ffffff", "borderColor": frame.INK, "borderWidth": 1.5}}

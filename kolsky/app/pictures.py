@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from nicegui import events, ui
 
+from dic.bodies.region import Region
 from dic.images import PictureError, Pictures
 from dic.images.quality import SpeckleQuality, grey_noise, speckle_quality
 from kolsky.app import frame
@@ -267,24 +268,20 @@ class PicturesView:
         self.corners[self.wanted.key] = []
         self._draw()
 
-    def _content(self) -> dict[str, list[dict[str, object]]]:
-        """The drawn regions in the form of the session, with its regions that are not on the page."""
-        content: dict[str, list[dict[str, object]]] = {}
+    def _drawn(self) -> dict[str, list[Region]]:
+        """The drawn regions, with those of the session that are not on the page."""
+        found = {}
         for one in self.session.wanted:
-            corners = self.corners.get(one.key, [])
-            if corners:
-                content[one.key] = [{"corners": corners, "frame": self.frames.get(one.key, one.home)}]
-                more = self.session.drawn.get(one.key, [])[1:]
-                content[one.key] += [
-                    {"corners": [list(c) for c in d.corners], "frame": d.frame} for d in more
-                ]
-        return content
+            if corners := self.corners.get(one.key):
+                first = Region(tuple((x, y) for x, y in corners), self.frames.get(one.key, one.home))
+                found[one.key] = [first, *self.session.drawn.get(one.key, [])[1:]]
+        return found
 
     def _check(self) -> None:
-        self._report(self.session.problems(self._content()))
+        self._report(self.session.problems(self._drawn()))
 
     def _save(self) -> None:
-        problems = self.session.save(self._content())
+        problems = self.session.save(self._drawn())
         self._report(
             problems, success=f"saved into {self.session.path.name}: {', '.join(self.session.saved)}"
         )

@@ -11,12 +11,14 @@ import socket
 import webbrowser
 from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass, field
-from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlencode
+from urllib.parse import urlencode
 
 from nicegui import app, ui
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse
+from starlette.websockets import WebSocketClose
 
 from kolsky.app import compare, frame, look, pictures, runs, setup, shots
 from kolsky.base.errors import InputError
@@ -70,37 +72,25 @@ class Door:
         joint = "&" if "?" in first else "?"
         return f"http://{self.hosts[0]}{first}{joint}{urlencode({'token': self.token})}"
 
-    def objection(self, scope: Scope) -> str:
+    def objection(self, request: HTTPConnection) -> str:
         """Reason why a request is rejected.
 
         Empty if it is accepted, or if its address contains the secret.
         """
-        headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
-        host = headers.get("host", "")
-        if host not in self.hosts:  # a page whose host name was redirected to this computer sends another
+        if request.headers.get("host") not in self.hosts:  # of a page whose host name was redirected
             return "this host is not known here"
-        origin = headers.get("origin")
+        origin, is_websocket = request.headers.get("origin"), request.scope["type"] == "websocket"
         if origin is not None and origin not in {f"http://{one}" for one in self.hosts}:
             return "a page of another place asked"
-        if scope["type"] == "websocket" and origin is None:
+        if is_websocket and origin is None:
             return "a websocket says no origin"
-        cookies = SimpleCookie()
-        try:
-            cookies.load(headers.get("cookie", ""))
-        except CookieError:
-            return "the cookies cannot be read"
-        cookie_token = cookies[self.cookie].value if self.cookie in cookies else ""
-        if self._is_token(cookie_token) or (scope["type"] == "http" and self._is_token(given_token(scope))):
+        given = "" if is_websocket else request.query_params.get("token", "")
+        if self._is_token(request.cookies.get(self.cookie, "")) or self._is_token(given):
             return ""
         return "open the address that `kolsky open` printed"
 
     def _is_token(self, text: str) -> bool:
         return secrets.compare_digest(text.encode(), self.token.encode())
-
-
-def given_token(scope: Scope) -> str:
-    """The secret in an address. Empty if there is none."""
-    return parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
 
 
 class Gate:
@@ -115,12 +105,16 @@ class Gate:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        if reason := self.door.objection(scope):
-            await _refuse(scope, send, reason)
-        elif scope["type"] == "http" and given_token(scope):
-            await _to_cookie(scope, send, self.door)
+        request, answer = HTTPConnection(scope), self.app
+        if reason := self.door.objection(request):
+            answer = WebSocketClose(1008, reason)
+            if scope["type"] == "http":
+                answer = PlainTextResponse(reason, 403, {"cross-origin-resource-policy": "same-origin"})
+        elif scope["type"] == "http" and "token" in request.query_params:
+            answer = _to_cookie(request, self.door)
         else:
-            await self.app(scope, receive, self._with_policy(send))
+            send = self._with_policy(send)
+        await answer(scope, receive, send)
 
     def _with_policy(self, send: Send) -> Send:
         """Send headers with the policy, unless the page has a stricter one."""
@@ -140,34 +134,12 @@ class Gate:
         return sending
 
 
-async def _refuse(scope: Scope, send: Send, reason: str) -> None:
-    if scope["type"] == "websocket":
-        await send({"type": "websocket.close", "code": 1008, "reason": reason})
-        return
-    await send(
-        {
-            "type": "http.response.start",
-            "status": 403,
-            "headers": [
-                (b"content-type", b"text/plain; charset=utf-8"),
-                (b"cross-origin-resource-policy", b"same-origin"),
-            ],
-        }
-    )
-    await send({"type": "http.response.body", "body": reason.encode()})
-
-
-async def _to_cookie(scope: Scope, send: Send, door: Door) -> None:
-    """Set the cookie and redirect to an address without the secret.
-
-    Browser history would store the secret.
-    """
-    words = {k: v for k, v in parse_qs(scope["query_string"].decode("latin-1")).items() if k != "token"}
-    place = scope["path"] + (f"?{urlencode(words, doseq=True)}" if words else "")
+def _to_cookie(request: HTTPConnection, door: Door) -> RedirectResponse:
+    """Set the cookie and redirect to an address without the secret, which browser history would store."""
+    words = [(key, word) for key, word in request.query_params.multi_items() if key != "token"]
+    place = request.url.path + (f"?{urlencode(words)}" if words else "")
     cookie = f"{door.cookie}={door.token}; Path=/; HttpOnly; SameSite=Strict"
-    headers = [(b"location", place.encode()), (b"set-cookie", cookie.encode())]
-    await send({"type": "http.response.start", "status": 303, "headers": headers})
-    await send({"type": "http.response.body", "body": b""})
+    return RedirectResponse(place, 303, {"set-cookie": cookie})
 
 
 def pages(folder: Path) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from io import StringIO
 from itertools import islice
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,6 @@ from nicegui import ui
 
 from kolsky.app import frame
 from kolsky.app.jobs import is_running
-from kolsky.base.errors import InputError
 from kolsky.report.result_folder import RESULT_FILE, SUMMARY
 from kolsky.results.numbers import measured, plain_sentence
 from kolsky.schema.pictures import MEASUREMENT_FILE
@@ -71,9 +71,8 @@ class ListedShot:
 def shot_folders(root: Path) -> Iterator[tuple[str, str]]:
     """Folders of shots, of pictures without a shot and of raw files below a root, by name.
 
-    Yields: a folder with the name of its shot file or dic.toml. The name is empty without such a file.
-
-    Shots are not searched inside a shot, nor in folders with a name that begins with a dot.
+    Yields: a folder with the name of its shot file or dic.toml. The name is empty without such a file. Shots
+    are not searched inside a shot, nor in folders with a name that begins with a dot.
     """
     for place, folders, files in os.walk(root):
         file = next((name for name in (SHOT_FILE, MEASUREMENT_FILE) if name in files), "")
@@ -128,30 +127,19 @@ def _written(path: str) -> float:
 
 def table_row(shot: ListedShot) -> dict[str, Any]:
     """A row of the page's table: texts, and the numbers for sorting."""
-    m, U = shot.number(f"{M} (1)"), shot.number(f"U {M} (1)")
-    texts = tuple(map(plain_sentence, measured(m, U))) if m == m and U == U else ("", "")
+    numbers = {"m": shot.number(f"{M} (1)"), "U": shot.number(f"U {M} (1)"), "rate": shot.rate}
+    texts = () if isnan(numbers["m"] + numbers["U"]) else measured(numbers["m"], numbers["U"])
+    view = "pictures" if shot.state == PICTURES_ONLY else "look" if shot.row else "setup"
     return {
         "name": shot.name,
         "state": shot.state,
-        "m": texts[0],
-        "U": texts[1],
-        "m_number": m if m == m else None,
-        "U_number": U if U == U else None,
+        **dict(zip(("m", "U"), map(plain_sentence, texts or ("", "")), strict=True)),
+        "rate": "" if isnan(shot.rate) else f"{shot.rate:.4g}",
+        **{f"{key}_number": None if isnan(value) else value for key, value in numbers.items()},
         "verdict": shot.verdict,
-        "rate": f"{shot.rate:.4g}" if shot.rate == shot.rate else "",
-        "rate_number": shot.rate if shot.rate == shot.rate else None,
-        "date": datetime.fromtimestamp(shot.time).strftime("%Y-%m-%d %H:%M")
-        if shot.time == shot.time
-        else "",
-        "link": frame.address(_view(shot), shot.name),
+        "date": "" if isnan(shot.time) else f"{datetime.fromtimestamp(shot.time):%Y-%m-%d %H:%M}",
+        "link": frame.address(view, shot.name),
     }
-
-
-def _view(shot: ListedShot) -> str:
-    """The view that opens a shot."""
-    if shot.state == PICTURES_ONLY:
-        return "pictures"
-    return "look" if shot.row else "setup"
 
 
 def campaign_csv(found: list[ListedShot]) -> str:
@@ -163,25 +151,6 @@ def campaign_csv(found: list[ListedShot]) -> str:
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
-
-
-def campaign_parquet(found: list[ListedShot]) -> bytes:
-    """The rows of all summaries as a Parquet table, with the folder of each.
-
-    Raises InputError if no library for Parquet is installed.
-    """
-    from io import BytesIO
-
-    import pandas
-
-    table, data = pandas.read_csv(StringIO(campaign_csv(found))), BytesIO()
-    try:
-        table.to_parquet(data)
-    except ImportError:
-        raise InputError(
-            "Parquet", "needs the package pyarrow", cure="pip install pyarrow, or take the CSV file"
-        ) from None
-    return data.getvalue()
 
 
 COLUMNS = [
@@ -225,7 +194,6 @@ def _table(found: list[ListedShot]) -> None:
         ui.button(
             "Campaign as CSV", on_click=lambda: ui.download(campaign_csv(found).encode(), "campaign.csv")
         ).props("flat")
-        ui.button("Campaign as Parquet", on_click=lambda: _parquet(found)).props("flat")
     table: ui.table = ui.table(
         rows=[table_row(one) for one in found],
         columns=COLUMNS,
@@ -248,10 +216,3 @@ def _compare(table: ui.table) -> None:
         ui.notify("Choose two shots or more.")
         return
     ui.navigate.to(frame.comparison(*chosen))
-
-
-def _parquet(found: list[ListedShot]) -> None:
-    try:
-        ui.download(campaign_parquet(found), "campaign.parquet")
-    except InputError as error:
-        ui.notify(str(error), type="warning")

@@ -1,9 +1,7 @@
 """Signals from the files of an incomplete shot, for the plots of its form.
 
-Nothing is guessed.
-
-A plot appears when its file and column are declared. Clocks, units and signs are applied when they are
-declared.
+Nothing is guessed. A plot appears when its file and column are declared. Clocks, units and signs are applied
+when they are declared.
 """
 
 from __future__ import annotations
@@ -57,9 +55,7 @@ def _places(folder: Path) -> list[Path]:
 def candidate_files(folder: Path) -> list[str]:
     """Files of a folder and its subfolders that may be tables or recordings.
 
-    Their names are those of a shot file.
-
-    Only the first file of a series of exports is listed.
+    Their names are those of a shot file. Only the first file of a series of exports is listed.
     """
     found: list[str] = []
     for place in _places(folder):

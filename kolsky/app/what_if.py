@@ -18,7 +18,7 @@ from kolsky.inverse.settings import Numerics
 from kolsky.shot.records import Shot
 
 SLIDERS = ("stiffness_factor", "poisson", "damping", "friction")
-"""Parameters that have a slider if they have an effect."""
+"""Parameters that have a slider if they have an effect. Friction is the last one."""
 GRID = 13
 """Number of values of each parameter of the misfit map."""
 AROUND = 6.0
@@ -50,8 +50,6 @@ class Misfit:
 class Answer:
     """One simulation, compared with the data."""
 
-    parameters: dict[str, float]
-    """Parameters by name, SI."""
     prediction: Prediction
     """The predicted data of the instruments."""
     misfit: Misfit
@@ -82,14 +80,9 @@ class WhatIf:
         self.numerics = Numerics(mesh=found.mesh)
         values = {**found.fixed, **{name: e.value for name, e in found.estimates.items()}}
         slides = "friction" in found.estimates or SLIDING_LAW in (shot.interface.faces, shot.interface.side)
-        self.start = {
-            name: float(values.get(name, PARAMETERS[name].held(shot)))
-            for name in SLIDERS
-            if name != "friction" or slides
-        }
-        self.others = {
-            name: value for name, value in values.items() if name not in SLIDERS and name in found.estimates
-        }
+        shown = SLIDERS if slides else SLIDERS[:-1]
+        self.start = {name: float(values.get(name, PARAMETERS[name].held(shot))) for name in shown}
+        self.others = {name: e.value for name, e in found.estimates.items() if name not in SLIDERS}
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Range of a parameter's slider, within the allowed range."""
@@ -115,7 +108,7 @@ class WhatIf:
         if not response.outcomes[0].ok:
             raise ValueError(response.describe(0))
         prediction = predict(response, self.prepared.observations)
-        return Answer(dict(parameters), prediction, self.misfit(prediction, 0))
+        return Answer(prediction, self.misfit(prediction, 0))
 
     def valley(self, names: tuple[str, str], parameters: Mapping[str, float]) -> Valley:
         """The misfit over the ranges of two sliders. ``parameters``: values of the sliders."""
@@ -139,7 +132,4 @@ class WhatIf:
         if observed.has_shape:
             inside = prediction.inside[i]
             outline = np.sqrt(np.mean((prediction.Z[i, inside] - observed.centre_line.Z[inside]) ** 2))
-        return Misfit(
-            float(force / expected.get(FORCE, np.nan)),
-            float(outline / expected.get(OUTLINE, np.nan)),
-        )
+        return Misfit(*(float(a / expected.get(n, np.nan)) for n, a in ((FORCE, force), (OUTLINE, outline))))

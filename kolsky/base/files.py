@@ -88,9 +88,8 @@ def decode(path: Path, data: bytes) -> str:
 def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
     """Write named columns of equal length, floats with 9 significant digits.
 
-    Returns the path.
-
-    Text that a spreadsheet would read as a formula gets a leading apostrophe; see `dic.files.text_cell`.
+    Returns the path. Text that a spreadsheet would read as a formula gets a leading apostrophe; see
+    `dic.files.text_cell`.
 
     Parameters
     ----------
@@ -163,10 +162,8 @@ def _cell(value: Any) -> str:
 def usable_folder(folder: Path) -> Path:
     """The folder, after a check that results can be written into it.
 
-    The folder is not created.
-
-    Raises InputError if it is a file. The same error is raised if the folder, or its nearest existing parent,
-    cannot be written to.
+    The folder is not created. Raises InputError if it is a file. The same error is raised if the folder, or
+    its nearest existing parent, cannot be written to.
     """
     folder = Path(folder)
     above = folder
@@ -186,10 +183,9 @@ def usable_folder(folder: Path) -> Path:
 def filling(folder: Path) -> Iterator[Path]:
     """A temporary folder.
 
-    Its files are moved to `folder` when the block ends without an exception.
-
-    The files are first written beside the old ones. A full disk, an error or an interrupt therefore leaves
-    every old result unchanged and creates no new folder.
+    Its files are moved to `folder` when the block ends without an exception. The files are first written
+    beside the old ones. A full disk, an error or an interrupt therefore leaves every old result unchanged and
+    creates no new folder.
 
     Raises InputError if a file cannot be written or moved to its place.
     """
@@ -250,10 +246,8 @@ def source_hash() -> str:
 def jsonable(value: Any, where: str) -> Any:
     """A value as JSON types.
 
-    Arrays and tuples become lists, enums text, and numbers that are not finite null.
-
-    Raises TypeError if a part of it has no such form. The message gives the place of this part, beginning
-    with `where`.
+    Arrays and tuples become lists, enums text, and numbers that are not finite null. Raises TypeError if a
+    part of it has no such form. The message gives the place of this part, beginning with `where`.
     """
     if isinstance(value, Enum):
         return value.value if isinstance(value.value, str) else value.name

@@ -1,11 +1,9 @@
 """HDF5 files: groups and datasets with units.
 
-They are written completely or not at all, and checked when they are read.
-
-The files follow the NeXus convention: `NXentry` and `NXdata` groups with `signal` and `axes`, and `units` on
-every array. Text is fixed-length UTF-8, without pickles or object types. When a file is read, link, type,
-shape, size and unit of a dataset are checked before its values. `kolsky.base.hdf5_records` joins records to
-the files.
+They are written completely or not at all, and checked when they are read. The files follow the NeXus
+convention: `NXentry` and `NXdata` groups with `signal` and `axes`, and `units` on every array. Text is
+fixed-length UTF-8, without pickles or object types. When a file is read, link, type, shape, size and unit of
+a dataset are checked before its values. `kolsky.base.hdf5_records` joins records to the files.
 """
 
 from __future__ import annotations
@@ -239,12 +237,9 @@ def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape
 def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]) -> str:
     """Compare a shape with named dimensions.
 
-    Returns the problem in words, "" if there is none.
-
-    New named dimensions are added to `sizes`.
-
-    ``shape``: the shape. ``dimensions``: names of its dimensions, "" for a scalar. A number is a size:
-    "frames points 3". ``sizes``: size of every known dimension.
+    Returns the problem in words, "" if there is none. New named dimensions are added to `sizes`. ``shape``:
+    the shape. ``dimensions``: names of its dimensions, "" for a scalar. A number is a size: "frames points
+    3". ``sizes``: size of every known dimension.
     """
     names = dimensions.split()
     if len(shape) != len(names):

@@ -1,9 +1,8 @@
 """The stored form of a frozen dataclass.
 
-One entry for each field gives its place in HDF5, JSON and tables, and its unit.
-
-A `Record` lists the fields of one dataclass. Each field has an `Item`: numbers, texts, choices or mappings,
-with their unit and dimensions, the key in JSON and the heading of the column in a table.
+One entry for each field gives its place in HDF5, JSON and tables, and its unit. A `Record` lists the fields
+of one dataclass. Each field has an `Item`: numbers, texts, choices or mappings, with their unit and
+dimensions, the key in JSON and the heading of the column in a table.
 """
 
 import json

@@ -43,12 +43,9 @@ GC_THRESHOLD_OF_COMMAND = 20_000
 def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
     """Search for reference cycles rarely.
 
-    Each search visits all young objects, and some visit all objects.
-
-    These searches take an eighth of the time of a page of figures. Objects outside cycles are freed
-    immediately.
-
-    ``threshold``: net number of new objects between two searches.
+    Each search visits all young objects, and some visit all objects. These searches take an eighth of the
+    time of a page of figures. Objects outside cycles are freed immediately. ``threshold``: net number of new
+    objects between two searches.
     """
     before = gc.get_threshold()
     gc.set_threshold(max(threshold, before[0]), *before[1:])
@@ -79,11 +76,9 @@ sets automatically when a program frees a large array."""
 def keep_freed_memory() -> None:
     """Make glibc keep freed memory for the next array, up to 256 MB.
 
-    It has no effect with another C library.
-
-    By default, glibc returns every array beyond 128 kB to the system. The next array then needs new pages,
-    which the system fills with zeros. This takes a third of the system time in a correlation of small
-    pictures. It takes more if forks copy pages that are written to.
+    It has no effect with another C library. By default, glibc returns every array beyond 128 kB to the
+    system. The next array then needs new pages, which the system fills with zeros. This takes a third of the
+    system time in a correlation of small pictures. It takes more if forks copy pages that are written to.
     """
     if sys.platform == "linux":
         with suppress(AttributeError, OSError):  # another C library
@@ -99,10 +94,9 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREA
 def set_blas_threads() -> None:
     """Use one thread for each later call of BLAS.
 
-    A number in the environment takes precedence.
-
-    It has an effect only before NumPy is loaded. The matrices of an identification are small. Several threads
-    take longer for them than one, and they wait in busy loops on cores that have other work.
+    A number in the environment takes precedence. It has an effect only before NumPy is loaded. The matrices
+    of an identification are small. Several threads take longer for them than one, and they wait in busy loops
+    on cores that have other work.
     """
     for name in BLAS_THREADS:
         os.environ.setdefault(name, "1")
@@ -142,11 +136,10 @@ def single_threaded_libraries() -> Iterator[None]:
 def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """Processes of this machine that end with the block.
 
-    They also end with this process, whatever ends it.
-
-    If the block ends by an exception, they are stopped at once, because their results are not needed. They
-    are not forked, because a copy of a process that has started threads may hang. Each has its number in the
-    environment (`WORKER`). Workers with device "cuda" use it to share the GPUs.
+    They also end with this process, whatever ends it. If the block ends by an exception, they are stopped at
+    once, because their results are not needed. They are not forked, because a copy of a process that has
+    started threads may hang. Each has its number in the environment (`WORKER`). Workers with device "cuda"
+    use it to share the GPUs.
     """
     context = get_context("spawn")
     started = context.Value("i", 0)
@@ -164,11 +157,10 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 def run_program(program: Path, *words: str, timeout: float) -> subprocess.CompletedProcess[str]:
     """Run a Python file in a separate process.
 
-    On Linux it always ends together with this process.
-
-    ``program``: the file, which is run as `__main__`. Its imports do not find modules in its folder.
-    ``words``: its arguments in `sys.argv`, after its name. ``timeout``: longest allowed time [s]. Raises
-    subprocess.TimeoutExpired if it takes longer. It is then terminated.
+    On Linux it always ends together with this process. ``program``: the file, which is run as `__main__`. Its
+    imports do not find modules in its folder. ``words``: its arguments in `sys.argv`, after its name.
+    ``timeout``: longest allowed time [s]. Raises subprocess.TimeoutExpired if it takes longer. It is then
+    terminated.
     """
     return subprocess.run(
         [sys.executable, "-P", following.__file__, str(os.getpid()), str(program), *words],

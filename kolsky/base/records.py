@@ -92,9 +92,8 @@ class FrontVelocity:
 class CentreLine:
     """The specimen's outline on the camera side.
 
-    Measured radius Z as a function of height y, frame by frame.
-
-    One row is one point of one frame. The number of points may differ between frames.
+    Measured radius Z as a function of height y, frame by frame. One row is one point of one frame. The number
+    of points may differ between frames.
     """
 
     time: FloatArray

@@ -1,9 +1,8 @@
 """Users' TOML files.
 
-Validation by a schema, blank values, error messages, and edits that keep everything else.
-
-A problem found by a schema is reported with line, key, value, allowed range and remedy. An edit replaces
-single values as text. Comments and order are kept.
+Validation by a schema, blank values, error messages, and edits that keep everything else. A problem found by
+a schema is reported with line, key, value, allowed range and remedy. An edit replaces single values as text.
+Comments and order are kept.
 """
 
 from __future__ import annotations
@@ -374,11 +373,10 @@ class CannotEdit(ValueError):
 def with_values(text: str, table: str, values: Mapping[str, str]) -> str:
     """The text with values of one table replaced, or added at its end.
 
-    The result is parsed and compared. It must equal the original except for these values.
-
-    ``text``: a valid TOML text. ``table``: name of a table with a header, such as "dic" for ``[dic]``.
-    ``values``: key -> value as TOML text. Raises CannotEdit if the table has no header, or if the result
-    would differ at another place.
+    The result is parsed and compared. It must equal the original except for these values. ``text``: a valid
+    TOML text. ``table``: name of a table with a header, such as "dic" for ``[dic]``. ``values``: key -> value
+    as TOML text. Raises CannotEdit if the table has no header, or if the result would differ at another
+    place.
     """
     newline = "\r\n" if "\r\n" in text else "\n"
     wanted = copy.deepcopy(tomllib.loads(text))

@@ -119,12 +119,7 @@ def unit_factor(text: str, unit: str) -> float:
         raise UnitError(text, f"is {_in_words(written)}", unit) from None
     except pint.UndefinedUnitError:
         raise UnitError(text, "is not a known unit", unit) from None
-    except (
-        pint.PintError,
-        ValueError,
-        ArithmeticError,
-        AssertionError,
-    ):  # pint asserts on "dB%"
+    except (pint.PintError, ValueError, ArithmeticError, AssertionError):  # pint asserts on "dB%"
         raise UnitError(text, "is not a unit", unit) from None
     if not 1e-40 < factor < 1e40:  # no laboratory unit lies outside
         raise UnitError(text, "is not a usable unit", unit)

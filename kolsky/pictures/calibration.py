@@ -14,6 +14,7 @@ from dic.files import text_cell
 from dic.images import PictureError, Pictures
 from dic.images.series import PictureSizeError
 from kolsky.base.errors import InputError
+from kolsky.base.files import jsonable
 from kolsky.base.toml import TomlFile, read_toml
 from kolsky.pictures.picture_set import CAMERAS, Progress, open_source
 from kolsky.schema.fields import Section
@@ -46,19 +47,12 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
         raise toml.error(f"{key}.kind", "is not a known target", allowed=f"one of {known}")
     kind = TARGETS[section.kind]
     wanted = {field.name: field for field in fields(kind)}
-    anchors = {"anchors_0", "anchors_1"}
-    given = {
-        name: value
-        for name, value in section.model_dump(exclude={"kind", *anchors}).items()
-        if value is not None
-    }
-    by_hand = [section.anchors_0, section.anchors_1]
-    if any(by_hand) and "anchors" not in wanted:
-        raise toml.error(
-            f"{key}.anchors_0" if section.anchors_0 else f"{key}.anchors_1",
-            f"is given, but a target of kind {section.kind} needs no anchors",
-            cure="remove it",
-        )
+    given = section.model_dump(exclude={"kind", "anchors_0", "anchors_1"}, exclude_none=True)
+    by_hand = {"anchors_0": section.anchors_0, "anchors_1": section.anchors_1}
+    for name in by_hand if "anchors" not in wanted else ():
+        if by_hand[name]:
+            why = f"is given, but a target of kind {section.kind} needs no anchors"
+            raise toml.error(f"{key}.{name}", why, cure="remove it")
     for name in given:
         if name not in wanted:
             raise toml.error(
@@ -70,7 +64,8 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
         target = kind(**given)
         if "anchors" not in wanted:
             return target, target
-        return replace(target, anchors=by_hand[0] or ()), replace(target, anchors=by_hand[1] or ())
+        first, second = (replace(target, anchors=anchors or ()) for anchors in by_hand.values())
+        return first, second
     except TypeError:
         missing = [
             name
@@ -261,9 +256,9 @@ def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
                 cure="describe pictures and target in one of them",
             )
         path = there[0]
+    toml: TomlFile
     if path.name == CALIBRATION_FILE_NAMES[1]:
-        shot = shot_toml(path)
-        toml: TomlFile = shot
+        toml = shot = shot_toml(path)
         section = shot.declared.calibration
         if section is None:
             raise InputError(path, "has no table [calibration]", cure="add it, with pictures and target")
@@ -289,36 +284,23 @@ def has_calibration_pictures(folder: Path) -> bool:
 def calibration_json(found: Calibration) -> dict[str, Any]:
     """The calibration as one JSON object, in SI and px."""
     R, t = found.rig.relative
-    return {
+    content = {
         "cameras": [
-            {
-                "matrix": camera.matrix.tolist(),
-                "distortion": list(camera.distortion),
-                "sensor": list(camera.sensor or ()),
-            }
+            {"matrix": camera.matrix, "distortion": camera.distortion, "sensor": camera.sensor or ()}
             for camera in found.rig.cameras
         ],
-        "rotation": R.tolist(),
-        "translation": t.tolist(),
+        "rotation": R,
+        "translation": t,
         "sigma": found.sigma,
         "unit": found.unit,
         "clustering": found.clustering,
-        "checks": {name: _json_number(value) for name, value in vars(found.checks).items()},
+        "checks": vars(found.checks),
         "pairs": [
-            {
-                "name": pair.name,
-                "outcome": pair.outcome.name,
-                "reason": pair.reason,
-                "rms": _json_number(pair.rms),
-            }
+            {"name": pair.name, "outcome": pair.outcome.name, "reason": pair.reason, "rms": pair.rms}
             for pair in found.pairs
         ],
     }
-
-
-def _json_number(value: float) -> float | None:
-    """The number. None for NaN, which JSON cannot represent."""
-    return value if value == value else None
+    return dict(jsonable(content, "calibration"))
 
 
 def write_calibration_points(path: Path, found: Calibration) -> None:

@@ -43,8 +43,7 @@ def _surface(unit: str, group: Group | None = None) -> Record[SurfaceHistory]:
         {
             "t": Floats("s", "frames"),
             "X": Floats(unit, "points 3"),
-            "u": Floats(unit, "frames points 3"),
-            "sigma": Floats(unit, "frames points 3"),
+            **dict.fromkeys(("u", "sigma"), Floats(unit, "frames points 3")),
             "outcome": Integers("1", "frames points"),
         },
     )
@@ -56,8 +55,7 @@ def _strain(time: str) -> Record[SurfaceStrain]:
         SurfaceStrain,
         nxdata("value", time, "points", "."),
         {
-            "value": Floats("1", "frames points 3"),
-            "sigma": Floats("1", "frames points 3"),
+            **dict.fromkeys(("value", "sigma"), Floats("1", "frames points 3")),
             "outcome": Integers("1", "frames points"),
             "gauge": Floats("px"),
         },
@@ -85,8 +83,7 @@ AXIAL_DISPLACEMENT = Record(
     {
         "t": Floats("s", "rows"),
         "frame": Integers("1", "rows"),
-        "displacement": Floats("m", "rows"),
-        "sigma": Floats("m", "rows"),
+        **dict.fromkeys(("displacement", "sigma"), Floats("m", "rows")),
         "n_points": Integers("1", "rows"),
         "rest_sigma": Floats("m"),
         "from_rim": Flags("1", since=3),
@@ -101,10 +98,8 @@ MOTION = Record(
         "displacement": Floats("m", "frames 3"),
         "rotation": Floats("rad", "frames 3"),
         "covariance": Floats("rad^2 m^2", "posed 6 posed 6"),
-        "n_points": Integers("1", "frames"),
-        "outcome": Integers("1", "frames"),
-        "chi2_per_dof": Floats("1"),
-        "noise_scale": Floats("1"),
+        **dict.fromkeys(("n_points", "outcome"), Integers("1", "frames")),
+        **dict.fromkeys(("chi2_per_dof", "noise_scale"), Floats("1")),
     },
 )
 OUTLINE = Record(
@@ -113,9 +108,7 @@ OUTLINE = Record(
     {
         "t": Floats("s", "rows"),
         "frame": Integers("1", "rows"),
-        "y": Floats("m", "rows"),
-        "Z": Floats("m", "rows"),
-        "sigma": Floats("m", "rows"),
+        **dict.fromkeys(("y", "Z", "sigma"), Floats("m", "rows")),
         "left_out": Pairs(
             Integers("1", "outcomes", at="left_out_outcome"),
             Integers("1", "outcomes", at="left_out_count"),
@@ -134,9 +127,7 @@ PLACEMENT = Record(
     COLLECTION,
     {
         "frame": Part(FRAME, at="."),
-        "radius": Floats("m"),
-        "radius_sigma": Floats("m"),
-        "rms": Floats("m"),
+        **dict.fromkeys(("radius", "radius_sigma", "rms"), Floats("m")),
         "chi2_per_dof": Floats("1"),
         "n_points": Integers("1"),
     },
@@ -145,12 +136,8 @@ NOISE = Record(
     NoiseFloor,
     COLLECTION,
     {
-        "n_frames": Integers("1"),
-        "n_points": Integers("1"),
-        "time": Floats("m", "3"),
-        "space": Floats("m", "3"),
-        "common": Floats("m", "3"),
-        "sigma": Floats("m", "3"),
+        **dict.fromkeys(("n_frames", "n_points"), Integers("1")),
+        **dict.fromkeys(("time", "space", "common", "sigma"), Floats("m", "3")),
     },
 )
 REMARK = Record(
@@ -166,11 +153,7 @@ CAMERA = Record(
     Camera,
     Group("NXdetector"),
     {
-        "fx": Floats("px"),
-        "fy": Floats("px"),
-        "cx": Floats("px"),
-        "cy": Floats("px"),
-        "skew": Floats("px"),
+        **dict.fromkeys(("fx", "fy", "cx", "cy", "skew"), Floats("px")),
         "distortion": Floats("1", "5", as_tuple=True),
         "rotation": Floats("1", "3 3"),
         "translation": Floats("m", "3"),
@@ -250,9 +233,7 @@ EXTENSION = Record(
     {
         "name": Text(),
         "ends": Floats("px", "2 2"),
-        "length": Floats(RECORD_UNIT, "frames"),
-        "elongation": Floats(RECORD_UNIT, "frames"),
-        "sigma": Floats(RECORD_UNIT, "frames"),
+        **dict.fromkeys(("length", "elongation", "sigma"), Floats(RECORD_UNIT, "frames")),
         "strain": Floats("1", "frames"),
         "outcome": Integers("1", "frames"),
     },
@@ -261,9 +242,7 @@ CYLINDER = Record(
     FittedCylinder,
     nxdata("radius", "."),
     {
-        "radius": Floats("m", "frames"),
-        "sigma": Floats("m", "frames"),
-        "rms": Floats("m", "frames"),
+        **dict.fromkeys(("radius", "sigma", "rms"), Floats("m", "frames")),
         "n_points": Integers("1", "frames"),
         "correction": Floats("px"),
         "uncorrected": Floats("m"),

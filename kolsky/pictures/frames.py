@@ -69,15 +69,12 @@ def _distance_to_neighbours(
 ) -> tuple[float, float]:
     """A displacement minus the cubic fit of its neighbours [m], and the sigma of this per unit sigma."""
     others = sound[sound != row]
-    first = int(
-        np.clip(np.searchsorted(others, row) - STRAY_NEIGHBOURS // 2, 0, others.size - STRAY_NEIGHBOURS)
-    )
-    near = others[first : first + STRAY_NEIGHBOURS]
+    first = np.searchsorted(others, row) - STRAY_NEIGHBOURS // 2
+    near = others[int(np.clip(first, 0, others.size - STRAY_NEIGHBOURS)) :][:STRAY_NEIGHBOURS]
     t = (time[near] - time[row]) / (time[near[-1]] - time[near[0]])
     shares = np.linalg.pinv(np.vander(t, 4, increasing=True))[0]  # weights in the cubic's value at the frame
-    return float(displacement[row] - shares @ displacement[near]), float(
-        np.hypot(1.0, np.linalg.norm(shares))
-    )
+    apart = displacement[row] - shares @ displacement[near]
+    return float(apart), float(np.hypot(1.0, np.linalg.norm(shares)))
 
 
 MOTION_SIGMAS = 6.0
@@ -209,20 +206,13 @@ def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
         return
     number = int(missing[0])
     line = frames.line(int(np.searchsorted(frames.frame, number)))
+    what = f"frame {number} has no displacement in {table.path.name}"
+    cure = "export the flyer for every frame, or remove the frame from all files"
     if number > table.frame[-1]:
-        raise InputError(
-            frames.path,
-            f"frame {number} is beyond the flyer record, which ends with frame {table.frame[-1]} in"
-            f" {table.path.name} ({missing.size} such frames)",
-            line=line,
-            cure="export the flyer for all frames, or declare window.end inside its record",
-        )
-    raise InputError(
-        frames.path,
-        f"frame {number} has no displacement in {table.path.name} ({missing.size} such frames)",
-        line=line,
-        cure="export the flyer for every frame, or remove the frame from all files",
-    )
+        end = f"which ends with frame {table.frame[-1]} in {table.path.name}"
+        what = f"frame {number} is beyond the flyer record, {end}"
+        cure = "export the flyer for all frames, or declare window.end inside its record"
+    raise InputError(frames.path, f"{what} ({missing.size} such frames)", line=line, cure=cure)
 
 
 def flyer_moves(
@@ -271,9 +261,8 @@ def flyer_moves(
 def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
     """The motion with a list of outliers in its static frames.
 
-    The uncertainty of an outlier is set to its deviation.
-
-    ``flyer``: its motion, from pictures. ``rest``: time of the last static frame on the shot's clock [s].
+    The uncertainty of an outlier is set to its deviation. ``flyer``: its motion, from pictures. ``rest``:
+    time of the last static frame on the shot's clock [s].
     """
     static = np.flatnonzero(flyer.time <= rest)
     if static.size == 0:
@@ -297,10 +286,9 @@ def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
 def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
     """Check the motion of a flyer in pictures.
 
-    It is at rest in the static frames, then moves toward the specimen.
-
-    ``flyer``: its motion; lost frames have no row. ``rest``: time of the last static frame on the shot's
-    clock [s]. ``source``: the file named in an error message.
+    It is at rest in the static frames, then moves toward the specimen. ``flyer``: its motion; lost frames
+    have no row. ``rest``: time of the last static frame on the shot's clock [s]. ``source``: the file named
+    in an error message.
     """
     static = flyer.time <= rest
     if not static.any():

@@ -21,9 +21,6 @@ from kolsky.pictures.picture_set import CAMERAS, Progress, digests, open_source
 from kolsky.pictures.rig import Calibrated, cropped, refine_rig, rig_of
 from kolsky.schema.pictures import MeasuredSeries, MeasurementFile
 
-FLYER_TEST = "flyer test"
-"""A kind of measurement that must be declared in a shot.toml."""
-
 
 @dataclass(frozen=True)
 class Measurement:
@@ -52,7 +49,7 @@ def read_measurement(path: Path) -> Measurement:
     """
     toml = parse_toml(path)
     dic = toml.content.get("dic")
-    if isinstance(dic, dict) and dic.get("kind") == FLYER_TEST:
+    if isinstance(dic, dict) and dic.get("kind") == "flyer test":
         raise toml.error(
             "dic.kind", "is measured with a shot around it", cure="declare it in a shot.toml: `kolsky new`"
         )
@@ -70,10 +67,8 @@ def read_measurement(path: Path) -> Measurement:
         counts = " and ".join(str(own.n_frames) for own in series)
         raise toml.error("pictures", f"has {counts} pictures", cure="export both series frame by frame")
     sources: list[tuple[str, Any]] = [section.source for _, section, _ in opened]
-    if declared.calibration is not None and declared.calibration.file is not None:
-        sources.append(("file", declared.calibration.file))
-    if declared.dic.mask is not None:
-        sources.append(("file", declared.dic.mask))
+    files = (declared.calibration and declared.calibration.file, declared.dic.mask)
+    sources += [("file", file) for file in files if file is not None]
     inputs = {toml.path.name: toml.sha256, **digests(path.parent, sources)}
     return Measurement(toml, declared, series, inputs)
 
@@ -94,10 +89,7 @@ def _open(toml: TomlFile, name: str, section: MeasuredSeries, bits: int | None) 
 
 
 def measure_file(
-    measurement: Measurement,
-    *,
-    device: str = "cpu",
-    progress: Progress = lambda stage, done, total: None,
+    measurement: Measurement, *, device: str = "cpu", progress: Progress = lambda stage, done, total: None
 ) -> FullField:
     """Correlate the pictures of a measurement.
 

@@ -152,13 +152,10 @@ def digests(folder: Path, sources: Iterable[tuple[str, Any]]) -> dict[str, str]:
 def open_pictures(toml: ShotToml, frames: FrameTable) -> PictureSet:
     """Open both series of a shot.
 
-    Only headers are read, and the last picture of a series that is too short.
-
-    The remaining frames of a truncated file are used. The missing ones have the outcome UNREADABLE.
-
-    Raises InputError if a series is missing or has no pictures, or if its number of pictures differs from
-    that of the frames. The same error is raised if a crop differs from that in its file, or if the cameras'
-    pictures differ in size.
+    Only headers are read, and the last picture of a series that is too short. The remaining frames of a
+    truncated file are used. The missing ones have the outcome UNREADABLE. Raises InputError if a series is
+    missing or has no pictures, or if its number of pictures differs from that of the frames. The same error
+    is raised if a crop differs from that in its file, or if the cameras' pictures differ in size.
     """
     from dic.images import PictureError, declared
     from dic.images.series import decode_once

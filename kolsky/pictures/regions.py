@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import decode, filling, read_bytes
 from kolsky.base.toml import TOML_LIMIT, CannotEdit, with_values
 
-MOST_CORNERS = 1000
 LEAST_AREA = 25.0
 """Smallest region [px²]. It is that of a subset of 5 px."""
 
@@ -57,31 +56,6 @@ def drawables_of_measurement(reference: int) -> tuple[Drawable, ...]:
     )
 
 
-def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Region]]:
-    """Regions from the data of a page. A key without regions is left out."""
-    if not isinstance(content, Mapping):
-        raise ValueError("the regions are not a mapping of names to lists")
-    known = {one.key: one for one in wanted}
-    found: dict[str, list[Region]] = {}
-    for key, shapes in content.items():
-        if key not in known or not isinstance(shapes, list):
-            raise ValueError(f"{key!r} is not one of {', '.join(known)}, or no list")
-        drawn = []
-        for shape in shapes:
-            given: dict[str, Any] = shape if isinstance(shape, dict) else {}
-            corners: Any = given.get("corners")
-            frame: Any = given.get("frame")
-            fine = isinstance(corners, list) and len(corners) <= MOST_CORNERS
-            fine = fine and all(isinstance(c, list) and len(c) == 2 for c in corners)
-            fine = fine and all(type(v) in (int, float) for c in corners for v in c)
-            if not fine or type(frame) is not int:
-                raise ValueError(f"{key} is not a list of at most {MOST_CORNERS} corners [x, y] with a frame")
-            drawn.append(Region(tuple((float(x), float(y)) for x, y in corners), frame))
-        if drawn:
-            found[key] = drawn
-    return found
-
-
 def problems_of(
     drawn: Mapping[str, Sequence[Region]],
     wanted: Sequence[Drawable],
@@ -101,16 +75,14 @@ def problems_of(
                 said.append(f"{name}: frame {shape_drawn.frame} does not exist, there are {n_frames}")
             elif not one.framed and shape_drawn.frame != one.home:
                 said.append(f"{name}: belongs into frame {one.home}, was drawn in {shape_drawn.frame}")
-            problem = _point(shape_drawn, shape) if one.point else _polygon(shape_drawn, shape)
+            count = len(shape_drawn.corners)
+            if one.point:
+                problem = f"is one place, has {count}" if count != 1 else _outside_picture(shape_drawn, shape)
+            else:
+                problem = _polygon(shape_drawn, shape)
             if problem:
                 said.append(f"{name}: {problem}")
     return said
-
-
-def _point(drawn: Region, shape: tuple[int, int]) -> str:
-    if len(drawn.corners) != 1:
-        return f"is one place, has {len(drawn.corners)}"
-    return _outside_picture(drawn, shape)
 
 
 def _outside_picture(drawn: Region, shape: tuple[int, int]) -> str:
@@ -217,29 +189,22 @@ class Session:
     def __post_init__(self) -> None:
         self._text = self._read()
 
-    def problems(self, content: Any) -> list[str]:
-        """Problems of the data of a page. Empty if they can be saved."""
-        try:
-            drawn = _read_drawn(content, self.wanted)
-        except ValueError as error:
-            return [str(error)]
+    def problems(self, drawn: Mapping[str, Sequence[Region]]) -> list[str]:
+        """Problems of drawn regions. Empty if they can be saved."""
         return problems_of(drawn, self.wanted, shape=self.pictures.shape, n_frames=self.pictures.n_frames)
 
     def snippet(self, drawn: Mapping[str, Sequence[Region]]) -> dict[str, str]:
         """Drawn regions as values of the table [dic]."""
         return {one.key: _as_toml(one, drawn[one.key]) for one in self.wanted if drawn.get(one.key)}
 
-    def save(self, content: Any) -> list[str]:
-        """Save the regions from a page in the file, completely or not at all.
-
-        Returns their problems.
+    def save(self, drawn: dict[str, list[Region]]) -> list[str]:
+        """Save drawn regions in the file, completely or not at all. Returns their problems.
 
         Regions that are not drawn remain as in the file. Nothing is saved if the file has changed since it
         was read. Nothing is saved either if the file would not be valid with the regions.
         """
-        if said := self.problems(content):
+        if said := self.problems(drawn):
             return said
-        drawn = _read_drawn(content, self.wanted)
         values = self.snippet(drawn)
         lines = [f"{key} = {value}" for key, value in values.items()]
         try:
@@ -258,10 +223,6 @@ class Session:
         self._text, self.saved = text, tuple(values)
         self.drawn = {**self.drawn, **drawn}
         return []
-
-    def png(self, frame: int) -> bytes | str:
-        """A frame as PNG, see `png_of`."""
-        return png_of(self.pictures, frame)
 
     def _read(self) -> str:
         return decode(self.path, read_bytes(self.path, limit=TOML_LIMIT))
@@ -291,19 +252,18 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
     then the TOML file. Raises InputError if no frame can be read, or if nothing can be written.
     """
     names = []
-    with filling(folder) as partial:
+    with filling(folder) as place:
         said = ""
         for frame in frames:
-            found = session.png(frame)
+            found = png_of(session.pictures, frame)
             if isinstance(found, str):
                 said = found
                 continue
             picture = cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_GRAYSCALE)
             assert picture is not None  # it was encoded a line before
             name = f"grid_{frame:04d}.png"
-            (partial / name).write_bytes(
-                cv2.imencode(".png", with_grid(np.asarray(picture, dtype=np.uint8)))[1].tobytes()
-            )
+            drawn = with_grid(np.asarray(picture, dtype=np.uint8))
+            (place / name).write_bytes(cv2.imencode(".png", drawn)[1].tobytes())
             names.append(name)
         if not names:
             raise InputError(
@@ -311,17 +271,14 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
                 f"has no frame that can be shown: {said}",
                 cure="copy or export the pictures again",
             )
-        (partial / "regions.toml").write_text(snippet(session), encoding="utf-8")
+        (place / "regions.toml").write_text(snippet(session), encoding="utf-8")
     return [folder / name for name in (*names, "regions.toml")]
 
 
 def grid_step(longest: int) -> int:
     """Distance of about `LINES` lines across the longer side [px]: 1, 2 or 5 times a power of ten."""
-    for power in range(6):
-        for digit in (1, 2, 5):
-            if digit * 10**power * LINES >= longest:
-                return int(digit * 10**power)
-    return 10**6
+    steps = (digit * 10**power for power in range(6) for digit in (1, 2, 5))
+    return next((step for step in steps if step * LINES >= longest), 10**6)
 
 
 def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -330,19 +287,16 @@ def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     factor = max(1, -(-LEAST_SIDE // max(rows, columns)))
     large = cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
     drawn = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
-    step, size = grid_step(max(rows, columns)), 0.5
+    step = grid_step(max(rows, columns))
     for axis, most in ((0, columns), (1, rows)):
         for value in range(0, most, step):
             at = value * factor + factor // 2
-            first, last = (at, 0), (at, int(drawn.shape[0]) - 1)
-            if axis == 1:
-                first, last = (0, at), (int(drawn.shape[1]) - 1, at)
-            cv2.line(drawn, first, last, (0, 160, 230), 1)
+            ends = ((at, 0), (at, drawn.shape[0] - 1)) if axis == 0 else ((0, at), (drawn.shape[1] - 1, at))
+            cv2.line(drawn, *ends, (0, 160, 230), 1)
             place = (at + 3, 14) if axis == 0 else (3, at - 3 if at > 20 else at + 30)
+            text = partial(cv2.putText, drawn, str(value), place, cv2.FONT_HERSHEY_SIMPLEX, 0.5)
             for colour, width in (((0, 0, 0), 3), ((0, 220, 255), 1)):
-                cv2.putText(
-                    drawn, str(value), place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, width, cv2.LINE_AA
-                )
+                text(colour, width, cv2.LINE_AA)
     return np.asarray(drawn, dtype=np.uint8)
 
 

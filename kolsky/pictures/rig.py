@@ -133,11 +133,10 @@ def refine_rig(
 ) -> tuple[StereoRig, dict[str, Any]]:
     """The cameras, refined from one pair of pictures if [calibration] requests it.
 
-    Facts on the refinement are returned too.
-
-    With ``refine = true``, the refined pose is used. With ``"auto"``, it is used if it reduces the distances
-    of points that were left out of the fit (`dic.calibration.refine`). Otherwise nothing is done. If too few
-    points are matched, the cameras do not change, and the facts state this.
+    Facts on the refinement are returned too. With ``refine = true``, the refined pose is used. With
+    ``"auto"``, it is used if it reduces the distances of points that were left out of the fit
+    (`dic.calibration.refine`). Otherwise nothing is done. If too few points are matched, the cameras do not
+    change, and the facts state this.
 
     ``rig``: the cameras, for the cropped pictures. ``frame``: the frame of the matched pair. ``mask``: pixels
     of the body in camera 0's picture, shape [rows, columns]. ``step``: distance of the points [px].

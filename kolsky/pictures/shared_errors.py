@@ -154,10 +154,9 @@ def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureE
 def with_departures(line: CentreLine, result: StereoResult, half_width: float) -> CentreLine:
     """The outline with one more mode.
 
-    The mode is its deviation beyond noise from the surface on both sides of the strip.
-
-    A highlight shifts all points of the strip equally while it lies there. If the cameras are arranged along
-    the axis, the epipolar distances do not reveal it (`dic.surfaces.outline`).
+    The mode is its deviation beyond noise from the surface on both sides of the strip. A highlight shifts all
+    points of the strip equally while it lies there. If the cameras are arranged along the axis, the epipolar
+    distances do not reveal it (`dic.surfaces.outline`).
 
     ``line``: the outline, with the same points as in the result. ``result``: the result of its pictures.
     ``half_width``: half width of the strip [m].

@@ -76,11 +76,10 @@ def rim_at_rest(
 ) -> RimAtRest | None:
     """The rim at rest in the pictures of a shot.
 
-    None if it was not found, or if the flyer is not visible at rest.
-
-    ``length``, ``length_sigma``: the declared length of the result and its standard uncertainty [m].
-    ``unseen``: standard uncertainty of the length in the pictures due to effects that they do not show [m].
-    Such effects are the pitch of the calibration target, and faces that are not parallel.
+    None if it was not found, or if the flyer is not visible at rest. ``length``, ``length_sigma``: the
+    declared length of the result and its standard uncertainty [m]. ``unseen``: standard uncertainty of the
+    length in the pictures due to effects that they do not show [m]. Such effects are the pitch of the
+    calibration target, and faces that are not parallel.
     """
     axial = result.axial_displacement
     if axial is None or axial.rim_disagreement is None:

@@ -23,21 +23,15 @@ def summary(result: StereoResult) -> dict[str, Any]:
         "static_frames": int(result.static.sum()),
         "frames_not_usable": bad_frames(result),
         "points": body.surface.n_points,
-        "points_alive_at_the_end": int(body.n_valid[result.outcome == FrameOutcome.VALID][-1])
-        if body.n_valid.any()
-        else 0,
-        "points_lost": {
-            words(outcome): count for outcome, count in body.outcomes().items() if not outcome.ok
-        },
+        "points_alive_at_the_end": int(body.n_valid[result.outcome == FrameOutcome.VALID][-1:].sum()),
+        "points_lost": {words(one): count for one, count in body.outcomes().items() if not one.ok},
         "sigma_match_px": _median(np.fmax(*body.match_sigma)[body.surface.valid]),
         "sigma_x_y_Z_m": [_median(body.surface.sigma[..., k][body.surface.valid]) for k in range(3)],
         "epipolar_rms_px": body.epipolar_rms,
         "noise_floor_time_m": noise.time.tolist(),
         "noise_floor_space_m": noise.space.tolist(),
         "noise_floor_predicted_m": noise.sigma.tolist(),
-        "strain_noise_around_along_shear": [
-            None if np.isnan(value) else float(value) for value in result.strain_noise
-        ],
+        "strain_noise_around_along_shear": [None if np.isnan(v) else float(v) for v in result.strain_noise],
         "cylinder_radius_m": placement.radius,
         "cylinder_radius_sigma_m": placement.radius_sigma,
         "cylinder_rms_m": placement.rms,
@@ -158,10 +152,8 @@ def _place(key: str, regions: Mapping[str, Any]) -> str:
 
 def bad_frames(result: StereoResult) -> dict[str, str]:
     """Frames without points and their outcomes. Frames are counted from 0."""
-    outcome = result.outcome
-    return {
-        str(k): words(FrameOutcome(int(outcome[k]))) for k in np.flatnonzero(outcome != FrameOutcome.VALID)
-    }
+    outcomes = enumerate(map(FrameOutcome, result.outcome.tolist()))
+    return {str(k): words(outcome) for k, outcome in outcomes if outcome != FrameOutcome.VALID}
 
 
 def words(outcome: PointOutcome | FrameOutcome) -> str:
@@ -187,11 +179,9 @@ def flyer_problem(
 ) -> tuple[str, str]:
     """The reason why the flyer's displacement is unknown, and the remedy.
 
-    Each is a text that follows the region's key.
-
-    ``length``: length of the specimen at rest [m]. ``length_sigma``: its declared standard uncertainty [m].
-    ``subset``: side of the subsets [px]. If the flyer's region is narrower, a smaller subset is the first
-    remedy.
+    Each is a text that follows the region's key. ``length``: length of the specimen at rest [m].
+    ``length_sigma``: its declared standard uncertainty [m]. ``subset``: side of the subsets [px]. If the
+    flyer's region is narrower, a smaller subset is the first remedy.
     """
     seen = np.zeros(0, dtype=np.int64) if result.flyer is None else np.flatnonzero(result.flyer.n_valid)
     if not seen.size:

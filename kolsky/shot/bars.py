@@ -35,7 +35,6 @@ from kolsky.base.units import in_us
 from kolsky.readers.contents import clock_words
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_recordings
-from kolsky.schema.apparatus import REDUCTION_KEYS
 from kolsky.schema.bars import BarsShotFile, GaugeSection, WavesShotFile
 from kolsky.schema.shot_file import Source, parsed
 from kolsky.shot.evidence import Evidence, entries, missing_files
@@ -189,10 +188,6 @@ def _station_calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
     return found
 
 
-NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
-"""Placeholder for tests in which the bars touch, without a specimen."""
-
-
 def load_waves(source: Source) -> WavesInput:
     """Load and check the input of `kolsky waves`.
 
@@ -204,12 +199,16 @@ def load_waves(source: Source) -> WavesInput:
     declared = file.validated(WavesShotFile)
     given = _waves_input(file, declared)
     specimen = Specimen(**declared.specimen.model_dump())
-    _narrower(file, given.bars, specimen)
+    for side, bar in given.bars.items():
+        if specimen.diameter > bar.diameter:
+            raise file.error(
+                "specimen.diameter",
+                "is wider than the bar, which loads only the area of its face",
+                allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
+            )
     waves = declared.waves
     windows = None
-    if waves.incident is not None:
-        assert waves.reflected is not None  # the schema requires all three
-        assert waves.transmitted is not None
+    if waves.incident and waves.reflected and waves.transmitted:  # the schema requires all three
         windows = Windows(waves.incident, waves.reflected, waves.transmitted, source="shot file")
     uncertainty = declared.uncertainty.for_waves()
     alike = bool(uncertainty.pop("bars_alike"))
@@ -254,9 +253,8 @@ def _switches(file: TomlFile, stated: Mapping[str, bool], two_stations: bool) ->
 def load_bars(source: Source) -> WavesInput:
     """Load and check the input of `kolsky wavespeed`: bars and gauges, no specimen.
 
-    The specimen of the result is a placeholder of zero length. It must not be used.
-
-    Raises InputError as `load_waves`.
+    The specimen of the result is a placeholder of zero length. It must not be used. Raises InputError as
+    `load_waves`.
     """
     file = parsed(source)
     return _waves_input(file, file.validated(BarsShotFile))
@@ -285,7 +283,17 @@ def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
         section = getattr(declared.bars, side)
         given = section.model_dump(exclude={"youngs_modulus", "wave_speed", "prony"})
         bars[side] = Bar(youngs_modulus=section.modulus, **given)
-    _on_its_bar(file, gauges, bars)
+    refuse(
+        [
+            file.error(
+                f"{_shot_file_table(key)}.distance",
+                "lies beyond the bar's other end",
+                allowed=f"below the bar's length, {1e3 * bar.length:.6g} mm",
+            )
+            for key, gauge in gauges.items()
+            if gauge.distance >= (bar := bars[key.removesuffix(" far")]).length
+        ]
+    )
     recordings, hashes = _recordings_of(file, declared, gauges, folder)
     clocks = {
         f"recorders.{name}": recording.time
@@ -302,7 +310,7 @@ def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
             raise file.error(f"{_shot_file_table(key)}.bridge", str(error)) from error
     return WavesInput(
         name=declared.name or folder.resolve().name,
-        specimen=NOTHING,
+        specimen=Specimen(diameter=0.0, length=0.0, density=0.0),
         bars=bars,
         stations=stations,
         load=declared.waves.load,
@@ -310,36 +318,6 @@ def _waves_input(file: TomlFile, declared: BarsShotFile) -> WavesInput:
         inputs={file.path.name: file.sha256, **hashes},
         settings=declared_settings(file.content),
         notes=_recording_notes(declared, recordings),
-    )
-
-
-def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mapping[str, Bar]) -> None:
-    """Check that every gauge lies within the length of its bar."""
-    refuse(
-        [
-            file.error(
-                f"{_shot_file_table(key)}.distance",
-                "lies beyond the bar's other end",
-                allowed=f"below the bar's length, {1e3 * bar.length:.6g} mm",
-            )
-            for key, gauge in gauges.items()
-            if gauge.distance >= (bar := bars[key.removesuffix(" far")]).length
-        ]
-    )
-
-
-def _narrower(file: TomlFile, bars: Mapping[str, Bar], specimen: Specimen) -> None:
-    """Check that the specimen is not wider than a bar."""
-    refuse(
-        [
-            file.error(
-                "specimen.diameter",
-                "is wider than the bar, which loads only the area of its face",
-                allowed=f"up to the {side} bar's diameter, {1e3 * bar.diameter:.6g} mm",
-            )
-            for side, bar in bars.items()
-            if specimen.diameter > bar.diameter
-        ][:1]
     )
 
 
@@ -358,6 +336,8 @@ def declared_settings(content: Mapping[str, Any]) -> dict[str, str]:
 
 
 WAVES = ("incident", "reflected", "transmitted")
+SIZES = {"diameter": "m", "length": "m", "density": "kg/m^3"}
+"""SI units of the sizes of a specimen or a bar."""
 
 
 @dataclass(frozen=True)
@@ -429,17 +409,11 @@ Row = tuple[str, str, float | int | str, str]
 def bar_rows(shot: CheckedBars) -> list[Row]:
     """The checked values as rows, in the order of the shot file."""
     given = shot.given
-    rows: list[Row] = [
-        ("specimen", "diameter", given.specimen.diameter, "m"),
-        ("specimen", "length", given.specimen.length, "m"),
-        ("specimen", "density", given.specimen.density, "kg/m^3"),
-    ]
+    rows: list[Row] = [("specimen", key, getattr(given.specimen, key), unit) for key, unit in SIZES.items()]
     for side, bar in given.bars.items():
         section = f"bars.{side}"
+        rows += [(section, key, getattr(bar, key), unit) for key, unit in SIZES.items()]
         rows += [
-            (section, "diameter", bar.diameter, "m"),
-            (section, "length", bar.length, "m"),
-            (section, "density", bar.density, "kg/m^3"),
             (section, "wave speed", bar.wave_speed, "m/s"),
             (section, "modulus", bar.youngs_modulus, "Pa"),
             (section, "poisson", bar.poisson, ""),
@@ -447,7 +421,18 @@ def bar_rows(shot: CheckedBars) -> list[Row]:
     for key, station in given.stations.items():
         signal = {"incident": shot.incident, "transmission": shot.transmission}.get(key)
         rows += _gauge_rows(f"gauges.{key.replace(' ', '_')}", station, signal)
-    rows += _wave_rows(shot)
+    rows += [
+        ("waves", "load", shot.load, ""),
+        ("waves", "arrival at the incident gauge", shot.arrival.time, "s"),
+        ("waves", "duration of the incident pulse", shot.arrival.end - shot.arrival.time, "s"),
+    ]
+    for name, check in zip(WAVES[1:], shot.checks, strict=True):
+        rows.append(("waves", f"{name} pulse, predicted", check.predicted, "s"))
+        rows.append(("waves", f"{name} pulse", check.reason, ""))
+    rows.append(("waves", "windows by", shot.windows.source, ""))
+    for name in WAVES:
+        first, last = getattr(shot.windows, name)
+        rows.append(("waves", f"{name} window", f"{in_us(first)} to {in_us(last)}", ""))
     rows += [("corrections", key, _switch_words(given, key), "") for key in CORRECTIONS]
     return rows
 
@@ -459,13 +444,6 @@ def _switch_words(given: WavesInput, key: str) -> str:
     if key == "radial inertia" and key not in given.switches.stated:
         return "on where the specimen is soft"
     return "on" if given.switches[key] else "off"
-
-
-def undeclared(shot: CheckedBars) -> list[str]:
-    """Keys of [uncertainty] that are taken as exact; of modulus and wave speed, one is enough."""
-    stated = {key for key, value in shot.given.uncertainty.items() if value > 0.0}
-    other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}
-    return [key for key in REDUCTION_KEYS if key not in stated and other.get(key) not in stated]
 
 
 def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -> list[Row]:
@@ -507,19 +485,3 @@ def _calibration_rows(station: StationInput) -> str:
         return f"bridge {known.kind}, {known.gauge_factor:g} at {known.excitation:g} V, gain {known.gain:g}"
     assert isinstance(known, Linear)  # there is no third kind
     return "strain in the file" if known.unit == "1" else f"{known.factor:g} 1/V"
-
-
-def _wave_rows(shot: CheckedBars) -> list[Row]:
-    rows: list[Row] = [
-        ("waves", "load", shot.load, ""),
-        ("waves", "arrival at the incident gauge", shot.arrival.time, "s"),
-        ("waves", "duration of the incident pulse", shot.arrival.end - shot.arrival.time, "s"),
-    ]
-    for name, check in zip(WAVES[1:], shot.checks, strict=True):
-        rows.append(("waves", f"{name} pulse, predicted", check.predicted, "s"))
-        rows.append(("waves", f"{name} pulse", check.reason, ""))
-    rows.append(("waves", "windows by", shot.windows.source, ""))
-    for name in WAVES:
-        first, last = getattr(shot.windows, name)
-        rows.append(("waves", f"{name} window", f"{in_us(first)} to {in_us(last)}", ""))
-    return rows

@@ -104,22 +104,13 @@ class Change:
         for name, factor in other.specimen.items():
             factors[name] = factors.get(name, 1.0) * factor
         return Change(
+            **{name: getattr(self, name) * getattr(other, name) for name in _FACTORS},
+            **{name: getattr(self, name) + getattr(other, name) for name in _SUMS},
             values={**self.values, **other.values},
             specimen=factors,
-            motion=self.motion * other.motion,
-            force_factor=self.force_factor * other.force_factor,
             force_offset=self.force_offset * other.force_factor + other.force_offset,
-            force_lag=self.force_lag + other.force_lag,
             spread=hypot(self.spread, other.spread),
-            outline_lag=self.outline_lag + other.outline_lag,
-            y_offset=self.y_offset + other.y_offset,
-            Z_offset=self.Z_offset + other.Z_offset,
             mirror=self.mirror if isnan(other.mirror) else other.mirror,
-            film=self.film * other.film,
-            picture=self.picture * other.picture,
-            time_constant=self.time_constant + other.time_constant,
-            leak=self.leak + other.leak,
-            flyer_share=self.flyer_share + other.flyer_share,
             curve={**self.curve, **other.curve},
         )
 
@@ -142,6 +133,8 @@ class Change:
         return *force, *channel, *self.sight, self.Z_offset
 
 
+_FACTORS = ("motion", "force_factor", "film", "picture")
+_SUMS = ("force_lag", "outline_lag", "y_offset", "Z_offset", "time_constant", "leak", "flyer_share")
 UNCHANGED = Change()
 """No change: every input has its declared value."""
 

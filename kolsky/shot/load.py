@@ -6,6 +6,7 @@ first recording that ends.
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,13 +58,12 @@ def window(
 ) -> tuple[float, float]:
     """The window on the shot's clock: as declared, or from the last static frame to the last usable one.
 
-    The last usable frame lies before the end of symmetry, and all recordings cover it.
-
-    ``toml``: the shot file. ``frame_time``: frame times on the shot's clock [s], shape [n_frames].
-    ``flyer_end``: time of the last flyer displacement [s]. ``scope``: the force channel. ``scope_time``: its
-    sample times on the shot's clock [s], shape [n_samples]. ``symmetry_end``: time at which the flyer leaves
-    its first direction [s]; None if it does not, or if the time is unknown. Raises InputError if the specimen
-    already moves at the start, or if the recordings do not cover the window.
+    The last usable frame lies before the end of symmetry, and all recordings cover it. ``toml``: the shot
+    file. ``frame_time``: frame times on the shot's clock [s], shape [n_frames]. ``flyer_end``: time of the
+    last flyer displacement [s]. ``scope``: the force channel. ``scope_time``: its sample times on the shot's
+    clock [s], shape [n_samples]. ``symmetry_end``: time at which the flyer leaves its first direction [s];
+    None if it does not, or if the time is unknown. Raises InputError if the specimen already moves at the
+    start, or if the recordings do not cover the window.
     """
     declared = toml.declared
     rest = float(frame_time[declared.frames.static - 1])
@@ -148,7 +148,6 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     toml, frames = _open(file)
     declared = toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
-    moves = _moves(toml, rest)
     surface, flyer, table, inputs = declared.surface, None, None, dict[str, str]()
     if surface is not None:
         centre_line, flyer, inputs = measured_surface(toml, surface, frames)
@@ -157,9 +156,11 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
         return _with_pictures(toml, frames, rest, measure)
     if flyer is None:
         assert declared.flyer is not None  # checked by the schema
-        flyer, inputs[declared.flyer.file] = flyer_motion(frames, declared.flyer, toml, check=moves)
+        flyer, inputs[declared.flyer.file] = flyer_motion(
+            frames, declared.flyer, toml, check=partial(_check_travel, toml, rest)
+        )
     else:
-        moves(flyer)
+        _check_travel(toml, rest, flyer)
         body_moves(flyer, rest, source_of_line, toml)
     if surface is None:
         assert declared.centre_line is not None  # checked above
@@ -173,20 +174,13 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     base |= incident_to_compare(toml, span)
     fitted = surface is not None and surface.frame == "cylinder"
     return with_warnings(
-        Shot(
-            **base,
-            flyer=flyer,
-            centre_line=centre_line,
-            window=span,
-            notes=notes,
-            axis_by_radius=fitted,
-        )
+        Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes, axis_by_radius=fitted)
     )
 
 
-def _moves(toml: ShotToml, rest: float) -> Callable[[FlyerMotion], object]:
-    """A check of a flyer's motion; `rest` is the time of the last static frame [s]."""
-    return lambda flyer: gate(Evidence(file=toml, declared=toml.declared, **travel_of(flyer, rest)))
+def _check_travel(toml: ShotToml, rest: float, flyer: FlyerMotion) -> None:
+    """Check a flyer's motion; `rest` is the time of the last static frame [s]."""
+    gate(Evidence(file=toml, declared=toml.declared, **travel_of(flyer, rest)))
 
 
 def load_pictures(source: Source) -> PicturedShot:
@@ -254,15 +248,16 @@ def _with_pictures(
     base = fields_of(shot)
     base |= incident_to_compare(toml, span)
     base["uncertainty"] = {**found.offsets, **shot.uncertainty}  # declared values take precedence
-    loaded = Shot(
-        **base,
-        flyer=found.flyer,
-        centre_line=found.centre_line,
-        window=span,
-        symmetry_end=found.symmetry_end,
-        axis_by_radius=True,
+    loaded = with_warnings(
+        Shot(
+            **base,
+            flyer=found.flyer,
+            centre_line=found.centre_line,
+            window=span,
+            symmetry_end=found.symmetry_end,
+            axis_by_radius=True,
+        )
     )
-    loaded = with_warnings(loaded)
     return loaded if found.rim is None else _with_length(loaded, found.rim)
 
 
@@ -370,11 +365,6 @@ REACH = 0.9
 """Largest simulated approach of the faces, divided by the specimen's length [-]."""
 
 
-def bar_force(reduction: Reduction, waves: FaceWaves) -> BarForce:
-    """The transmitted force of a bar reduction, as the force of a shot."""
-    return BarForce(*back_force(reduction, waves))
-
-
 def driven_by_waves(
     base: ShotBase,
     reduction: Reduction,
@@ -442,7 +432,7 @@ def load_bar_driven(source: Source) -> Shot:
             **fields,
             support="bar",
             transmission_bar=Bar(**vars(given.bars["transmission"])),
-            force=bar_force(result.reduction, result.faces),
+            force=BarForce(*back_force(result.reduction, result.faces)),
         )
         shot = driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     return with_warnings(shot)

@@ -1,12 +1,10 @@
 """Plausibility checks of a shot's inputs, before any computation.
 
-Inputs are compared with each other and with usual values.
-
-A rule is one function and one line of `RULES`; rules for single declared values are in
-`kolsky.shot.declared_values`. A rule compares the known inputs and yields findings. A warning names both keys
-and both values. For a contradiction, the shot is rejected, with the unit or factor that would correct it.
-`gate` is called as soon as a record is read. It therefore reports the cause before a later check finds its
-effect.
+Inputs are compared with each other and with usual values. A rule is one function and one line of `RULES`;
+rules for single declared values are in `kolsky.shot.declared_values`. A rule compares the known inputs and
+yields findings. A warning names both keys and both values. For a contradiction, the shot is rejected, with
+the unit or factor that would correct it. `gate` is called as soon as a record is read. It therefore reports
+the cause before a later check finds its effect.
 """
 
 import math
@@ -291,8 +289,7 @@ def _radius_cure(e: Evidence, table: str, middle: float, y: FloatArray) -> str:
         )
     if factor == 2.0:
         return likely_causes(
-            f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?',
-            by_offset,
+            f'specimen.diameter = "{1e3 * radius:.6g} mm" would fit: was twice the diameter given?', by_offset
         )
     if factor is not None:
         return likely_causes(
@@ -331,8 +328,6 @@ def _curve_reach(e: Evidence) -> Iterator[Finding]:
 
 def quasi_static_stress(curve: MaterialCurve, strain: float) -> tuple[float, float]:
     """Smallest and largest compressive nominal stress at a strain [Pa], as magnitudes.
-
-    They follow from the moduli of the curve.
 
     Each point of the curve gives the modulus mu of a neo-Hookean material with that stress,
     sigma = mu (lambda - lambda^-2). The smallest and the largest mu give the stresses at ``strain``.
@@ -387,19 +382,15 @@ def _force_over_area(e: Evidence) -> Iterator[Finding]:
         causes.insert(0, unit_cure(e.file, "curve.strain", "1", 100.0))
     yield e.finding(
         key,
-        f"gives {_kpa(most)} at the test's strain of {strain:.2g} (largest stress of the curve"
-        f" {_kpa(float(np.abs(e.curve.stress).max()))}), and the largest force of {peak:.4g} N"
-        f" (force.sensitivity) over the area by specimen.diameter is {_kpa(measured)},"
+        f"gives {1e-3 * most:.3g} kPa at the test's strain of {strain:.2g} (largest stress of the curve"
+        f" {1e-3 * np.abs(e.curve.stress).max():.3g} kPa), and the largest force of {peak:.4g} N"
+        f" (force.sensitivity) over the area by specimen.diameter is {1e-3 * measured:.3g} kPa,"
         f" {measured / most:.3g} times as much",
         allowed=f"within {SOFTENING:.2g} to {STIFFENING:g} times" if high or low else None,
         cure=likely_causes(*causes)
         or "check curve.stress, force.sensitivity and specimen.diameter; a true ratio needs no change",
         contradiction=high or low,
     )
-
-
-def _kpa(stress: float) -> str:
-    return f"{1e-3 * stress:.3g} kPa"
 
 
 RULES: tuple[Rule, ...] = (
@@ -426,9 +417,7 @@ def findings(evidence: Evidence) -> list[Finding]:
 
 
 def gate(evidence: Evidence) -> tuple[str, ...]:
-    """Reject contradictions.
-
-    Returns the warnings, one sentence each.
+    """Reject contradictions and return the warnings, one sentence each.
 
     Raises InputError for a contradiction, `InputErrors` for several.
     """

@@ -7,12 +7,12 @@ import numpy as np
 
 from dic.files import one_line
 from kolsky.bars.flyer.front_path import BarForce
-from kolsky.base.records import CentreLine, FlyerMotion
+from kolsky.base.records import FlyerMotion
 from kolsky.pictures.picture_set import CAMERAS, readable
 from kolsky.readers.contents import clock_words
 from kolsky.readers.table import layout_in_words
 from kolsky.schema.apparatus import CONTACT_KEYS, IDENTIFY_KEYS, REDUCTION_KEYS, keys_read
-from kolsky.shot.bars import CheckedBars, bar_rows, undeclared
+from kolsky.shot.bars import SIZES, CheckedBars, bar_rows
 from kolsky.shot.inputs import INPUTS
 from kolsky.shot.plausibility import evidence_of, gate
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
@@ -176,8 +176,11 @@ def _motion_entries(shot: Shot) -> list[Entry]:
     ]
 
 
-def _centre_line_entries(line: CentreLine, shot: Shot) -> list[Entry]:
+def _centre_line_entries(shot: Shot) -> list[Entry]:
     """The outline: its points, and the frames with points."""
+    line = shot.centre_line
+    if line is None:
+        return []
     inside = _inside(shot, line.time)
     _, counts = np.unique(line.frame[inside], return_counts=True)
     return [
@@ -186,12 +189,11 @@ def _centre_line_entries(line: CentreLine, shot: Shot) -> list[Entry]:
         Entry("centre_line", "frames with points in the window", int(counts.size)),
         Entry("centre_line", "fewest points in a frame", int(counts.min())),
         Entry("centre_line", "most points in a frame", int(counts.max())),
-        Entry("centre_line", "smallest y", float(line.y.min()), "m"),
-        Entry("centre_line", "largest y", float(line.y.max()), "m"),
-        Entry("centre_line", "smallest Z", float(line.Z.min()), "m"),
-        Entry("centre_line", "largest Z", float(line.Z.max()), "m"),
-        Entry("centre_line", "smallest sigma", float(line.sigma.min()), "m"),
-        Entry("centre_line", "largest sigma", float(line.sigma.max()), "m"),
+        *(
+            Entry("centre_line", f"{words} {name}", float(end(getattr(line, name))), "m")
+            for name in ("y", "Z", "sigma")
+            for words, end in (("smallest", np.min), ("largest", np.max))
+        ),
     ]
 
 
@@ -204,17 +206,16 @@ TABLES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
 def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
     """All entries of a shot's summary, in the order of the shot file."""
     if isinstance(shot, CheckedBars):
-        entries = [Entry(*row) for row in bar_rows(shot)]
-        entries += [
-            Entry("uncertainty", key, value)
-            for key in REDUCTION_KEYS
-            if (value := shot.given.uncertainty.get(key, 0.0)) > 0.0
+        stated = {k: v for k in REDUCTION_KEYS if (v := shot.given.uncertainty.get(k, 0.0)) > 0.0}
+        other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}  # one of them is enough
+        exact = [key for key in REDUCTION_KEYS if key not in stated and other.get(key) not in stated]
+        uncertainty = {**stated, **dict.fromkeys(exact, EXACT)}
+        return [
+            *(Entry(*row) for row in bar_rows(shot)),
+            *(Entry("uncertainty", key, value) for key, value in uncertainty.items()),
         ]
-        return entries + [Entry("uncertainty", key, EXACT) for key in undeclared(shot)]
     return [
-        Entry("specimen", "diameter", shot.specimen.diameter, "m"),
-        Entry("specimen", "length", shot.specimen.length, "m"),
-        Entry("specimen", "density", shot.specimen.density, "kg/m^3"),
+        *(Entry("specimen", key, getattr(shot.specimen, key), unit) for key, unit in SIZES.items()),
         Entry("interface", "faces", shot.interface.faces),
         Entry("interface", "side", shot.interface.side),
         *(
@@ -225,11 +226,7 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
         *_bodies(shot),
         *_force_entries(shot),
         *(_motion_entries(shot) if isinstance(shot, Shot) else []),
-        *(
-            _centre_line_entries(shot.centre_line, shot)
-            if isinstance(shot, Shot) and shot.centre_line
-            else []
-        ),
+        *(_centre_line_entries(shot) if isinstance(shot, Shot) else []),
         *(_picture_entries(shot) if isinstance(shot, PicturedShot) else []),
         *_curve(shot),
         Entry("model", "poisson", shot.model.poisson),
@@ -316,10 +313,8 @@ def _curve(shot: ShotBase) -> list[Entry]:
     loaded = curve.stress != 0.0
     relative = curve.total_sigma[loaded] / np.abs(curve.stress[loaded])
     common = 0 if curve.modes is None else len(curve.modes)
-    other = [] if curve.conditioned is None else [Entry("curve", "conditioned curve", "yes")]
-    law = [] if curve.law is None else [Entry("curve", "law", curve.law.NAME)]
     return [
-        *law,
+        *([] if curve.law is None else [Entry("curve", "law", curve.law.NAME)]),
         Entry("curve", "branch", "compression" if curve.stretch[-1] < 1.0 else "tension"),
         Entry("curve", "points", int(curve.stretch.size)),
         Entry("curve", "stretch at the end", float(curve.stretch[-1])),
@@ -327,7 +322,7 @@ def _curve(shot: ShotBase) -> list[Entry]:
         Entry("curve", "smallest relative sigma", float(relative.min())),
         Entry("curve", "largest relative sigma", float(relative.max())),
         *([Entry("curve", "uncertainties common to all points", common)] if common else []),
-        *other,
+        *([] if curve.conditioned is None else [Entry("curve", "conditioned curve", "yes")]),
     ]
 
 

@@ -100,11 +100,10 @@ def surface_history(
 def flyer_motion(export: DicExport, placement: Placement, time: FloatArray, *, sigma: float) -> FlyerMotion:
     """Mean displacement toward the specimen of the points that are valid in every frame.
 
-    Other points are left out. With a tilted flyer they would cause steps of the mean.
-
-    ``export``: points on the flyer. ``placement``: position of the test frame; the flyer moves toward -y.
-    ``time``: times of the frames on the shot's clock [s], shape [n_frames]. ``sigma``: standard deviation of
-    one displacement of the mean [m]. Raises ValueError if no point is valid in every frame.
+    Other points are left out. With a tilted flyer they would cause steps of the mean. ``export``: points on
+    the flyer. ``placement``: position of the test frame; the flyer moves toward -y. ``time``: times of the
+    frames on the shot's clock [s], shape [n_frames]. ``sigma``: standard deviation of one displacement of the
+    mean [m]. Raises ValueError if no point is valid in every frame.
     """
     kept = np.all(export.state == PointState.VALID, axis=0)
     if not kept.any():
@@ -230,12 +229,11 @@ def check_outline(
 ) -> None:
     """Check that the points have a plausible radius and lie between the platens.
 
-    `kolsky.shot.plausibility` has already checked the points at rest.
-
-    ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: its file. ``rest``: time
-    of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the shot file.
-    ``line_of``: line of a row in the file, if the file is a table. Raises InputError for the first point that
-    cannot be on this specimen's outline. The same error is raised if no point is in the window.
+    `kolsky.shot.plausibility` has already checked the points at rest. ``line``: the outline in the shot's
+    coordinates, rows as in the file. ``path``: its file. ``rest``: time of the last static frame on the
+    shot's clock [s]. ``span``: the window [s]. ``toml``: the shot file. ``line_of``: line of a row in the
+    file, if the file is a table. Raises InputError for the first point that cannot be on this specimen's
+    outline. The same error is raised if no point is in the window.
     """
     length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
     low, high = -0.1 * length, 1.1 * length
@@ -274,9 +272,7 @@ def each_once(line: CentreLine, table: FrameTable) -> tuple[CentreLine, tuple[st
     """The outline without duplicate points, and a note about the duplicates.
 
     A repeated row in an export is one measurement. If it counted several times, it would have too much weight
-    and bias the result.
-
-    ``line``: the outline, rows as in the file, shape [n].
+    and bias the result. ``line``: the outline, rows as in the file, shape [n].
     """
     rows = np.column_stack([line.frame, line.y, line.Z])
     _, first, counts = np.unique(rows, axis=0, return_index=True, return_counts=True)

@@ -16,7 +16,7 @@ from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.budget import budget_table, merge_quantities, propagate
 from kolsky.bars.flyer.events import FlyerEvents, flyer_events
 from kolsky.bars.flyer.path import path_strain
-from kolsky.bars.flyer.synchronisation import Agreement, Synchronisation, synchronise
+from kolsky.bars.flyer.synchronisation import Agreement, synchronise
 from kolsky.bars.guides.propagation import BarsTogether, wave_speed
 from kolsky.bars.records import BarSignal, FlyerResult, History, Quantity, ReducedTest, Reduction, Signal
 from kolsky.bars.reduction.analyse import analyse
@@ -159,12 +159,18 @@ class FlyerTest:
 
     def outputs(self, values: Mapping[str, float]) -> dict[str, FloatArray]:
         """Reported numbers and forces, for the uncertainty budget."""
-        r = self.reduced(values, AuditLog(self.given.switches)).reduction
-        return {
-            "largest strain": r.strain["three waves"].value,
-            "back stress": r.stress["one wave"].value,
-            "front stress": r.stress["two waves"].value,
-        }
+        reduction = self.reduced(values, AuditLog(self.given.switches)).reduction
+        return {name: history.value for name, history in _reported(reduction).items()}
+
+
+def _reported(reduction: Reduction) -> dict[str, History]:
+    """The histories of the uncertainty budget."""
+    stress = reduction.stress
+    return {
+        "largest strain": reduction.strain["three waves"],
+        "back stress": stress["one wave"],
+        "front stress": stress["two waves"],
+    }
 
 
 def _channel_force(
@@ -222,53 +228,38 @@ def analyse_flyer(given: FlyerInput, *, progress: Progress = lambda stage, done,
         transmitted=transmitted.signal,
         bar=shot.transmission_bar,
     )
-    sync = _synchronised(given, motion, incident, rest)
+    sync = None
+    if incident is not None and given.mass > 0.0:
+        zero = next(q for q in incident.quantities if q.name.endswith("zero"))
+        travel = EARLY * shot.specimen.length
+        sync = synchronise(
+            motion, incident.signal, mass=given.mass, rest=rest, travel=travel, sigma_zero=zero.sigma
+        )
     progress("waves", 1, 3)
     last = min(events.path.end, events.usable[0], inf if shot.symmetry_end is None else shot.symmetry_end)
     time = transmitted.signal.time
     state = FlyerTest(given, events, time[(time >= rest) & (time <= last)])
     log = AuditLog(given.switches)
-    for force in (incident, transmitted):
-        log.add(*([] if force is None else force.corrections))
+    forces = [force for force in (incident, transmitted) if force is not None]
+    log.add(*(correction for force in forces for correction in force.corrections))
     found = state.reduced({}, log)
     progress("waves", 2, 3)
-    return _result(given, state, found, log, (incident, transmitted), events, sync, progress)
-
-
-def _result(
-    given: FlyerInput,
-    state: FlyerTest,
-    found: Reduced,
-    log: AuditLog,
-    forces: tuple[ForceSignal | None, ForceSignal],
-    events: FlyerEvents,
-    sync: Synchronisation | None,
-    progress: Progress,
-) -> FlyerResult:
-    shot, r = given.shot, found.reduction
-    quantities = [q for force in forces if force is not None for q in force.quantities]
-    u = given.uncertainty
+    r, u = found.reduction, given.uncertainty
+    quantities = [q for force in forces for q in force.quantities]
     quantities += length_quantities(shot.specimen, {}, u)
     if given.incident is not None and given.mass > 0.0:
         quantities.append(Quantity("flyer, mass", given.mass, given.mass * u.get("mass", 0.0), "kg", "B"))
-    budget = propagate(
-        state.outputs,
-        merge_quantities(quantities),
-        noise={
-            "largest strain": r.strain["three waves"].sigma,
-            "back stress": r.stress["one wave"].sigma,
-            "front stress": r.stress["two waves"].sigma,
-        },
-    )
-    names = {"largest strain": "1", "back stress": "Pa"} | (
-        {} if given.incident is None else {"front stress": "Pa"}
-    )
+    noise = {name: history.sigma for name, history in _reported(r).items()}
+    budget = propagate(state.outputs, merge_quantities(quantities), noise=noise)
     last = int(np.argmax(np.abs(r.strain["three waves"].value)))
+    rows = {"largest strain": ("largest strain", last, "1"), "back stress there": ("back stress", last, "Pa")}
+    if given.incident is not None:
+        rows["front stress there"] = ("front stress", last, "Pa")
     progress("waves", 3, 3)
     facts: dict[str, tuple[float, str]] = {
         "largest strain rate": (float(np.abs(r.rate["three waves"].value).max()), "1/s"),
         "largest acceleration of the flyer": (float(np.abs(found.acceleration.value).max()), "m/s^2"),
-        **{f"noise, {force.signal.name}": (force.signal.sigma, "N") for force in forces if force is not None},
+        **{f"noise, {force.signal.name}": (force.signal.sigma, "N") for force in forces},
     }
     if sync is not None:
         facts |= {"lag of the cameras": (sync.lag, "s"), "its standard uncertainty": (sync.sigma, "s")}
@@ -288,18 +279,12 @@ def _result(
         load="compression",
         reduction=r,
         corrections=log.corrections,
-        budget=budget_table(
-            budget,
-            {
-                name if name == "largest strain" else f"{name} there": (name, last, unit)
-                for name, unit in names.items()
-            },
-        ),
+        budget=budget_table(budget, rows),
         facts=facts,
         remarks=tuple(remarks),
         inputs=shot.inputs,
         settings=given.settings,
-        signals=tuple(force.signal for force in forces if force is not None),
+        signals=tuple(force.signal for force in forces),
         events=_flyer_events(events, shot, pictured=given.pictured),
         valid=window if window is not None and window[1] > window[0] else None,
         validity=judged,
@@ -328,22 +313,6 @@ def _flyer_events(
     return (*rows, ("end of symmetry", shot.symmetry_end, frame / sqrt(12.0), how))
 
 
-def _synchronised(
-    given: FlyerInput, motion: FlyerMotion, incident: ForceSignal | None, rest: float
-) -> Synchronisation | None:
-    if incident is None or given.mass <= 0.0:
-        return None
-    zero = next(q for q in incident.quantities if q.name.endswith("zero"))
-    return synchronise(
-        motion,
-        incident.signal,
-        mass=given.mass,
-        rest=rest,
-        travel=EARLY * given.shot.specimen.length,
-        sigma_zero=zero.sigma,
-    )
-
-
 __all__ = ["waves"]
 
 
@@ -351,8 +320,6 @@ def _load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
     """Load a flyer test for `kolsky waves`."""
     toml = shot_toml(source)
     declared = toml.declared
-    section = declared.incident_force
-    incident = incident_channel(toml)
     waves = declared.waves or WavesSection()
     if "analysis" in waves.model_fields_set:
         raise toml.error(
@@ -362,8 +329,8 @@ def _load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
         )
     return FlyerInput(
         shot=shot,
-        incident=incident,
-        mass=0.0 if section is None else section.mass,
+        incident=incident_channel(toml),
+        mass=0.0 if declared.incident_force is None else declared.incident_force.mass,
         pictured=declared.flyer is None and declared.pictures is not None,
         share=waves.share,
         switches=Switches(waves.corrections),
@@ -380,10 +347,7 @@ CURE = "correct the gauge or bar that it names in shot.toml"
 
 
 def waves(
-    shot: str | Path,
-    *,
-    results: Path | None = None,
-    progress: Progress = lambda stage, done, total: None,
+    shot: str | Path, *, results: Path | None = None, progress: Progress = lambda stage, done, total: None
 ) -> ReducedTest:
     """Forces, strain, rate and stress of a test by classical means, with corrections and budget.
 
@@ -467,9 +431,7 @@ class RepeatedShots:
 
 
 def repeats(
-    shots: Sequence[str | Path],
-    *,
-    progress: Progress = lambda stage, done, total: None,
+    shots: Sequence[str | Path], *, progress: Progress = lambda stage, done, total: None
 ) -> RepeatedShots:
     """Reduce repeats of one test between bars and average their stress at equal strain.
 

@@ -8,14 +8,14 @@ import numpy as np
 
 import explicit
 from explicit.materials import marlow_from_curve
-from kolsky.bars.flyer.front_path import BarForce
+from kolsky.bars.flyer.front_path import BarForce, back_force
 from kolsky.bars.records import FaceWaves, History, Reduction
 from kolsky.bars.reduction.windows import StationInput, WavesInput
 from kolsky.bars.signals.bridge import Linear
 from kolsky.base.apparatus import Bar, Interface, Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import ForceHistory, MaterialCurve, Recording
-from kolsky.shot.load import bar_force, driven_by_waves
+from kolsky.shot.load import driven_by_waves
 from kolsky.shot.records import ModelSettings, Shot, ShotBase
 
 BAR = Bar(diameter=12.7e-3, length=1.5, youngs_modulus=70e9, density=2700.0)
@@ -200,5 +200,5 @@ def base() -> ShotBase:
 def classical_shot(seed: int, *, scale: float = SCALE, end: float | None = None) -> Shot:
     """The record as a shot for the inverse method."""
     reduction, waves = record(seed, scale=scale)
-    whole = replace(base(), force=bar_force(reduction, waves))
+    whole = replace(base(), force=BarForce(*back_force(reduction, waves)))
     return driven_by_waves(whole, reduction, waves, end=end)

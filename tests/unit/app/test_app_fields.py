@@ -218,7 +218,6 @@ def test_residuals_are_arrows_from_what_was_measured() -> None:
         np.array([[10.0, 20.0], [30.0, 40.0]]),
         np.full(2, 0.01),
         np.array([[0.1, -0.2], [0.0, 0.5]]),
-        np.zeros((2, 2)),
         np.array([True, False]),
     )
     svg = view_svg(view, 100.0, 1.0)

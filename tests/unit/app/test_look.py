@@ -22,7 +22,8 @@ from simulated import walk
 from synthetic import fit, synthetic
 
 from kolsky.app.copies import changed_value, copy_with, original_of
-from kolsky.app.look import answer_words, misfit_words, picture_source
+from kolsky.app.frame import source_of
+from kolsky.app.look import PICTURE_WIDTH, answer_words, misfit_words
 from kolsky.app.what_if import GRID, Misfit, WhatIf
 from kolsky.base.errors import InputError
 from kolsky.inverse.result import CauseFinding
@@ -131,10 +132,10 @@ def test_an_estimate_has_greek_letters_in_a_page() -> None:
 
 def test_a_picture_beside_the_plots_is_as_wide_as_it_is_shown() -> None:
     wide = np.random.default_rng(0).integers(0, 255, (64, 1280), dtype=np.uint8)
-    source = picture_source(Memory([wide, None]), 0)
+    source = source_of(Memory([wide, None]), 0, PICTURE_WIDTH)
     png = base64.b64decode(source.removeprefix("data:image/png;base64,"))
     assert cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_GRAYSCALE).shape == (32, 640)
-    assert picture_source(Memory([wide, None]), 1) == ""  # it cannot be read
+    assert source_of(Memory([wide, None]), 1, PICTURE_WIDTH) == ""  # it cannot be read
 
 
 def test_values_of_the_model_take_the_place_of_the_declared_ones(tmp_path: Path) -> None:

@@ -269,8 +269,6 @@ def test_a_homogeneous_compression_has_its_closed_forms_at_every_point(order):
         np.testing.assert_allclose(strain.value[..., 0], f(wide) + 0.0 * X[:, 0], atol=1e-12)
         np.testing.assert_allclose(strain.value[..., 1], f(lam) + 0.0 * X[:, 0], atol=1e-12)
         np.testing.assert_allclose(strain.value[..., 2], 0.0, atol=1e-12)
-    stretch, _ = found.principal_stretch
-    np.testing.assert_allclose(stretch[1:, :, 1], lam[1:] + 0.0 * X[:, 0], atol=1e-12)
 
 
 def test_simple_shear_and_rotation_have_their_closed_forms():
@@ -283,14 +281,12 @@ def test_simple_shear_and_rotation_have_their_closed_forms():
     found = strains(history(X, np.array([X @ (R @ shear).T])), points, GAUGE)
     # E = (FᵀF - 1)/2 with F = 1 + k e_x e_y, whatever the rotation.
     np.testing.assert_allclose(found.green_lagrange.value - [0.0, k**2 / 2, k / 2], 0.0, atol=1e-12)
-    stretch, _ = found.principal_stretch
     root = np.sqrt(1.0 + k**2 / 4.0)  # principal stretches of simple shear: root ± k/2
-    np.testing.assert_allclose(stretch - [root + k / 2, root - k / 2], 0.0, atol=1e-12)
     # Hencky's tensor has the logarithms of these as eigenvalues.
     H = found.hencky.value[0, 0]
     logs = np.linalg.eigvalsh(np.array([[H[0], H[2]], [H[2], H[1]]]))
     np.testing.assert_allclose(logs, np.log([root - k / 2, root + k / 2]), atol=1e-12)
-    angle, _ = found.principal_angle
+    angle = 0.5 * np.arctan2(2.0 * H[2], H[0] - H[1])
     np.testing.assert_allclose(np.tan(2.0 * angle), -2.0 / k, atol=1e-9)  # tan 2φ = 2 C12 / (C11 - C22)
 
 
@@ -335,10 +331,6 @@ def test_the_sigmas_of_strains_are_those_of_their_errors():
             # 60 draws of fields whose gauges overlap over 9 x 9 points: about four independent places,
             # 240 values, each standard deviation known to 1/sqrt(480) = 4.6 %.
             assert part.std(axis=(0, 1)) == pytest.approx(np.ones(3), abs=0.15)
-    (a, s), (b, _) = found.principal_stretch, true.principal_stretch
-    assert ((a - b) / s).std(axis=(0, 1)) == pytest.approx(np.ones(2), abs=0.15)
-    angle, sigma = found.principal_angle
-    assert (angle / sigma).std() == pytest.approx(1.0, abs=0.15)
 
 
 def test_noise_of_the_reference_counts_as_noise_of_the_frame_when_nothing_deforms():

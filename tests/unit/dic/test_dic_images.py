@@ -13,7 +13,7 @@ from picture_files import cih, cihx, cine, packed, twelve_bit_tiff
 from scipy.ndimage import gaussian_filter, shift
 
 from dic import FrameOutcome
-from dic.images import PictureError, Pictures, declared, frame_health, open_pictures, saturated_mask
+from dic.images import PictureError, Pictures, declared, frame_health, open_pictures
 
 SHAPE = (6, 7)  # an odd number of columns: a row of 12-bit values does not end with a byte
 
@@ -639,13 +639,6 @@ def test_where_pixels_pile_up_is_found_though_the_file_says_16_bits():
     health = frame_health(scene(gain=3.0, at_bits=16))
     assert health.ceiling == 4095
     assert frame_health(scene(gain=1.0, at_bits=16)).ceiling == 65535  # nothing piles up: nothing is guessed
-
-
-def test_saturated_pixels_and_their_neighbours():
-    picture = np.zeros((9, 9), dtype=np.uint16)
-    picture[4, 4] = 4095
-    assert saturated_mask(picture, 4095, grow=0).sum() == 1
-    np.testing.assert_array_equal(np.argwhere(saturated_mask(picture, 4095))[[0, -1]], [[3, 3], [5, 5]])
 
 
 @pytest.mark.parametrize(

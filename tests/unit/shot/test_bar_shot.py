@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from barrecord import ARRIVAL, END, FACTOR, SCALE, SPECIMEN, base, classical_shot, gauges, record, truth
 
+from kolsky.bars.flyer.front_path import BarForce, back_force
 from kolsky.bars.reduction.analyse import analyse
 from kolsky.base.files import write_tables
 from kolsky.base.records import CentreLine
@@ -19,7 +20,7 @@ from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.printed import answer, details
 from kolsky.results.tables import tables, to_json
-from kolsky.shot.load import bar_force, driven_by_waves
+from kolsky.shot.load import driven_by_waves
 from kolsky.shot.summary import summarise
 
 SETTINGS = Settings(
@@ -56,7 +57,7 @@ def test_the_interval_covers():
 def test_from_gauge_signals_to_a_stiffness():
     """The whole way: strains at two gauges, the chain of `kolsky waves`, the inverse method."""
     reduced = analyse(gauges(1))
-    force = bar_force(reduced.reduction, reduced.faces)
+    force = BarForce(*back_force(reduced.reduction, reduced.faces))
     # The budget's declared input is the calibration; what is beyond the noise is its scale, and a drift of
     # the gauges' zeros that the baseline cannot exclude, of its size at most.
     assert 0.95 * SCALE < force.sigma_gain < 1.5 * SCALE

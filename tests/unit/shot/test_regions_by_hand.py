@@ -17,6 +17,7 @@ from kolsky.pictures.regions import (
     crossing_sides,
     drawables_of_measurement,
     grid_step,
+    png_of,
     polygon_area,
     problems_of,
     snippet,
@@ -153,16 +154,13 @@ def session(tmp_path):
 
 
 def test_frames_are_shown_as_pictures(session):
-    picture = cv2.imdecode(np.frombuffer(session.png(1), np.uint8), cv2.IMREAD_UNCHANGED)
+    picture = cv2.imdecode(np.frombuffer(png_of(session.pictures, 1), np.uint8), cv2.IMREAD_UNCHANGED)
     assert picture.shape == (ROWS, COLUMNS)
-    assert isinstance(session.png(9), str)
+    assert isinstance(png_of(session.pictures, 9), str)
 
 
 def test_a_region_goes_from_the_page_into_the_file(session):
-    content = {
-        "specimen": [{"corners": SQUARE, "frame": 2}],
-        "transmission_edge": [{"corners": [[20, 39]], "frame": 0}],
-    }
+    content = {**drawn(SQUARE, 2), "transmission_edge": [Region(((20, 39),), 0)]}
     assert session.problems(content) == []
     assert session.path.read_text() == TEXT
     assert session.save(content) == []
@@ -176,17 +174,7 @@ def test_a_region_goes_from_the_page_into_the_file(session):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [
-        {"specimen": [{"corners": [[10, 10], [70, 10], [30, 30]], "frame": 0}]},
-        {"specimen": [{"corners": [[10, 10], [30, 30], [30, 10], [10, 30]], "frame": 0}]},
-        {"specimen": []},
-        {"wheel": [{"corners": SQUARE, "frame": 0}]},
-        {"specimen": [{"corners": [["1", 2]], "frame": 0}]},
-        {"specimen": [{"corners": SQUARE}]},
-        {"specimen": SQUARE},
-        [],
-    ],
+    "content", [drawn([[10, 10], [70, 10], [30, 30]]), drawn([[10, 10], [30, 30], [30, 10], [10, 30]]), {}]
 )
 def test_what_is_refused_leaves_the_file_as_it_was(session, content):
     assert session.save(content)
@@ -195,7 +183,7 @@ def test_what_is_refused_leaves_the_file_as_it_was(session, content):
 
 
 def test_a_file_that_would_be_wrong_or_was_changed_is_left_alone(session):
-    content = {"specimen": [{"corners": SQUARE, "frame": 0}]}
+    content = drawn(SQUARE)
     changed = TEXT + "# by another hand\n"
     session.path.write_text(changed)
     assert "changed meanwhile" in session.save(content)[0]
