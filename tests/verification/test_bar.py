@@ -16,13 +16,11 @@ from scene import (
     ninth_slope,
     shear_modulus,
     speed_after_rise,
-    table,
 )
 
 from explicit import CharacteristicBar, Model, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 
-TITLE = "Transmission bar by its characteristics"
 MESHES = (44, 88, 176)
 """Elements along the rod."""
 CELERITY = float(np.sqrt(YOUNG / DENSITY))
@@ -169,18 +167,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    return (
-        "force of an elastic rod on a bar with echo, and the platen's path, closed form",
-        f"{100 * max(e[-1] for e in result.force.values()):.2f} %; "
-        f"{100 * max(e[-1] for e in result.platen.values()):.2f} %",
-        f"{100 * FORCE_TOLERANCE:g} %; {100 * PLATEN_TOLERANCE:g} %",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     rows = [
         [
             name,
@@ -200,35 +188,7 @@ def page(result: Result) -> str:
         "fitted order of the path",
         "work into the bar [%]",
     ]
-    return f"""# {TITLE}
-
-**What is checked.** A boundary represents a whole elastic bar. It is v = F / Z + 2 h with the echo h(t) =
-g(t - 2 L / c) and g = F / Z + h.
-
-**Independent source.** There are three closed forms. (1) *Force*: a linear rod with ν = 0 and impedance Z_s
-carries the flyer's wave f = Z_s v(t - L/c) to the bar. There F = 2 (f - Z_s h) / (1 + Z_s / Z) until the
-echo of the rod returns. It is evaluated recursively over the round trips of the bar. (2) *Path of the
-platen*: with the recorded impulse I it is -(I(t) + 2 I(t - T) + 2 I(t - 2 T) + ...) / Z. (3) *Energy*: the
-flyer's work minus the work on the specimen is the integral of F v.
-
-**Set-up.** A rod of {1e3 * LENGTH:g} mm and {ROD:.2f} N s/m has {", ".join(map(str, MESHES))} elements and
-is driven by {1e6 * STROKE:.2f} µm. The bars have 20 and 100 times its impedance. They are endless, or have
-an echo every {ECHO:g} passages of the rod. Such soft bars only make the effect large. The step is half the
-stable step.
-
-{table(header, rows)}
-
-On the bar of the paper ({STEEL.impedance:g} N s/m, {1e6 * STEEL.round_trip:g} µs) an impact to 60 % (16 ×
-22, bonded) moves the platen by {1e6 * result.steel_travel:.1f} µm. The error of its path is
-{100 * result.steel:.2f} %.
-
-**Tolerance.** The force may differ by {100 * FORCE_TOLERANCE:g} % on the finest mesh. The element is of
-second order, and the echo is interpolated between 1024 stored values for each round trip. The path may
-differ by {100 * PLATEN_TOLERANCE:g} %. The platen moves with the force of the previous step, which is a
-first-order error in the step. The work may differ by {100 * WORK_TOLERANCE:g} % of the flyer's work. The
-ledger refers to the beginning of the step that contains a time.
-
-"""
+    return locals()
 
 
 @pytest.mark.parametrize("name", list(BARS))

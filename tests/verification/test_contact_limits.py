@@ -230,7 +230,6 @@ def press() -> FloatArray:
     return np.asarray(-response.nodes[:, -1, made.mesh.lower_face, 1] * (STIFFNESS / pressure)[:, None])
 
 
-TITLE = "Limits and ledgers of contact"
 FIGURE_SIZE = (6.7, 4.8)
 GAP_TOLERANCE = 1e-15
 """Allowed penetration of the kinematic laws [m]: round-off of a height of 6.5 mm."""
@@ -313,26 +312,8 @@ def order_of_friction(result: Result) -> FittedOrder:
     return fitted_order(1.0 / FRICTION[SLIPPING], result.friction.outline[SLIPPING])
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    kinematic = max(entry.penetration for law, entry in result.ledgers.items() if law != "penalty")
-    momentum = max(entry.momentum for entry in result.ledgers.values())
-    fits = [fit.order for fit in orders(result).values()]
-    ends = same_bits(result.release, 0, result.rough) and same_bits(result.release, -1, result.bonded)
-    return (
-        "penetration of all nodes at all steps to 60 %; impulses against momentum through stick and slip; "
-        "order of the penalty towards the kinematic law; release stress 0 and ∞ against rough and bonded",
-        f"{1e6 * kinematic:.0e} µm (penalty {1e6 * result.ledgers['penalty'].penetration:.2f} µm); "
-        f"{momentum:.0e}; {min(fits):.2f} to {max(fits):.2f}; {'identical' if ends else 'DIFFERENT'}",
-        f"{1e6 * GAP_TOLERANCE:.0e} µm (1 µm); {MOMENTUM_TOLERANCE:.0e}; 1 within {ORDER_TOLERANCE}; "
-        "identical",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: distance of the penalty law from the kinematic one, f = 0.3 (grey: 1 µm). Top right:
-    distance of Coulomb's law from the rough one. Bottom left: first waves with released bonded faces.
-    Bottom right: largest force of a slow pull up to the release."""
+    """Draw the figure of the page."""
     (left, right), (waves, pulled) = figure.subplots(2, 2)
     left.loglog(STIFFNESS, 1e6 * result.depth, "o-", label="penetration, largest")
     left.loglog(STIFFNESS, 1e6 * result.penalty.outline, "s-", label="outline, rms")
@@ -421,68 +402,17 @@ def friction(result: Result) -> str:
     return table(["f", "outline, rms [µm]", "force, rms [%]", "impulse [%]"], rows)
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     fit = order_of_friction(result)
     last = FRICTION[result.friction.outline > 0.0].max()
     slope = f"{fit.order:.2f} ± {fit.standard_error:.2f}"
     worst = np.abs(result.press - 1.0).max()
     bonded, released = twice()
-    return f"""# {TITLE}
-
-**What is checked.** No node penetrates a platen at any step, with any law. This holds also after the side
-surface has rolled onto the platen. The platens' impulses equal the specimen's momentum to round-off. The
-energy balance closes, with stick, slip and release. The laws have the correct limits. Coulomb's law becomes
-the frictionless one for f = 0 and the rough one for f towards infinity. The law with release becomes the
-rough one for a release stress of 0 and the bonded one for an infinite release stress. These limits hold to
-the last bit. A penalty formulation converges to the kinematic one. The page [Coulomb friction](friction.md)
-has static solutions with friction by another program.
-
-**Independent source.** The results are compared with the balance of momentum and the closed forms of a
-uniform state. The kinematic laws are compared with the penalty formulation. Its springs of stiffness k per
-area let a node penetrate by pressure over k.
-
-**Set-up.** The specimen has 16 × 22 elements and is neo-Hookean, with E = 80 kPa, ν = 0.495 and β = 2.5e-5
-s. Faces and side have one law. The impact is at 2.6 m/s and lasts to 1.5 ms (60 %).
-
-**Ledgers.** The run has {N_STEPS} steps of {1e6 * STEP:g} µs, and all nodes are checked at every step. Two
-positions within a step give its velocity. The momentum is therefore compared with the impulses and not
-integrated.
-
-{ledgers(result)}
-
-The penalty has the default stiffness, 1e13 Pa/m. Between two nodes the surface is straight, so its
-penetration is not larger than that of the nodes.
-
-**Penalty to kinematic.** The coefficient of friction is f = 0.3:
-
-{penalty(result)}
-
-The order is fitted from {STIFFNESS[FITTED][0]:.0e} Pa/m on. In a static frictionless compression to 20 %
-every node of a face penetrates by pressure over stiffness, within {worst:.0e}.
-
-**Coulomb to rough.** A node slips only if its pressure is below its shear stress over f. The outline
-approaches the rough one with the order {slope} in 1/f up to f = {FRICTION[SLIPPING][-1]:g}. Beyond, the
-first contact of single nodes dominates. Above f = {last:g} the results are identical to the last bit.
-
-{friction(result)}
-
-**Release.** The tensile contact stress of a node is its impulse over the interval and over its undeformed
-area. When this stress reaches the release stress, the node is released. From then on its contact is rough.
-The specimen is pulled by 5 %, pressed by 5 % and pulled again (ν = 0.495). With bonded faces the tensile
-forces are {-bonded[0, 0]:.2f} N and {-bonded[2, 0]:.2f} N. With a release stress of 1 kPa the tensile force
-is {-released[0, 0]:.3f} N. The compressive force is {released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N).
-The second pull has no force.
-
-**Tolerance.** The penetration may be {1e6 * GAP_TOLERANCE:.0e} µm, the round-off of a height, and 1 µm for
-the penalty. The momentum may differ by {MOMENTUM_TOLERANCE:.0e}, because positions 0.6 µm apart have an
-error of 1e-18 m. The energy may differ by {100 * ENERGY_TOLERANCE:g} %. The order of the penalty is 1
-within {ORDER_TOLERANCE:g}. The order in friction is at least {FRICTION_ORDER:g}, minus its scatter: theory
-gives 1, but nodes stick and slip one by one. The penetration agrees with its closed form within
-{PRESS_TOLERANCE:.0e}, because of the remaining motion. The force of the pull may be
-{100 * PULL_TOLERANCE:g} % below the closed form, which is half of the strain. In slow loading, penalty and
-Coulomb may differ by {100 * STATIC_TOLERANCE:g} %.
-"""
+    kinematic = max(entry.penetration for law, entry in result.ledgers.items() if law != "penalty")
+    fits = [fit.order for fit in orders(result).values()]
+    ends = same_bits(result.release, 0, result.rough) and same_bits(result.release, -1, result.bonded)
+    return locals()
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -14,7 +14,6 @@ from dic.correlation import Correlation, PictureStack, Shape, correlate
 
 FloatArray = NDArray[np.float64]
 
-TITLE = "Subset matching"
 FIGURE_SIZE = (6.7, 2.5)
 
 SIDE = 512
@@ -262,25 +261,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    plain = [pair for pair in result.pairs if pair.settings == Correlation()]
-    return (
-        "a pair of 512² px with noise, shift 0.3 px and stretch 2 %: bias, standard deviation over its "
-        "floor, and of normalised errors; S-curve; normalised errors from 1.3 to a third of the length",
-        f"{1e3 * max(abs(p.bias) for p in plain):.2f} mpx; "
-        f"{max(p.spread for p in plain) / result.floor:.2f}; "
-        f"{min(p.normalised for p in plain):.2f} to {max(p.normalised for p in plain):.2f}; "
-        f"{1e3 * np.ptp(result.s_curve[5.0]):.2f} mpx; "
-        f"{result.stretch_normalised.min():.2f} to {result.stretch_normalised.max():.2f}",
-        f"{1e3 * BIAS:g} mpx; {OVER_FLOOR:g}; 1 within {CALIBRATED:g}; {1e3 * S_CURVE:g} mpx; "
-        f"1 within {COMPRESSED:g}",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: mean error of noise-free pictures over the shift. Middle: standard deviation of the error over
-    the subset's side, and its floor. Right: errors over their stated sigma, compressed and stretched."""
+    """Draw the figure of the page."""
     left, middle, right = figure.subplots(1, 3)
     for (size, bias), style in zip(result.s_curve.items(), ("-o", "--s"), strict=True):
         left.plot(SHIFTS, 1e3 * bias, style, markersize=2.5, label=f"speckles of {size:g} px")
@@ -299,8 +281,8 @@ def draw(result: Result, figure: Figure) -> None:
     right.legend(loc="lower left")
 
 
-def page(result: Result) -> str:
-    """The topic's page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     rows = "\n".join(
         f"| {p.motion} | {p.settings.shape.name.lower()} | {p.settings.prefilter:g} | {1e3 * p.bias:+.2f} "
         f"| {1e3 * p.spread:.2f} | {1e3 * p.promised:.2f} | {p.normalised:.2f} |"
@@ -310,40 +292,8 @@ def page(result: Result) -> str:
         f"{1e3 * np.ptp(bias):.2f} mpx (speckles of {size:g} px)" for size, bias in result.s_curve.items()
     )
     low, high = result.stretch_normalised.min(), result.stretch_normalised.max()
-    return f"""# {TITLE}
-
-Pictures are computed from a closed-form pattern at the material point of each pixel
-(`tests/helpers/speckle_pictures.py`). The motion is therefore exact, without interpolation. The pictures
-have {SIDE}² px, speckles of 5 px, eight bits and noise of {SIGMA:g} grey levels. There are {REPEATS} pairs
-that differ in their noise. Subsets have 21 px every 5 px. Every first guess has an error of 0.2 px in both
-directions. The floor √(2σ²/ΣG²) is {1e3 * result.floor:.2f} mpx (1 mpx = 0.001 px). Rounding to eight bits
-adds one per cent to σ.
-
-| motion | shape | prefilter, px | bias, mpx | std, mpx | stated sigma, mpx | std of error / sigma |
-| --- | --- | --- | --- | --- | --- | --- |
-{rows}
-
-All points are found. A shape function with more parameters has more scatter, as in every unbiased estimate.
-
-*S-curve.* For shifts from 0 to 1 px without noise, the peak-to-peak bias is: {curves}.
-
-*A template read between pixels.* This happens after a change of the reference picture. The pair is
-exchanged, and the mean error is {1e3 * result.update_bias:+.2f} mpx. If no noise is declared, its effect is
-not corrected ({{ref}}`theory-correlation`), and the mean error is {1e3 * result.update_bias_untold:+.2f}
-mpx.
-
-*Compression.* A pattern with speckles of {COARSE:g} px is shortened from {STRETCHES[0]:g} to
-{STRETCHES[-1]:g} of its length. It is widened by the root of the inverse. The standard deviation of the
-errors over their sigma is {low:.2f} to {high:.2f}. For speckles as short as the pixels this does not hold,
-because their interpolation error is not noise. The sigma contains this error only as far as the residual
-shows it.
-
-**Tolerances.** The package specifies a bias of {1e3 * BIAS:g} mpx and an S-curve of {1e3 * S_CURVE:g} mpx.
-The standard deviation may be {OVER_FLOOR:g} times the floor. The reasons are rounding, the coupling of
-displacement and gradients, and the noise of the template's gradients. Normalised errors must be 1 within
-{CALIBRATED:g} for {REPEATS} × 500 independent subsets. For a compressed pattern they must be 1 within
-{COMPRESSED:g}: there are fewer subsets, and one spectrum represents the pattern.
-"""
+    plain = [pair for pair in result.pairs if pair.settings == Correlation()]
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # 15 s

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scene import FloatArray, table
+from scene import FloatArray
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
 
 from dic.correlation import Correlation, PictureStack, Shape
@@ -180,7 +180,6 @@ def case() -> Result:
     )
 
 
-TITLE = "Stereo match of a cylinder"
 BIAS = 0.5e-6
 """Allowed mean distance from the cylinder with quadratic shape functions, subsets of 21 px and more [m]."""
 SAGITTA = 0.05
@@ -199,22 +198,8 @@ def sagitta(width: float) -> float:
     return width**2 / (24.0 * RADIUS)
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    large = [e.bias for (_, shape, n), e in result.errors.items() if shape is Shape.QUADRATIC and n >= 21]
-    scaled = [e.scaled for (a, s, _), e in result.errors.items() if s is Shape.QUADRATIC and a == ANGLES[0]]
-    passed = sum(false.passed for false in result.false.values())
-    number = sum(false.number for false in result.false.values())
-    return (
-        "rendered cylinder against its rays: mean distance, quadratic, 21 px and more; error over sigma;"
-        " false matches that pass",
-        f"{1e6 * np.abs(large).max():.2f} µm; {min(scaled):.2f} to {max(scaled):.2f}; {passed} of {number}",
-        f"{1e6 * BIAS:g} µm; {SCALED[0]:g} to {SCALED[1]:g}; 0",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     lines = [
         [
             f"{angle:g}",
@@ -239,43 +224,9 @@ def page(result: Result) -> str:
         for angle, false in result.false.items()
     )
     accepted, tried = result.other_surface
-    return f"""# {TITLE}
-
-**What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on
-a curved surface. It gives their standard deviations and accepts no false match
-({{ref}}`theory-stereo-matching`).
-
-**Independent source.** `speckle_pictures.py` intersects every ray of both cameras with the cylinder and
-never warps a picture. The same rays give the place in camera 1 of a pixel of camera 0. A subset with an
-affine shape function lies on the mean of the cylinder over its width w. This mean is $w^2/24R$ below the
-middle of the subset.
-
-**Set-up.** The pictures have 128 × 128 px at {5400 * 1e-3 / (0.3 - RADIUS):.1f} px/mm, and the cylinder has
-R = {1e3 * RADIUS:g} mm. The cameras are {ANGLES[0]:g}° and {ANGLES[1]:g}° apart and have distorted lenses.
-Speckles have 0.35 mm. The noise is {100 * NOISE:g} % of the range from black to white. A point is used only
-if its whole subset lies in both pictures. Errors are those of points seen at less than {STEEPEST:g}°.
-
-{table(HEAD, lines)}
-
-At 18 px/mm an affine shape function is too stiff for every subset. Quadratic subsets of 21 to 31 px have a
-negligible bias, and their scatter is smaller than the bias of affine subsets.
-
-**False matches.** Accepted matches are displaced along their epipolar lines by {PUSHED[0]:g} to
-{PUSHED[1]:g} px. They are matched again, with any correlation allowed. Each of the {DRAWS} rounds displaces
-a third of the points, and their neighbours are true. Points that converge more than 1 px from the truth are
-false matches. {counts}.
-
-{table(["angle [°]", "gate", "stopped by it", "pass without it"], gates)}
-
-With other speckles in camera 1, with every point as a seed and with every correlation allowed, {accepted}
-of {tried} points are accepted.
-
-**Tolerance.** The bias may be {1e6 * BIAS:g} µm, for the noise of a mean and the fourth order of the
-cylinder. The affine bias must be the mean sagitta within {100 * SAGITTA:g} %. The error over sigma must be
-{SCALED[0]:g} to {SCALED[1]:g} at {ANGLES[0]:g}°. At {ANGLES[1]:g}° the flanks are foreshortened by a half.
-There the error of a quadratic function is visible above a noise of a few thousandths of a pixel. No false
-match may pass, even if any one gate is removed.
-"""
+    large = [e.bias for (_, shape, n), e in result.errors.items() if shape is Shape.QUADRATIC and n >= 21]
+    scaled = [e.scaled for (a, s, _), e in result.errors.items() if s is Shape.QUADRATIC and a == ANGLES[0]]
+    return locals()
 
 
 pytestmark = pytest.mark.slow

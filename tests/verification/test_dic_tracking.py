@@ -15,7 +15,6 @@ from dic.tracking import Tracking, track
 
 FloatArray = NDArray[np.float64]
 
-TITLE = "Tracking in time"
 SHAPE = (200, 220)
 """Rows and columns of a picture [px]."""
 CENTRE, BASE = 110.0, 190.0
@@ -136,17 +135,6 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index."""
-    all_frames = result.series["every frame"]
-    low, high = all_frames.normalised.min(), all_frames.normalised.max()
-    return (
-        "pattern flattened to a quarter: points kept, drift, error over sigma",
-        f"{100 * all_frames.alive:.0f} %, {ratio(result.always, all_frames):.2f}, {low:.2f} to {high:.2f}",
-        f"99 %, {DRIFT}, {CALIBRATED[0]} to {CALIBRATED[1]}",
-    )
-
-
 def sum_ratio(result: Result) -> float:
     """As `ratio`, of `added` and of the errors with few changes of reference [-]."""
     last = result.series["every frame"].spread[-1]
@@ -168,8 +156,8 @@ def added(result: Result) -> FloatArray:
     return np.asarray(stretches * np.sqrt(np.cumsum((one.spread / stretches) ** 2, axis=0)))
 
 
-def page(result: Result) -> str:
-    """Text of the page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     courses = {
         **{f"8 px, {name}": course for name, course in result.series.items()},
         "8 px, every frame, update in every frame": result.always,
@@ -185,30 +173,9 @@ def page(result: Result) -> str:
     )
     usual = result.series["every frame"]
     half, quarter = (ratio(result.series[name], usual) for name in ("every second", "every fourth"))
-    return f"""# {TITLE}
-
-A speckle pattern is computed in closed form (`tests/helpers/speckle_pictures.py`) while it is flattened to
-λ = 0.25 and spreads to 1.37 times its width: {len(LAMBDA)} frames of {SHAPE[1]} x {SHAPE[0]} px, eight bits,
-noise of {SIGMA:g} grey levels, {SEEDS} patterns. {len(grid())} points with subsets of {
-        SUBSET
-    } px, affine, are followed
-with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{ref}}`theory-tracking`).
-
-| speckles, frames | changes of reference | kept, % | std x / y at λ = 0.5, mpx | at 0.25 | error / sigma |
-| --- | --- | --- | --- | --- | --- |
-{lines}
-
-*Drift.* With a new reference in every frame there are {len(LAMBDA) - 2} changes in the chain. The last
-error is then {ratio(result.always, usual):.2f} times that with few changes. With independent errors of the
-matches it would be {sum_ratio(result):.2f} times.
-
-*Omitted frames* have only the effect of larger steps: {half:.2f} and {quarter:.2f} times the error.
-
-*Sigma.* For speckles of 8 px the standard deviation of the errors over their sigma is within
-{usual.normalised.min():.2f} and {usual.normalised.max():.2f} over all frames. Speckles of 5 px are at the
-end hardly higher than a pixel. Their error grows much more than the noise explains. The sigma grows with
-the residual ({result.fine.normalised.min():.2f} to {result.fine.normalised.max():.2f}).
-"""
+    all_frames = result.series["every frame"]
+    low, high = all_frames.normalised.min(), all_frames.normalised.max()
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # 40 s

@@ -10,7 +10,7 @@ from bar_pulses import Pulse, carried, exact_wavenumber, printed_equation
 from bars_scene import POISSON, RADIUS, STEEL, YOUNG, part
 from matplotlib.figure import Figure
 from order import FittedOrder, assert_order, fitted_order
-from scene import FloatArray, table
+from scene import FloatArray
 from scipy.optimize import brentq
 
 from explicit.bars import elastic_bar
@@ -20,7 +20,6 @@ from kolsky.bars.guides.waveguide import ElasticWaveguide, rayleigh_speed
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 
-TITLE = "Dispersion of bar waves"
 FIGURE_SIZE = (6.7, 6.2)
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
 RATIOS = (0.1, 0.2, 0.29, 0.35, 0.45, 0.495)
@@ -139,24 +138,8 @@ def case() -> Result:
     )  # fmt: skip
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    pulse = max(result.forward.max(), result.back.max())
-    return (
-        "first mode of Pochhammer and Chree, roots of the printed equation and another program's table; "
-        "pulse of 5 µs rise over 2 m and back, Fourier integrals; bar of finite elements",
-        f"{max(result.roots.max(), result.reference_error):.0e}; {100 * pulse:.1g} %; "
-        f"{100 * result.element_error[-1]:.2f} %, order {result.order.order:.2f}",
-        f"{ROOT_TOLERANCE:.0e}; {100 * PULSE_TOLERANCE:g} %; {100 * PULSE_TOLERANCE:g} %, 2 within "
-        f"{ORDER_TOLERANCE:g}",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: phase velocity by Poisson's ratio (circles: reference; dotted: Rayleigh waves). Top right:
-    the pulse at its start and after 0.5 and 2 m, and the recovered pulse. Middle: force at the second
-    section of a finite-element bar, and the force propagated from the first. Bottom: their difference, by
-    element size."""
+    """Draw the figure of the page."""
     grid = figure.add_gridspec(3, 2, height_ratios=(1.25, 1.0, 0.8))
     mode, pulse = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     force = figure.add_subplot(grid[1, :])
@@ -195,8 +178,8 @@ def draw(result: Result, figure: Figure) -> None:
     difference.legend(loc="upper right", ncols=3)
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     roots = [
         [f"{nu:g}", *(f"{error:.0e}" for error in errors)]
         for nu, errors in zip(RATIOS, result.roots, strict=True)
@@ -209,52 +192,7 @@ def page(result: Result) -> str:
         [f"{1e3 * size:g}", f"{RADIUS / size:.0f}", f"{100 * error:.3f}"]
         for size, error in zip(SIZES, result.element_error, strict=True)
     ]
-    return f"""# {TITLE}
-
-**What is checked.** The first longitudinal mode of {{ref}}`theory-bar-waves` is tested, and pulses that
-travel in it.
-
-## The mode
-
-**Independent source.** The roots of the printed frequency equation (Graff 1975, Eq. 8.2.34) are bracketed
-and bisected with Bessel functions of complex arguments. For ν = 0.29 another program printed a table with
-eight decimals (`tests/reference/F_pochhammer_nu0.29.csv`). The c / c_0 of the table differs by
-{result.reference_error:.0e} at most.
-
-The table gives the relative error of the wavenumber, by Poisson's ratio and ωa / c_0:
-
-{table(["ν", *(f"{w:g}" for w in FREQUENCIES)], roots)}
-
-## Pulses
-
-**Independent source.** A pulse with a known transform is computed by Fourier integrals. It is
-{1e6 * PULSE.duration:g} µs long, rises from 10 to 90 % in {1e6 * PULSE.rise:g} µs, and has a ripple of
-{100 * PULSE.ripple:g} % at {1e-3 * PULSE.ripple_frequency:g} kHz. The integrals use Simpson's rule and
-wavenumbers of the printed equation. They use no fast transform, no table and no window.
-
-**Set-up.** The steel bar has Ø {2e3 * RADIUS:g} mm and ν = {POISSON:g}. The interval between samples is
-{1e9 * STEP:g} ns. The table gives the largest error over the pulse's peak [%]:
-
-{table(["way [m]", "sent along", "recovered", "plain shift"], pulses)}
-
-## A bar of finite elements
-
-**Independent source.** Three-dimensional elasticity is computed with the axisymmetric mesh of
-{{ref}}`theory-bar-models`. Its force through cross-sections does not use modes. A pulse of
-{1e6 * LOAD.rise:g} µs rise acts evenly on the end of a rod of {LENGTH:g} m. The force at {NEAR:g} m is
-propagated to {FAR:g} m. The other modes stay near the end. The table gives the largest difference over the
-peak:
-
-{table(["elements [mm]", "across the radius", "difference [%]"], sizes)}
-
-A plain shift has an error of {100 * result.element_shift:.1f} %. The fitted order of the difference in the
-size of the elements is {result.order.order:.2f} +- {result.order.standard_error:.2f}. The difference is
-therefore the mesh error, and it falls below {100 * PULSE_TOLERANCE:g} %.
-
-**Tolerance.** A wavenumber may differ by {ROOT_TOLERANCE:.0e} of itself. A pulse may differ by
-{100 * PULSE_TOLERANCE:g} % of its peak, also on the finest mesh. The order must be 2 within
-{ORDER_TOLERANCE:g}.
-"""
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # a finite-element bar of 44 000 elements

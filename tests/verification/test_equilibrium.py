@@ -126,7 +126,6 @@ def strip_forces() -> FloatArray:
     return np.asarray(solve(model, {"pull": 0.025 * np.arange(1, 6)}).reaction("right")[:, 0])
 
 
-TITLE = "Equilibrium elements"
 ACROSS = (2, 4, 8)
 """Elements across the wall, and along an edge of the membrane and the square."""
 ORDERS = {"quad4": 2.0, "quad8": 2.0, "quad9": 4.0, "tri6": 2.0}
@@ -193,20 +192,8 @@ def tip_errors(result: Result) -> dict[str, float]:
     return {kind: abs(rise / result.membrane_of_peer[0] - 1.0) for kind, rise in result.fine.items()}
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index."""
-    orders = ", ".join(f"{result.orders[kind].order:.2f}" for kind in ORDERS)
-    tip = max(tip_errors(result).values())
-    return (
-        "equilibria: order of a thick cylinder's radius, nearly incompressible, closed form (quad4, quad8, "
-        "quad9, tri6); Cook's membrane, DOLFINx; forces of a bonded strip to 125 %, FElupe",
-        f"{orders}; {100 * tip:.1f} %; {result.peer:.0e}",
-        f"2, 2, 4, 2 within {ORDER_HELD}; {100 * TIP_HELD:.1f} %; {PEER_HELD:.0e}",
-    )
-
-
-def page(result: Result) -> str:
-    """The page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     cylinder = "\n".join(
         f"| {kind} | {' | '.join(f'{e:.1e}' for e in errors)} | {result.orders[kind].order:.2f} ± "
         f"{result.orders[kind].standard_error:.2f} | {ORDERS[kind]:.0f} |"
@@ -226,59 +213,8 @@ def page(result: Result) -> str:
         f"{kind} has {result.fine[kind]:.3f} mm, {100 * error:.2f} % from it"
         for kind, error in tip_errors(result).items()
     )
-    return f"""# {TITLE}
-
-**What is checked.** The elements of {{ref}}`theory-equilibrium` are tested, above all for nearly
-incompressible solids. The quick tests in `tests/unit/equilibrium` have patch tests of every element. They
-also compare tangents and derivatives with differences, and follower pressure and contact with closed forms.
-
-## A thick cylinder under pressure
-
-The cylinder is in plane strain, with radii of 1 and 2 m, and neo-Hookean with K / mu = {NEARLY:.0e}. The
-pressure of the incompressible closed form takes the inner radius to 1.5 m (axisymmetric, follower pressure,
-mixed). The table gives the relative error of the inner radius with {ACROSS[0]}, {ACROSS[1]} and {ACROSS[2]}
-elements across:
-
-| element | {" | ".join(map(str, ACROSS))} | fitted order | theory |
-| --- | --- | --- | --- | --- | --- |
-{cylinder}
-
-The 8-node quadrilateral and the 6-node triangle converge more slowly because of their constant pressure.
-
-## Cook's membrane
-
-The membrane is that of Simo and Armero (1992), Section 4.2: K / mu = 5000, finite strain, plane strain. The
-table gives the rise of the upper right corner [mm]:
-
-| element | {" | ".join(map(str, ACROSS))} |
-| --- | --- | --- | --- |
-{membrane}
-
-DOLFINx 0.5.2 with the triangles of Taylor and Hood is another formulation with a continuous pressure. It
-has {peer} mm with {cells} cells along an edge. Their limit (Aitken's rule on the last three) is
-{result.membrane_of_peer[0]:.3f} mm. On {FINE} x {FINE} elements {fine} (`tests/reference/L_dolfinx.py`; the
-tolerance is {100 * TIP_HELD:.1f} %).
-
-## Inf-sup constants
-
-The constants are those of the eigenvalue test of Chapelle and Bathe (1993) on a clamped unit square. The
-meshes are uniform, with {ACROSS[0]}, {ACROSS[1]} and {ACROSS[2]} elements along an edge:
-
-| element | {" | ".join(map(str, ACROSS))} |
-| --- | --- | --- | --- |
-{constants}
-
-On a clamped cube of 27 elements: {solids}. The mean dilatation of the 4-node quadrilateral and the 8-node
-hexahedron has a chessboard pattern of the pressure. This pattern has no effect on the displacements, so the
-displacements converge. The pressures may not converge. The 10-node tetrahedron with a constant pressure
-fails too, and is refused in a mixed model.
-
-## Another program
-
-A bonded strip of 6 × 3 × 1 27-node hexahedra at nu = 0.45 is stretched in five steps to 125 %. Its forces
-differ from those of FElupe by at most {result.peer:.0e}. `python -m benchmarks.equilibrium` compares any
-mesh and takes the time of both.
-"""
+    orders = ", ".join(f"{result.orders[kind].order:.2f}" for kind in ORDERS)
+    return locals()
 
 
 pytestmark = pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise
 from test_batch import same_bits
 
 from explicit import Mesh, Model, Outcome, Response, Samples, Sampling, Stepping, cylinder, run
@@ -281,7 +281,6 @@ def bits_of_neighbours(batch: Response) -> dict[str, bool]:
     }
 
 
-TITLE = "Failed simulations"
 FAILED = [i for i, outcome in enumerate(EXPECTED) if not outcome.ok]
 """Rows of the batch that must fail."""
 NEVER = 10**6
@@ -333,23 +332,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    seen = result.witnesses.values()
-    right = sum(w.named == w.found for w in seen)
-    same = all(result.bits.values()) and all(w.same_history for w in seen)
-    return (
-        "a batch with every kind of failure: neighbours, histories up to the end, and the element that is "
-        "named against node positions",
-        f"{'identical' if same else 'DIFFERENT'}; {right} of {len(result.witnesses)} elements",
-        "identical; all",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: transmission force of each simulation of the batch to its end (dot); the axis is linear below
-    10 N. Right: kinetic energy over the largest work of the platens so far. Above the limit a simulation
-    has diverged."""
+    """Draw the figure of the page."""
     left, right = figure.subplots(1, 2)
     batch = result.batch
     for i, outcome in enumerate(batch.outcomes):
@@ -384,8 +368,8 @@ MEASURED = {
 """What NumPy computes of each failure."""
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     batch = result.batch
     ends = [
         [
@@ -412,52 +396,9 @@ def page(result: Result) -> str:
         for i, w in result.witnesses.items()
     ]
     good = result.bits
-    return f"""# {TITLE}
-
-**What is checked.** If a simulation cannot continue, it ends without affecting the others. It reports
-cause, time and element, and keeps every history up to its end.
-
-**Independent source.** Node positions are stored at the end and just before. From them NumPy computes J, s,
-the stable step and the kinetic energy, with the element constants of a rectangle in closed form. Each
-simulation is also compared with the same simulation in a batch of one. Another comparison is with a
-simulation that ends at the time of the failure.
-
-## A batch with every failure
-
-The batch has eight simulations (8 × 11 elements, bonded, ν = 0.495, to {1e3 * END:g} ms, `max_steps`
-{STEPPING.max_steps}, `floor` {STEPPING.floor:g}, `past_data` "stop"):
-
-{table(["row", "what is special", "outcome", "end [ms]", "steps", "element", "R, Y [mm]"], ends)}
-
-Every row must be identical to the last bit to a batch of one, in which the lanes share one simulation.
-Result: {"yes" if good["alone"] else "NO"}. The sound rows must be identical to those of a batch without the
-failures. Result: {"yes" if good["without"] else "NO"}.
-
-`Response.describe` gives it as a sentence, here for row {FAILED[0]}: "{batch.describe(FAILED[0])}."
-
-## The element and the moment
-
-The table compares the element that the solver names with the element that has the extreme value in NumPy.
-It gives this value at the last check without a failure and at the end. Motion, inverted elements and, by
-default, the stable step are checked every {CHECK_EVERY} steps. The end of the data (here s = {SHORT}) is
-checked at every step if it ends a run. The last column compares every force, impulse, outline and energy
-with those of a run that ends there. It is yes if they are identical before the end and NaN after it:
-
-{table(["row", "named", "found", "value", "before", "at the end", "same history"], seen)}
-
-Row 4 ends only because of the number of steps. The named element is the one that limits the step.
-
-## Divergence
-
-The energy of a specimen that starts at rest cannot exceed the work of the platens. If the kinetic energy
-exceeds {MOTION_LIMIT:g} times their largest work so far, the simulation has diverged. In row 6 the energy
-of the curve falls with strain. Another example is row 0 with a step that is measured only once. When the
-specimen is compressed, this step is too long. The run ends at {1e3 * result.unstable.end_times[0]:.3f} ms,
-when its recorded forces differ by {result.astray:.2g} N from those of the sound run.
-
-**Tolerance.** Bits, elements and outcomes must be equal. The forces of the unstable run may differ by
-{ONSET:g} N, the resolution of a force measurement.
-"""
+    named = result.witnesses.values()
+    same = all(result.bits.values()) and all(w.same_history for w in named)
+    return locals()
 
 
 EVERY = pytest.mark.parametrize("row", FAILED, ids=lambda i: EXPECTED[i].name)

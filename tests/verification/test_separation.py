@@ -8,14 +8,13 @@ import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scene import FloatArray, table
+from scene import FloatArray
 
 from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide, Waveguide
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.bars.reduction.separation import SeparatedWaves, separate
 from kolsky.base.apparatus import Bar
 
-TITLE = "Separation of overlapping waves"
 FIGURE_SIZE = (6.7, 5.6)
 STEEL = Bar(0.02, 1.5, 210e9, 7800.0, 0.29)
 NYLON = Bar(0.02, 1.5, 5e9, 1190.0, 0.35)
@@ -157,22 +156,8 @@ def case() -> Result:
     )  # fmt: skip
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    worst = max(max(pair) for pair in result.errors.values())
-    ratios = list(result.ratio.values())
-    return (
-        "overlapping waves from two gauges on a steel and a polymer bar, Fourier integrals; scatter over "
-        "sigma with noise, two and three gauges",
-        f"{100 * worst:.1g} %; {min(ratios):.2f} to {max(ratios):.2f}",
-        f"{100 * TARGET:g} %; 1 within {SCATTER_TOLERANCE:g}",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Top: strain at the gauges of the steel bar (left) and of the polymer bar (right). Middle: the waves
-    at the specimen's face, separated (lines) and exact (circles). Bottom, steel: scatter of the wave away
-    from the specimen over 20 records with 0.2 % noise, and its stated sigma."""
+    """Draw the figure of the page."""
     axes = figure.subplots(3, 2, height_ratios=(1.0, 1.2, 0.9))
     for column, name in enumerate(("steel", "polymer")):
         bar, found, exact = scene(name), result.clean[name], result.exact[name]
@@ -211,8 +196,8 @@ def draw(result: Result, figure: Figure) -> None:
     axes[2, 0].set_ylabel("of plateau [‰]")
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     clean = [
         [name, f"{1e6 * result.overlap[name]:.0f}", *(f"{100 * error:.1e}" for error in result.errors[name])]
         for name in result.errors
@@ -229,34 +214,8 @@ def page(result: Result) -> str:
     misfit = ", ".join(f"{value:.2f}" for value in result.misfit)
     wrong = ", ".join(f"{value:.2f}" for value in result.wrong)
     far, near = PLACES["two gauges"]
-    return f"""# {TITLE}
-
-**What is checked.** Two known waves overlap at the gauges of one bar. The method of
-{{ref}}`theory-bar-waves` must separate them.
-
-**Independent source.** Both waves are computed by Fourier integrals at every gauge and at the face. For
-steel the wavenumbers are those of the printed frequency equation. For the polymer they are those of the
-package, so only the separation is tested with it. `tests/unit/bars/test_bar_propagation.py` checks these
-wavenumbers.
-
-**Set-up.** The bars have Ø 20 mm and 1.5 m, with gauges at {far:g} and {near:g} m from the specimen. The
-steel bar has ν = 0.29 and a rise of 5 µs. The polymer is a standard linear solid of 5.0 + 0.5 GPa and 12
-µs, with ν = 0.35 and a rise of 40 µs. The table gives the largest error over the plateau without noise:
-
-{table(["bar", "overlap at the nearer gauge [µs]", "toward [%]", "away [%]"], clean)}
-
-The next table is for steel, with noise of {1e3 * NOISE:g} ‰ of the plateau and {REPEATS} records:
-
-{table(["gauges", "at [m]", "largest sigma of the wave away [‰]", "error over sigma, rms"], noisy)}
-
-If a whole number of half-waves fits between two gauges, they cannot distinguish the two waves. At these
-frequencies noise is kept and grows with time. With a third gauge this happens at zero frequency only. A
-third gauge also shows an error of a gauge. The misfit of its records over sigma is {misfit}. If the middle
-gauge's factor is 2 % off, it is {wrong}.
-
-**Tolerance.** The waves may differ by {100 * TARGET:g} % of the plateau, the accuracy that the correction
-of a test needs. The error over sigma must be 1 within {SCATTER_TOLERANCE:g}.
-"""
+    ratios = list(result.ratio.values())
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # forty separations

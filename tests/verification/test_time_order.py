@@ -7,12 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, smooth_stroke, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, smooth_stroke
 
 from explicit import Model, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 
-TITLE = "Order in time"
 DURATION = 4e-4
 """Duration of the platen's motion [s]: a shear wave needs 0.9 ms for the radius, so waves are resolved."""
 STROKE = 0.05
@@ -102,18 +101,8 @@ def lag(result: Result, name: str) -> float:
     return float(2.0 * result.damped[name][-1] * USUAL_STEP / STEPS[-2])
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    orders = [fit.order for fit in result.order.values()]
-    return (
-        "fitted order in time of forces, impulse and positions, undamped",
-        f"{min(orders):.2f} to {max(orders):.2f}",
-        f"2 within {ALLOWED:g}",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     steps = [f"{1e6 * step:g}" for step in STEPS[:-1]]
 
     def rows(series: dict[str, FloatArray], fits: dict[str, FittedOrder]) -> list[list[str]]:
@@ -126,37 +115,8 @@ def page(result: Result) -> str:
             for name in QUANTITIES
         ]
 
-    return f"""# {TITLE}
-
-**What is checked.** Central differences are of second order. A bonded specimen is compressed by
-{STROKE:.0%} along a fifth-order smooth step in {1e3 * DURATION:g} ms. No node touches a platen, so the
-motion is smooth. The step is fixed (`Stepping.largest_step`) and halved from {1e6 * STEPS[0]:g} to
-{1e6 * STEPS[-1]:g} µs. The solver must report exactly the requested step.
-
-**Independent source.** In theory, the difference between the results of a step and of half that step falls
-with the order of the scheme. The test uses no reference run.
-
-**Set-up.** The specimen has 8 × 11 elements and is neo-Hookean, with E = 80 kPa and ν = 0.495. The support
-is rigid. Forces, impulse and the displacements of all nodes are compared at
-{", ".join(f"{1e3 * t:g}" for t in TIMES)} ms, relative to their largest value.
-
-The first table has no damping. It gives the difference to half the step, by step [µs]:
-
-{table(["quantity", *steps, "fitted order"], rows(result.undamped, result.order))}
-
-The second table has deviatoric damping of {DAMPING:g} s. The order is fitted to the three smallest steps:
-
-{table(["quantity", *steps, "fitted order"], rows(result.damped, result.damped_order))}
-
-The damping stress uses the velocity of half a step before. This keeps the scheme explicit and is of first
-order. It is visible only when the second-order part is small. At a step of {1e6 * USUAL_STEP:g} µs (16 × 22
-elements) the first-order part is {100 * lag(result, "transmission force"):.2f} % of the largest force and
-{100 * lag(result, "positions"):.2f} % of the largest displacement.
-
-**Tolerance.** The order must be 2 (1 with damping) within {ALLOWED:g}. The next term of the error at the
-coarsest steps changes the fit by 0.03, and the remaining second-order part by 0.05. The first-order part of
-the force at the usual step may be at most {100 * LAG_TOLERANCE:g} %.
-"""
+    orders = [fit.order for fit in result.order.values()]
+    return locals()
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)

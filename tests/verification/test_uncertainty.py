@@ -141,7 +141,6 @@ def lost_power(v: Mapping[str, float], rng: object = None) -> dict[str, float]:
 
 FloatArray = NDArray[np.float64]
 
-TITLE = "Uncertainty budgets"
 FIGURE_SIZE = (6.7, 2.8)
 
 PRINTED = 0.6
@@ -289,22 +288,8 @@ def sigma_off(result: Result) -> float:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index."""
-    drawn = 100 * max(example.off for example in result.drawn)
-    return (
-        "examples of the GUM; of its Supplement 1, by draws; standard uncertainties of a bar test's stress, "
-        "strain and rate against draws; share of t intervals over 2 to 10 tests that hold the truth",
-        f"{max(e.digits for e in result.budgeted):.2f} of the last digit; {drawn:.1f} %; "
-        f"{100 * sigma_off(result):.1f} %; 0.95 within {shares_off(result):.3f}",
-        f"{PRINTED} of the last digit; {100 * DRAWN} %; {100 * DRAWN} %; {HELD}",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: expanded uncertainty (k = 2) of a bar test over the quantity's largest value; budget (lines)
-    and 4000 draws with noise (points). Right: share of intervals of the mean of n tests that hold the
-    truth; Student's distribution (lines) and 4000 series (points)."""
+    """Draw the figure of the page."""
     left, right = figure.subplots(1, 2)
     for i, name in enumerate(OUTPUTS):
         peak = np.abs(result.budget.value[name]).max()
@@ -321,8 +306,8 @@ def draw(result: Result, figure: Figure) -> None:
     right.legend(loc="lower right")
 
 
-def page(result: Result) -> str:
-    """The page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
 
     def table(examples: tuple[Example, ...]) -> str:
         lines = [f"| {e.where} | {e.what} | {e.printed} | {e.computed:.6g} |" for e in examples]
@@ -332,50 +317,7 @@ def page(result: Result) -> str:
         f"| {name} | {100 * found:+.4f} | {100 * exact:+.4f} |"
         for name, (found, exact) in closed_form(result).items()
     ]
-
-    return f"""# {TITLE}
-
-**What is checked.** The page tests the arithmetic of {{ref}}`theory-budget`. It covers budgets by
-sensitivities, budgets by random draws, and bands over repeated tests.
-
-## Printed examples
-
-By sensitivities, Eqs. (U.10) to (U.12):
-
-{table(result.budgeted)}
-
-By draws:
-
-{table(result.drawn)}
-
-In JCGM 101, 9.2.4, one rectangular quantity dominates the others, and the GUM's interval differs from that
-of the draws by {result.wide:.2f} u. `tests/helpers/monte_carlo.py` reports this.
-
-## A bar test
-
-The example has three waves in steel bars of 20 mm, recorded in volts of half bridges with white noise of 1
-µε. Stress, strain and rate are computed by three waves. Eight quantities vary. The table compares their
-contributions to the largest stress, in percent, with their closed form:
-
-| quantity | found [%] | closed form [%] |
-| --- | --- | --- |
-{chr(10).join(parts)}
-
-The quantities are drawn {TRIALS} times, with noise at every sample, and go through the same chain. The
-standard deviations of the results are within {100 * sigma_off(result):.1f} % of the budget's over the
-pulse. Their statistical error is 1.1 %.
-
-## Repeated tests
-
-With few tests an interval with the factor 2 contains the truth too seldom. With two tests only
-{100 * result.held["k = 2"][0]:.0f} % of the intervals contain it. With Student's t
-{100 * result.held["Student's t"][0]:.0f} % do.
-
-**Tolerances.** Printed examples may differ by {PRINTED} units of the last printed digit. Standard
-deviations by draws may differ by {100 * DRAWN} %, four times the statistical error of 4000 draws. Shares
-may differ by {HELD}. Contributions may differ by {CLOSED}, because bridge and areas are nonlinear over one
-standard uncertainty.
-"""
+    return locals()
 
 
 @pytest.mark.slow  # 15 s

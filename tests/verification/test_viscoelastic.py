@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, smooth_stroke, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, smooth_stroke, speed_after_rise
 from shot_evidence import ShotEvidence
 
 from explicit import Model, PlatenMotion, Response, Samples, Sampling, cylinder, run
@@ -139,7 +139,6 @@ def recovery() -> Recovery:
     )
 
 
-TITLE = "Relaxation, oscillation and creep"
 FIGURE_SIZE = (6.7, 5.2)
 MU, POISSON = 20e3, 0.499
 LAW = neo_hookean(MU)
@@ -337,25 +336,8 @@ def worst(result: Result) -> tuple[float, float, float, float]:
     return force, moduli, work, balance
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    force, moduli, work, balance = worst(result)
-    found = result.recovery
-    return (
-        "held compression against homogeneous twins; storage and loss modulus, work of a cycle; energy "
-        "balance; a planted Prony pair from three shots, relaxation and a slow test",
-        f"{100 * force:.2f} %; {100 * moduli:.2f} %, {100 * work:.2f} %; {100 * balance:.3f} %; "
-        f"{np.abs(found.normalised).max():.1f} sigma",
-        f"{100 * FORCE_TOLERANCE:.1f} %; {100 * MODULUS_TOLERANCE:.1f} %; {100 * ENERGY_TOLERANCE:.1f} %; "
-        "3.5 sigma",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: held compression, models (lines) and time loop (points). Top right: moduli of the series
-    (lines) and of the time loop (points). Bottom left: fitted pairs with k = 2 intervals, and the planted
-    pair (cross). Bottom right: transmitted force (points), fit with a branch (lines) and without (dashed).
-    """
+    """Draw the figure of the page."""
     (a, b), (c, d) = figure.subplots(2, 2)
     for k, name in enumerate(BRANCHES):
         part = result.held[name, "one_point"]
@@ -390,8 +372,8 @@ def draw(result: Result, figure: Figure) -> None:
     d.legend()
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     shake, hold, pairs = [], [], []
     for element, parts in result.shaken.items():
         for one in parts:
@@ -407,45 +389,8 @@ def page(result: Result) -> str:
         numbers = (found.planted[k], found.values[0, k])
         interval = f"{unit * low[k]:.4g} to {unit * high[k]:.4g}"
         pairs.append([name, *(f"{unit * value:.4g}" for value in numbers), interval])
-    return f"""# {TITLE}
-
-**What is checked.** The branches of `explicit.relaxation` are tested in the time loop, with both elements.
-The theory is in [viscoelasticity](#theory-viscoelasticity). The branches are a Prony series and a
-Bergström–Boyce network, each with a neo-Hookean law of 20 kPa.
-
-**Independent source.** Homogeneous models in NumPy give the held force.
-`tests/unit/explicit/test_relaxation.py` compares them with closed forms and full tensors. Storage and loss
-modulus have the closed form $E^* = 9 K G^* / (3 K + G^*)$, with $G^* = G' + i G''$ and a bulk modulus that
-does not relax. The work of a cycle is $\\pi \\varepsilon^2 E'' V$. Energy is conserved.
-
-**Held.** The specimen is compressed without friction to {100 * STRAIN:g} % within {1e3 * RISE:g} ms, then
-held to {1e3 * HOLD:g} ms. Its density is reduced to a hundredth, which suppresses waves, and ν =
-{POISSON:g}. The force during the hold is compared with the incompressible homogeneous model. The energy
-balance is that of the hold and of an impact. The impact is to 60 % at 2.6 m/s, rough on faces and side,
-with 8 × 11 elements:
-
-{table(["branches", "element", "force [%]", "imbalance, held [%]", "imbalance, impact [%]"], hold)}
-
-**Oscillation.** The compression oscillates by {AMPLITUDE:g} about {OFFSET:g}, with one branch of strength
-{PAIR.strengths[0]:g}. The table gives differences from the closed forms:
-
-{table(["element", "ωτ", "storage [%]", "loss [%]", "work of a cycle [%]"], shake)}
-
-**A planted pair.** Three shots at {SPEEDS[0]:g} to {SPEEDS[-1]:g} m/s are simulated with a force noise of
-{NOISE:g} N in bins. They are fitted together with a relaxation test and a slow compression. The fit
-estimates a factor on the law, one strength and one time:
-
-{table(["parameter", "planted", "found", "k = 2 interval"], pairs)}
-
-The same tests of an elastic specimen require no branch. Over {len(found.values)} draws of the noise the
-root mean square of the normalised errors is {found.rms:.2f} ({found.normalised.size} numbers).
-
-**Tolerance.** The force may differ by {100 * FORCE_TOLERANCE:.1f} %. Of this, ν = {POISSON:g} contributes
-0.07 %, and the mean over a compressible column more at 30 %. Moduli and work of a cycle may differ by
-{100 * MODULUS_TOLERANCE:.1f} %. Inertia contributes {100 * SLENDER**2 / 3:.2f} %, the mean compression
-{200 * OFFSET:.2f} %. The energy may differ by {100 * ENERGY_TOLERANCE:.1f} %, as everywhere. Normalised
-errors must be below 3.5, and their root mean square within 0.6 to 1.4.
-"""
+    force, moduli, work, balance = worst(result)
+    return locals()
 
 
 @pytest.mark.parametrize("element", ["one_point", pytest.param("fbar", marks=pytest.mark.slow)])

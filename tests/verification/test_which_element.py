@@ -179,7 +179,6 @@ def artificial_share(form: str, mesh: Mesh) -> float:
     return float(batch(form, mesh).energy.artificial_share()[middle(mesh)])
 
 
-TITLE = "Elements: which one to take"
 ARTIFICIAL = 0.01
 """Largest allowed artificial energy over the strain energy [-]: what the field takes for harmless."""
 FACTOR_TOLERANCE = {"coarse": 0.02, "fine": 0.0025, "limit": 0.001}
@@ -224,19 +223,6 @@ def peak() -> float:
     return float(force("one-point, stiffness", MESHES[-1]).max())
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    share = max(artificial_share(form, MESHES[0]) for form in FORMS)
-    finest = max(abs(one.factor[-1] / TRUTH - 1) for one in result.found.series.values())
-    apart, allowed = abs(result.factor.value / TRUTH - 1), FACTOR_TOLERANCE
-    return (
-        "open-01 with every element: artificial over strain energy, 16 × 22; identified m against the known "
-        "answer, 48 × 64 and extrapolated",
-        f"{100 * share:.2f} %; {100 * finest:.2f} %, {100 * apart:.2f} %",
-        f"{100 * ARTIFICIAL:g} %; {100 * allowed['fine']:g} %, {100 * allowed['limit']:g} %",
-    )
-
-
 def convergence_table(result: Result) -> str:
     """Errors and m on every mesh, by element."""
     rows = []
@@ -255,53 +241,12 @@ def convergence_table(result: Result) -> str:
     return table(header, rows)
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     spread = (apart(result.found.force_limits), apart(result.found.outline_limits))
     common = result.factor
-    return f"""# {TITLE}
-
-**What is checked.** The known-answer shot `runs/open-01` (m = {TRUTH}, ν = 0.499, β = 25 µs, bonded, 56 %)
-is simulated with the settings of `kolsky`. The elements are F-bar and the one-point quadrilateral under
-both forms of hourglass control (`Model.hourglass_form`). The energy of hourglass control is compared. The
-convergence of force, outline and the *identified* m is compared too. The meshes are graded toward the
-platens and the side.
-
-**Which one to take.** The default is *one-point with stiffness control*. On every mesh its force and
-outline are closest to the limit, at a third of F-bar's cost ([F-bar](fbar.md)). The *viscous* form is not
-better here. It has no restoring force for an hourglass pattern, so do not use it for a slow test. *F-bar*
-has no tuning parameter, and its m is closer to the limit. Use it to check an answer
-(`kolsky simulate --element fbar`) or when `kolsky` warns of artificial energy.
-
-**Independent source.** The shot has a known answer, and none of these meshes was used to make it. For force
-and outline the elements are compared with each other. They have the same limit and converge to it
-differently.
-
-## Convergence
-
-The table gives the rms distance of the 5 kHz force (over its peak of {peak():.1f} N) and of the radii at
-the measured points. The distance is that from the mean of the three limits. Each limit is extrapolated with
-h² over all meshes. The identified m minimises the joint χ². It is weighted by the measured noise alone, and
-by noise and discrepancy as `kolsky identify` does:
-
-{convergence_table(result)}
-
-The limits of two elements differ by at most {100 * spread[0] / peak():.2f} % (force) and
-{1e6 * spread[1]:.1f} µm (outline). The error on the finest mesh is of the same size, so this error and the
-orders are uncertain by about a factor of two. "Limit" is the m of each element extrapolated with h². Its ±
-is the largest distance of a mesh from that law.
-
-One limit and one order are fitted to the twelve m (weighted by the noise). They give **m =
-{common.value:.4f} ± {common.deviation:.4f}** with order {common.order:.2f}. The ± is the largest distance
-of a mesh from the law. The known answer is {TRUTH}.
-
-**Tolerance.** The artificial energy may be {100 * ARTIFICIAL:g} % of the strain energy, at the end and
-largest over largest. The factor m may differ by {100 * FACTOR_TOLERANCE["coarse"]:g} % on 16 × 22,
-{100 * FACTOR_TOLERANCE["fine"]:g} % on 48 × 64 and {100 * FACTOR_TOLERANCE["limit"]:g} % extrapolated. This
-is the second-order error that corresponds to 1.5 % on 16 × 22, and the scatter of the limit. The limits of
-two elements may differ by {100 * LIMITS_APART["force"]:g} % of the peak and
-{1e6 * LIMITS_APART["outline"]:g} µm.
-"""
+    finest = max(abs(one.factor[-1] / TRUTH - 1) for one in result.found.series.values())
+    return locals()
 
 
 COARSEST = COARSE[-1]
