@@ -44,8 +44,7 @@ MADE = TESTS.parent / "populations" / "results" / "bar_signals.json"
 """Counts that `python -m populations.bar_signals` writes."""
 DOCS = TESTS.parent / "docs" / "validation"
 BLUE, RED, GREEN, BLACK = "#0072B2", "#D55E00", "#009E73", "black"
-STRAINS = (0.05, 0.10, 0.15)
-"""True strains at which the copper is compared."""
+STRAINS = (0.05, 0.10, 0.15)  # true strains at which the copper is compared
 
 
 def draw_epoxy(figure: Figure) -> None:

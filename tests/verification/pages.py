@@ -45,8 +45,7 @@ STYLE = ROOT / "kolsky" / "report" / "kolsky.mplstyle"
 TOPICS = made_tables.TOPIC.findall((DOCS / "index.md").read_text("utf-8"))
 """Modules of the manual, in its order."""
 
-PAGE_WIDTH = 6.7
-"""Width of a figure [inch]: the text column of the manual."""
+PAGE_WIDTH = 6.7  # width of a figure [inch]: the text column of the manual
 ON_SCREEN = {
     "font.size": 8.5, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "xtick.labelsize": 8,
     "ytick.labelsize": 8, "legend.fontsize": 7.5, "lines.linewidth": 1.1, "lines.markersize": 4,

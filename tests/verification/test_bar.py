@@ -21,21 +21,17 @@ from scene import (
 from explicit import CharacteristicBar, Model, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 
-MESHES = (44, 88, 176)
-"""Elements along the rod."""
+MESHES = (44, 88, 176)  # elements along the rod
 CELERITY = float(np.sqrt(YOUNG / DENSITY))
 PASSAGE = LENGTH / CELERITY
-ROD = DENSITY * CELERITY * np.pi * RADIUS**2
-"""Impedance of the rod [N s/m]."""
-ECHO = 0.4
-"""Round trip of the bar's wave over a passage of the rod [-]: six echoes within the comparison."""
+ROD = DENSITY * CELERITY * np.pi * RADIUS**2  # impedance of the rod [N s/m]
+ECHO = 0.4  # round trip of the bar's wave over a passage of the rod [-]: six echoes within the comparison
 BARS = {
     "20 rods, endless": CharacteristicBar(impedance=20.0 * ROD, round_trip=1e3),
     "20 rods, echo": CharacteristicBar(impedance=20.0 * ROD, round_trip=ECHO * PASSAGE),
     "100 rods, echo": CharacteristicBar(impedance=100.0 * ROD, round_trip=ECHO * PASSAGE),
 }
-STEEL = CharacteristicBar(impedance=6910.0, round_trip=617e-6)
-"""The bar of the paper."""
+STEEL = CharacteristicBar(impedance=6910.0, round_trip=617e-6)  # the bar of the paper
 STROKE, DURATION = 1e-4 * LENGTH, 1.2 * PASSAGE
 TIMES = np.linspace(0.0, 2.95, 591)[1:] * PASSAGE
 """Until the wave that the rod's other end sends back arrives."""
@@ -53,21 +49,16 @@ that contains a time, and the power of a passing wave is large."""
 class Result:
     """Errors by bar; arrays run over the meshes."""
 
-    force: dict[str, FloatArray]
-    """Largest force error over the largest force [-], shape [n_meshes]."""
-    platen: dict[str, FloatArray]
-    """Largest error of the platen's path over its largest [-], shape [n_meshes]."""
-    platen_order: dict[str, FittedOrder]
-    """Fit of `platen` against the element size (the step follows it)."""
+    force: dict[str, FloatArray]  # largest force error over the largest force [-], shape [n_meshes]
+    platen: dict[str, FloatArray]  # largest error of the platen's path over its largest [-], shape [n_meshes]
+    platen_order: dict[str, FittedOrder]  # fit of `platen` against the element size (the step follows it)
     rigid: dict[str, float]
     """How much the force differs from that on a rigid support [-]: what the bar does at all."""
     work: dict[str, float]
     """Error of the energy that went into the bar, finest mesh, over the flyer's work [-]."""
 
-    steel: float
-    """The same error of the path for a large impact on the steel bar [-]."""
-    steel_travel: float
-    """Largest travel of the platen there [m]."""
+    steel: float  # the same error of the path for a large impact on the steel bar [-]
+    steel_travel: float  # largest travel of the platen there [m]
 
 
 def closed_force(bar: CharacteristicBar, times: FloatArray) -> FloatArray:

@@ -18,8 +18,7 @@ PRECISIONS: tuple[Precision, ...] = ("fp64", "fp32")
 FORCE_TOLERANCE, PLACE_TOLERANCE = 0.01, 0.2e-6
 """Allowed difference of single from double precision: force [N] (of some 20 N) and position [m]; both far
 below what an instrument resolves (3 N, 0.03 mm)."""
-DAMPING = (2.5e-5, 1e-4)
-"""The two stiffness-proportional dampings of the paper [s]."""
+DAMPING = (2.5e-5, 1e-4)  # the two stiffness-proportional dampings of the paper [s]
 STEP_TOLERANCE = 1e-3
 """Allowed relative error of the step with full damping [-]: at rest the damping is exactly beta times the
 stiffness, so only the solver's floor of the volumetric factor and rounding are left."""
@@ -33,17 +32,13 @@ class Result:
     """Whether every row of a batch of seven is the single simulation to the last bit, by precision and
     threads."""
 
-    force_difference: float
-    """Largest force difference of single from double precision [N]."""
-    place_difference: float
-    """Largest position difference of the side surface [m]."""
-    largest_force: float
-    """Largest force [N]."""
+    force_difference: float  # largest force difference of single from double precision [N]
+    place_difference: float  # largest position difference of the side surface [m]
+    largest_force: float  # largest force [N]
 
     steps: dict[str, FloatArray]
     """Step at rest undamped, with deviatoric and with full damping [s], shape [n_dampings]."""
-    predicted: FloatArray
-    """Closed form of the step with full damping [s], shape [n_dampings]."""
+    predicted: FloatArray  # closed form of the step with full damping [s], shape [n_dampings]
 
 
 def same_bits(a: Response, i: int, b: Response, j: int) -> bool:

@@ -19,8 +19,7 @@ FloatArray = NDArray[np.float64]
 
 END, POISSON, DAMPING = 1.5e-3, 0.495, 2.5e-5
 """End of the impacts at 2.6 m/s, at 60 % [s]; Poisson's ratio [-]; stiffness-proportional damping [s]."""
-AREA = np.pi * RADIUS**2
-"""Undeformed area of a face [m^2]."""
+AREA = np.pi * RADIUS**2  # undeformed area of a face [m^2]
 TIMES = np.linspace(0.0, END, 301)[1:]
 STEP, N_STEPS = 0.5e-6, 3000
 """Step of the runs for the ledgers [s], below the stable one throughout, and how many there are."""
@@ -33,16 +32,12 @@ LAWS: dict[str, dict[str, float]] = {
     "bonded": {},
 }
 """The laws, with parameters that make faces stick and slip, or let go."""
-STIFFNESS = 10.0 ** np.arange(10.0, 15.1, 0.5)
-"""Penalty stiffnesses [Pa/m]."""
-FRICTION = 2.0 ** np.arange(-1, 13)
-"""Coefficients on the way to infinity [-]."""
+STIFFNESS = 10.0 ** np.arange(10.0, 15.1, 0.5)  # penalty stiffnesses [Pa/m]
+FRICTION = 2.0 ** np.arange(-1, 13)  # coefficients on the way to infinity [-]
 RELEASE = np.array([0.0, 0.3e3, 1e3, 3e3, 10e3, 20e3, 50e3, 100e3, np.inf])
 """Release stresses of the impacts [Pa]."""
-PULLED = np.array([0.5e3, 1e3, 2e3, 4e3])
-"""Release stresses of the slow pull [Pa]."""
-QUICK = -0.05 * LENGTH
-"""Stroke of the quick pull [m]."""
+PULLED = np.array([0.5e3, 1e3, 2e3, 4e3])  # release stresses of the slow pull [Pa]
+QUICK = -0.05 * LENGTH  # stroke of the quick pull [m]
 SLOW, DRAG = 20e-3, 400.0
 """Duration of the slow pull and compression [s], and their mass-proportional damping [1/s]."""
 
@@ -68,23 +63,16 @@ def impact(law: str, **parameters: tuple[float, ...]) -> Response:
 class Ledger:
     """Every step of an impact with one law."""
 
-    penetration: float
-    """Deepest place of any node beyond a platen [m]."""
-    rolled: int
-    """Side nodes within 1 um of the transmission platen at the end, corner included."""
+    penetration: float  # deepest place of any node beyond a platen [m]
+    rolled: int  # side nodes within 1 um of the transmission platen at the end, corner included
     momentum: float
     """Largest difference between the platens' impulses and the specimen's momentum, over the largest
     momentum [-]."""
-    energy: float
-    """Largest |external work minus its parts| over external work [-]."""
-    friction: float
-    """Lost to friction over external work at the end [-]."""
-    impact: float
-    """Lost in landing, or held by the penalty's springs, over external work at the end [-]."""
-    tension: float
-    """Smallest force on the transmission platen [N]."""
-    step: float
-    """Smallest step [s]."""
+    energy: float  # largest |external work minus its parts| over external work [-]
+    friction: float  # lost to friction over external work at the end [-]
+    impact: float  # lost in landing, or held by the penalty's springs, over external work at the end [-]
+    tension: float  # smallest force on the transmission platen [N]
+    step: float  # smallest step [s]
 
 
 @cache
@@ -126,12 +114,9 @@ def ledger(law: str) -> Ledger:
 class Distance:
     """How far the simulations of a sweep are from their limit; shape [n] each."""
 
-    outline: FloatArray
-    """Radii of the side nodes, rms over nodes and times [m]."""
-    force: FloatArray
-    """Force on the transmission platen, rms over times, over its rms [-]."""
-    impulse: FloatArray
-    """Its impulse at the end [-]."""
+    outline: FloatArray  # radii of the side nodes, rms over nodes and times [m]
+    force: FloatArray  # force on the transmission platen, rms over times, over its rms [-]
+    impulse: FloatArray  # its impulse at the end [-]
 
 
 def distance(sweep: Response, limit: Response) -> Distance:
@@ -231,20 +216,15 @@ def press() -> FloatArray:
 
 
 FIGURE_SIZE = (6.7, 4.8)
-GAP_TOLERANCE = 1e-15
-"""Allowed penetration of the kinematic laws [m]: round-off of a height of 6.5 mm."""
-PENALTY_GAP_TOLERANCE = 1e-6
-"""Allowed penetration of the penalty law with its default stiffness [m]."""
+GAP_TOLERANCE = 1e-15  # allowed penetration of the kinematic laws [m]: round-off of a height of 6.5 mm
+PENALTY_GAP_TOLERANCE = 1e-6  # allowed penetration of the penalty law with its default stiffness [m]
 MOMENTUM_TOLERANCE = 1e-11
 """Round-off [-]: places of 6.5 mm, known to 1e-18 m, differ by 0.6 um within half a step."""
-ENERGY_TOLERANCE = 1e-3
-"""As in `energy.py` [-]."""
+ENERGY_TOLERANCE = 1e-3  # as in `energy.py` [-]
 FITTED = STIFFNESS >= 1e12
 """Stiffnesses of the fitted order: the softer ones add a mode of their own to the impact."""
-ORDER_TOLERANCE = 0.05
-"""Allowed distance of the penalty's order from 1."""
-SLIPPING = FRICTION <= 64.0
-"""Coefficients of the fitted order in 1/f: beyond, single landings decide."""
+ORDER_TOLERANCE = 0.05  # allowed distance of the penalty's order from 1
+SLIPPING = FRICTION <= 64.0  # coefficients of the fitted order in 1/f: beyond, single landings decide
 FRICTION_ORDER = 0.7
 """Smallest order in 1/f, less its scatter: theory gives 1, sticking and slipping of single nodes scatter."""
 PULL_TOLERANCE = 0.03
@@ -262,24 +242,15 @@ STATIC_TOLERANCE = 1e-4
 class Result:
     """Everything the page shows."""
 
-    ledgers: dict[str, Ledger]
-    """Every step of an impact, by law."""
-    penalty: Distance
-    """From the kinematic Coulomb law with the same coefficient, by `STIFFNESS`."""
-    depth: FloatArray
-    """Penetration [m], by `STIFFNESS`."""
-    friction: Distance
-    """From the rough law, by `FRICTION`."""
-    release: Response
-    """Impacts, by `RELEASE`."""
-    rough: Response
-    """The law that release stress 0 must be."""
-    bonded: Response
-    """The law that an infinite release stress must be."""
-    pull: FloatArray
-    """Force at release over its closed form [-], rows `PULLED`."""
-    press: FloatArray
-    """Penetration over its closed form [-], rows `STIFFNESS`."""
+    ledgers: dict[str, Ledger]  # every step of an impact, by law
+    penalty: Distance  # from the kinematic Coulomb law with the same coefficient, by `STIFFNESS`
+    depth: FloatArray  # penetration [m], by `STIFFNESS`
+    friction: Distance  # from the rough law, by `FRICTION`
+    release: Response  # Impacts, by `RELEASE`
+    rough: Response  # the law that release stress 0 must be
+    bonded: Response  # the law that an infinite release stress must be
+    pull: FloatArray  # force at release over its closed form [-], rows `PULLED`
+    press: FloatArray  # penetration over its closed form [-], rows `STIFFNESS`
 
 
 @cache
@@ -345,8 +316,7 @@ def draw(result: Result, figure: Figure) -> None:
     pulled.legend()
 
 
-SET = {"friction": "f = {:g}", "release_stress": "{:g} Pa"}
-"""How a law's parameter is written."""
+SET = {"friction": "f = {:g}", "release_stress": "{:g} Pa"}  # how a law's parameter is written
 
 
 def ledgers(result: Result) -> str:

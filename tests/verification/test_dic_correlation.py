@@ -16,28 +16,18 @@ FloatArray = NDArray[np.float64]
 
 FIGURE_SIZE = (6.7, 2.5)
 
-SIDE = 512
-"""Of the picture pair [px]."""
-SIGMA = 2.0
-"""Noise of a grey value [grey]."""
-NOISE = float(np.hypot(SIGMA, 12.0**-0.5))
-"""With that of the rounding to whole grey values [grey]."""
-REPEATS = 4
-"""Pairs that differ in their noise."""
-SHIFTS = np.linspace(0.0, 1.0, 21)
-"""Of the S-curve [px]."""
-SIZES = (4.0, 5.0)
-"""Speckles of the S-curve [px]."""
-SUBSETS = (11, 15, 21, 31, 41)
-"""Sides [px]."""
+SIDE = 512  # of the picture pair [px]
+SIGMA = 2.0  # noise of a grey value [grey]
+NOISE = float(np.hypot(SIGMA, 12.0**-0.5))  # with that of the rounding to whole grey values [grey]
+REPEATS = 4  # pairs that differ in their noise
+SHIFTS = np.linspace(0.0, 1.0, 21)  # of the S-curve [px]
+SIZES = (4.0, 5.0)  # speckles of the S-curve [px]
+SUBSETS = (11, 15, 21, 31, 41)  # sides [px]
 STRETCHES = (1.3, 1.0, 0.8, 0.65, 0.5, 0.4, 0.33)
 """Vertical; the horizontal one keeps the area of an incompressible body that is seen flat: 1 / sqrt."""
-COARSE = 12.0
-"""Speckles of the compressed pictures [px]: 4 px where they are shortest."""
-BIAS, S_CURVE = 0.5e-3, 1e-3
-"""Largest mean error, and largest S-curve from peak to peak [px]."""
-OVER_FLOOR = 1.1
-"""Largest standard deviation over the floor, affine."""
+COARSE = 12.0  # speckles of the compressed pictures [px]: 4 px where they are shortest
+BIAS, S_CURVE = 0.5e-3, 1e-3  # largest mean error, and largest S-curve from peak to peak [px]
+OVER_FLOOR = 1.1  # largest standard deviation over the floor, affine
 CALIBRATED, COMPRESSED = 0.06, 0.2
 """Largest distance of the standard deviation of normalised errors from 1; the same, compressed."""
 
@@ -48,38 +38,26 @@ class Pair:
 
     motion: str
     settings: Correlation
-    bias: float
-    """Mean error [px]."""
-    spread: float
-    """Standard deviation of the error [px]."""
-    promised: float
-    """Root mean square of the sigmas [px]."""
-    normalised: float
-    """Standard deviation of error over sigma [-]."""
-    found: float
-    """Share of the points that are VALID [-]."""
+    bias: float  # mean error [px]
+    spread: float  # standard deviation of the error [px]
+    promised: float  # root mean square of the sigmas [px]
+    normalised: float  # standard deviation of error over sigma [-]
+    found: float  # share of the points that are VALID [-]
 
 
 @dataclass(frozen=True)
 class Result:
     """Everything measured."""
 
-    floor: float
-    """sqrt(2 σ² / ΣG²) of a subset of 21 px without noise [px]."""
-    pairs: tuple[Pair, ...]
-    """Of the picture pair."""
-    s_curve: dict[float, FloatArray]
-    """Mean error at `SHIFTS`, by speckle size, without noise [px]."""
-    subset_spread: FloatArray
-    """Standard deviation of the error for `SUBSETS` [px], affine, shift by 0.3 px."""
-    subset_floor: FloatArray
-    """The floor for each [px]."""
+    floor: float  # sqrt(2 σ² / ΣG²) of a subset of 21 px without noise [px]
+    pairs: tuple[Pair, ...]  # of the picture pair
+    s_curve: dict[float, FloatArray]  # mean error at `SHIFTS`, by speckle size, without noise [px]
+    subset_spread: FloatArray  # standard deviation of the error for `SUBSETS` [px], affine, shift by 0.3 px
+    subset_floor: FloatArray  # the floor for each [px]
     stretch_normalised: FloatArray
     """Standard deviation of normalised errors at `STRETCHES`, by axis, shape [n, 2] [-]."""
-    update_bias: float
-    """Mean error of a match whose template is read between pixels [px]."""
-    update_bias_untold: float
-    """The same where no noise is declared, so that nothing is taken out [px]."""
+    update_bias: float  # mean error of a match whose template is read between pixels [px]
+    update_bias_untold: float  # the same where no noise is declared, so that nothing is taken out [px]
 
 
 def grid(margin: float, side: int, step: float) -> FloatArray:

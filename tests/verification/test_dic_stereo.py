@@ -16,16 +16,11 @@ from dic.stereo.epipolar_search import Pair, StereoGates, StereoSearch
 from dic.stereo.geometry import triangulate
 from dic.stereo.match import Gate, failed_gates, guided_match, match_stereo, measure_gates
 
-ANGLES = (12.5, 30.0)
-"""Between the cameras [°]."""
-SUBSETS = (11, 15, 21, 31)
-"""Sides of the subset [px]."""
-STEEPEST = 45.0
-"""Points seen more obliquely than this by a camera are left out of the errors [°]."""
-PUSHED = (5.0, 40.0)
-"""How far guesses are pushed along the epipolar line to make false matches [px]."""
-DRAWS = 4
-"""Rounds of false matches, a third of the points in each."""
+ANGLES = (12.5, 30.0)  # between the cameras [°]
+SUBSETS = (11, 15, 21, 31)  # sides of the subset [px]
+STEEPEST = 45.0  # points seen more obliquely than this by a camera are left out of the errors [°]
+PUSHED = (5.0, 40.0)  # how far guesses are pushed along the epipolar line to make false matches [px]
+DRAWS = 4  # rounds of false matches, a third of the points in each
 JUDGED = (Gate.EPIPOLAR, Gate.FACET, Gate.BACK_MATCH, Gate.NEIGHBOURS, Gate.UNIQUENESS)
 """Gates that tell a false match from a true one."""
 
@@ -34,14 +29,10 @@ JUDGED = (Gate.EPIPOLAR, Gate.FACET, Gate.BACK_MATCH, Gate.NEIGHBOURS, Gate.UNIQ
 class Errors:
     """One subset and shape function against the truth."""
 
-    accepted: float
-    """Share of the points whose whole subset both cameras see [-]."""
-    bias: float
-    """Mean distance from the cylinder, outward positive [m]."""
-    scatter: float
-    """Standard deviation of that distance [m]."""
-    scaled: float
-    """Standard deviation of the match's error in its own sigmas, both components [-]."""
+    accepted: float  # share of the points whose whole subset both cameras see [-]
+    bias: float  # mean distance from the cylinder, outward positive [m]
+    scatter: float  # standard deviation of that distance [m]
+    scaled: float  # standard deviation of the match's error in its own sigmas, both components [-]
     width: float
     """Side of the subset on the surface, root mean square over the points: a flank spreads it [m]."""
 
@@ -50,18 +41,12 @@ class Errors:
 class False_:
     """False matches, and which gates stop them."""
 
-    number: int
-    """Converged more than 1 px from the truth."""
-    caught: dict[Gate, int]
-    """How many each gate stops by itself."""
-    without: dict[Gate, int]
-    """How many would pass if this gate were not there."""
-    passed: int
-    """How many pass all gates."""
-    true_rejected: int
-    """True matches of whole subsets that a gate stops."""
-    true: int
-    """True matches of whole subsets."""
+    number: int  # converged more than 1 px from the truth
+    caught: dict[Gate, int]  # how many each gate stops by itself
+    without: dict[Gate, int]  # how many would pass if this gate were not there
+    passed: int  # how many pass all gates
+    true_rejected: int  # true matches of whole subsets that a gate stops
+    true: int  # true matches of whole subsets
 
 
 @dataclass(frozen=True)
@@ -70,8 +55,7 @@ class Result:
 
     errors: dict[tuple[float, Shape, int], Errors]
     false: dict[float, False_]
-    other_surface: tuple[int, int]
-    """Points accepted, and points, when camera 1 looks at other speckles."""
+    other_surface: tuple[int, int]  # points accepted, and points, when camera 1 looks at other speckles
 
 
 def whole(points: FloatArray, angle: float, subset: int) -> NDArray[np.bool_]:

@@ -15,47 +15,31 @@ from dic.tracking import Tracking, track
 
 FloatArray = NDArray[np.float64]
 
-SHAPE = (200, 220)
-"""Rows and columns of a picture [px]."""
-CENTRE, BASE = 110.0, 190.0
-"""Axis and resting edge [px]."""
-SIGMA = 2.0
-"""Noise of a grey value [grey]."""
-NOISE = float(np.hypot(SIGMA, 12.0**-0.5))
-"""With that of the rounding to whole grey values [grey]."""
-LAMBDA = np.linspace(1.0, 0.25, 37)
-"""Of the frames."""
-SEEDS = 3
-"""Patterns."""
-SPECKLES = (8.0, 5.0)
-"""Their sizes [px]; flattened to a quarter, 2 px and 1.25 px."""
-SUBSET = 25
-"""Side [px]."""
-SERIES = {"every frame": 1, "every second": 2, "every fourth": 4}
-"""Frames left out."""
+SHAPE = (200, 220)  # rows and columns of a picture [px]
+CENTRE, BASE = 110.0, 190.0  # axis and resting edge [px]
+SIGMA = 2.0  # noise of a grey value [grey]
+NOISE = float(np.hypot(SIGMA, 12.0**-0.5))  # with that of the rounding to whole grey values [grey]
+LAMBDA = np.linspace(1.0, 0.25, 37)  # of the frames
+SEEDS = 3  # Patterns
+SPECKLES = (8.0, 5.0)  # their sizes [px]; flattened to a quarter, 2 px and 1.25 px
+SUBSET = 25  # side [px]
+SERIES = {"every frame": 1, "every second": 2, "every fourth": 4}  # frames left out
 CALIBRATED = (0.75, 1.4)
 """Range of the standard deviation of normalised errors of 8 px speckles: a hundred independent subsets give
 it to 7 %, and the residual's part in sigma is an estimate."""
-UNDERSAMPLED = 1.8
-"""Its upper end for speckles of 5 px, which are undersampled in the end."""
-DRIFT = 2.0
-"""Largest ratio of the final errors of a chain with an update in every frame and of one with few."""
-SPARSE = 1.3
-"""The same of series with frames left out and of the whole one."""
+UNDERSAMPLED = 1.8  # its upper end for speckles of 5 px, which are undersampled in the end
+DRIFT = 2.0  # largest ratio of the final errors of a chain with an update in every frame and of one with few
+SPARSE = 1.3  # the same of series with frames left out and of the whole one
 
 
 @dataclass(frozen=True)
 class Course:
     """One way to follow one series, by frame."""
 
-    lam: FloatArray
-    """λ, shape [n]."""
-    spread: FloatArray
-    """Standard deviation of the error, x and y, shape [n, 2] [px]."""
-    normalised: FloatArray
-    """The same of the error over its sigma, shape [n, 2] [-]."""
-    alive: float
-    """Least share of the points that are VALID in a frame [-]."""
+    lam: FloatArray  # λ, shape [n]
+    spread: FloatArray  # standard deviation of the error, x and y, shape [n, 2] [px]
+    normalised: FloatArray  # the same of the error over its sigma, shape [n, 2] [-]
+    alive: float  # least share of the points that are VALID in a frame [-]
     references: int
     """Pictures that served as references for the last frame's chains: changes of the median point."""
 
@@ -64,12 +48,9 @@ class Course:
 class Result:
     """Everything measured."""
 
-    series: dict[str, Course]
-    """Speckles of 8 px, by the frames used."""
-    always: Course
-    """The same with a new reference in every frame."""
-    fine: Course
-    """Speckles of 5 px."""
+    series: dict[str, Course]  # speckles of 8 px, by the frames used
+    always: Course  # the same with a new reference in every frame
+    fine: Course  # speckles of 5 px
 
 
 def grid() -> FloatArray:

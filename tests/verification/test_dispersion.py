@@ -22,27 +22,20 @@ from kolsky.base.apparatus import Bar
 
 FIGURE_SIZE = (6.7, 6.2)
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
-RATIOS = (0.1, 0.2, 0.29, 0.35, 0.45, 0.495)
-"""Poisson's ratios at which roots are compared."""
-FREQUENCIES = (0.13, 0.57, 1.03, 1.83, 3.1, 6.2, 15.3)
-"""omega a / c0 there [-]."""
+RATIOS = (0.1, 0.2, 0.29, 0.35, 0.45, 0.495)  # Poisson's ratios at which roots are compared
+FREQUENCIES = (0.13, 0.57, 1.03, 1.83, 3.1, 6.2, 15.3)  # omega a / c0 there [-]
 STEEL_BAR = Bar(2.0 * RADIUS, 2.0, YOUNG, STEEL, POISSON)
-WAYS = (0.25, 0.5, 1.0, 2.0)
-"""Ways of the pulse [m]."""
+WAYS = (0.25, 0.5, 1.0, 2.0)  # ways of the pulse [m]
 PULSE = Pulse(60e-6)
 STEP, SAMPLES = 1e-7, 9000
 """Sampling of the pulse [s], and its length: until waves at the smallest group velocity have passed."""
-SIZES = np.array([2.5e-3, 1.25e-3, 0.625e-3])
-"""Elements of the bar [m]: 3, 6 and 12 across the radius."""
-NEAR, FAR, LENGTH = 0.3, 0.8, 1.2
-"""Cross-sections of the finite-element bar and its length [m]."""
+SIZES = np.array([2.5e-3, 1.25e-3, 0.625e-3])  # elements of the bar [m]: 3, 6 and 12 across the radius
+NEAR, FAR, LENGTH = 0.3, 0.8, 1.2  # Cross-sections of the finite-element bar and its length [m]
 LOAD = Pulse(15e-6, duration=60e-6)
-UNTIL = 320e-6
-"""Before the echo of the far end reaches the second cross-section [s]."""
+UNTIL = 320e-6  # before the echo of the far end reaches the second cross-section [s]
 ROOT_TOLERANCE = 1e-8
 """Allowed relative error of a wavenumber or phase velocity [-]; the tables are made for 1e-9."""
-PULSE_TOLERANCE = 2e-3
-"""Allowed error of a pulse over its peak [-]: what the correction of a test needs."""
+PULSE_TOLERANCE = 2e-3  # allowed error of a pulse over its peak [-]: what the correction of a test needs
 ORDER_TOLERANCE = 0.25
 """Allowed distance of the finite-element bar's order from 2: three sizes, the coarsest with 14 elements in
 the shortest wave of the pulse."""
@@ -52,29 +45,20 @@ the shortest wave of the pulse."""
 class Result:
     """Errors of the first mode and of what is carried by it."""
 
-    reference: FloatArray
-    """a / wavelength and c / c0 of the reference table, shape [n, 2]."""
-    reference_error: float
-    """Largest difference from it [-]."""
-    roots: FloatArray
-    """Relative error of the wavenumber [-], shape [n_ratios, n_frequencies]."""
-    forward: FloatArray
-    """Largest error of the pulse sent along a way, over its peak [-], shape [n_ways]."""
-    back: FloatArray
-    """The same for the pulse that has come along it, sent back [-], shape [n_ways]."""
-    shift: FloatArray
-    """The same for a plain shift [-], shape [n_ways]."""
+    reference: FloatArray  # a / wavelength and c / c0 of the reference table, shape [n, 2]
+    reference_error: float  # largest difference from it [-]
+    roots: FloatArray  # relative error of the wavenumber [-], shape [n_ratios, n_frequencies]
+    forward: FloatArray  # largest error of the pulse sent along a way, over its peak [-], shape [n_ways]
+    back: FloatArray  # the same for the pulse that has come along it, sent back [-], shape [n_ways]
+    shift: FloatArray  # the same for a plain shift [-], shape [n_ways]
     pulses: dict[float, tuple[FloatArray, FloatArray, FloatArray]]
     """Time after arrival [s], Fourier integral and recovered start [-], by the way [m]."""
     element: dict[float, tuple[FloatArray, FloatArray, FloatArray, FloatArray]]
     """By element size [m]: times [s], force at the second section, carried there from the first, and a plain
     shift [N]."""
-    element_error: FloatArray
-    """Largest difference of the carried force over the peak [-], by size."""
-    element_shift: float
-    """The same for a plain shift on the finest mesh [-]."""
-    order: FittedOrder
-    """Fit of `element_error` against the size."""
+    element_error: FloatArray  # largest difference of the carried force over the peak [-], by size
+    element_shift: float  # the same for a plain shift on the finest mesh [-]
+    order: FittedOrder  # fit of `element_error` against the size
 
 
 def _roots() -> FloatArray:

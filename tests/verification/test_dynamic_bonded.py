@@ -22,29 +22,20 @@ FloatArray = NDArray[np.float64]
 REFERENCE = Path(__file__).resolve().parent.parent / "reference"
 FIGURE_SIZE = (6.7, 6.4)
 POISSON = 0.495
-SPEED, RISE, END = 2.6, 50e-6, 1.5e-3
-"""Flyer speed [m/s], its rise [s] and the end of the runs [s]."""
-CUTOFFS = (5e3, 10e3, 20e3)
-"""Low-pass cut-offs [Hz]."""
-EARLY = 1.0e-3
-"""Up to here the side surface has rolled onto the platens by little [s]."""
-PROFILE_TIMES = np.array([0.25, 0.5, 0.75, 1.0, 1.25, 1.5]) * 1e-3
-"""Times of the outlines [s]."""
-SMALL = 0.02
-"""Scale of the motion in the small-strain study [-]: 1.2 % compression at the end."""
-BETA = 2.5e-5
-"""Stiffness-proportional damping of Mates et al. (2012) [s]."""
+SPEED, RISE, END = 2.6, 50e-6, 1.5e-3  # flyer speed [m/s], its rise [s] and the end of the runs [s]
+CUTOFFS = (5e3, 10e3, 20e3)  # Low-pass cut-offs [Hz]
+EARLY = 1.0e-3  # up to here the side surface has rolled onto the platens by little [s]
+PROFILE_TIMES = np.array([0.25, 0.5, 0.75, 1.0, 1.25, 1.5]) * 1e-3  # times of the outlines [s]
+SMALL = 0.02  # scale of the motion in the small-strain study [-]: 1.2 % compression at the end
+BETA = 2.5e-5  # Stiffness-proportional damping of Mates et al. (2012) [s].
 
 
 class Grid(NamedTuple):
     """A mesh of the study."""
 
-    across: int
-    """Elements across the radius."""
-    along: int
-    """Elements along the length."""
-    grading: float = 1.0
-    """Largest over smallest element size [-]."""
+    across: int  # elements across the radius
+    along: int  # elements along the length
+    grading: float = 1.0  # largest over smallest element size [-]
 
     def __str__(self) -> str:
         return f"{self.across} × {self.along}" + (f", graded {self.grading:g}" if self.grading > 1.0 else "")
@@ -53,63 +44,46 @@ class Grid(NamedTuple):
 COARSE, COARSE_GRADED = Grid(16, 22), Grid(16, 22, 2.0)
 GRIDS = (COARSE, COARSE_GRADED, Grid(24, 33), Grid(32, 44), Grid(32, 44, 2.0), Grid(48, 66), Grid(64, 88))
 """Meshes that are compared with the references."""
-UNIFORM = (Grid(16, 22), Grid(24, 33), Grid(32, 44), Grid(48, 66))
-"""Series of the order of convergence."""
-FINEST = Grid(96, 132)
-"""What the series converges to, where no reference exists."""
-COARSE_TOLERANCE, FINE_TOLERANCE = 0.02, 0.01
-"""Allowed rms difference of the 5 kHz force, over its peak [-]."""
-FINE = (Grid(32, 44, 2.0), Grid(48, 66), Grid(64, 88))
-"""Meshes that the finer tolerance is asked of."""
+UNIFORM = (Grid(16, 22), Grid(24, 33), Grid(32, 44), Grid(48, 66))  # series of the order of convergence
+FINEST = Grid(96, 132)  # what the series converges to, where no reference exists
+COARSE_TOLERANCE, FINE_TOLERANCE = 0.02, 0.01  # allowed rms difference of the 5 kHz force, over its peak [-]
+FINE = (Grid(32, 44, 2.0), Grid(48, 66), Grid(64, 88))  # meshes that the finer tolerance is asked of
 PROFILE_TOLERANCE = 20e-6
 """Allowed rms normal distance of the surface nodes to the reference's outline on a refined mesh [m]: the
 reference's own 0.01 mm, and as much again for the mesh."""
-ENERGIES = ("elastic", "kinetic", "external")
-"""Entries of the ledger that the FElupe reference has."""
-ENERGY_TOLERANCE = 1e-3
-"""Allowed imbalance [-]."""
+ENERGIES = ("elastic", "kinetic", "external")  # entries of the ledger that the FElupe reference has
+ENERGY_TOLERANCE = 1e-3  # allowed imbalance [-]
 
 
 class Difference(NamedTuple):
     """Root-mean-square difference of two low-passed forces."""
 
-    of_peak: float
-    """Over the reference's largest low-passed force [-]."""
-    of_rms: float
-    """Over the reference's rms low-passed force [-]."""
+    of_peak: float  # over the reference's largest low-passed force [-]
+    of_rms: float  # over the reference's rms low-passed force [-]
 
 
 @dataclass(frozen=True)
 class Reference:
     """One dynamic reference solution."""
 
-    time: FloatArray
-    """Times of the forces [s], shape [n]."""
+    time: FloatArray  # times of the forces [s], shape [n]
 
-    transmission: FloatArray
-    """Force on the fixed platen [N], shape [n]."""
-    outline_time: FloatArray
-    """Times of the outlines [s], shape [n_outlines]."""
-    outline: FloatArray
-    """Outlines (r, y) [m], shape [n_outlines, n_points, 2]."""
-    energy: FloatArray | None
-    """Elastic, kinetic and external energy at the end [J], if the file has them."""
+    transmission: FloatArray  # force on the fixed platen [N], shape [n]
+    outline_time: FloatArray  # times of the outlines [s], shape [n_outlines]
+    outline: FloatArray  # outlines (r, y) [m], shape [n_outlines, n_points, 2]
+    energy: FloatArray | None  # Elastic, kinetic and external energy at the end [J], if the file has them
 
 
 @dataclass(frozen=True)
 class Result:
     """Everything the page tells."""
 
-    stick: dict[Grid, Response]
-    """Side sticks, by mesh."""
-    slip: dict[Grid, Response]
-    """Side slides without friction, by mesh."""
+    stick: dict[Grid, Response]  # side sticks, by mesh
+    slip: dict[Grid, Response]  # side slides without friction, by mesh
     small: dict[Grid, Difference]
     """Small strain: 5 kHz difference from the finest mesh up to `EARLY`, by mesh."""
-    damped: dict[Grid, Difference]
-    """With `BETA`: 5 kHz difference from the finest mesh, by mesh."""
-    half_step: Difference
-    """Coarse mesh, 5 kHz: a third of the time step against the default one."""
+    damped: dict[Grid, Difference]  # with `BETA`: 5 kHz difference from the finest mesh, by mesh
+    half_step: Difference  # coarse mesh, 5 kHz: a third of the time step against the default one
 
 
 @cache

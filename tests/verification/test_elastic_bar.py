@@ -112,14 +112,10 @@ def impedance_step(name: str) -> tuple[FloatArray, FloatArray, float]:
 
 
 FIGURE_SIZE = (6.7, 6.4)
-SIZE, FINE = 2.5e-3, 1.25e-3
-"""Elements of the parts, and those that show what the mesh leaves [m]."""
-OTHER_LENGTHS = (8e-3, 24e-3)
-"""Lengths of the transducer beside the assumed one [m]."""
-LINE_STEP = 5e-8
-"""Time step of the one-dimensional waves [s]."""
-BANDS = {"raw": None, "20 kHz": 20e3, "5 kHz": 5e3}
-"""Low-pass filters of the comparison [Hz]."""
+SIZE, FINE = 2.5e-3, 1.25e-3  # elements of the parts, and those that show what the mesh leaves [m]
+OTHER_LENGTHS = (8e-3, 24e-3)  # lengths of the transducer beside the assumed one [m]
+LINE_STEP = 5e-8  # time step of the one-dimensional waves [s]
+BANDS = {"raw": None, "20 kHz": 20e3, "5 kHz": 5e3}  # Low-pass filters of the comparison [Hz]
 STATIC_TOLERANCE = 1e-13
 """Allowed nodal force beside the loads, over the force [-]: round-off of sums of some 20 terms."""
 PHASE_TOLERANCE = 5e-3
@@ -139,16 +135,12 @@ transducer, and what a stiffness of 1 % needs."""
 class Result:
     """Forces of open-01 on four kinds of support."""
 
-    time: FloatArray
-    """Times [s], shape [n]; the knots of the flyer's motion."""
-    change: FloatArray
-    """Largest change of the force between passes [N]."""
-    face: FloatArray
-    """Force on the face of the elastic parts [N], shape [n]."""
+    time: FloatArray  # times [s], shape [n]; the knots of the flyer's motion
+    change: FloatArray  # largest change of the force between passes [N]
+    face: FloatArray  # force on the face of the elastic parts [N], shape [n]
     face_difference: dict[str, FloatArray]
     """Force on the face on a simpler support less `face` [N], by support, shape [n]."""
-    sensor: FloatArray
-    """Force at the transducer's mid-section in the elastic parts [N], shape [n]."""
+    sensor: FloatArray  # force at the transducer's mid-section in the elastic parts [N], shape [n]
     sensor_difference: dict[str, FloatArray]
     """What a simpler model says less `sensor` [N], by model, shape [n]."""
     lengths: dict[float, float]
@@ -156,18 +148,13 @@ class Result:
     transducer's length [m]."""
     travel: tuple[float, float]
     """Last place of the face in the elastic parts and on the characteristic bar [m]."""
-    phase: tuple[FloatArray, FloatArray]
-    """Phase velocities over c0 [-], closed form and found."""
-    phase_order: FittedOrder
-    """Fit of the error at the shortest wave."""
+    phase: tuple[FloatArray, FloatArray]  # phase velocities over c0 [-], closed form and found
+    phase_order: FittedOrder  # fit of the error at the shortest wave
     steps: dict[str, tuple[FloatArray, FloatArray, float]]
     """Impulses at steps of the impedance: found, closed form; imbalance of the energy."""
-    static: float
-    """Nodal force beside the loads in uniform compression [-]."""
-    imbalance: float
-    """Imbalance of the energy of the elastic parts in open-01 [-]."""
-    n_elements: int
-    """Elements of the parts."""
+    static: float  # nodal force beside the loads in uniform compression [-]
+    imbalance: float  # imbalance of the energy of the elastic parts in open-01 [-]
+    n_elements: int  # elements of the parts
     n_steps: int
 
     def bands(self, difference: FloatArray) -> dict[str, tuple[float, float]]:

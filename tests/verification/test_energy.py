@@ -26,27 +26,22 @@ TOLERANCE = 1e-3
 FRICTION = (0.0, 0.1, 0.3, 1.0)
 END = 1.5e-3
 TIMES = np.linspace(0.0, END, 61)[1:]
-STEPS = (8e-7, 4e-7, 2e-7, 1e-7)
-"""Fixed steps of the study of the residual [s]."""
+STEPS = (8e-7, 4e-7, 2e-7, 1e-7)  # fixed steps of the study of the residual [s]
 TERMS = ("kinetic", "elastic", "hourglass", "hourglass_damping", "damping", "friction", "impact")
-BAR = CharacteristicBar(impedance=6910.0, round_trip=617e-6)
-"""The steel bar of the paper's apparatus."""
+BAR = CharacteristicBar(impedance=6910.0, round_trip=617e-6)  # the steel bar of the paper's apparatus
 
 
 @dataclass(frozen=True)
 class Result:
     """Ledgers at `TIMES`; one row a friction coefficient."""
 
-    ledgers: dict[str, EnergyLedger]
-    """Ledger by kind of damping."""
+    ledgers: dict[str, EnergyLedger]  # ledger by kind of damping
     work_error: float
     """Largest difference of `external` from the platens' impulses and motions, over the work [-]."""
     impact_share: dict[str, float]
     """Energy lost by landing nodes over external work at the end, f = 0.3, by mesh [-]."""
-    refined: FloatArray
-    """Imbalance by fixed step, f = 0.3 [-], shape [n_steps]."""
-    order: FittedOrder
-    """Its fit against the step."""
+    refined: FloatArray  # imbalance by fixed step, f = 0.3 [-], shape [n_steps]
+    order: FittedOrder  # its fit against the step
 
 
 def simulate(

@@ -20,12 +20,9 @@ from kolsky.equilibrium.solve import Newton, solve
 
 FloatArray = NDArray[np.float64]
 
-SHEAR = 25e3
-"""Of the rubbers here [Pa]."""
-INNER, OUTER, REACHED = 1.0, 2.0, 1.5
-"""Radii of the thick cylinder, and the inner one under its pressure [m]."""
-NEARLY = 1e7
-"""Bulk over shear modulus of the cylinder, whose closed form is incompressible."""
+SHEAR = 25e3  # of the rubbers here [Pa]
+INNER, OUTER, REACHED = 1.0, 2.0, 1.5  # radii of the thick cylinder, and the inner one under its pressure [m]
+NEARLY = 1e7  # bulk over shear modulus of the cylinder, whose closed form is incompressible
 PEER_FORCES = (1.91994687, 3.27886483, 4.36322188, 5.29174569, 6.12069051)
 """Forces [N] of FElupe 11.3.0 on 6 x 3 x 1 27-node hexahedra, in five steps to 125 % at nu = 0.45:
 ``python -m benchmarks.equilibrium --cells 6x3x1 --steps 5 --json FILE``."""
@@ -126,49 +123,36 @@ def strip_forces() -> FloatArray:
     return np.asarray(solve(model, {"pull": 0.025 * np.arange(1, 6)}).reaction("right")[:, 0])
 
 
-ACROSS = (2, 4, 8)
-"""Elements across the wall, and along an edge of the membrane and the square."""
+ACROSS = (2, 4, 8)  # elements across the wall, and along an edge of the membrane and the square
 ORDERS = {"quad4": 2.0, "quad8": 2.0, "quad9": 4.0, "tri6": 2.0}
 """What theory gives for the radius, which the pressure works on: twice the degree of the displacement, or of
 the pressure plus one where that is less."""
-ORDER_HELD = 0.3
-"""Distance from it that is allowed over three meshes."""
+ORDER_HELD = 0.3  # distance from it that is allowed over three meshes
 MEMBRANE = (
     ("quad4", "displacement"), ("quad4", "mixed"), ("quad8", "mixed"), ("tri6", "mixed"), ("quad9", "mixed"),
 )  # fmt: skip
-FINE = 16
-"""Elements along an edge with which the membrane is compared with another program."""
+FINE = 16  # elements along an edge with which the membrane is compared with another program
 TIP_HELD = 0.005
 """Largest relative distance from its limit of the 9-node quadrilateral and the 6-node triangle, `FINE`: their
 own steps from 8 to 16 elements are 0.2 and 0.4 %."""
 SQUARES = ("quad4", "quad8", "quad9", "tri6")
 STABLE = ("quad8", "quad9", "tri6")
-FALL = 0.2
-"""Largest relative fall of the inf-sup constant of a stable element from 2 to 8 elements."""
-PEER_HELD = 1e-3
-"""Largest relative difference of forces from another program's."""
+FALL = 0.2  # largest relative fall of the inf-sup constant of a stable element from 2 to 8 elements
+PEER_HELD = 1e-3  # largest relative difference of forces from another program's
 
 
 @dataclass(frozen=True)
 class Result:
     """Everything that the page shows."""
 
-    cylinder: dict[str, list[float]]
-    """Relative errors of the inner radius, by element and mesh [-]."""
-    orders: dict[str, FittedOrder]
-    """Their fitted orders."""
-    membrane: dict[tuple[str, str], list[float]]
-    """Rise of the corner by element, formulation and mesh [mm]."""
-    fine: dict[str, float]
-    """The same of mixed elements on `FINE` x `FINE`, by element [mm]."""
-    membrane_of_peer: dict[int, float]
-    """That of DOLFINx by cells along an edge, and at 0 its limit [mm]."""
-    constants: dict[str, list[float]]
-    """Inf-sup constants by element and mesh [-]."""
-    solid_constants: dict[str, float]
-    """Those of hexahedra on 3 x 3 x 3 elements [-]."""
-    peer: float
-    """Largest relative difference from the peer's forces [-]."""
+    cylinder: dict[str, list[float]]  # relative errors of the inner radius, by element and mesh [-]
+    orders: dict[str, FittedOrder]  # their fitted orders
+    membrane: dict[tuple[str, str], list[float]]  # rise of the corner by element, formulation and mesh [mm]
+    fine: dict[str, float]  # the same of mixed elements on `FINE` x `FINE`, by element [mm]
+    membrane_of_peer: dict[int, float]  # that of DOLFINx by cells along an edge, and at 0 its limit [mm]
+    constants: dict[str, list[float]]  # Inf-sup constants by element and mesh [-]
+    solid_constants: dict[str, float]  # those of hexahedra on 3 x 3 x 3 elements [-]
+    peer: float  # largest relative difference from the peer's forces [-]
 
 
 @cache

@@ -20,18 +20,12 @@ from explicit.time_loop.element_sweeps import CHECK_EVERY, MOTION_LIMIT
 class Rectangles:
     """What the elements of a mesh are made of."""
 
-    quads: NDArray[np.int64]
-    """Corner nodes, shape [n_elements, 4]."""
-    volume: FloatArray
-    """Volume over a full turn [m^3], shape [n_elements]."""
-    gradient_r: FloatArray
-    """Mean dN/dR of each corner [1/m], shape [n_elements, 4]."""
-    gradient_y: FloatArray
-    """Mean dN/dY of each corner [1/m], shape [n_elements, 4]."""
-    hoop: FloatArray
-    """Mean N / R of each corner [1/m], shape [n_elements, 4]."""
-    corner_mass: FloatArray
-    """Each corner's share of the mass [kg], shape [n_elements, 4]."""
+    quads: NDArray[np.int64]  # corner nodes, shape [n_elements, 4]
+    volume: FloatArray  # volume over a full turn [m^3], shape [n_elements]
+    gradient_r: FloatArray  # mean dN/dR of each corner [1/m], shape [n_elements, 4]
+    gradient_y: FloatArray  # mean dN/dY of each corner [1/m], shape [n_elements, 4]
+    hoop: FloatArray  # mean N / R of each corner [1/m], shape [n_elements, 4]
+    corner_mass: FloatArray  # each corner's share of the mass [kg], shape [n_elements, 4]
 
 
 def rectangles(mesh: Mesh, density: float) -> Rectangles:
@@ -135,11 +129,9 @@ END = 1.5e-3
 TIMES = np.linspace(0.0, END, 301)[1:]
 POISSON = 0.495
 MU = shear_modulus(POISSON)
-SHORT = 1.2
-"""Where the data of the short curve end [-]."""
+SHORT = 1.2  # where the data of the short curve end [-]
 STEPPING = Stepping(floor=0.05, max_steps=2000)
-JUST_BEFORE = 1e-9
-"""Two positions so far apart give the velocity of a step [s]."""
+JUST_BEFORE = 1e-9  # two positions so far apart give the velocity of a step [s]
 EXPECTED = (
     Outcome.COMPLETED, Outcome.INVERTED, Outcome.COMPLETED, Outcome.STEP_COLLAPSED, Outcome.STEP_LIMIT,
     Outcome.TABLE_EXCEEDED, Outcome.DIVERGED, Outcome.COMPLETED,
@@ -180,17 +172,13 @@ def samples(rows: list[int]) -> Samples:
 class Witness:
     """One failure, looked at again from recorded node positions."""
 
-    named: int
-    """The element that the solver named."""
-    found: int
-    """The element with the extreme value of NumPy's."""
+    named: int  # the element that the solver named
+    found: int  # the element with the extreme value of NumPy's
     value: float
     """What ended the run, at its end: the smallest J, the largest s, the stable step over the first one, or
     the kinetic energy over the platens' work [-]."""
-    before: float
-    """The same when it was last looked at and found in order."""
-    same_history: bool
-    """Whether everything before the end has the bits of a run that was asked to end there."""
+    before: float  # the same when it was last looked at and found in order
+    same_history: bool  # whether everything before the end has the bits of a run that was asked to end there
 
 
 def alone(i: int, sampling: Sampling, **changes: float) -> Response:
@@ -281,10 +269,8 @@ def bits_of_neighbours(batch: Response) -> dict[str, bool]:
     }
 
 
-FAILED = [i for i, outcome in enumerate(EXPECTED) if not outcome.ok]
-"""Rows of the batch that must fail."""
-NEVER = 10**6
-"""Steps between two measurements of the step that is measured only once."""
+FAILED = [i for i, outcome in enumerate(EXPECTED) if not outcome.ok]  # rows of the batch that must fail
+NEVER = 10**6  # steps between two measurements of the step that is measured only once
 ONSET = 3.0
 """Force by which a diverging run may be wrong before it is ended [N]: what a force measurement resolves."""
 
@@ -293,17 +279,13 @@ ONSET = 3.0
 class Result:
     """A batch with every failure, and what was found of it."""
 
-    batch: Response
-    """Eight simulations, five of which fail."""
+    batch: Response  # eight simulations, five of which fail
     bits: dict[str, bool]
     """Whether rows keep the bits they have "alone", and the sound ones those of a batch "without" the
     others."""
-    witnesses: dict[int, Witness]
-    """Each failure looked at again with NumPy, by row."""
-    unstable: Response
-    """Row 0 with a step that is measured once and never again."""
-    astray: float
-    """Largest difference of its recorded forces from the sound run's [N]."""
+    witnesses: dict[int, Witness]  # each failure looked at again with NumPy, by row
+    unstable: Response  # row 0 with a step that is measured once and never again
+    astray: float  # largest difference of its recorded forces from the sound run's [N]
     motion: dict[str, FloatArray]
     """Kinetic energy over the platens' work so far at the times of the batch, to each end [-]."""
 

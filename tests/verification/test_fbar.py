@@ -39,25 +39,20 @@ from explicit.elements.base import INVERTED
 from explicit.materials import MarlowLaw, MaterialLaw, neo_hookean
 from explicit.precision import precision
 
-DIFFERENCES = np.geomspace(1e-2, 1e-9, 15)
-"""Steps of the central differences over an element's size [-]."""
+DIFFERENCES = np.geomspace(1e-2, 1e-9, 15)  # steps of the central differences over an element's size [-]
 GRADIENT_TOLERANCE = 1e-8
 """Best relative difference of force and energy slope [-]: central differences in fp64 reach the 2/3 power of
 round-off, 4e-11, and K/mu = 100 multiplies the cancellation."""
-BETA = 2.5e-5
-"""Damping of the bound's study [s]."""
+BETA = 2.5e-5  # damping of the bound's study [s]
 
 
 @dataclass(frozen=True)
 class Bound:
     """Step bound over what it bounds, elements of randomly deformed meshes."""
 
-    least: float
-    """Smallest quotient of bound and largest eigenvalue [-]; below 1 the bound fails."""
-    median: float
-    """Median quotient [-]."""
-    most: float
-    """Largest quotient [-]."""
+    least: float  # smallest quotient of bound and largest eigenvalue [-]; below 1 the bound fails
+    median: float  # median quotient [-]
+    most: float  # largest quotient [-]
 
 
 def states(mesh: Mesh, strain: float, seed: int) -> FloatArray:
@@ -189,18 +184,13 @@ def largest_frequency(stiffness: FloatArray, damping: FloatArray) -> FloatArray:
 
 MESHES = ((16, 22), (24, 33), (32, 44), (48, 66))
 """Elements across the radius and along the length; multiples of 11 along it share 12 material heights."""
-SIZES = np.array([1.0 / n for n, _ in MESHES])
-"""Element size over the radius [-]."""
+SIZES = np.array([1.0 / n for n, _ in MESHES])  # element size over the radius [-]
 STATIC_ORDER = 2.0 * corner_exponent()
 """Order of force and shape with bonded edges in linear theory [-]: that of the edge's singularity."""
-DYNAMIC_ORDER = 2.0
-"""Order of the motion before the edges matter [-]: linear elements, lumped mass."""
-CHI = (0.03, 0.1, 0.3, 1.0)
-"""Hourglass stiffnesses of the study [-]."""
-DISC = 1e-3
-"""Thickness of the flat disc [m]."""
-DISC_COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4])
-"""Compressions of the disc that are reported [-]."""
+DYNAMIC_ORDER = 2.0  # order of the motion before the edges matter [-]: linear elements, lumped mass
+CHI = (0.03, 0.1, 0.3, 1.0)  # hourglass stiffnesses of the study [-]
+DISC = 1e-3  # thickness of the flat disc [m]
+DISC_COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4])  # compressions of the disc that are reported [-]
 DISC_MESHES = ((16, 4), (32, 8), (48, 12))
 
 
@@ -270,12 +260,9 @@ def small_order(element: str) -> FittedOrder:
 class Disc:
     """Slow bonded compression of a flat disc, at `DISC_COMPRESSION`."""
 
-    force: FloatArray
-    """Mean of both face forces [N], shape [4]."""
-    hourglass: FloatArray
-    """Hourglass over elastic energy [-], shape [4]."""
-    radius: float
-    """Largest radius at the end [m]."""
+    force: FloatArray  # mean of both face forces [N], shape [4]
+    hourglass: FloatArray  # hourglass over elastic energy [-], shape [4]
+    radius: float  # largest radius at the end [m]
 
 
 @cache
@@ -321,8 +308,7 @@ def cost(element: str, n_samples: int = 1) -> float:
     return (long - short) / (many - few) / (mesh.n_elements * n_samples)
 
 
-POISSON = (0.3, 0.495, 0.4999)
-"""Poisson's ratios of the step bound's study [-]."""
+POISSON = (0.3, 0.495, 0.4999)  # Poisson's ratios of the step bound's study [-]
 STATIC_TOLERANCE = {"coarse": 0.03, "fine": 0.01}
 """Allowed relative force error [-]: first order at the bonded edges, 2.3 % at 20 % on 16 × 22; the
 reference's own 0.3 % at 20 % is in it."""
@@ -348,16 +334,12 @@ class Single:
 
     interior: dict[str, float]
     """Patch test: largest interior force over the largest corner force, by precision [-]."""
-    face: dict[str, float]
-    """Largest relative error of a face force in the patch test, by precision [-]."""
+    face: dict[str, float]  # largest relative error of a face force in the patch test, by precision [-]
     rigid: dict[str, float]
     """Largest force in a rigid shift with a rigid velocity over mu R^2, by precision [-]."""
-    rate_power: float
-    """Power of the damping stress in uniform stretching over its closed form, minus 1 [-]."""
-    gradient: FloatArray
-    """Force against the energy's central difference, by step [-], shape [n_differences]."""
-    imbalance: dict[str, float]
-    """Largest energy imbalance, f = 0 and 0.3, by kind of damping [-]."""
+    rate_power: float  # power of the damping stress in uniform stretching over its closed form, minus 1 [-]
+    gradient: FloatArray  # force against the energy's central difference, by step [-], shape [n_differences]
+    imbalance: dict[str, float]  # largest energy imbalance, f = 0 and 0.3, by kind of damping [-]
     frictionless: float
     """Largest relative force error against the closed form, two laws, three nu, 10 to 60 % [-]."""
 
@@ -366,10 +348,8 @@ class Single:
 class Result:
     """What the page does not call itself."""
 
-    single: dict[str, Single]
-    """By element."""
-    bounds: dict[tuple[str, float, str], Bound]
-    """Step bound over what it bounds, by element, nu and damping."""
+    single: dict[str, Single]  # by element
+    bounds: dict[tuple[str, float, str], Bound]  # step bound over what it bounds, by element, nu and damping
 
 
 @cache
@@ -416,8 +396,7 @@ def case() -> Result:
     return Result({element: single(element) for element in ELEMENTS}, bounds)
 
 
-NAMES = {"one_point": "one-point", "fbar": "F-bar"}
-"""Elements as the page calls them."""
+NAMES = {"one_point": "one-point", "fbar": "F-bar"}  # elements as the page calls them
 
 
 def single_table(result: Result) -> str:

@@ -19,8 +19,7 @@ FloatArray = NDArray[np.float64]
 
 REFERENCE = Path(__file__).resolve().parent.parent / "reference"
 POISSON = 0.495
-FRICTION = (0.05, 0.1, 0.2, 0.3, 0.5, 1000.0)
-"""Coefficients of the reference; the last one never slips."""
+FRICTION = (0.05, 0.1, 0.2, 0.3, 0.5, 1000.0)  # coefficients of the reference; the last one never slips
 COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
 """Nominal compressions that are recorded [-]; the reference says up to which one it is known."""
 STROKE, DURATION, RISE, DRAG = 0.61, 0.1, 0.1, 200.0
@@ -30,61 +29,41 @@ DAMPING = 2.5e-5
 """Stiffness-proportional damping beta [s], the paper's: it stops the flutter of sliding faces."""
 COARSE, EVEN, FINE = (16, 22, 1.0), (32, 44, 1.0), (32, 44, 3.0)
 """Meshes: elements across the radius and along the length, largest element over smallest."""
-IMPACT_END = 1.5e-3
-"""End of the impacts at 2.6 m/s [s], at 60 %."""
+IMPACT_END = 1.5e-3  # end of the impacts at 2.6 m/s [s], at 60 %
 
 
 @dataclass(frozen=True)
 class Known:
     """The static solution for one coefficient; the first axis is compression."""
 
-    compression: FloatArray
-    """Compressions at which the solution is known [-], shape [n]."""
-    force: FloatArray
-    """Force [N], shape [n]."""
-    force_error: FloatArray
-    """Its uncertainty [N], shape [n]."""
-    corner: FloatArray
-    """Radius of the face's edge [m], shape [n]."""
-    corner_error: FloatArray
-    """Its uncertainty [m], shape [n]."""
-    middle: FloatArray
-    """Radius at mid-height [m], shape [n]."""
-    middle_error: FloatArray
-    """Its uncertainty [m], shape [n]."""
-    contact: FloatArray
-    """Radius of the area that presses on the platen [m], shape [n]."""
-    contact_error: FloatArray
-    """Its uncertainty [m], shape [n]."""
+    compression: FloatArray  # compressions at which the solution is known [-], shape [n]
+    force: FloatArray  # force [N], shape [n]
+    force_error: FloatArray  # its uncertainty [N], shape [n]
+    corner: FloatArray  # radius of the face's edge [m], shape [n]
+    corner_error: FloatArray  # its uncertainty [m], shape [n]
+    middle: FloatArray  # radius at mid-height [m], shape [n]
+    middle_error: FloatArray  # its uncertainty [m], shape [n]
+    contact: FloatArray  # radius of the area that presses on the platen [m], shape [n]
+    contact_error: FloatArray  # its uncertainty [m], shape [n]
     outline: FloatArray
     """Side surface (r, distance from mid-height) from middle to edge [m], shape [n, n_points, 2]."""
-    face_start: FloatArray
-    """Places on the face before loading [m], shape [n_places]."""
-    face: FloatArray
-    """Their radii [m], shape [n, n_places]."""
+    face_start: FloatArray  # places on the face before loading [m], shape [n_places]
+    face: FloatArray  # their radii [m], shape [n, n_places]
 
 
 @dataclass(frozen=True)
 class Found:
     """One slow loading with one coefficient; the first axis is compression."""
 
-    force: FloatArray
-    """Mean of both face forces [N], shape [6]."""
+    force: FloatArray  # mean of both face forces [N], shape [6]
 
-    middle: FloatArray
-    """Radius at mid-height [m], shape [6]."""
-    outline: FloatArray
-    """Side nodes (r, distance from mid-height) [m], shape [6, n_nodes, 2]."""
-    face_start: FloatArray
-    """Nodes of a face before loading [m], shape [n_places]."""
-    face: FloatArray
-    """Their radii, mean of both faces [m], shape [6, n_places]."""
-    kinetic: FloatArray
-    """Kinetic over elastic energy [-], shape [6]."""
-    penetration: float
-    """Deepest place of a surface node beyond a platen [m]."""
-    completed: bool
-    """Whether the run reached its end."""
+    middle: FloatArray  # radius at mid-height [m], shape [6]
+    outline: FloatArray  # side nodes (r, distance from mid-height) [m], shape [6, n_nodes, 2]
+    face_start: FloatArray  # nodes of a face before loading [m], shape [n_places]
+    face: FloatArray  # their radii, mean of both faces [m], shape [6, n_places]
+    kinetic: FloatArray  # kinetic over elastic energy [-], shape [6]
+    penetration: float  # deepest place of a surface node beyond a platen [m]
+    completed: bool  # whether the run reached its end
 
 
 @cache
@@ -169,19 +148,14 @@ def outline_difference(found: Found, reference: Known) -> FloatArray:
 class Impact:
     """Impacts at 2.6 m/s without drag, one a coefficient; coarse mesh."""
 
-    friction: FloatArray
-    """Coefficients [-], shape [n]."""
-    energy: FloatArray
-    """Largest |external work minus its parts| over external work [-], shape [n]."""
+    friction: FloatArray  # coefficients [-], shape [n]
+    energy: FloatArray  # largest |external work minus its parts| over external work [-], shape [n]
     momentum: FloatArray
     """Largest error of the path of the centre of mass, from the platens' impulses, over the path [-],
     shape [n]."""
-    dissipated: FloatArray
-    """Lost to friction over external work at the end [-], shape [n]."""
-    given_back: float
-    """Largest fall of the friction entry between two times over external work [-]."""
-    penetration: float
-    """Deepest place of a surface node beyond a platen [m]."""
+    dissipated: FloatArray  # lost to friction over external work at the end [-], shape [n]
+    given_back: float  # largest fall of the friction entry between two times over external work [-]
+    penetration: float  # deepest place of a surface node beyond a platen [m]
 
 
 @cache
@@ -216,8 +190,7 @@ def impact() -> Impact:
 
 
 FIGURE_SIZE = (6.7, 3.1)
-Case = tuple[tuple[int, int, float], str]
-"""A mesh and an element."""
+Case = tuple[tuple[int, int, float], str]  # a mesh and an element
 CASES: dict[str, Case] = {
     "16 × 22": (COARSE, "one_point"),
     "32 × 44": (FINE, "one_point"),
@@ -237,21 +210,17 @@ height [m]."""
 TANGLED = {0.1: 0.55}
 """Compression [-] from which one-point elements of the fine mesh tangle at the folded edge, by coefficient;
 not compared, and said on the page."""
-STUDY = (0.0, 2.5e-6, DAMPING)
-"""Damping beta of the study of flutter [s]."""
+STUDY = (0.0, 2.5e-6, DAMPING)  # damping beta of the study of flutter [s]
 
 
 @dataclass(frozen=True)
 class Result:
     """Slow loadings with every coefficient, by mesh and by damping, and the impacts."""
 
-    cases: dict[str, tuple[Found, ...]]
-    """The comparison, by `CASES`."""
-    study: dict[float, tuple[Found, ...]]
-    """Even mesh, by damping."""
+    cases: dict[str, tuple[Found, ...]]  # the comparison, by `CASES`
+    study: dict[float, tuple[Found, ...]]  # even mesh, by damping
 
-    impact: Impact
-    """Ledgers of energy and momentum."""
+    impact: Impact  # ledgers of energy and momentum
 
 
 @cache

@@ -16,18 +16,15 @@ from explicit.materials import MarlowLaw, MaterialLaw, marlow_from_curve, neo_ho
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "C_frictionless_analytic.csv"
 LAWS = ("nh", "yeoh")
 POISSON = (0.49, 0.495, 0.4999)
-COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
-"""Nominal compressions that are compared [-]."""
+COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])  # nominal compressions that are compared [-]
 STROKE = 0.75
 """Compression at which the loading would end: 60 % is passed at speed, before the instability has grown."""
 LOADING = 0.04
 """Duration of the loading that is compared with the closed form [s]; a wave needs 0.7 ms for the length."""
-DURATIONS = (0.02, 0.04, 0.08, 0.16)
-"""Durations of the study of the dynamic residual [s]."""
+DURATIONS = (0.02, 0.04, 0.08, 0.16)  # durations of the study of the dynamic residual [s]
 STABLE = COMPRESSION < 0.55
 """Compressions below Biot's: from a stretch of 0.444 on a free surface of a neo-Hookean solid wrinkles."""
-WRINKLED = 20e-6
-"""Spread of the radius that says the homogeneous state is left [m]."""
+WRINKLED = 20e-6  # spread of the radius that says the homogeneous state is left [m]
 FORCE_TOLERANCE = 3e-3
 """Allowed relative force error [-]: the inertia of this loading, 0.2 % at 10 %, falls as duration^-2."""
 RADIUS_TOLERANCE = {"stable": 0.1e-6, "past": 10e-6}
@@ -38,18 +35,12 @@ RADIUS_TOLERANCE = {"stable": 0.1e-6, "past": 10e-6}
 class Result:
     """Deviations from the closed form; the last axis is the compression."""
 
-    force: FloatArray
-    """Relative error of the mean of both face forces [-], shape [n_laws, n_poisson, 6]."""
-    radius: FloatArray
-    """Error of the mean side radius [m], shape [n_laws, n_poisson, 6]."""
-    spread: FloatArray
-    """Largest minus smallest side radius [m], shape [n_laws, n_poisson, 6]."""
-    slow: FloatArray
-    """|force error| up to 50 %, largest, by duration of loading [-], shape [n_durations]."""
-    order: FittedOrder
-    """Fit of `slow` against 1 / duration."""
-    onset: float
-    """Compression at which very slow loading leaves the homogeneous state [-]."""
+    force: FloatArray  # relative error of the mean of both face forces [-], shape [n_laws, n_poisson, 6]
+    radius: FloatArray  # error of the mean side radius [m], shape [n_laws, n_poisson, 6]
+    spread: FloatArray  # largest minus smallest side radius [m], shape [n_laws, n_poisson, 6]
+    slow: FloatArray  # |force error| up to 50 %, largest, by duration of loading [-], shape [n_durations]
+    order: FittedOrder  # fit of `slow` against 1 / duration
+    onset: float  # compression at which very slow loading leaves the homogeneous state [-]
 
 
 def yeoh_like(mu: float) -> MarlowLaw:

@@ -42,10 +42,8 @@ from explicit.materials import neo_hookean
 
 FINE_STEP = STRIKER.travel_time / 512
 """Time step of the closed forms [s]: a whole number of steps along the striker."""
-STIFFNESS = 5e8
-"""Linear pulse shaper [N/m]."""
-SHAPER_STEPS = STRIKER.travel_time / np.array([64, 128, 256])
-"""Time steps of its convergence [s]."""
+STIFFNESS = 5e8  # linear pulse shaper [N/m]
+SHAPER_STEPS = STRIKER.travel_time / np.array([64, 128, 256])  # time steps of its convergence [s]
 
 
 def _bare(
@@ -110,8 +108,7 @@ def free_flight() -> FlightHistory:
     return integrate_test(apparatus(), end=1.5e-3, step=PLATEN.travel_time / 9)
 
 
-SPRING = 2e4
-"""Stiffness of a specimen that is a spring [N/m]."""
+SPRING = 2e4  # stiffness of a specimen that is a spring [N/m]
 
 
 @cache
@@ -151,8 +148,7 @@ def balances(history: FlightHistory) -> tuple[float, float, float]:
 
 
 FIGURE_SIZE = (6.7, 8.2)
-END = 4.0e-3
-"""Last time since the striker touched [s]."""
+END = 4.0e-3  # last time since the striker touched [s]
 STEP = PLATEN.travel_time / 9
 """Time step of the bars [s]: whole steps along the platen, 0.3 % off along the transducer."""
 FLYER_SENSOR = 0.5 * TRANSDUCER_LENGTH
@@ -161,12 +157,10 @@ SUPPORT_SENSOR = PLATEN.length + 0.5 * TRANSDUCER_LENGTH
 """Depth of the transducer's mid-section behind the specimen [m]."""
 CUTOFF = 50e3
 """Low-pass of the transducers' signals in the figure [Hz]: the flyer rings along its axis at 125 kHz."""
-LEVEL_TOLERANCE = 1e-12
-"""Allowed error of impact forces, times and velocities face on face [-]: round-off."""
+LEVEL_TOLERANCE = 1e-12  # allowed error of impact forces, times and velocities face on face [-]: round-off
 SHAPER_TOLERANCE = 5e-4
 """Allowed error of the force through a linear shaper, finest step [-]: the trapezoidal rule, second order."""
-MOMENTUM_TOLERANCE = 1e-11
-"""Allowed drift of the momentum [-]: round-off of sums over thousands of steps."""
+MOMENTUM_TOLERANCE = 1e-11  # allowed drift of the momentum [-]: round-off of sums over thousands of steps
 BALANCE_TOLERANCE = 1e-3
 """Allowed imbalance of the energy over the striker's [-]: the shaper's work by the trapezoidal rule."""
 SWING_TOLERANCE = 0.01
@@ -182,18 +176,13 @@ JOINT_TOLERANCE = 0.01
 class Result:
     """The simulated test and the closed forms of its parts."""
 
-    test: FlyerTest
-    """Bars and specimen."""
-    events: Events
-    """What happened when."""
-    levels: tuple[FloatArray, FloatArray]
-    """Impact force of a thicker striker [N], found and closed form."""
-    shaper: tuple[FloatArray, FittedOrder]
-    """Error of a linear shaper's force [-] by step, and its order."""
+    test: FlyerTest  # bars and specimen
+    events: Events  # what happened when
+    levels: tuple[FloatArray, FloatArray]  # impact force of a thicker striker [N], found and closed form
+    shaper: tuple[FloatArray, FittedOrder]  # error of a linear shaper's force [-] by step, and its order
     balances: tuple[float, float, float]
     """Drift of the momentum, imbalance of the energy, joint's work over its closed form [-]."""
-    swing: tuple[float, float]
-    """Swing and largest force of a flight on a spring over their closed forms [-]."""
+    swing: tuple[float, float]  # swing and largest force of a flight on a spring over their closed forms [-]
     work: tuple[float, float]
     """Work on the specimen up to the last outline before the arrest, by the bars and by the specimen's own
     ledger [J]."""

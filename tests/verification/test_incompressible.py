@@ -29,24 +29,18 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.settings import Numerics
 
-POISSON = (0.49, 0.495, 0.499, 0.4999)
-"""Poisson's ratios of the study of steps and time [-]."""
-STUDY: Mesh = (16, 22)
-"""Its mesh."""
-TARGETS = (0.4999, 0.49999)
-"""Nearly incompressible ratios [-]."""
-MESHES: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))
-"""Corrected meshes."""
+POISSON = (0.49, 0.495, 0.499, 0.4999)  # Poisson's ratios of the study of steps and time [-]
+STUDY: Mesh = (16, 22)  # its mesh
+TARGETS = (0.4999, 0.49999)  # nearly incompressible ratios [-]
+MESHES: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))  # corrected meshes
 CASES: dict[Mesh, tuple[Mesh, Mesh]] = {
     mesh: (half.mesh, less.mesh) for mesh in MESHES for half, less in [Numerics(mesh=mesh).coarser()]
 }
 """Fine mesh and the two of the correction, as `kolsky` takes them."""
 LADDER: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))
 """Coarse meshes under the fine one of 32 × 44: what the error of the correction converges with."""
-FACTORS = TRUTH + 0.006 * np.arange(-1, 7)
-"""Stiffness factors of the batch in which m is identified [-]."""
-IDENTIFIED: Mesh = (24, 32)
-"""Mesh on which m is identified."""
+FACTORS = TRUTH + 0.006 * np.arange(-1, 7)  # stiffness factors of the batch in which m is identified [-]
+IDENTIFIED: Mesh = (24, 32)  # mesh on which m is identified
 
 
 def samples(poisson: float, factors: FloatArray | float = TRUTH) -> Samples:
@@ -100,16 +94,11 @@ def radius_difference(mesh: Mesh, poisson: float, coarse: tuple[Mesh, Mesh] | No
 class Correction:
     """A corrected run beside the direct one."""
 
-    cost: float
-    """Element steps over those of the fine mesh at nu = 0.495 [-]."""
-    direct_cost: float
-    """The same of the direct run [-]."""
-    force: tuple[float, float, float]
-    """5 kHz force, rms: error at nu = 0.495, error corrected, estimate [N]."""
-    raw: tuple[float, float, float]
-    """The same of the raw force [N]."""
-    radius: tuple[float, float, float]
-    """The same of the surface's radii [m]."""
+    cost: float  # element steps over those of the fine mesh at nu = 0.495 [-]
+    direct_cost: float  # the same of the direct run [-]
+    force: tuple[float, float, float]  # 5 kHz force, rms: error at nu = 0.495, error corrected, estimate [N]
+    raw: tuple[float, float, float]  # the same of the raw force [N]
+    radius: tuple[float, float, float]  # the same of the surface's radii [m]
 
 
 @cache
@@ -167,8 +156,7 @@ def limited(max_steps: int) -> NearlyIncompressible:
     return run_nearly_incompressible(model, meshes, samples(0.49999), forward.sampling, stepping=stepping)
 
 
-COST = 3.5
-"""Largest allowed cost of nu = 0.4999 over nu = 0.495 [-]: what the project asks for."""
+COST = 3.5  # largest allowed cost of nu = 0.4999 over nu = 0.495 [-]: what the project asks for
 FORCE_TOLERANCE = 6e-3
 """Allowed rms error of the corrected 5 kHz force over its peak [-]: below the 1 % of the solver's other
 errors; uncorrected it is 4.4 %."""
@@ -186,12 +174,9 @@ FINE: Mesh = (32, 44)
 class Result:
     """Corrected against direct runs."""
 
-    corrections: dict[tuple[Mesh, float], Correction]
-    """By fine mesh and Poisson's ratio."""
-    ladder: FittedOrder
-    """Fit of the 5 kHz error of 32 × 44 against the coarse mesh's element size."""
-    factors: dict[str, float]
-    """Identified m [-]: compressible, direct and corrected."""
+    corrections: dict[tuple[Mesh, float], Correction]  # by fine mesh and Poisson's ratio
+    ladder: FittedOrder  # fit of the 5 kHz error of 32 × 44 against the coarse mesh's element size
+    factors: dict[str, float]  # identified m [-]: compressible, direct and corrected
 
 
 @cache

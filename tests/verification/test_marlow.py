@@ -15,10 +15,8 @@ from explicit.precision import precision
 
 C1, C2, C3 = 13.4e3, 1.34e3, 0.268e3
 """Constants of a Yeoh solid W = C1 x + C2 x^2 + C3 x^3, x = I1_bar - 3 [Pa]."""
-POINTS = (11, 21, 41, 81, 161)
-"""Points of the sampled curve."""
-DIFFERENCES = tuple(10.0 ** -np.arange(1, 11))
-"""Relative steps of the central difference of the energy [-]."""
+POINTS = (11, 21, 41, 81, 161)  # points of the sampled curve
+DIFFERENCES = tuple(10.0 ** -np.arange(1, 11))  # relative steps of the central difference of the energy [-]
 
 
 @dataclass(frozen=True)
@@ -29,16 +27,14 @@ class Result:
     """Largest relative error of 2 U' built from a sampled neo-Hookean curve, both branches [-]."""
     yeoh_error: FloatArray
     """Largest error of 2 U' for s in [0.4, last] over mu_0, by number of points [-], shape [n_points]."""
-    yeoh_order: FittedOrder
-    """Fit against the distance of the points."""
+    yeoh_order: FittedOrder  # fit against the distance of the points
     origin_error: FloatArray
     """Largest relative error of 2 U' against E_0 / 3 at s = 0, 1e-8 and 1e-4 [-], shape [n_points]."""
     uniaxial_error: float
     """Largest relative error of the law's uniaxial nominal stress at the data, 41 points [-]."""
     difference_error: FloatArray
     """Error of the energy's central difference against the stress power, by step [-]."""
-    jump: tuple[float, float]
-    """Jump of 2 U' and of its slope across the last datum, relative [-]."""
+    jump: tuple[float, float]  # jump of 2 U' and of its slope across the last datum, relative [-]
     twin: dict[str, float]
     """Largest relative difference of the Warp twin's stress and energy from NumPy's, by precision [-]."""
     tangent_ratio: float

@@ -20,8 +20,7 @@ AMPLIFICATION = 100 * 100
 the smallest state (strain 5e-4, J - 1 the difference of strains) or a nodal sum loses two digits more."""
 TOLERANCE = {"fp64": AMPLIFICATION * 2.2e-16, "fp32": AMPLIFICATION * 1.2e-7}
 """Largest force on an interior node over the largest corner force [-]."""
-DISTORTION = 0.3
-"""Interior nodes move by up to this share of an element's size [-]."""
+DISTORTION = 0.3  # interior nodes move by up to this share of an element's size [-]
 
 
 @dataclass(frozen=True)
@@ -29,20 +28,16 @@ class Result:
     """Errors of the homogeneous states."""
 
     mesh: Mesh
-    gradient_error: float
-    """Largest |F - F imposed| of an element [-]."""
-    weak_error: float
-    """Largest interior force of a unit homogeneous stress over the largest corner force [-]."""
-    hourglass_error: float
-    """Largest |gamma . field| for the fields 1, R and Y, each of size 1 [-]."""
+    gradient_error: float  # largest |F - F imposed| of an element [-]
+    weak_error: float  # largest interior force of a unit homogeneous stress over the largest corner force [-]
+    hourglass_error: float  # largest |gamma . field| for the fields 1, R and Y, each of size 1 [-].
     interior: dict[str, dict[str, float]]
     """Largest interior force over the largest corner force, by precision and state [-]."""
     face_force: dict[str, dict[str, float]]
     """Relative error of the force on the lower face against nominal stress times area [-]."""
     rigid: dict[str, float]
     """Largest force in a shift by a tenth of the length, over mu R^2, by precision [-]."""
-    rate_power: float
-    """Power of the damping stress in uniform stretching over its closed form, minus 1 [-]."""
+    rate_power: float  # power of the damping stress in uniform stretching over its closed form, minus 1 [-]
 
 
 def distorted(mesh: Mesh, share: float = DISTORTION, seed: int = 2) -> Mesh:

@@ -20,38 +20,28 @@ FloatArray = NDArray[np.float64]
 
 FIGURE_SIZE = (6.7, 2.7)
 
-PIXEL = 56e-6
-"""Length that a pixel shows [m]."""
+PIXEL = 56e-6  # length that a pixel shows [m]
 DISTANCE = 0.3
-SHAPE = (96, 96)
-"""Rows and columns of a picture [px]."""
+SHAPE = (96, 96)  # rows and columns of a picture [px]
 LENS = Lens(spread=0.6, rays=4)
-SHIFTS = np.linspace(0.0, 1.0, 11)
-"""Of the board, along x [px]."""
-WINDOW = 21
-"""Side of the windows whose bias is judged on the surface [px]."""
-DENSE = 16
-"""Rays of a pixel along each axis of the independent ray cast."""
-ALLOWED = 0.002
-"""Bias that the laboratory promises [px]."""
+SHIFTS = np.linspace(0.0, 1.0, 11)  # of the board, along x [px]
+WINDOW = 21  # side of the windows whose bias is judged on the surface [px]
+DENSE = 16  # rays of a pixel along each axis of the independent ray cast
+ALLOWED = 0.002  # bias that the laboratory promises [px]
 
 
 @dataclass(frozen=True)
 class Result:
     """Everything measured; lengths in px."""
 
-    waves: FloatArray
-    """Bias along x and y of cosines on a board against closed form, shape [n_shifts, 2]."""
-    grey: float
-    """Largest error of a grey value there, over the pattern's standard deviation [-]."""
+    waves: FloatArray  # bias along x and y of cosines on a board against closed form, shape [n_shifts, 2]
+    grey: float  # largest error of a grey value there, over the pattern's standard deviation [-]
     surface: FloatArray
     """Bias along x and y of windows on a barrelled surface against the independent ray cast, shape [n, 2]."""
-    surface_grey: float
-    """Standard deviation of the grey values' difference there, over the pattern's [-]."""
+    surface_grey: float  # standard deviation of the grey values' difference there, over the pattern's [-]
     subsets: FloatArray
     """Shift found by subset matching less the true one, mean over subsets, shape [n_shifts]."""
-    peer: FloatArray
-    """The same by OpenCV's ECC over the whole picture, shape [n_shifts]."""
+    peer: FloatArray  # the same by OpenCV's ECC over the whole picture, shape [n_shifts]
 
 
 def ahead(distortion: tuple[float, ...] = (0.0,) * 5, side: float = 0.0) -> Camera:

@@ -19,14 +19,10 @@ FIGURE_SIZE = (6.7, 5.6)
 STEEL = Bar(0.02, 1.5, 210e9, 7800.0, 0.29)
 NYLON = Bar(0.02, 1.5, 5e9, 1190.0, 0.35)
 MODULUS = PronyModulus(5.0e9, (0.5e9,), (12e-6,))
-NOISE = 2e-3
-"""Standard deviation of a sample over the pulse's plateau."""
-REPEATS = 20
-"""Records with noise of their own."""
-PLACES = {"two gauges": (0.9, 0.3), "three gauges": (0.9, 0.55, 0.3)}
-"""Distances from the specimen [m]."""
-TARGET = 2e-3
-"""Allowed error of a separated wave over the plateau [-]: what the correction of a test needs."""
+NOISE = 2e-3  # standard deviation of a sample over the pulse's plateau
+REPEATS = 20  # records with noise of their own
+PLACES = {"two gauges": (0.9, 0.3), "three gauges": (0.9, 0.55, 0.3)}  # distances from the specimen [m]
+TARGET = 2e-3  # allowed error of a separated wave over the plateau [-]: what the correction of a test needs
 SCATTER_TOLERANCE = 0.1
 """Allowed distance of scatter over sigma from 1: 20 records, whole waves at a time, tell it to 2 %, and sigma
 leaves out what noise before the record would add."""
@@ -37,20 +33,13 @@ class Scene:
     """A bar with a known wave in either direction."""
 
     guide: Waveguide
-    bar: Bar
-    """Its properties."""
-    toward: Pulse
-    """Wave toward the specimen, a clean pulse at the bar's far end."""
-    away: Pulse
-    """Wave from the specimen, a clean pulse at its face."""
-    share: float
-    """Height of the latter."""
-    omega: FloatArray
-    """Frequencies of the Fourier integrals [rad/s]."""
-    wavenumber: NDArray[np.complex128]
-    """Wavenumbers there [rad/m]."""
-    time: FloatArray
-    """Times of the records [s]."""
+    bar: Bar  # its properties
+    toward: Pulse  # wave toward the specimen, a clean pulse at the bar's far end
+    away: Pulse  # wave from the specimen, a clean pulse at its face
+    share: float  # height of the latter
+    omega: FloatArray  # frequencies of the Fourier integrals [rad/s]
+    wavenumber: NDArray[np.complex128]  # wavenumbers there [rad/m]
+    time: FloatArray  # times of the records [s]
 
     def waves(self, x: float, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Both waves at a distance from the specimen [m]."""
@@ -90,24 +79,18 @@ def scene(name: str) -> Scene:
 class Result:
     """Errors without noise, scatter and sigma with it."""
 
-    clean: dict[str, SeparatedWaves]
-    """Separated waves without noise, by the bar."""
-    exact: dict[str, tuple[FloatArray, FloatArray]]
-    """The waves at the face at the same times."""
-    errors: dict[str, tuple[float, float]]
-    """Largest error of the waves toward and away [-], by the bar."""
+    clean: dict[str, SeparatedWaves]  # separated waves without noise, by the bar
+    exact: dict[str, tuple[FloatArray, FloatArray]]  # the waves at the face at the same times
+    errors: dict[str, tuple[float, float]]  # largest error of the waves toward and away [-], by the bar
     overlap: dict[str, float]
     """Time for which both waves exceed a tenth of the plateau at the nearer gauge [s]."""
     scatter: dict[str, FloatArray]
     """Standard deviation of `away` over the records with noise [-], by the gauges, shape [n]."""
-    sigma: dict[str, FloatArray]
-    """Stated sigma of `away` [-], shape [n]."""
+    sigma: dict[str, FloatArray]  # stated sigma of `away` [-], shape [n]
     ratio: dict[str, float]
     """Root mean square of error over sigma [-], both waves, where sigma is half its largest or more."""
-    misfit: tuple[float, ...]
-    """Misfits of three gauges in one of the records [-]."""
-    wrong: tuple[float, ...]
-    """The same with the middle gauge 2 % too high."""
+    misfit: tuple[float, ...]  # misfits of three gauges in one of the records [-]
+    wrong: tuple[float, ...]  # the same with the middle gauge 2 % too high
 
 
 def _noisy(places: tuple[float, ...], seed: int, gain: float = 1.0) -> SeparatedWaves:

@@ -20,16 +20,12 @@ from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import FlyerMotion
 
 FIGURE_SIZE = (6.7, 6.4)
-FRAME, SAMPLE = 1.0 / 120e3, 0.5e-6
-"""Time from frame to frame and from sample to sample [s]."""
+FRAME, SAMPLE = 1.0 / 120e3, 0.5e-6  # time from frame to frame and from sample to sample [s]
 NOISE_FRAME, NOISE_FLYER, NOISE_BACK = 1e-6, 0.4, 0.15
 """Noise of a displacement [m] and of the two transducers [N], as in open-01."""
-REST = 0.3e-3
-"""A time before the wave arrives [s]."""
-CUTOFF = 10e3
-"""Low-pass of forces that are compared [Hz]: the flyer rings along its axis at 125 kHz."""
-PLANTED = (-35e-6, 0.0, 60e-6)
-"""Lags of the cameras' clock that are to be found [s]."""
+REST = 0.3e-3  # a time before the wave arrives [s]
+CUTOFF = 10e3  # Low-pass of forces that are compared [Hz]: the flyer rings along its axis at 125 kHz
+PLANTED = (-35e-6, 0.0, 60e-6)  # lags of the cameras' clock that are to be found [s]
 EVENTS = {
     "full speed": "tensile_dip",
     "separation": "separation",
@@ -38,41 +34,29 @@ EVENTS = {
     "second impact": "second_impact",
 }
 """Events and what the simulation calls them."""
-EVENT_SIGMAS = 3.0
-"""Allowed difference of an event's time in sigmas, beyond `HOLD`."""
+EVENT_SIGMAS = 3.0  # allowed difference of an event's time in sigmas, beyond `HOLD`
 HOLD = 6e-6
 """Allowed beyond it for joint and impact [s]: the model's joint takes hold again 20 um before contact."""
 FORCE_TOLERANCE = 2.0
 """Allowed rms error of the compensated force in flight, low-passed [N]: 16 g times 120 m/s^2, which is what
 frames 8 us apart with 1 um of noise tell of an acceleration that changes within 0.3 ms."""
-LAG_SIGMAS = 2.5
-"""Allowed error of a planted lag in sigmas: one of three is beyond it once in 27 runs."""
+LAG_SIGMAS = 2.5  # allowed error of a planted lag in sigmas: one of three is beyond it once in 27 runs
 
 
 @dataclass(frozen=True)
 class Result:
     """What was found in the signals, and the simulation behind them."""
 
-    test: impact.Result
-    """The simulated test."""
-    events: FlyerEvents
-    """From displacement and both transducers."""
-    alone: FlyerEvents
-    """From the displacement alone."""
-    syncs: tuple[Synchronisation, ...]
-    """For each planted lag."""
-    validity: Validity
-    """The validity window up to the second impact."""
-    time: FloatArray
-    """Samples from rest to the second impact [s], shape [n]."""
-    raw: FloatArray
-    """Flyer's transducer there [N], shape [n]."""
-    force: History
-    """The same after mass compensation [N]."""
-    true: FloatArray
-    """Force of the flyer on the specimen there [N], shape [n]."""
-    mass: float
-    """Mass between the transducer's mid-section and the specimen [kg]."""
+    test: impact.Result  # the simulated test
+    events: FlyerEvents  # from displacement and both transducers
+    alone: FlyerEvents  # from the displacement alone
+    syncs: tuple[Synchronisation, ...]  # for each planted lag
+    validity: Validity  # the validity window up to the second impact
+    time: FloatArray  # samples from rest to the second impact [s], shape [n]
+    raw: FloatArray  # Flyer's transducer there [N], shape [n]
+    force: History  # the same after mass compensation [N]
+    true: FloatArray  # force of the flyer on the specimen there [N], shape [n]
+    mass: float  # mass between the transducer's mid-section and the specimen [kg]
 
     def truth(self, name: str) -> float:
         """Time of an event in the simulation [s]."""

@@ -25,16 +25,14 @@ from explicit.materials import neo_hookean
 
 MESHES = ((4, 6), (8, 12), (16, 24), (32, 48), (64, 96))
 """Elements across the radius and along the length; every mesh halves the one before."""
-SIZES = np.array([LENGTH / n for _, n in MESHES])
-"""Element size [m]."""
+SIZES = np.array([LENGTH / n for _, n in MESHES])  # element size [m]
 IMPACTS = {"frictionless, ν = 0.3": 1.9, "frictionless, ν = 0.495": 1.9, "bonded, ν = 0.495": 1.0}
 """Smallest order expected of an impact [-]: two where the solution is smooth; a bonded edge is a stress
 singularity r^-0.4, which leaves an integral quantity little more than first order."""
 QUANTITIES = ("impulse", "radius", "height")
 ALLOWED = 0.15
 """Allowed distance of a fitted order below theory [-]: the series are not monotone to their last digits."""
-SPEED, RISE, END = 1.0, 5e-4, 1.2e-3
-"""The impacts: speed [m/s], time of rise [s], end [s]; 14 % compression."""
+SPEED, RISE, END = 1.0, 5e-4, 1.2e-3  # the impacts: speed [m/s], time of rise [s], end [s]; 14 % compression
 
 
 @dataclass(frozen=True)
@@ -45,14 +43,11 @@ class Result:
     """Root-mean-square error of the axial displacement over the stroke [-], shape [n_meshes]."""
     wave_force: FloatArray
     """Root-mean-square error of the force over its root mean square [-], shape [n_meshes]."""
-    wave_orders: tuple[FittedOrder, FittedOrder]
-    """Fits of the two."""
-    speed_error: float
-    """Relative error of the wave speed, from the arrival at the far end, finest mesh [-]."""
+    wave_orders: tuple[FittedOrder, FittedOrder]  # fits of the two
+    speed_error: float  # relative error of the wave speed, from the arrival at the far end, finest mesh [-]
     impacts: dict[str, dict[str, FloatArray]]
     """Root-mean-square difference to the next finer mesh, over the largest change, by impact and quantity."""
-    orders: dict[str, dict[str, FittedOrder]]
-    """Their fits."""
+    orders: dict[str, dict[str, FittedOrder]]  # their fits
 
 
 def _wave(n_axial: int) -> tuple[float, float, float]:

@@ -17,65 +17,46 @@ FloatArray = NDArray[np.float64]
 
 REFERENCE = Path(__file__).resolve().parent.parent / "reference"
 POISSON = 0.495
-COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
-"""Nominal compressions that are compared [-]."""
+COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])  # nominal compressions that are compared [-]
 SWEEP = np.arange(0.05, 0.6001, 0.0025)
 """Compressions at which the force and the number of nodes on the platen are recorded [-]."""
-STROKE = 0.61
-"""Compression at which the loading ends [-]."""
-DURATION = 0.1
-"""Duration of the loading [s]: 150 passages of a wave."""
-DRAG = 200.0
-"""Mass-proportional damping alpha [1/s]."""
-RISE = 0.1
-"""Share of the duration in which the platen picks up speed [-]."""
-COARSE, FINE = (16, 22), ((32, 44), (48, 66))
-"""Meshes: elements across the radius and along the length."""
+STROKE = 0.61  # compression at which the loading ends [-]
+DURATION = 0.1  # duration of the loading [s]: 150 passages of a wave
+DRAG = 200.0  # Mass-proportional damping alpha [1/s]
+RISE = 0.1  # share of the duration in which the platen picks up speed [-]
+COARSE, FINE = (16, 22), ((32, 44), (48, 66))  # Meshes: elements across the radius and along the length
 STUDY_DRAG, STUDY_DURATIONS = 2000.0, (0.025, 0.05, 0.1)
 """The study of what the loading itself adds: ten times the drag, three durations [s]."""
 FORCE_TOLERANCE = {"coarse": 0.02, "fine": 0.005}
 """Allowed relative force error [-]: h^2 discretisation, 1 % at 16 x 22, plus the reference's own 0.1 %."""
 RADIUS_TOLERANCE = {"coarse": 20e-6, "fine": 10e-6}
 """Allowed error of the radius at mid-height [m]: 0.01 mm is what a camera resolves."""
-LARGE = COMPRESSION > 0.25
-"""Where the reference is known to 0.1 %."""
+LARGE = COMPRESSION > 0.25  # where the reference is known to 0.1 %
 
 
 @dataclass(frozen=True)
 class Compressed:
     """One slow loading; arrays of shape [6, ...] are at `COMPRESSION`."""
 
-    force: FloatArray
-    """Mean of both face forces [N], shape [6]."""
-    difference: FloatArray
-    """Flyer force minus transmission force [N], shape [6]."""
-    sweep: FloatArray
-    """Mean of both face forces at `SWEEP` [N]."""
-    radius: FloatArray
-    """Radius at mid-height [m], shape [6]."""
-    outline: FloatArray
-    """Surface nodes (r, |distance from mid-height|) [m], shape [6, n_nodes, 2]."""
+    force: FloatArray  # mean of both face forces [N], shape [6]
+    difference: FloatArray  # flyer force minus transmission force [N], shape [6]
+    sweep: FloatArray  # mean of both face forces at `SWEEP` [N]
+    radius: FloatArray  # radius at mid-height [m], shape [6]
+    outline: FloatArray  # surface nodes (r, |distance from mid-height|) [m], shape [6, n_nodes, 2]
 
-    kinetic: FloatArray
-    """Kinetic over elastic energy [-], shape [6]."""
-    hourglass: FloatArray
-    """Hourglass over elastic energy [-], shape [6]."""
-    speed: float
-    """Speed of the flyer [m/s]."""
-    completed: bool
-    """Whether the run reached its end."""
+    kinetic: FloatArray  # kinetic over elastic energy [-], shape [6]
+    hourglass: FloatArray  # hourglass over elastic energy [-], shape [6]
+    speed: float  # speed of the flyer [m/s]
+    completed: bool  # whether the run reached its end
 
 
 @dataclass(frozen=True)
 class Reference:
     """The static solutions."""
 
-    force: FloatArray
-    """Force [N], shape [6]."""
-    sigma: FloatArray
-    """Its uncertainty [N], shape [6]."""
-    radius: FloatArray
-    """Radius at mid-height [m], shape [6]."""
+    force: FloatArray  # force [N], shape [6]
+    sigma: FloatArray  # its uncertainty [N], shape [6]
+    radius: FloatArray  # radius at mid-height [m], shape [6]
     outline: dict[str, FloatArray]
     """Outline (r, z) by what the side does on a platen [m], shape [6, n_points, 2]."""
 
@@ -85,10 +66,8 @@ class Result:
     """Every mesh beside the reference."""
 
     reference: Reference
-    meshes: dict[tuple[int, int], Compressed]
-    """Slow loading by mesh."""
-    study: tuple[Compressed, ...]
-    """Loading with strong drag, by duration."""
+    meshes: dict[tuple[int, int], Compressed]  # slow loading by mesh
+    study: tuple[Compressed, ...]  # loading with strong drag, by duration
 
 
 @cache

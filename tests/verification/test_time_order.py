@@ -14,22 +14,17 @@ from explicit.materials import neo_hookean
 
 DURATION = 4e-4
 """Duration of the platen's motion [s]: a shear wave needs 0.9 ms for the radius, so waves are resolved."""
-STROKE = 0.05
-"""Nominal compression of the motion [-]."""
+STROKE = 0.05  # nominal compression of the motion [-]
 TIMES = DURATION * np.array([0.24, 0.5, 0.74, 0.9])
 """Times of comparison [s], a whole number of every step and away from the ends of the motion, where its
 acceleration has a kink."""
-STEPS = DURATION / 100.0 / 2.0 ** np.arange(7)
-"""Steps [s]: 4, 2, 1, ... µs."""
-DAMPING = 2.5e-5
-"""Stiffness-proportional damping of the paper [s]."""
-USUAL_STEP = 1.5e-6
-"""Step of 16 × 22 elements with this damping [s]."""
+STEPS = DURATION / 100.0 / 2.0 ** np.arange(7)  # steps [s]: 4, 2, 1, ... µs.
+DAMPING = 2.5e-5  # Stiffness-proportional damping of the paper [s]
+USUAL_STEP = 1.5e-6  # step of 16 × 22 elements with this damping [s]
 QUANTITIES = ("transmission force", "flyer force", "impulse", "positions")
 ALLOWED = 0.1
 """Allowed distance of a fitted order from theory [-]: the next term of the error at the coarsest steps."""
-LAG_TOLERANCE = 5e-3
-"""Allowed first-order error of the force at the usual step, over the largest force [-]."""
+LAG_TOLERANCE = 5e-3  # allowed first-order error of the force at the usual step, over the largest force [-]
 
 
 @dataclass(frozen=True)
@@ -38,12 +33,9 @@ class Result:
 
     undamped: dict[str, FloatArray]
     """Largest difference to half the step, by quantity [-], shape [n_steps - 1]."""
-    damped: dict[str, FloatArray]
-    """The same with deviatoric damping."""
-    order: dict[str, FittedOrder]
-    """Fit of the undamped differences against the step."""
-    damped_order: dict[str, FittedOrder]
-    """Fit of the damped differences over the three smallest steps."""
+    damped: dict[str, FloatArray]  # the same with deviatoric damping
+    order: dict[str, FittedOrder]  # fit of the undamped differences against the step
+    damped_order: dict[str, FittedOrder]  # fit of the damped differences over the three smallest steps
 
 
 def histories(damping: float, step: float) -> tuple[dict[str, FloatArray], float]:

@@ -77,8 +77,7 @@ class Example:
     where: str
     what: str
     printed: str
-    computed: float
-    """By this package."""
+    computed: float  # by this package
 
     @property
     def off(self) -> float:
@@ -146,25 +145,21 @@ FIGURE_SIZE = (6.7, 2.8)
 PRINTED = 0.6
 """Largest difference from printed numbers in units of their last digit: half for their rounding, and the GUM
 goes on with rounded numbers."""
-DRAWN = 0.045
-"""The same of standard deviations by 4000 draws, which know them to 1.1 %: four of these."""
-HELD = 0.02
-"""Of the share of intervals that hold the truth: 4000 series know it to 0.4 %, k = 2 adds nothing."""
+DRAWN = 0.045  # the same of standard deviations by 4000 draws, which know them to 1.1 %: four of these
+HELD = 0.02  # of the share of intervals that hold the truth: 4000 series know it to 0.4 %, k = 2 adds nothing
 CLOSED = 1e-3
 """Of contributions from their closed form: bends of the bridge and of 1 / diameter^2 over one sigma."""
 
 TRIALS = 4000
 SERIES = 4000
-COUNTS = (2, 3, 4, 5, 7, 10)
-"""Repeated tests in a series."""
+COUNTS = (2, 3, 4, 5, 7, 10)  # repeated tests in a series
 FACTORS = ("k = 2", "Student's t")
 
 
 BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=210e9, density=7800.0)
 SPECIMEN = Specimen(diameter=10e-3, length=4e-3, density=1180.0)
 BRIDGE = Bridge("half, opposed", gauge_factor=2.1, excitation=5.0, gain=100.0)
-NOISE = 1e-6
-"""Of a sample of strain."""
+NOISE = 1e-6  # of a sample of strain
 TIME = 0.5e-6 * np.arange(400)
 INPUTS = (
     quantity("Young's modulus", 210e9, 2.1e9, unit="Pa"),
@@ -215,18 +210,12 @@ def noise() -> dict[str, FloatArray]:
 class Result:
     """Everything measured."""
 
-    budgeted: tuple[Example, ...]
-    """By sensitivities."""
-    drawn: tuple[Example, ...]
-    """By draws."""
-    wide: float
-    """JCGM 101, 9.2.4: distance of the ends of the GUM's interval from those of the draws, over u."""
-    budget: Budget
-    """Of the bar test."""
-    spread: Mapping[str, Spread]
-    """Of its draws."""
-    held: Mapping[str, FloatArray]
-    """Share of series whose interval holds the truth, by factor, over `COUNTS`."""
+    budgeted: tuple[Example, ...]  # by sensitivities
+    drawn: tuple[Example, ...]  # by draws
+    wide: float  # JCGM 101, 9.2.4: distance of the ends of the GUM's interval from those of the draws, over u
+    budget: Budget  # of the bar test
+    spread: Mapping[str, Spread]  # of its draws
+    held: Mapping[str, FloatArray]  # share of series whose interval holds the truth, by factor, over `COUNTS`
 
 
 @cache

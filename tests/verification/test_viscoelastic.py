@@ -18,45 +18,32 @@ from kolsky.material.relaxation.rate_fit import fit_prony, required_branches
 
 SHOT_LAW = neo_hookean(20e3)
 PLANTED = RateModel(1.05, PronySeries((0.35,), (4e-4,)))
-SPEEDS = (1.0, 2.0, 3.5)
-"""Speeds of the flyer [m/s]: 150 to 540 per second."""
-DEPTH = 0.4
-"""Compression at which a shot ends [-]: past it the side of this coarse mesh lands node by node."""
-NOISE, BINS, DRAWS = 0.2, 40, 12
-"""Noise of a bin's mean force [N], bins of a shot, draws of the noise."""
+SPEEDS = (1.0, 2.0, 3.5)  # speeds of the flyer [m/s]: 150 to 540 per second
+DEPTH = 0.4  # compression at which a shot ends [-]: past it the side of this coarse mesh lands node by node
+NOISE, BINS, DRAWS = 0.2, 40, 12  # noise of a bin's mean force [N], bins of a shot, draws of the noise
 
 
 @dataclass(frozen=True)
 class ShotFit:
     """One shot of the first draw."""
 
-    label: str
-    """Its speed."""
-    time: FloatArray
-    """Middle of the bins [s]."""
-    force: FloatArray
-    """Data [N]."""
-    with_branch: FloatArray
-    """The fit with a branch [N]."""
-    without: FloatArray
-    """The best that a factor alone does [N]."""
+    label: str  # its speed
+    time: FloatArray  # middle of the bins [s]
+    force: FloatArray  # data [N]
+    with_branch: FloatArray  # the fit with a branch [N]
+    without: FloatArray  # the best that a factor alone does [N]
 
 
 @dataclass(frozen=True)
 class Recovery:
     """The planted pair found again."""
 
-    planted: FloatArray
-    """Factor, strength, time, shape [3]."""
-    values: FloatArray
-    """Found in each draw, shape [n_draws, 3]."""
-    sigmas: FloatArray
-    """Standard uncertainties of their logarithms [-], shape [n_draws, 3]."""
-    shots: tuple[ShotFit, ...]
-    """The shots of the first draw."""
+    planted: FloatArray  # Factor, strength, time, shape [3]
+    values: FloatArray  # found in each draw, shape [n_draws, 3]
+    sigmas: FloatArray  # standard uncertainties of their logarithms [-], shape [n_draws, 3]
+    shots: tuple[ShotFit, ...]  # the shots of the first draw
 
-    asked: tuple[int, int]
-    """Branches asked for, of the relaxing and of the elastic specimen."""
+    asked: tuple[int, int]  # branches asked for, of the relaxing and of the elastic specimen
 
     @property
     def normalised(self) -> FloatArray:
@@ -149,32 +136,24 @@ BRANCHES: dict[str, RateDependence] = {"Prony": SERIES, "Bergström–Boyce": NE
 ELEMENTS = ("one_point", "fbar")
 FORCE_TOLERANCE = 2e-3
 """Force while held, over its largest value [-]: nu = 0.499 costs K / (K + mu / 3), 0.07 % at rest."""
-MODULUS_TOLERANCE = 5e-3
-"""Storage and loss modulus, relative: the acceptance of the design."""
-WORK_TOLERANCE = 5e-3
-"""Work dissipated in a cycle, relative to pi e^2 E'' V."""
-ENERGY_TOLERANCE = 1e-3
-"""Largest |residual| over the largest work [-], as in the manual's energy balance."""
+MODULUS_TOLERANCE = 5e-3  # storage and loss modulus, relative: the acceptance of the design
+WORK_TOLERANCE = 5e-3  # work dissipated in a cycle, relative to pi e^2 E'' V
+ENERGY_TOLERANCE = 1e-3  # largest |residual| over the largest work [-], as in the manual's energy balance
 RISE, HOLD, STRAIN = 1e-3, 8e-3, 0.3
 PAIR, X, AMPLITUDE = PronySeries((0.8,), (5e-3,)), (0.2, 1.0, 5.0), 1e-4
 OFFSET = 3.0 * AMPLITUDE
 """Mean compression of an oscillation [-]: the platens, which carry no tension, stay in contact."""
-SLENDER = 0.02
-"""omega L / c of every oscillation [-]: inertia adds its square over 3 to the force, 1e-4."""
+SLENDER = 0.02  # omega L / c of every oscillation [-]: inertia adds its square over 3 to the force, 1e-4
 
 
 @dataclass(frozen=True)
 class Held:
     """A compression to 30 % within 1 ms, then held."""
 
-    time: FloatArray
-    """Times [s]."""
-    force: FloatArray
-    """Transmitted force [N]."""
-    expected: FloatArray
-    """That of the homogeneous twin [N]."""
-    imbalance: float
-    """Largest |residual| over the largest work [-]."""
+    time: FloatArray  # times [s]
+    force: FloatArray  # transmitted force [N]
+    expected: FloatArray  # that of the homogeneous twin [N]
+    imbalance: float  # largest |residual| over the largest work [-]
 
     @property
     def error(self) -> float:
@@ -187,28 +166,21 @@ class Held:
 class Shaken:
     """An oscillation of 1e-4 about a compression of 3e-4."""
 
-    x: float
-    """omega tau [-]."""
-    storage: float
-    """E' found over that of the series [-]."""
-    loss: float
-    """E'' found over that of the series [-]."""
-    work: float
-    """Work done on the branches in the last cycle over pi e^2 E'' V [-]."""
+    x: float  # omega tau [-]
+    storage: float  # E' found over that of the series [-]
+    loss: float  # E'' found over that of the series [-]
+    work: float  # work done on the branches in the last cycle over pi e^2 E'' V [-]
 
 
 @dataclass(frozen=True)
 class Result:
     """All parts."""
 
-    held: dict[tuple[str, str], Held]
-    """By branches and element."""
-    shaken: dict[str, tuple[Shaken, ...]]
-    """By element."""
+    held: dict[tuple[str, str], Held]  # by branches and element
+    shaken: dict[str, tuple[Shaken, ...]]  # by element
     impact: dict[tuple[str, str], float]
     """Imbalance of an impact to 60 % with friction, by branches and element [-]."""
-    recovery: Recovery
-    """The planted pair."""
+    recovery: Recovery  # the planted pair
 
 
 def _frictionless(

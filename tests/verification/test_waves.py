@@ -14,8 +14,7 @@ from explicit.materials import neo_hookean
 
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
 MESHES = ((6, 12), (12, 24), (24, 48))
-MODES = (1, 2, 3)
-"""Half waves along a rod of length 2 a; mode n has a / wavelength = n / 4."""
+MODES = (1, 2, 3)  # half waves along a rod of length 2 a; mode n has a / wavelength = n / 4
 WAVE_TOLERANCE = 5e-3
 """Allowed relative error of a phase velocity on the finest mesh [-]: 0.34 % at 32 elements a wavelength."""
 
@@ -31,22 +30,17 @@ compressibility, which leaves (radius / (c duration))^2, 1.4 % at 0.4 ms."""
 class Result:
     """Phase velocities and disc forces beside their closed forms."""
 
-    slenderness: FloatArray
-    """a / wavelength of the modes [-], shape [n_modes]."""
+    slenderness: FloatArray  # a / wavelength of the modes [-], shape [n_modes]
     velocity: FloatArray
     """Phase velocity over sqrt(E / rho) found on each mesh [-], shape [n_meshes, n_modes]."""
     exact_velocity: FloatArray
     """Phase velocity of the first Pochhammer mode over sqrt(E / rho) [-], shape [n_modes]."""
-    wave_order: tuple[FittedOrder, ...]
-    """Fit of the higher modes' errors (n = 2, 3) against the element size."""
+    wave_order: tuple[FittedOrder, ...]  # fit of the higher modes' errors (n = 2, 3) against the element size
     closed_form: FloatArray
     """Of the slowest disc: inertia plus static stress, times the face [N], shape [n_times]."""
-    static: FloatArray
-    """The static part alone [N], shape [n_times]."""
-    disc_error: FloatArray
-    """Largest force error over the largest force, by duration [-], shape [n_durations]."""
-    disc_order: FittedOrder
-    """Its fit against 1 / duration."""
+    static: FloatArray  # the static part alone [N], shape [n_times]
+    disc_error: FloatArray  # largest force error over the largest force, by duration [-], shape [n_durations]
+    disc_order: FittedOrder  # its fit against 1 / duration
     spread: FloatArray
     """Largest spread of the side radius over the radius, by aspect a / h at 0.2 ms [-], shape [n_aspects]."""
 

@@ -28,8 +28,7 @@ from kolsky.shot.load import load_shot
 Mesh = tuple[int, int]
 
 SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
-TRUTH = 1.12
-"""The stiffness factor that the shot was made with (truth.json) [-]."""
+TRUTH = 1.12  # the stiffness factor that the shot was made with (truth.json) [-]
 FORMS: dict[str, dict[str, str]] = {
     "one-point, stiffness": {"element": "one_point", "hourglass_form": "stiffness"},
     "one-point, viscous": {"element": "one_point", "hourglass_form": "viscous"},
@@ -37,15 +36,12 @@ FORMS: dict[str, dict[str, str]] = {
 }
 """Elements and hourglass forms, as the page calls them."""
 MESHES: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))
-COARSE: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))
-"""Meshes of the quick tests."""
+COARSE: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))  # meshes of the quick tests
 SPACING = 0.006
 """Distance of neighbouring stiffness factors of a batch [-]: data vectors between them, with all their
 ringing, are interpolated by the polynomial through a batch; every other factor left out moves m by 1e-4."""
-CUTOFF = 5e3
-"""Cut-off of the compared force [Hz]."""
-ORDER = 2.0
-"""Order of the extrapolation [-]: the common fit of all elements to m has it, see the page."""
+CUTOFF = 5e3  # Cut-off of the compared force [Hz]
+ORDER = 2.0  # order of the extrapolation [-]: the common fit of all elements to m has it, see the page
 
 
 @cache
@@ -122,28 +118,20 @@ def identified(form: str, mesh: Mesh, grading: float = 2.0, *, weights: str = "n
 class Series:
     """An element's refinement series."""
 
-    sizes: FloatArray
-    """Element sizes [-], shape [n_meshes]."""
-    force: FloatArray
-    """Rms distance of the 5 kHz force from all elements' common limit [N], shape [n_meshes]."""
-    outline: FloatArray
-    """Rms distance of the radii from their common limit [m], shape [n_meshes]."""
-    factor: FloatArray
-    """Identified m, weighted by the noise [-], shape [n_meshes]."""
-    weighted: FloatArray
-    """Identified m, weighted as `kolsky identify` does [-], shape [n_meshes]."""
+    sizes: FloatArray  # element sizes [-], shape [n_meshes]
+    force: FloatArray  # rms distance of the 5 kHz force from all elements' common limit [N], shape [n_meshes]
+    outline: FloatArray  # rms distance of the radii from their common limit [m], shape [n_meshes]
+    factor: FloatArray  # identified m, weighted by the noise [-], shape [n_meshes]
+    weighted: FloatArray  # identified m, weighted as `kolsky identify` does [-], shape [n_meshes]
 
 
 @dataclass(frozen=True)
 class Convergence:
     """What all elements converge to, and how."""
 
-    series: dict[str, Series]
-    """By element."""
-    force_limits: dict[str, FloatArray]
-    """Extrapolated 5 kHz force of each element [N], shape [n_force_times]."""
-    outline_limits: dict[str, FloatArray]
-    """Extrapolated radii of each element [m], shape [n_points]."""
+    series: dict[str, Series]  # by element
+    force_limits: dict[str, FloatArray]  # extrapolated 5 kHz force of each element [N], shape [n_force_times]
+    outline_limits: dict[str, FloatArray]  # extrapolated radii of each element [m], shape [n_points]
 
 
 def convergence(meshes: tuple[Mesh, ...] = MESHES) -> Convergence:
@@ -187,20 +175,16 @@ limit's own scatter, 0.05 %, and the noise of the shot, of the same size."""
 LIMITS_APART = {"force": 2e-3, "outline": 2.5e-6}
 """Allowed rms distance of two elements' limits: 5 kHz force over its peak [-], radii [m]: a fifth of the
 errors on 16 × 22 that the extrapolation removes."""
-STUDY = (16, 22)
-"""Mesh of the study of graded meshes."""
+STUDY = (16, 22)  # mesh of the study of graded meshes
 
 
 @dataclass(frozen=True)
 class Result:
     """What the shot says of the elements."""
 
-    found: Convergence
-    """Errors on every mesh and the elements' limits."""
-    factor: CommonLimit
-    """One limit and order of m for all elements, weighted by the noise."""
-    orders: dict[str, tuple[FittedOrder, FittedOrder]]
-    """Fits of force and outline, by element."""
+    found: Convergence  # errors on every mesh and the elements' limits
+    factor: CommonLimit  # one limit and order of m for all elements, weighted by the noise
+    orders: dict[str, tuple[FittedOrder, FittedOrder]]  # fits of force and outline, by element
 
 
 @cache
