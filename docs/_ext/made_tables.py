@@ -30,7 +30,7 @@ from functools import partial
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-VERIFICATION = DOCS / "verification"
+VERIFICATION = DOCS / "verification" / "index.md"
 NAMES = re.compile(r"<!-- names (\w+) -->")
 TOPIC = re.compile(r"^\| \[[^]]+\]\((\w+)\.md\) .*$", re.MULTILINE)
 """Pattern of a topic's line in the index of the verification manual."""
@@ -328,26 +328,26 @@ LINE = re.compile(rf"^<!-- ({'|'.join(TABLES)}) (\w+) -->$", re.MULTILINE)
 """Pattern of a line that requests a table."""
 
 
-def expressions(topic: str) -> list[str]:
-    """What a topic's page and its line of the index show of its values."""
-    lines = {found[1]: found[0] for found in TOPIC.finditer((VERIFICATION / "index.md").read_text("utf-8"))}
-    return NUMBER.findall((VERIFICATION / f"{topic}.md").read_text("utf-8") + lines[topic])
+def expressions(page: Path) -> list[str]:
+    """What a page, and its line of the index of the verification manual, show of its values."""
+    index = VERIFICATION.read_text("utf-8") if page.parent == VERIFICATION.parent else ""
+    lines = [line[0] for line in TOPIC.finditer(index) if line[1] == page.stem]
+    return NUMBER.findall(page.read_text("utf-8") + "".join(lines))
 
 
-def with_values(page: str, text: str) -> str:
-    """A page of the verification manual with its numbers and tables."""
-    if page == "index":
-        return TOPIC.sub(lambda line: with_values(line[1], line[0]), text)
-    values = json.loads((VERIFICATION / "values.json").read_text("utf-8"))[page]
+def with_values(page: Path, text: str) -> str:
+    """A page's text with its numbers and tables."""
+    if page == VERIFICATION:
+        return TOPIC.sub(lambda line: with_values(page.with_name(f"{line[1]}.md"), line[0]), text)
+    values = json.loads(page.with_name("values.json").read_text("utf-8")).get(page.stem, {})
     lines = {one: text if isinstance(text, str) else "\n".join(text) for one, text in values.items()}
     return NUMBER.sub(lambda found: lines[found[1]], text)
 
 
 def fill(app, name, source) -> None:
     """Insert the tables that a page requests."""
-    folder, _, page = name.rpartition("/")
-    if folder == "verification":
-        source[0] = with_values(page, source[0])
+    if name.startswith(("verification/", "validation/")):
+        source[0] = with_values(DOCS / f"{name}.md", source[0])
     source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
     source[0] = NAMES.sub(lambda found: ", ".join(f"`{member}`" for member in members(found[1])), source[0])
 

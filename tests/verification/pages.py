@@ -8,12 +8,10 @@ The module offers
 - optionally `draw(result, figure)` and `FIGURE_SIZE` [inch].
 
 Its page is docs/verification/TOPIC.md, its line of the index stands in docs/verification/index.md. There
-``{{ expression:format }}`` is a number or a table. This program evaluates the expression with the names of
-the module, `result` and what `shown` returns, and writes the text to docs/verification/values.json. The
-documentation takes it from there (docs/_ext/made_tables.py).
+``{{ expression:format }}`` is a number or a table. Its names are those of the module, `result` and what
+`shown` returns (tests/helpers/page_values.py).
 """
 
-import json
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -22,24 +20,19 @@ from typing import Any
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
-for folder in (
-    ROOT,
-    HERE.parent / "helpers",
-    ROOT / "docs" / "_ext",
-):  # the packages, order.py, made_tables.py
+for folder in (ROOT, HERE.parent / "helpers"):  # the packages, and tests/helpers
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-import made_tables  # noqa: E402
 import matplotlib  # noqa: E402
 import numpy as np  # noqa: E402
 from matplotlib.axes import Axes  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter  # noqa: E402
+from page_values import made_tables, store  # noqa: E402
 from scene import table  # noqa: E402
 
 DOCS = ROOT / "docs" / "verification"
-VALUES = DOCS / "values.json"
 STYLE = ROOT / "kolsky" / "report" / "kolsky.mplstyle"
 
 TOPICS = made_tables.TOPIC.findall((DOCS / "index.md").read_text("utf-8"))
@@ -88,10 +81,7 @@ def write(name: str) -> None:
         draw(topic, result, DOCS / "images" / f"{name}.svg")
     names = {"np": np, "table": table, **vars(topic), "result": result}
     names |= topic.shown(result) if hasattr(topic, "shown") else {}
-    values = json.loads(VALUES.read_text("utf-8"))
-    texts = {one: eval(f'f"""{{{one}}}"""', names) for one in made_tables.expressions(name)}
-    values[name] = {one: text.split("\n") if "\n" in text else text for one, text in texts.items()}
-    VALUES.write_text(json.dumps(values, ensure_ascii=False, indent=1) + "\n", "utf-8")
+    store(DOCS / f"{name}.md", names)
 
 
 def main(names: list[str]) -> None:
@@ -101,7 +91,6 @@ def main(names: list[str]) -> None:
         raise SystemExit(f"unknown topic {unknown[0]!r}; topics are {', '.join(TOPICS)}")
     for name in names or TOPICS:
         write(name)
-        print(f"docs/verification/{name}.md")
 
 
 if __name__ == "__main__":

@@ -3,11 +3,11 @@ a page has all its values."""
 
 import ast
 import builtins
-import json
 from importlib import import_module
 
 import pytest
-from pages import DOCS, HERE, TOPICS, VALUES, made_tables
+from page_values import made_tables, stored
+from pages import DOCS, HERE, TOPICS
 
 
 def test_every_topic_has_its_test_and_page_and_no_page_is_without_a_topic() -> None:
@@ -20,8 +20,9 @@ def test_every_topic_has_its_test_and_page_and_no_page_is_without_a_topic() -> N
 
 @pytest.mark.parametrize("name", TOPICS)
 def test_a_page_has_all_its_values_and_no_others(name: str) -> None:
-    wanted = made_tables.expressions(name)
-    assert list(json.loads(VALUES.read_text("utf-8"))[name]) == list(dict.fromkeys(wanted))
+    page = DOCS / f"{name}.md"
+    wanted = made_tables.expressions(page)
+    assert list(stored(page)) == list(dict.fromkeys(wanted))
     topic = import_module(f"test_{name}")
     known = {*vars(builtins), "np", "table", "result", *vars(topic)}
     if hasattr(topic, "shown"):
@@ -30,4 +31,4 @@ def test_a_page_has_all_its_values_and_no_others(name: str) -> None:
     names = [node for node in nodes if isinstance(node, ast.Name)]
     known |= {node.id for node in names if isinstance(node.ctx, ast.Store)}
     assert {node.id for node in names} - known == set()
-    assert "{{" not in made_tables.with_values(name, (DOCS / f"{name}.md").read_text("utf-8"))
+    assert "{{" not in made_tables.with_values(page, page.read_text("utf-8"))
