@@ -30,7 +30,11 @@ from functools import partial
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
+VERIFICATION = DOCS / "verification" / "index.md"
 NAMES = re.compile(r"<!-- names (\w+) -->")
+TOPIC = re.compile(r"^\| \[[^]]+\]\((\w+)\.md\) .*$", re.MULTILINE)
+"""Pattern of a topic's line in the index of the verification manual."""
+NUMBER = re.compile(r"\{\{ (.+?) \}\}")
 
 
 def rooms(package: str) -> str:
@@ -324,8 +328,26 @@ LINE = re.compile(rf"^<!-- ({'|'.join(TABLES)}) (\w+) -->$", re.MULTILINE)
 """Pattern of a line that requests a table."""
 
 
+def expressions(page: Path) -> list[str]:
+    """What a page, and its line of the index of the verification manual, show of its values."""
+    index = VERIFICATION.read_text("utf-8") if page.parent == VERIFICATION.parent else ""
+    lines = [line[0] for line in TOPIC.finditer(index) if line[1] == page.stem]
+    return NUMBER.findall(page.read_text("utf-8") + "".join(lines))
+
+
+def with_values(page: Path, text: str) -> str:
+    """A page's text with its numbers and tables."""
+    if page == VERIFICATION:
+        return TOPIC.sub(lambda line: with_values(page.with_name(f"{line[1]}.md"), line[0]), text)
+    values = json.loads(page.with_name("values.json").read_text("utf-8")).get(page.stem, {})
+    lines = {one: text if isinstance(text, str) else "\n".join(text) for one, text in values.items()}
+    return NUMBER.sub(lambda found: lines[found[1]], text)
+
+
 def fill(app, name, source) -> None:
     """Insert the tables that a page requests."""
+    if name.startswith(("verification/", "validation/")):
+        source[0] = with_values(DOCS / f"{name}.md", source[0])
     source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
     source[0] = NAMES.sub(lambda found: ", ".join(f"`{member}`" for member in members(found[1])), source[0])
 

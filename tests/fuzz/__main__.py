@@ -18,8 +18,7 @@ from tests.fuzz.judge import Answer
 from tests.fuzz.targets import all_targets
 from tests.fuzz.worker import answers
 
-BATCH = 400
-"""Cases at random between two looks at the clock."""
+BATCH = 400  # cases at random between two looks at the clock
 
 
 def drawn(seconds: float, seed: int, only: list[str], workers: int) -> Iterator[Answer]:

@@ -14,10 +14,8 @@ from tests.fuzz.targets import Target, all_targets
 
 KINDS: dict[str, dict[str, Damage]] = {"text": OF_TEXT, "toml": OF_TOML, "binary": ANY, "hdf5": ANY}
 """Damage of the bytes, by form."""
-SEEDS = {"text": 3, "toml": 4, "binary": 3, "hdf5": 2}
-"""Cases of each kind of damage in the corpus, by form."""
-INSIDE = 6
-"""Cases of each kind of damage inside an HDF5 file in the corpus."""
+SEEDS = {"text": 3, "toml": 4, "binary": 3, "hdf5": 2}  # cases of each kind of damage in the corpus, by form
+INSIDE = 6  # cases of each kind of damage inside an HDF5 file in the corpus
 COSTLY = ("lecroy_trc", "tektronix_isf", "tektronix_wfm", "yokogawa_wfm", "rohde_schwarz", "excel_97", "mat")
 """Recorders whose library takes half a second for a file: one case of each kind."""
 

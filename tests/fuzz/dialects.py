@@ -37,16 +37,11 @@ class Drawn:
 
     data: bytes
     names: tuple[str, ...]
-    units: tuple[tuple[str, float], ...]
-    """SI unit and factor of each channel."""
-    values: np.ndarray
-    """As printed, shape [samples, channels]."""
-    interval: float
-    """[s]."""
-    start: float
-    """[s]."""
-    dialect: str
-    """In words, for a message."""
+    units: tuple[tuple[str, float], ...]  # SI unit and factor of each channel
+    values: np.ndarray  # as printed, shape [samples, channels]
+    interval: float  # [s]
+    start: float  # [s]
+    dialect: str  # in words, for a message
 
 
 def draw(rng: random.Random) -> Drawn:

@@ -19,16 +19,14 @@ import h5py
 
 from tests.fuzz.targets import Target, all_targets
 
-SPARSE = 20_000_000_000
-"""Size of a file that has no blocks on the disk [bytes]."""
+SPARSE = 20_000_000_000  # size of a file that has no blocks on the disk [bytes]
 
 
 @dataclass(frozen=True)
 class Trap:
     """A file made to do harm."""
 
-    target: str
-    """Name of the target that reads it."""
+    target: str  # name of the target that reads it
     name: str
 
     def __str__(self) -> str:

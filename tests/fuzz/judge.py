@@ -18,33 +18,24 @@ from kolsky.base.errors import InputError
 
 REFUSALS = (InputError, PictureError, CameraFileError, LedgerError)
 """The errors by which a file is refused; each is one line a problem."""
-LONGEST = 10.0
-"""Longest time that an answer may take [s]."""
+LONGEST = 10.0  # longest time that an answer may take [s]
 HELPFUL = re.compile(r"Cure: \S|\bmust (be|have) |\ballowed are |; \w")
 """What a refusal says besides what is wrong: "is not allowed" alone helps nobody."""
-LARGEST = 1.5e9
-"""Most memory that a refused file may take [bytes]."""
+LARGEST = 1.5e9  # most memory that a refused file may take [bytes]
 
 
 class Verdict(Enum):
     """What became of a case."""
 
-    REFUSED = "refused"
-    """In one line with file and cure."""
-    ACCEPTED = "accepted"
-    """Rightly, as far as anyone can tell from the file."""
-    WRONG = "silent wrong"
-    """Accepted although the file says that something is missing or changed."""
-    TRACEBACK = "traceback"
-    """Another error than a refusal."""
+    REFUSED = "refused"  # in one line with file and cure
+    ACCEPTED = "accepted"  # Rightly, as far as anyone can tell from the file
+    WRONG = "silent wrong"  # accepted although the file says that something is missing or changed
+    TRACEBACK = "traceback"  # another error than a refusal
     UNHELPFUL = "unhelpful"
     """Refused without the file's name, in several lines, or with neither a cure nor what is allowed."""
-    SLOW = "slow"
-    """It took longer than `LONGEST`."""
-    LARGE = "large"
-    """It took more memory than `LARGEST`."""
-    DIED = "died"
-    """The process ended."""
+    SLOW = "slow"  # it took longer than `LONGEST`
+    LARGE = "large"  # it took more memory than `LARGEST`
+    DIED = "died"  # the process ended
 
     @property
     def good(self) -> bool:
@@ -56,16 +47,11 @@ class Verdict(Enum):
 class Answer:
     """The answer to one case."""
 
-    case: str
-    """Its name: target, damage, seed."""
-    verdict: Verdict
-    """What became of it."""
-    said: str
-    """The refusal or what is wrong."""
-    seconds: float
-    """Time [s]."""
-    memory: float
-    """Growth of the largest resident memory [bytes]."""
+    case: str  # its name: target, damage, seed
+    verdict: Verdict  # what became of it
+    said: str  # the refusal or what is wrong
+    seconds: float  # time [s]
+    memory: float  # growth of the largest resident memory [bytes]
 
 
 def of_refusal(error: Exception, path: Path) -> tuple[Verdict, str]:

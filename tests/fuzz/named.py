@@ -15,8 +15,7 @@ _LEDGER = f"{_UNIT}/doe/test_doe_ledger.py"
 _FILES = f"{_UNIT}/base/test_files.py"
 _SYSTEM = f"{_UNIT}/cli/test_system_refusals.py"
 _DASK = f"{_UNIT}/cli/test_scheduler.py"
-CORPUS = "corpus"
-"""Place of what is tried in every file that it can stand in, by `python -m tests.fuzz`."""
+CORPUS = "corpus"  # place of what is tried in every file that it can stand in, by `python -m tests.fuzz`
 
 
 @dataclass(frozen=True)
@@ -24,10 +23,8 @@ class Named:
     """One input."""
 
     what: str
-    answer: str
-    """What becomes of it."""
-    places: tuple[str, ...]
-    """Tests as pytest names them without parameters, or `CORPUS` and the trap's name."""
+    answer: str  # what becomes of it
+    places: tuple[str, ...]  # tests as pytest names them without parameters, or `CORPUS` and the trap's name
 
 
 def _trap(*names: str) -> tuple[str, ...]:

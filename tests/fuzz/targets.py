@@ -26,18 +26,13 @@ Form = Literal["text", "toml", "binary", "hdf5"]
 class Target:
     """A kind of file and what reads it."""
 
-    name: str
-    """Its name in the corpus."""
-    form: Form
-    """Which damage it is given."""
+    name: str  # its name in the corpus
+    form: Form  # which damage it is given
     write: Callable[[Path], Path]
     """Writes a sound one, and what belongs to it, into an empty folder; returns its path."""
-    read: Callable[[Path], Any]
-    """Reads it; raises one of `tests.fuzz.judge.REFUSALS`."""
-    told_length: bool = True
-    """Whether the file says how long it is, so that a cut one must be refused."""
-    told_values: bool = False
-    """Whether the file carries digests, so that a change of one bit must be noticed."""
+    read: Callable[[Path], Any]  # reads it; raises one of `tests.fuzz.judge.REFUSALS`
+    told_length: bool = True  # whether the file says how long it is, so that a cut one must be refused
+    told_values: bool = False  # whether the file carries digests, so that a change of one bit must be noticed
 
 
 def recorders() -> list[Target]:

@@ -112,10 +112,8 @@ def test_cases_at_random(case: Case, tmp_path_factory: pytest.TempPathFactory) -
     assert answer.verdict.good, answer
 
 
-FEWEST = 1500
-"""Cases that the corpus must have."""
-EVERY = 6
-"""Of so many cases one is read here; `python -m tests.fuzz` reads all of them."""
+FEWEST = 1500  # cases that the corpus must have
+EVERY = 6  # of so many cases one is read here; `python -m tests.fuzz` reads all of them
 
 
 @pytest.mark.slow

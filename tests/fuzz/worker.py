@@ -21,8 +21,7 @@ from tests.fuzz.targets import all_targets
 
 PATIENCE = 60.0
 """Time after which a process that says nothing is ended [s]; its case is slow, however long it would take."""
-STARTING = 300.0
-"""Time that a process has to import everything [s]."""
+STARTING = 300.0  # time that a process has to import everything [s]
 MOST_MEMORY = 6_000_000_000
 """Address space of a process, where the system can limit it [bytes]: a flood must not stop the machine."""
 

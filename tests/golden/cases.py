@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-THREADS = 2
-"""Threads of every command that takes `--threads`; libraries of linear algebra have one."""
+THREADS = 2  # threads of every command that takes `--threads`; libraries of linear algebra have one
 
 MESHES = "--mesh 12x16 --refined-mesh 16x22"
 HELD = f"--hold poisson --hold damping {MESHES} --threads {THREADS}"

@@ -16,8 +16,7 @@ from pathlib import Path
 from tests.golden.canonical import Content, changes, content_of, masked_text
 from tests.golden.cases import Case
 
-LIMIT_S = 300.0
-"""Wall time of one command [s]."""
+LIMIT_S = 300.0  # wall time of one command [s]
 
 LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 

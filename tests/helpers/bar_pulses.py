@@ -18,24 +18,18 @@ from scipy.special import jv
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-FASTEST_RISE = 5e-6
-"""Rise from 10 to 90 % of the pulse [s]: 2.56 s."""
+FASTEST_RISE = 5e-6  # rise from 10 to 90 % of the pulse [s]: 2.56 s
 
 
 @dataclass(frozen=True)
 class Pulse:
     """A smoothed box with a ripple."""
 
-    arrival: float
-    """Middle of the rise [s]."""
-    duration: float = 100e-6
-    """Time from the middle of the rise to the middle of the fall [s]."""
-    rise: float = FASTEST_RISE
-    """Rise time from 10 to 90 % [s]."""
-    ripple: float = 0.08
-    """Amplitude of the ripple over that of the pulse."""
-    ripple_frequency: float = 60e3
-    """Frequency of the ripple [Hz]."""
+    arrival: float  # middle of the rise [s]
+    duration: float = 100e-6  # time from the middle of the rise to the middle of the fall [s]
+    rise: float = FASTEST_RISE  # rise time from 10 to 90 % [s]
+    ripple: float = 0.08  # amplitude of the ripple over that of the pulse
+    ripple_frequency: float = 60e3  # frequency of the ripple [Hz]
 
     @property
     def smoothing(self) -> float:

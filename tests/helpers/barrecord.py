@@ -27,10 +27,8 @@ END, INTERVAL = 260e-6, 0.5e-6
 GAUGES, ARRIVAL = {"incident": 0.75, "transmission": 0.5}, 400e-6
 """Distances of the gauges from the specimen [m], and time of the wave at the specimen on the shot's clock
 [s]."""
-NOISE = 2e-7
-"""Noise of a strain. The transmitted pulse has a strain of 2e-5."""
-SCALE = 0.01
-"""Standard uncertainty of a strain's scale."""
+NOISE = 2e-7  # noise of a strain. The transmitted pulse has a strain of 2e-5.
+SCALE = 0.01  # standard uncertainty of a strain's scale
 
 
 def front(time: FloatArray) -> FloatArray:

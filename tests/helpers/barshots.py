@@ -15,8 +15,7 @@ STRESS, DIAMETER, LENGTH = 250e6, 10e-3, 5e-3
 INCIDENT, SHARE = 1.5e-3, STRESS * 0.25 / 1.5e-3 / 200e9
 """Height of the incident strain, and ratio of the transmitted to the incident strain."""
 RATE = 2.0 * 5000.0 * INCIDENT * (1.0 - SHARE) / LENGTH
-ARRIVAL = 200e-6
-"""Time of the wave at the incident gauge on the file's clock."""
+ARRIVAL = 200e-6  # time of the wave at the incident gauge on the file's clock
 TOML = """format = 1
 [specimen]
 diameter = "10 mm"

@@ -10,8 +10,7 @@ import numpy as np
 MATRIX = np.array([[1500.0, 0.0, 160.7], [0.0, 1490.0, 118.2], [0.0, 0.0, 1.0]])
 LENS = np.array([-0.15, 0.3, 1e-3, -5e-4, 0.0])
 SHAPE = (240, 320)
-FINE = 4
-"""Number of rays of a pixel in each direction."""
+FINE = 4  # number of rays of a pixel in each direction
 
 Paint = Callable[[np.ndarray], np.ndarray]
 

@@ -15,8 +15,7 @@ from explicit.bars.coupling import mean_force
 from explicit.bars.elastic import ElasticBar, ElasticHistory
 from explicit.model import Model
 
-_CONTACT_RADIUS_EVERY = 8
-"""Number of knots of the flyer's motion from one contact radius to the next."""
+_CONTACT_RADIUS_EVERY = 8  # number of knots of the flyer's motion from one contact radius to the next
 ON_PLATEN = 1e-6
 """A side node lies on the platen if its height is at most this share of the specimen's length."""
 
@@ -30,8 +29,7 @@ class Coupled:
     support: MovingSupport
     """The motion of the transmission platen's face. `run` with this motion repeats the simulation at other
     times."""
-    parts: tuple[ElasticHistory, ...]
-    """Response of the elastic parts, one for each sample."""
+    parts: tuple[ElasticHistory, ...]  # response of the elastic parts, one for each sample
     change: FloatArray
     """Largest change of a transmitted force [N] from each pass of the specimens to the next,
     shape [n_passes - 1]."""

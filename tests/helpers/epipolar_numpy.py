@@ -20,8 +20,7 @@ from dic.stereo.epipolar_search import (
 )
 from dic.stereo.geometry import directions, midpoint
 
-KNOTS = 65
-"""Number of positions on a curve before its division into equal steps."""
+KNOTS = 65  # number of positions on a curve before its division into equal steps
 NARROWINGS = 3
 """Number of refinements of the part of a curve inside the picture. Each is a few dozen times finer."""
 

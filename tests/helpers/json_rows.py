@@ -15,8 +15,7 @@ class Row(NamedTuple):
 
     always: frozenset[str]
     at_times: frozenset[str]
-    more: bool
-    """True if the row also allows one key for each member of a set."""
+    more: bool  # true if the row also allows one key for each member of a set
 
     def fits(self, keys: set[str]) -> bool:
         """True if an object with these keys agrees with the row."""

@@ -7,15 +7,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 OPEN_05 = Path(__file__).parents[2] / "runs" / "open-05"
-LENGTH = 6.5
-"""Of the specimen [mm]."""
-HEIGHTS = np.linspace(0.12, 0.88, 9) * LENGTH
-"""Of the points at rest [mm]."""
+LENGTH = 6.5  # of the specimen [mm]
+HEIGHTS = np.linspace(0.12, 0.88, 9) * LENGTH  # of the points at rest [mm]
 ANGLES = np.radians(np.linspace(-24.0, 24.0, 5))
 """Angles of the points about the specimen's axis. One column is near the centre plane, so its noise is
 independent."""
-PLATEN = 2.0
-"""Y of the transmission platen's face in the program's frame [mm]. Y points down in this frame."""
+PLATEN = 2.0  # y of the transmission platen's face in the program's frame [mm]. Y points down in this frame.
 HEAD = '"X [mm]", "Y [mm]", "Z [mm]", "U [mm]", "V [mm]", "W [mm]", "sigma", "x", "y"'
 TYPED = {
     "specimen.diameter": '"9.5 mm"', "specimen.length": '"6.5 mm"', "specimen.density": '"870 kg/m^3"',

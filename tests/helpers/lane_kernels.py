@@ -16,16 +16,11 @@ from explicit.precision import PRECISIONS, Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 from explicit.simd.team import single_thread_team
 
-N = 13
-"""Simulations of a batch: one full pack and an incomplete one in fp64, an incomplete one in fp32."""
-ELEMENTS = 37
-"""Number of elements of the body: not a multiple of any number of lanes, and more than a group."""
-CONSTANTS = 5
-"""Constants of an element in the grouped tables."""
-SLOTS = 128
-"""Numbers that a kernel writes for each simulation."""
-UNTOUCHED = -77
-"""Content of the output before a launch."""
+N = 13  # simulations of a batch: one full pack and an incomplete one in fp64, an incomplete one in fp32
+ELEMENTS = 37  # number of elements of the body: not a multiple of any number of lanes, and more than a group
+CONSTANTS = 5  # constants of an element in the grouped tables
+SLOTS = 128  # numbers that a kernel writes for each simulation
+UNTOUCHED = -77  # content of the output before a launch
 
 
 def lanes_of(numbers: Precision) -> int:
@@ -87,21 +82,14 @@ class Inputs:
     y: np.ndarray
     z: np.ndarray
     k: np.ndarray
-    v: np.ndarray
-    """Shape [N, 2]."""
+    v: np.ndarray  # shape [N, 2]
     factor: np.ndarray
-    arm: np.ndarray
-    """Shape [N, 2]."""
-    rows: np.ndarray
-    """Shape [5, 7]."""
-    weight: np.ndarray
-    """Shape [ELEMENTS]."""
-    place: np.ndarray
-    """Shape [ELEMENTS], a permutation."""
-    table: np.ndarray
-    """Shape [CONSTANTS, ELEMENTS]."""
-    numbers: np.ndarray
-    """Shape [CONSTANTS, ELEMENTS]."""
+    arm: np.ndarray  # shape [N, 2]
+    rows: np.ndarray  # shape [5, 7]
+    weight: np.ndarray  # shape [ELEMENTS]
+    place: np.ndarray  # shape [ELEMENTS], a permutation
+    table: np.ndarray  # shape [CONSTANTS, ELEMENTS]
+    numbers: np.ndarray  # shape [CONSTANTS, ELEMENTS]
 
 
 @dataclass(frozen=True)
@@ -111,8 +99,7 @@ class Results:
     values: np.ndarray
     whole: np.ndarray
     sums: np.ndarray
-    u: np.ndarray
-    """Shape [N, ELEMENTS]."""
+    u: np.ndarray  # shape [N, ELEMENTS]
 
 
 def inputs(numbers: Precision, seed: int = 3) -> Inputs:

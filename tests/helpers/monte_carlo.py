@@ -27,18 +27,12 @@ DISTRIBUTIONS: Mapping[str, Callable[[np.random.Generator, int], FloatArray]] = 
 class Spread:
     """Mean, spread and coverage interval of one output's draws, sample by sample."""
 
-    mean: FloatArray
-    """Mean, shape [...]."""
-    sigma: FloatArray
-    """Standard deviation, shape [...]."""
-    low: FloatArray
-    """Lower end of the coverage interval, shape [...]."""
-    high: FloatArray
-    """Its upper end, shape [...]."""
-    trials: int
-    """Draws."""
-    probability: float
-    """Coverage probability of the interval [-]. Both tails have the same probability."""
+    mean: FloatArray  # Mean, shape [...]
+    sigma: FloatArray  # standard deviation, shape [...]
+    low: FloatArray  # lower end of the coverage interval, shape [...]
+    high: FloatArray  # its upper end, shape [...]
+    trials: int  # Draws
+    probability: float  # coverage probability of the interval [-]. Both tails have the same probability.
 
 
 def monte_carlo(

@@ -9,12 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 class FittedOrder(NamedTuple):
     """Slope of log(error) against log(h)."""
 
-    order: float
-    """Least-squares slope p of error = C h^p [-]."""
+    order: float  # Least-squares slope p of error = C h^p [-]
     standard_error: float
     """Standard error of the slope from the scatter about the line [-]; 0 for an exact power law."""
-    local: NDArray[np.float64]
-    """Slope between neighbours, in the order of decreasing h [-], shape [n - 1]."""
+    local: NDArray[np.float64]  # slope between neighbours, in the order of decreasing h [-], shape [n - 1]
 
 
 def fitted_order(h: ArrayLike, error: ArrayLike) -> FittedOrder:

@@ -10,8 +10,7 @@ from kolsky.inverse.result import Identification, Verdict
 from kolsky.studies.rates.records import QuasiStatic, RatedShot, StrainHistory
 
 LENGTH, DIAMETER = 6.5e-3, 9.5e-3
-SHEAR = 25e3
-"""Shear modulus of the synthetic baseline, a neo-Hookean solid [Pa]."""
+SHEAR = 25e3  # shear modulus of the synthetic baseline, a neo-Hookean solid [Pa]
 
 
 def baseline(rate: float | None = 0.01, *, source: str = "ab" * 32) -> QuasiStatic:
@@ -80,5 +79,4 @@ def rated(
 
 
 MATES_RATES = np.array([340.0, 397.0, 405.0, 429.0, 422.0])
-MATES_M = np.array([1.18, 1.04, 1.09, 0.94, 1.02])
-"""Table 2 of Mates et al. (2012)."""
+MATES_M = np.array([1.18, 1.04, 1.09, 0.94, 1.02])  # table 2 of Mates et al. (2012).

@@ -8,10 +8,8 @@ from typing import Any
 
 from explicit.simd.team import LINE, MET, MOST_LOOKS, STATE, Seats
 
-LONG = MOST_LOOKS
-"""Number of polls of a patient thread: a core with other work returns earlier."""
-NAP = 5e-5
-"""Time of a thread's absence [s]. It is short, so the thread returns often."""
+LONG = MOST_LOOKS  # number of polls of a patient thread: a core with other work returns earlier
+NAP = 5e-5  # time of a thread's absence [s]. It is short, so the thread returns often.
 
 
 @ctypes.CFUNCTYPE(None, ctypes.c_uint)

@@ -20,25 +20,18 @@ from kolsky.material.relaxation.evidence import RateModel
 class ShotEvidence:
     """Means of the transmitted force over successive bins."""
 
-    model: explicit.Model
-    """The test. Its material and relaxation are those of the fit."""
-    edges: FloatArray
-    """Edges of the bins [s], ascending, shape [n + 1]."""
-    force: FloatArray
-    """Mean force in each bin, compression-positive [N], shape [n]."""
-    sigma: FloatArray
-    """Its standard uncertainty [N], shape [n]."""
+    model: explicit.Model  # the test. Its material and relaxation are those of the fit.
+    edges: FloatArray  # edges of the bins [s], ascending, shape [n + 1]
+    force: FloatArray  # mean force in each bin, compression-positive [N], shape [n]
+    sigma: FloatArray  # its standard uncertainty [N], shape [n]
     held: Mapping[str, float] = field(default_factory=dict)
     """Other parameters of a sample, such as "poisson", "damping" and "friction": arguments of
     `explicit.Samples.of`."""
     stepping: explicit.Stepping = field(default_factory=explicit.Stepping)
     """Numerical choices of the time loop."""
-    device: str = "cpu"
-    """ "cpu" or a CUDA device."""
-    threads: int | None = None
-    """CPU threads; all cores if left out."""
-    label: str = "shot"
-    """Name of the evidence, for tables."""
+    device: str = "cpu"  # "cpu" or a CUDA device
+    threads: int | None = None  # CPU threads; all cores if left out
+    label: str = "shot"  # name of the evidence, for tables
 
     @classmethod
     def of(cls, prepared: PreparedShot, numerics: Numerics) -> "ShotEvidence":

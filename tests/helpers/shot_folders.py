@@ -20,8 +20,7 @@ def shot_in(folder: Path) -> Path:
     return folder
 
 
-OVERRIDE = (1, 2)
-"""CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH: with them the administrator writes anywhere."""
+OVERRIDE = (1, 2)  # CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH: with them the administrator writes anywhere
 
 
 def ordinary_rights() -> None:

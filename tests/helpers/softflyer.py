@@ -30,8 +30,7 @@ class Flight:
     loss: float = 0.0
     arrest: float | None = None
     impact: float | None = None
-    rebound: float = 1.5
-    """Velocity after the second impact toward the specimen [m/s]."""
+    rebound: float = 1.5  # velocity after the second impact toward the specimen [m/s]
 
     @property
     def full(self) -> float:

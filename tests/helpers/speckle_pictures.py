@@ -32,14 +32,10 @@ height is neglected."""
 class SpecklePattern:
     """Grey values of a material: ``level + Σ h exp(-|X - c|² / (2 s²))``."""
 
-    centres: FloatArray
-    """c, in the material picture (x, y) [px], shape [n, 2]."""
-    heights: FloatArray
-    """h [grey], shape [n]."""
-    spread: float
-    """s [px]."""
-    level: float
-    """Grey value far from any speckle [grey]."""
+    centres: FloatArray  # c, in the material picture (x, y) [px], shape [n, 2]
+    heights: FloatArray  # h [grey], shape [n]
+    spread: float  # s [px]
+    level: float  # grey value far from any speckle [grey]
 
     def grey(self, X: FloatArray) -> FloatArray:
         """Grey values at positions of the material picture [grey], shape [...].
@@ -177,12 +173,9 @@ Pattern = Callable[[FloatArray, FloatArray], FloatArray]
 class RenderedCylinder:
     """An endless cylinder about an axis parallel to y of the rig's frame."""
 
-    radius: float
-    """Radius [m]."""
-    x: float = 0.0
-    """Position of the axis, x [m]."""
-    z: float = 0.0
-    """Position of the axis, z [m]."""
+    radius: float  # radius [m]
+    x: float = 0.0  # position of the axis, x [m]
+    z: float = 0.0  # position of the axis, z [m]
 
     def hit(self, camera: Camera, pixels: FloatArray) -> FloatArray:
         """Points of the cylinder [m] that a camera sees at `pixels` [px], shape [..., 3]; NaN where it sees
@@ -236,14 +229,10 @@ class Speckles:
     """Dark discs with soft rims on a bright ground. Each cell of a square grid has one disc of random
     position and size."""
 
-    pitch: float
-    """Side of a cell [m]."""
-    seed: int = 0
-    """Of the random numbers."""
-    softness: float = 0.15
-    """Width of the rim [pitch]."""
-    cells: int = 256
-    """The pattern repeats after this number of cells in each direction."""
+    pitch: float  # side of a cell [m]
+    seed: int = 0  # of the random numbers
+    softness: float = 0.15  # width of the rim [pitch]
+    cells: int = 256  # the pattern repeats after this number of cells in each direction
 
     def __call__(self, arc: FloatArray, height: FloatArray) -> FloatArray:
         """Reflectance, 0 to 1, at positions on the surface."""

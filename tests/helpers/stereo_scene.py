@@ -14,8 +14,7 @@ FloatArray = NDArray[np.float64]
 SHAPE = (128, 128)
 RADIUS = 4.75e-3
 CYLINDER = RenderedCylinder(RADIUS)
-NOISE = 0.004
-"""Noise of a grey value, with 0 for black and 1 for white."""
+NOISE = 0.004  # noise of a grey value, with 0 for black and 1 for white
 LENS = (-0.17, 0.0, 1e-3, -5e-4, 0.0)
 FOCAL = 5400.0
 DISTANCE = 0.3

@@ -15,12 +15,9 @@ from kolsky.equilibrium.meshes import Mesh
 class BoundaryEdges:
     """Edges of a set of points, with the triangle of each edge."""
 
-    cells: IntArray
-    """Triangle of each edge, shape [n]."""
-    normals: FloatArray
-    """Outward normal times length [m], shape [n, 2]."""
-    gradients: FloatArray
-    """Gradients of the triangles' shape functions [1/m], shape [n, 3, 2]."""
+    cells: IntArray  # triangle of each edge, shape [n]
+    normals: FloatArray  # outward normal times length [m], shape [n, 2]
+    gradients: FloatArray  # gradients of the triangles' shape functions [1/m], shape [n, 3, 2]
 
 
 def boundary_edges(mesh: Mesh, where: str) -> BoundaryEdges:

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 class Fault:
     """A change of a few tokens of source that quick tests must notice."""
 
-    name: str
-    """Text: the error that the fault causes; unique."""
+    name: str  # Text: the error that the fault causes; unique
     function: str
     """Innermost function, class or constant that the change lies in, as ``Class.method``, without its
     module; ``__main__`` is what a module does as a program."""
-    right: str
-    """Code that is changed. Its tokens occur in the function exactly once, with any line breaks."""
-    wrong: str
-    """The replacement."""
+    right: str  # code that is changed. Its tokens occur in the function exactly once, with any line breaks.
+    wrong: str  # the replacement
     tests: tuple[str, ...]
     """Tests of which at least one must fail, as pytest takes them: ``file`` or ``file::test``."""
     near: str = ""

@@ -10,8 +10,7 @@ from pathlib import Path
 from tests.mutants.fault import Fault
 
 ROOT = Path(__file__).resolve().parents[2]
-NO_SOURCES = {"tests", "docs", "build"}
-"""Top-level folders in which no fault lies."""
+NO_SOURCES = {"tests", "docs", "build"}  # Top-level folders in which no fault lies
 
 TOKEN = re.compile(
     r"""(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?  # a number

@@ -137,8 +137,7 @@ def tried(copy: Path, faults: Sequence[Fault]) -> Iterator[tuple[Fault, Fate]]:
         yield fault, Fate.KILLED if killed else Fate.SURVIVED
 
 
-COPIES: list[Path] = []
-"""The copy of the sources of a process that shares the trials."""
+COPIES: list[Path] = []  # the copy of the sources of a process that shares the trials
 
 
 def _own_copy() -> None:

@@ -20,8 +20,7 @@ import numpy as np
 RADIUS, HALF = 4.75, 3.25  # mm
 YOUNG, POISSON = 80.0, 0.495  # kPa
 CONTACT, AXIS, MIDDLE = 1, 2, 3
-ISOCHORIC = "mu/2*(I1-3)"
-"""Energy of the isochoric invariants [kPa]; `H_getfem.py` puts others here."""
+ISOCHORIC = "mu/2*(I1-3)"  # energy of the isochoric invariants [kPa]; `H_getfem.py` puts others here
 SMALL = 1e-5  # sum of all nodal imbalances [mN] at which a step has converged
 
 

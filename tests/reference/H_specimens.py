@@ -3,8 +3,7 @@ recorded."""
 
 import numpy as np
 
-POISSON = 0.495
-"""At rest; K = 2 mu (1 + nu) / (3 (1 - 2 nu)), U = K/2 (J - 1)^2."""
+POISSON = 0.495  # at rest; K = 2 mu (1 + nu) / (3 (1 - 2 nu)), U = K/2 (J - 1)^2
 SPECIMENS = {
     "yeoh": (9.5, 6.5, 28.0, {"C10": 14.0, "C20": 2.0, "C30": 0.5}),
     "ogden2": (10.0, 8.0, 26.0, {"mu1": 18.0, "alpha1": 3.5, "mu2": 8.0, "alpha2": -2.0}),

@@ -19,12 +19,9 @@ from mpi4py import MPI
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
-PENALTY = 2000.0
-"""Contact's penalty over shear modulus and smallest element [-]."""
-STEP, LEAST = 0.005, 2e-5
-"""Largest and least step of compression [-]."""
-GRADING = 4.0
-"""Largest over smallest element; the small ones lie at side and face."""
+PENALTY = 2000.0  # Contact's penalty over shear modulus and smallest element [-]
+STEP, LEAST = 0.005, 2e-5  # largest and least step of compression [-]
+GRADING = 4.0  # largest over smallest element; the small ones lie at side and face
 
 
 def isochoric(name, constants, C, hoop, J):

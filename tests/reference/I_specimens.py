@@ -2,8 +2,7 @@
 
 import numpy as np
 
-POISSON = 0.495
-"""At rest; K = 2 mu (1 + nu) / (3 (1 - 2 nu)), U = K/2 (J - 1)^2, D1 = 2 / K."""
+POISSON = 0.495  # at rest; K = 2 mu (1 + nu) / (3 (1 - 2 nu)), U = K/2 (J - 1)^2, D1 = 2 / K
 SPECIMENS = {
     "neo_hookean": (9.5, 6.5, 80.0 / 2.99, {"C10": 40.0 / 2.99}),
     "yeoh": (9.5, 6.5, 28.0, {"C10": 14.0, "C20": 2.0, "C30": 0.5}),

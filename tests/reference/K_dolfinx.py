@@ -18,8 +18,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.spatial import cKDTree
 
-STEP = 5e3
-"""Largest step of the pressure [Pa]."""
+STEP = 5e3  # largest step of the pressure [Pa]
 
 
 def main() -> None:

@@ -24,12 +24,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 from scipy.special import betainc
 
-GRADING = 16.0
-"""Largest over smallest element; the small ones lie at side and faces."""
-RADIUS_AT_INFINITY = 0.9
-"""Spectral radius of the generalised alpha method at infinite frequency [-]."""
-SMALL = 1e-8
-"""Largest increment of a displacement in the last iteration of a step [mm]."""
+GRADING = 16.0  # largest over smallest element; the small ones lie at side and faces
+RADIUS_AT_INFINITY = 0.9  # spectral radius of the generalised alpha method at infinite frequency [-]
+SMALL = 1e-8  # largest increment of a displacement in the last iteration of a step [mm]
 CLEAR = 0.47
 """Half the share of the length in which radii are read, clear of where the side folds onto a platen [-]."""
 OFTEN = {"cffi_extra_compile_args": ["-O3", "-march=native", "-ffast-math"]}

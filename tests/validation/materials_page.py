@@ -1,4 +1,4 @@
-"""Write the validation page on laws of soft materials: `python tests/validation/materials_page.py`.
+"""Numbers and figure of the page on laws of soft materials: `python tests/validation/materials_page.py`.
 
 Page and `test_soft_laws.py` call the same functions of `softlaws`. The data are from other authors, in a
 folder `shared` next to the repository.
@@ -13,6 +13,7 @@ for folder in (TESTS.parent, TESTS / "helpers", TESTS / "validation"):
         sys.path.insert(0, str(folder))
 
 import numpy as np  # noqa: E402
+from page_values import store  # noqa: E402
 from test_soft_laws import (  # noqa: E402
     FITTED,
     KPA,
@@ -39,104 +40,17 @@ from kolsky.report.canvas import build  # noqa: E402
 from kolsky.report.figures import MATERIALS  # noqa: E402
 
 DOCS = TESTS.parent / "docs" / "validation"
-PAGE = """# Laws fitted to silicones and rubbers
-
-This page compares fits of `kolsky.material` ({{ref}}`theory-homogeneous`) to homogeneous tests of other
-laboratories with the published fits. `python tests/validation/materials_page.py` writes this page.
-`pytest --long tests/validation/test_soft_laws.py` tests its numbers. The data are not part of the project.
-
-## Four silicones in compression
-
-The tissue phantom database of Dawood and others
-(github.com/abubakardawood/tissue-phantom-material-database, data CC BY 4.0) has ten compression tests to
-66.7 % of each of four silicones. Eleven laws are fitted to the mean at 1000 strains by least squares in
-engineering stress. Their Ogden terms are µ/α (…), and their Yeoh law of one term is the neo-Hookean law.
-Their Mooney-Rivlin law of second order has C10, C01 and C20 (`mooney_rivlin_c20` here). Their
-Veronda-Westmann and Humphrey laws are those of {{ref}}`theory-materials`. For all {count} fits, these laws
-with *their* constants give their sums of squares within {own:.0e}. Laws, curve and mean are therefore the
-same.
-
-The table gives the sums of squares of the fits here (those of the database are 1). Ogden's terms are fitted
-with positive moduli, as in the database. The other laws are fitted without the bounds of a positive energy,
-because some published constants are outside these bounds.
-
-{phantoms}
-
-Every sum of squares here agrees with the published one to four digits or is smaller. If the minimum is
-unique, constants agree within {constants:.1e} of their value. Their two-term Ogden fit of EF50_0T ended
-with two equal terms. With twelve starts the sum of squares is a fourth of theirs. With positive moduli a
-third term does not improve the fit. Two of the three exponents become equal, and the outcome is *not
-determined*. With moduli of either sign, two terms fit {free_low:.0f} to {free_high:.0f} times better than
-theirs. Each of these fits has a negative modulus, so the energy can become negative. {free_words} between
-principal stretches of a tenth and ten.
-
-## Rubber in three modes together
-
-The table compares constants published for *one* mode of Treloar's data with the fit of that mode here:
-
-{single}
-
-The neo-Hookean constant of tension and the two constants of equibiaxial tension agree within the difference
-of two digitisations of one figure. The published neo-Hookean constants of equibiaxial and planar tension do
-not minimise the squares of these data, in absolute or in relative stress.
-
-The next tables have unweighted fits of all three modes together. They give the root mean square residual in
-kPa and, in brackets, that of residual over measured stress. The laws are in the order of their AIC.
-"Drucker" is the first mode, by logarithmic strain, in which the law is not stable
-({{py:mod}}`kolsky.material.fits.compare`).
-
-{rubbers}
-
-```{{figure}} images/materials-treloar.png
-:width: 100%
-:alt: Treloar's three tests and the five best laws
-
-{caption}
-```
-
-No law of I₁ only fits tension and equibiaxial tension of natural rubber together, as Treloar (1975) found.
-Three terms of Ogden fit both. For Meunier's silicone a law of I₁ only (Yeoh) fits nearly as well. For
-Kawabata's and Meunier's digitised tests no published constants of the same laws are available.
-
-## Errors in two papers
-
-These errors were found by computing the tables again. The tests check the arithmetic.
-
-*Characterisation of soft tissue* (thesis, Section 3.2.1, Tables 3.3 and 3.4).
-
-{thesis}
-
-- Eq. (3.3) has C₁₀ instead of 2 C₁₀, which Eqs. (3.4) to (3.9) use. Eq. (3.8) divides the transverse stress
-  by the axial stretch. Eq. (3.9) is nevertheless correct.
-- E₀ of three rows is 3 µ₀ only with digits that are not printed.
-- **One R² is impossible.** √(1 − R²) is a distance of curves divided by the spread of
-  the data. By the triangle inequality each value lies in an interval about that of the best law, for any
-  data (last two columns). The curve of the Mooney-Rivlin constants is close to that of the reduced
-  polynomial, so its R² must be above {least_r2:.4f}.
-- "Stable for all strains" is true of all four, between principal stretches of a tenth and ten.
-
-*Self-healing pneumatic actuator* (Table 2).
-
-- µ₀ = 2 C₁₀ = 0.218 MPa and µ₁ = 0.218 MPa agree if the Ogden law has 2µ/α² before its bracket. Table 1 of
-  the text has µ/α. With it µ₀ would be 1.4 % lower. K = 2 / D₁ of both gives the measured ν = 0.44.
-- The transverse strain is assumed as ε₂ = −νε₁ up to ε₁ = 1.28. This gives J = {J:.3f}. The specimen would
-  have lost {lost:.0f} % of its volume. With the constants of the paper the free sides would then carry
-  {across:.2f} MPa (true stress, tension-positive). The axial true stress would be {along:.2f} MPa instead of
-  {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch` finds the stretch that leaves
-  the sides free.
-- The second invariant is printed with a plus sign, ½ [(tr B)² + tr B²]. It should be a minus sign.
-"""
 
 
 def main() -> None:
-    """Write the page and its figure."""
+    """Write the numbers of the page and its figure."""
     treloar = compared("Treloar 1944")
     figure = build(MATERIALS["material-fits"], treloar)
     (DOCS / "images").mkdir(exist_ok=True)
     figure.savefig(DOCS / "images" / "materials-treloar.png", dpi=200, metadata={"Software": None})
     low, high, words = without_bounds()
     J, across, along, right = side_stress_of_the_linear_rule()
-    text = PAGE.format(
+    names = dict(
         own=max(abs(r - 1.0) for r in own_sums()),
         count=len(PHANTOMS) * len(FITTED),
         phantoms=phantom_table(),
@@ -157,7 +71,7 @@ def main() -> None:
         along=1e-6 * along,
         right=1e-6 * right,
     )
-    (DOCS / "materials.md").write_text(text, encoding="utf-8")
+    store(DOCS / "materials.md", names)
 
 
 def own_sums() -> list[float]:

@@ -19,12 +19,9 @@ from kolsky.readers.recordings import read_recordings
 
 BAR = Bar(diameter=0.02, length=2.0, youngs_modulus=200e9, density=7850.0, poisson=0.29)
 DISTANCE = 0.589
-INTERVAL = 3.3e-7
-"""Delta_X of the header: the time column is rounded."""
-QUIET = 150
-"""Samples before the pulse."""
-UNTIL_ECHO = (250e-6, 500e-6)
-"""From before the pulse to before its echo, at the transmission gauge [s]."""
+INTERVAL = 3.3e-7  # Delta_X of the header: the time column is rounded
+QUIET = 150  # samples before the pulse
+UNTIL_ECHO = (250e-6, 500e-6)  # from before the pulse to before its echo, at the transmission gauge [s]
 
 
 @pytest.fixture(scope="module")

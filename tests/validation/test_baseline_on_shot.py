@@ -21,14 +21,11 @@ from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 
 OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
-TRUE_M = 1.12
-"""The factor that the shot was made with (truth.json)."""
-STRAIN = np.linspace(0.02, 0.60, 59)
-"""Strains of the made tests."""
+TRUE_M = 1.12  # the factor that the shot was made with (truth.json)
+STRAIN = np.linspace(0.02, 0.60, 59)  # strains of the made tests
 SPECIMENS = (0.97, 0.985, 1.0, 1.015, 1.03)
 """Stiffness of the specimens relative to the shot's curve: their mean is the curve."""
-NOISE = 2e-3
-"""Standard deviation of a sample relative to its stress."""
+NOISE = 2e-3  # standard deviation of a sample relative to its stress
 SETTINGS = Settings(
     free={"stiffness_factor": (0.7, 1.5)},
     numerics=Numerics(mesh=(12, 16)),

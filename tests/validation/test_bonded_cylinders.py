@@ -18,8 +18,7 @@ from populations.bonded_cylinders import (
 )
 
 pytest.importorskip("felupe")
-SEED = 27182
-"""Of no recorded study."""
+SEED = 27182  # of no recorded study
 
 
 @pytest.mark.parametrize("number", range(len(LAWS)))

@@ -30,8 +30,7 @@ from dic.correlation import Correlation, Shape
 from dic.images import open_pictures
 from dic.tracking import Tracking
 
-STATIC, STEP, LAST = 6, 2, 44
-"""Static frames taken, and every so many-th frame from then on, to this one."""
+STATIC, STEP, LAST = 6, 2, 44  # static frames taken, and every so many-th frame from then on, to this one
 CROP = (192.0, 192.0)
 SPECIMEN = Region(((30.0, 6.0), (95.0, 6.0), (95.0, 121.0), (30.0, 121.0)))
 SETTINGS = ChainSettings(

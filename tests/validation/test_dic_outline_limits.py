@@ -13,8 +13,7 @@ from kolsky.shot.load import load_pictures
 from kolsky.shot.optical_data import surfaces
 
 LENGTH, SUBSET = 6.5e-3, 25
-PIXEL = 54.6e-6
-"""On the specimen [m]."""
+PIXEL = 54.6e-6  # on the specimen [m]
 TOP, BOTTOM = 2.07, 1.84
 """Rows of pixels between the ends of the specimen at rest and the region drawn, at the flyer and at the
 transmission platen."""

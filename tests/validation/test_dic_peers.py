@@ -93,8 +93,7 @@ def test_opencorr_s_points_are_its_formula_in_single_precision(challenge, openco
 
 
 # ------------------------------------------------------------------------------------- whose noise
-BLOCK = (600.0, 400.0, 20)
-"""First x and y of the points taken, and how many across; OpenCorr's grid has 9 px."""
+BLOCK = (600.0, 400.0, 20)  # first x and y of the points taken, and how many across; OpenCorr's grid has 9 px
 
 
 def roughness(points, values, half=27.0):

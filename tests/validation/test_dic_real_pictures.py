@@ -9,8 +9,7 @@ from dic import FrameOutcome, PointOutcome
 from dic.correlation import Correlation, Noise, PictureStack, correlate, subsets
 from dic.images import PictureError, frame_health, grey_noise, open_pictures, speckle_quality
 
-N_FRAMES, STATIC = 186, 12
-"""Of the shot open-01: its README and facts.json."""
+N_FRAMES, STATIC = 186, 12  # of the shot open-01: its README and facts.json
 
 
 @pytest.fixture(scope="module")

@@ -234,8 +234,7 @@ def test_the_script_for_a_shot_from_pictures(short, correlated):
     assert (out / "report.html").exists()
 
 
-NOISE = 4e-6
-"""Declared standard deviation of a point [m]."""
+NOISE = 4e-6  # declared standard deviation of a point [m]
 
 
 def errors(folder) -> np.ndarray:

@@ -23,8 +23,7 @@ LAWS = read_specification(POPULATION).declared.population.draw["material"].choos
 FILE = Path(__file__).parents[1] / "reference" / "M_bonded.csv"
 NUMBER, SEED = 0, 61
 """Of the experiment in `FILE`; made by `python -m populations.other_program --csv 0 --out FOLDER`."""
-LOWEST = 1.2
-"""Lowest order of the mesh error that was found (docs/validation/coverage.md)."""
+LOWEST = 1.2  # lowest order of the mesh error that was found (docs/validation/coverage.md)
 
 
 class Push:

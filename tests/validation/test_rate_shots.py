@@ -31,8 +31,7 @@ COARSE = Settings(
     replicates=2,
 )
 SPEEDS = (0.7, 0.8, 1.6, 4.0, 4.6)
-TILT = 0.15
-"""Change of the true stiffness factor per decade in the second set."""
+TILT = 0.15  # change of the true stiffness factor per decade in the second set
 
 
 @pytest.fixture(scope="module")

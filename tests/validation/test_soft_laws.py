@@ -36,12 +36,9 @@ MODES = {"UT": Mode.UNIAXIAL, "ET": Mode.EQUIBIAXIAL, "PS": Mode.PLANAR}
 class Published:
     """A fit of the tissue phantom database."""
 
-    name: str
-    """Its name there."""
-    parameters: tuple[float, ...]
-    """Parameters as printed there, moduli in kPa."""
-    sse: float
-    """Sum of squared residuals in engineering stress [kPa^2]."""
+    name: str  # its name there
+    parameters: tuple[float, ...]  # parameters as printed there, moduli in kPa
+    sse: float  # sum of squared residuals in engineering stress [kPa^2]
 
 
 @cache

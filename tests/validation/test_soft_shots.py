@@ -38,8 +38,7 @@ class SoftShot:
 
     incident: Signal
     transmitted: Signal
-    sigma_zero: float
-    """Standard uncertainty of the incident force's zero [N]."""
+    sigma_zero: float  # standard uncertainty of the incident force's zero [N]
     motion: FlyerMotion
     path: FlyerPath
     specimen: Specimen

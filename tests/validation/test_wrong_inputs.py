@@ -12,8 +12,7 @@ from populations.wrong_inputs import judged, summary, table
 
 RESULTS = Path(__file__).parents[2] / "populations" / "results"
 COMMITTED = [RESULTS / name for name in ("wrong_inputs.json", "wrong_inputs_felupe.json")]
-ALARMS = 2
-"""Right shots of 80 that may be named or not called identified."""
+ALARMS = 2  # right shots of 80 that may be named or not called identified
 BY_NAME = {row.name: row for row in ROWS}
 
 

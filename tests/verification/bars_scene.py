@@ -13,16 +13,11 @@ from explicit.bars import Apparatus, Joint, PulseShaper, Section
 
 FloatArray = NDArray[np.float64]
 
-RADIUS = 7.5e-3
-"""Radius of bars, platens and transducers [m]."""
-YOUNG, POISSON = 190e9, 0.29
-"""Steel and transducers of the paper [Pa], [-]."""
-STEEL, QUARTZ = 8048.0, 6594.0
-"""Density of the steel and of the transducers there [kg/m^3]."""
-SPEED = 5.5
-"""The paper's striker [m/s]."""
-TRANSDUCER_LENGTH = 16e-3
-"""Not in the paper; a usual ring of quartz with its housing [m]."""
+RADIUS = 7.5e-3  # radius of bars, platens and transducers [m]
+YOUNG, POISSON = 190e9, 0.29  # steel and transducers of the paper [Pa], [-]
+STEEL, QUARTZ = 8048.0, 6594.0  # density of the steel and of the transducers there [kg/m^3]
+SPEED = 5.5  # the paper's striker [m/s]
+TRANSDUCER_LENGTH = 16e-3  # not in the paper; a usual ring of quartz with its housing [m]
 SHAPER_MODULUS = 40e6
 """Shear modulus of the pulse shaper's rubber at 2000 1/s [Pa]: the one number that is chosen, so that the
 flyer starts with the 2.7 m/s of the paper's mean strain rates."""
@@ -35,8 +30,7 @@ def part(length: float, *, density: float = STEEL, radius: float = RADIUS) -> Se
 
 PLATEN, BAR, STRIKER = part(5e-3), part(1.5), part(0.25)
 TRANSDUCER = part(TRANSDUCER_LENGTH, density=QUARTZ)
-STACK = (PLATEN, TRANSDUCER, PLATEN, BAR)
-"""What stands behind the specimen: the paper's Fig. 3."""
+STACK = (PLATEN, TRANSDUCER, PLATEN, BAR)  # what stands behind the specimen: the paper's Fig. 3.
 SENSOR = PLATEN.length + 0.5 * TRANSDUCER.length
 """Depth of the transducer's mid-section behind the specimen [m]."""
 

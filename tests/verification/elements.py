@@ -21,18 +21,12 @@ FloatArray = NDArray[np.float64]
 class Evaluated:
     """What an element answers, for every element of a mesh."""
 
-    forces: FloatArray
-    """Corner forces [N], shape [n_elements, 4, 2]."""
-    omega_squared: FloatArray
-    """Bound for the stable step [1/s^2], shape [n_elements]."""
-    power: FloatArray
-    """Power of the damping stress [W], shape [n_elements]."""
-    elastic: FloatArray
-    """Stored energy [J], shape [n_elements]."""
-    hourglass: FloatArray
-    """Energy stored by hourglass control [J], shape [n_elements]."""
-    artificial: FloatArray
-    """Power dissipated by hourglass control [W], shape [n_elements]."""
+    forces: FloatArray  # corner forces [N], shape [n_elements, 4, 2]
+    omega_squared: FloatArray  # bound for the stable step [1/s^2], shape [n_elements]
+    power: FloatArray  # power of the damping stress [W], shape [n_elements]
+    elastic: FloatArray  # stored energy [J], shape [n_elements]
+    hourglass: FloatArray  # energy stored by hourglass control [J], shape [n_elements]
+    artificial: FloatArray  # power dissipated by hourglass control [W], shape [n_elements]
 
 
 @cache

@@ -39,10 +39,8 @@ def rms(values: FloatArray) -> float:
 class Limit(NamedTuple):
     """The limit of a series q(h) = q_0 + C h^p with a given order p."""
 
-    value: FloatArray
-    """q_0, in the unit of the series, shape [...]."""
-    deviation: FloatArray
-    """Largest distance of a member of the series from the law, shape [...]."""
+    value: FloatArray  # q_0, in the unit of the series, shape [...]
+    deviation: FloatArray  # largest distance of a member of the series from the law, shape [...]
 
 
 def limit(h: ArrayLike, series: ArrayLike, order: float) -> Limit:
@@ -64,12 +62,9 @@ def limit(h: ArrayLike, series: ArrayLike, order: float) -> Limit:
 class CommonLimit(NamedTuple):
     """What several series share: q_i(h) = q_0 + C_i h^p with one limit and one order."""
 
-    value: float
-    """q_0, in the unit of the series."""
-    order: float
-    """p [-]."""
-    deviation: float
-    """Largest distance of a member of a series from the law, in the unit of the series."""
+    value: float  # q_0, in the unit of the series
+    order: float  # p [-]
+    deviation: float  # largest distance of a member of a series from the law, in the unit of the series
 
 
 def common_limit(h: ArrayLike, series: ArrayLike) -> CommonLimit:
@@ -106,8 +101,7 @@ def corner_exponent() -> float:
 
 RADIUS, LENGTH, DENSITY = 4.75e-3, 6.5e-3, 870.0
 """Radius [m], length [m] and mass density [kg/m^3] of the specimen of the reference solutions."""
-YOUNG = 80e3
-"""Its initial modulus of elasticity [Pa]."""
+YOUNG = 80e3  # its initial modulus of elasticity [Pa]
 
 
 def shear_modulus(poisson: float) -> float:

@@ -16,28 +16,22 @@ from scene import (
     ninth_slope,
     shear_modulus,
     speed_after_rise,
-    table,
 )
 
 from explicit import CharacteristicBar, Model, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 
-TITLE = "Transmission bar by its characteristics"
-MESHES = (44, 88, 176)
-"""Elements along the rod."""
+MESHES = (44, 88, 176)  # elements along the rod
 CELERITY = float(np.sqrt(YOUNG / DENSITY))
 PASSAGE = LENGTH / CELERITY
-ROD = DENSITY * CELERITY * np.pi * RADIUS**2
-"""Impedance of the rod [N s/m]."""
-ECHO = 0.4
-"""Round trip of the bar's wave over a passage of the rod [-]: six echoes within the comparison."""
+ROD = DENSITY * CELERITY * np.pi * RADIUS**2  # impedance of the rod [N s/m]
+ECHO = 0.4  # round trip of the bar's wave over a passage of the rod [-]: six echoes within the comparison
 BARS = {
     "20 rods, endless": CharacteristicBar(impedance=20.0 * ROD, round_trip=1e3),
     "20 rods, echo": CharacteristicBar(impedance=20.0 * ROD, round_trip=ECHO * PASSAGE),
     "100 rods, echo": CharacteristicBar(impedance=100.0 * ROD, round_trip=ECHO * PASSAGE),
 }
-STEEL = CharacteristicBar(impedance=6910.0, round_trip=617e-6)
-"""The bar of the paper."""
+STEEL = CharacteristicBar(impedance=6910.0, round_trip=617e-6)  # the bar of the paper
 STROKE, DURATION = 1e-4 * LENGTH, 1.2 * PASSAGE
 TIMES = np.linspace(0.0, 2.95, 591)[1:] * PASSAGE
 """Until the wave that the rod's other end sends back arrives."""
@@ -55,21 +49,16 @@ that contains a time, and the power of a passing wave is large."""
 class Result:
     """Errors by bar; arrays run over the meshes."""
 
-    force: dict[str, FloatArray]
-    """Largest force error over the largest force [-], shape [n_meshes]."""
-    platen: dict[str, FloatArray]
-    """Largest error of the platen's path over its largest [-], shape [n_meshes]."""
-    platen_order: dict[str, FittedOrder]
-    """Fit of `platen` against the element size (the step follows it)."""
+    force: dict[str, FloatArray]  # largest force error over the largest force [-], shape [n_meshes]
+    platen: dict[str, FloatArray]  # largest error of the platen's path over its largest [-], shape [n_meshes]
+    platen_order: dict[str, FittedOrder]  # fit of `platen` against the element size (the step follows it)
     rigid: dict[str, float]
     """How much the force differs from that on a rigid support [-]: what the bar does at all."""
     work: dict[str, float]
     """Error of the energy that went into the bar, finest mesh, over the flyer's work [-]."""
 
-    steel: float
-    """The same error of the path for a large impact on the steel bar [-]."""
-    steel_travel: float
-    """Largest travel of the platen there [m]."""
+    steel: float  # the same error of the path for a large impact on the steel bar [-]
+    steel_travel: float  # largest travel of the platen there [m]
 
 
 def closed_force(bar: CharacteristicBar, times: FloatArray) -> FloatArray:
@@ -169,18 +158,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    return (
-        "force of an elastic rod on a bar with echo, and the platen's path, closed form",
-        f"{100 * max(e[-1] for e in result.force.values()):.2f} %; "
-        f"{100 * max(e[-1] for e in result.platen.values()):.2f} %",
-        f"{100 * FORCE_TOLERANCE:g} %; {100 * PLATEN_TOLERANCE:g} %",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     rows = [
         [
             name,
@@ -200,35 +179,7 @@ def page(result: Result) -> str:
         "fitted order of the path",
         "work into the bar [%]",
     ]
-    return f"""# {TITLE}
-
-**What is checked.** A boundary represents a whole elastic bar. It is v = F / Z + 2 h with the echo h(t) =
-g(t - 2 L / c) and g = F / Z + h.
-
-**Independent source.** There are three closed forms. (1) *Force*: a linear rod with ν = 0 and impedance Z_s
-carries the flyer's wave f = Z_s v(t - L/c) to the bar. There F = 2 (f - Z_s h) / (1 + Z_s / Z) until the
-echo of the rod returns. It is evaluated recursively over the round trips of the bar. (2) *Path of the
-platen*: with the recorded impulse I it is -(I(t) + 2 I(t - T) + 2 I(t - 2 T) + ...) / Z. (3) *Energy*: the
-flyer's work minus the work on the specimen is the integral of F v.
-
-**Set-up.** A rod of {1e3 * LENGTH:g} mm and {ROD:.2f} N s/m has {", ".join(map(str, MESHES))} elements and
-is driven by {1e6 * STROKE:.2f} µm. The bars have 20 and 100 times its impedance. They are endless, or have
-an echo every {ECHO:g} passages of the rod. Such soft bars only make the effect large. The step is half the
-stable step.
-
-{table(header, rows)}
-
-On the bar of the paper ({STEEL.impedance:g} N s/m, {1e6 * STEEL.round_trip:g} µs) an impact to 60 % (16 ×
-22, bonded) moves the platen by {1e6 * result.steel_travel:.1f} µm. The error of its path is
-{100 * result.steel:.2f} %.
-
-**Tolerance.** The force may differ by {100 * FORCE_TOLERANCE:g} % on the finest mesh. The element is of
-second order, and the echo is interpolated between 1024 stored values for each round trip. The path may
-differ by {100 * PLATEN_TOLERANCE:g} %. The platen moves with the force of the previous step, which is a
-first-order error in the step. The work may differ by {100 * WORK_TOLERANCE:g} % of the flyer's work. The
-ledger refers to the beginning of the step that contains a time.
-
-"""
+    return locals()
 
 
 @pytest.mark.parametrize("name", list(BARS))

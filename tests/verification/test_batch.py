@@ -6,12 +6,11 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise
 
 from explicit import Model, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import marlow_from_curve, neo_hookean
 
-TITLE = "Batches and precision"
 END = 1.5e-3
 TIMES = np.linspace(0.0, END, 301)[1:]
 Precision = Literal["fp32", "fp64"]
@@ -19,8 +18,7 @@ PRECISIONS: tuple[Precision, ...] = ("fp64", "fp32")
 FORCE_TOLERANCE, PLACE_TOLERANCE = 0.01, 0.2e-6
 """Allowed difference of single from double precision: force [N] (of some 20 N) and position [m]; both far
 below what an instrument resolves (3 N, 0.03 mm)."""
-DAMPING = (2.5e-5, 1e-4)
-"""The two stiffness-proportional dampings of the paper [s]."""
+DAMPING = (2.5e-5, 1e-4)  # the two stiffness-proportional dampings of the paper [s]
 STEP_TOLERANCE = 1e-3
 """Allowed relative error of the step with full damping [-]: at rest the damping is exactly beta times the
 stiffness, so only the solver's floor of the volumetric factor and rounding are left."""
@@ -34,17 +32,13 @@ class Result:
     """Whether every row of a batch of seven is the single simulation to the last bit, by precision and
     threads."""
 
-    force_difference: float
-    """Largest force difference of single from double precision [N]."""
-    place_difference: float
-    """Largest position difference of the side surface [m]."""
-    largest_force: float
-    """Largest force [N]."""
+    force_difference: float  # largest force difference of single from double precision [N]
+    place_difference: float  # largest position difference of the side surface [m]
+    largest_force: float  # largest force [N]
 
     steps: dict[str, FloatArray]
     """Step at rest undamped, with deviatoric and with full damping [s], shape [n_dampings]."""
-    predicted: FloatArray
-    """Closed form of the step with full damping [s], shape [n_dampings]."""
+    predicted: FloatArray  # closed form of the step with full damping [s], shape [n_dampings]
 
 
 def same_bits(a: Response, i: int, b: Response, j: int) -> bool:
@@ -138,19 +132,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    bits = all(result.same.values())
-    return (
-        "a simulation alone and in a batch of seven; single against double precision",
-        f"{'identical' if bits else 'DIFFERENT'}; {result.force_difference:.4f} N, "
-        f"{1e6 * result.place_difference:.4f} µm",
-        f"identical; {FORCE_TOLERANCE:g} N, {1e6 * PLACE_TOLERANCE:g} µm",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     bits = [[name, "yes" if value else "NO"] for name, value in result.same.items()]
 
     steps = [
@@ -166,43 +149,7 @@ def page(result: Result) -> str:
         "damping [s]", "undamped [µs]", "deviatoric [µs]", "full [µs]", "full, closed form [µs]",
         "deviatoric / full",
     ]  # fmt: skip
-    return f"""# {TITLE}
-
-**What is checked.** The result of a simulation does not depend on the others of its batch or on the number
-of threads (failing neighbours: [Failure](failure.md)). Single precision is sufficient for every quantity
-that an instrument measures. The page also gives the cost of the two kinds of damping.
-
-**Independent source.** A batch is compared with the same simulation in a batch of one. The step is compared
-with the closed form of the damped stability bound.
-
-## Bits
-
-Seven simulations differ in every parameter, material and motion (8 × 11 elements, Coulomb contact, to
-{1e3 * END:g} ms). They run together and in batches of one. Every array of the response is compared,
-energies included:
-
-{table(["batch of seven", "every row identical to a batch of one"], bits)}
-
-## Precision
-
-The specimen has 16 × 22 elements, is bonded, and is compressed at 2.6 m/s to 60 % without damping. State
-and elements in single precision change the forces by at most {1e3 * result.force_difference:.2f} mN of
-{result.largest_force:.1f} N. They change the side surface by at most
-{1e3 * 1e6 * result.place_difference:.1f} nm.
-
-**Tolerance.** Forces may differ by {FORCE_TOLERANCE:g} N and positions by {1e6 * PLACE_TOLERANCE:g} µm. A
-force measurement resolves 3 N and the cameras 0.03 mm.
-
-## Damping and the step
-
-The table gives the stable step of the undeformed 16 × 22 specimen with ν = 0.495. Full damping makes xi =
-beta omega / 2. The step is then the undamped one times sqrt(1 + xi^2) - xi:
-
-{table(header, steps)}
-
-**Tolerance.** The step may differ by {100 * STEP_TOLERANCE:g} % from the closed form. At rest full damping
-is exactly beta times the stiffness.
-"""
+    return locals()
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

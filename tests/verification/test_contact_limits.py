@@ -19,8 +19,7 @@ FloatArray = NDArray[np.float64]
 
 END, POISSON, DAMPING = 1.5e-3, 0.495, 2.5e-5
 """End of the impacts at 2.6 m/s, at 60 % [s]; Poisson's ratio [-]; stiffness-proportional damping [s]."""
-AREA = np.pi * RADIUS**2
-"""Undeformed area of a face [m^2]."""
+AREA = np.pi * RADIUS**2  # undeformed area of a face [m^2]
 TIMES = np.linspace(0.0, END, 301)[1:]
 STEP, N_STEPS = 0.5e-6, 3000
 """Step of the runs for the ledgers [s], below the stable one throughout, and how many there are."""
@@ -33,16 +32,12 @@ LAWS: dict[str, dict[str, float]] = {
     "bonded": {},
 }
 """The laws, with parameters that make faces stick and slip, or let go."""
-STIFFNESS = 10.0 ** np.arange(10.0, 15.1, 0.5)
-"""Penalty stiffnesses [Pa/m]."""
-FRICTION = 2.0 ** np.arange(-1, 13)
-"""Coefficients on the way to infinity [-]."""
+STIFFNESS = 10.0 ** np.arange(10.0, 15.1, 0.5)  # penalty stiffnesses [Pa/m]
+FRICTION = 2.0 ** np.arange(-1, 13)  # coefficients on the way to infinity [-]
 RELEASE = np.array([0.0, 0.3e3, 1e3, 3e3, 10e3, 20e3, 50e3, 100e3, np.inf])
 """Release stresses of the impacts [Pa]."""
-PULLED = np.array([0.5e3, 1e3, 2e3, 4e3])
-"""Release stresses of the slow pull [Pa]."""
-QUICK = -0.05 * LENGTH
-"""Stroke of the quick pull [m]."""
+PULLED = np.array([0.5e3, 1e3, 2e3, 4e3])  # release stresses of the slow pull [Pa]
+QUICK = -0.05 * LENGTH  # stroke of the quick pull [m]
 SLOW, DRAG = 20e-3, 400.0
 """Duration of the slow pull and compression [s], and their mass-proportional damping [1/s]."""
 
@@ -68,23 +63,16 @@ def impact(law: str, **parameters: tuple[float, ...]) -> Response:
 class Ledger:
     """Every step of an impact with one law."""
 
-    penetration: float
-    """Deepest place of any node beyond a platen [m]."""
-    rolled: int
-    """Side nodes within 1 um of the transmission platen at the end, corner included."""
+    penetration: float  # deepest place of any node beyond a platen [m]
+    rolled: int  # side nodes within 1 um of the transmission platen at the end, corner included
     momentum: float
     """Largest difference between the platens' impulses and the specimen's momentum, over the largest
     momentum [-]."""
-    energy: float
-    """Largest |external work minus its parts| over external work [-]."""
-    friction: float
-    """Lost to friction over external work at the end [-]."""
-    impact: float
-    """Lost in landing, or held by the penalty's springs, over external work at the end [-]."""
-    tension: float
-    """Smallest force on the transmission platen [N]."""
-    step: float
-    """Smallest step [s]."""
+    energy: float  # largest |external work minus its parts| over external work [-]
+    friction: float  # lost to friction over external work at the end [-]
+    impact: float  # lost in landing, or held by the penalty's springs, over external work at the end [-]
+    tension: float  # smallest force on the transmission platen [N]
+    step: float  # smallest step [s]
 
 
 @cache
@@ -126,12 +114,9 @@ def ledger(law: str) -> Ledger:
 class Distance:
     """How far the simulations of a sweep are from their limit; shape [n] each."""
 
-    outline: FloatArray
-    """Radii of the side nodes, rms over nodes and times [m]."""
-    force: FloatArray
-    """Force on the transmission platen, rms over times, over its rms [-]."""
-    impulse: FloatArray
-    """Its impulse at the end [-]."""
+    outline: FloatArray  # radii of the side nodes, rms over nodes and times [m]
+    force: FloatArray  # force on the transmission platen, rms over times, over its rms [-]
+    impulse: FloatArray  # its impulse at the end [-]
 
 
 def distance(sweep: Response, limit: Response) -> Distance:
@@ -230,22 +215,16 @@ def press() -> FloatArray:
     return np.asarray(-response.nodes[:, -1, made.mesh.lower_face, 1] * (STIFFNESS / pressure)[:, None])
 
 
-TITLE = "Limits and ledgers of contact"
 FIGURE_SIZE = (6.7, 4.8)
-GAP_TOLERANCE = 1e-15
-"""Allowed penetration of the kinematic laws [m]: round-off of a height of 6.5 mm."""
-PENALTY_GAP_TOLERANCE = 1e-6
-"""Allowed penetration of the penalty law with its default stiffness [m]."""
+GAP_TOLERANCE = 1e-15  # allowed penetration of the kinematic laws [m]: round-off of a height of 6.5 mm
+PENALTY_GAP_TOLERANCE = 1e-6  # allowed penetration of the penalty law with its default stiffness [m]
 MOMENTUM_TOLERANCE = 1e-11
 """Round-off [-]: places of 6.5 mm, known to 1e-18 m, differ by 0.6 um within half a step."""
-ENERGY_TOLERANCE = 1e-3
-"""As in `energy.py` [-]."""
+ENERGY_TOLERANCE = 1e-3  # as in `energy.py` [-]
 FITTED = STIFFNESS >= 1e12
 """Stiffnesses of the fitted order: the softer ones add a mode of their own to the impact."""
-ORDER_TOLERANCE = 0.05
-"""Allowed distance of the penalty's order from 1."""
-SLIPPING = FRICTION <= 64.0
-"""Coefficients of the fitted order in 1/f: beyond, single landings decide."""
+ORDER_TOLERANCE = 0.05  # allowed distance of the penalty's order from 1
+SLIPPING = FRICTION <= 64.0  # coefficients of the fitted order in 1/f: beyond, single landings decide
 FRICTION_ORDER = 0.7
 """Smallest order in 1/f, less its scatter: theory gives 1, sticking and slipping of single nodes scatter."""
 PULL_TOLERANCE = 0.03
@@ -263,24 +242,15 @@ STATIC_TOLERANCE = 1e-4
 class Result:
     """Everything the page shows."""
 
-    ledgers: dict[str, Ledger]
-    """Every step of an impact, by law."""
-    penalty: Distance
-    """From the kinematic Coulomb law with the same coefficient, by `STIFFNESS`."""
-    depth: FloatArray
-    """Penetration [m], by `STIFFNESS`."""
-    friction: Distance
-    """From the rough law, by `FRICTION`."""
-    release: Response
-    """Impacts, by `RELEASE`."""
-    rough: Response
-    """The law that release stress 0 must be."""
-    bonded: Response
-    """The law that an infinite release stress must be."""
-    pull: FloatArray
-    """Force at release over its closed form [-], rows `PULLED`."""
-    press: FloatArray
-    """Penetration over its closed form [-], rows `STIFFNESS`."""
+    ledgers: dict[str, Ledger]  # every step of an impact, by law
+    penalty: Distance  # from the kinematic Coulomb law with the same coefficient, by `STIFFNESS`
+    depth: FloatArray  # penetration [m], by `STIFFNESS`
+    friction: Distance  # from the rough law, by `FRICTION`
+    release: Response  # Impacts, by `RELEASE`
+    rough: Response  # the law that release stress 0 must be
+    bonded: Response  # the law that an infinite release stress must be
+    pull: FloatArray  # force at release over its closed form [-], rows `PULLED`
+    press: FloatArray  # penetration over its closed form [-], rows `STIFFNESS`
 
 
 @cache
@@ -313,26 +283,8 @@ def order_of_friction(result: Result) -> FittedOrder:
     return fitted_order(1.0 / FRICTION[SLIPPING], result.friction.outline[SLIPPING])
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    kinematic = max(entry.penetration for law, entry in result.ledgers.items() if law != "penalty")
-    momentum = max(entry.momentum for entry in result.ledgers.values())
-    fits = [fit.order for fit in orders(result).values()]
-    ends = same_bits(result.release, 0, result.rough) and same_bits(result.release, -1, result.bonded)
-    return (
-        "penetration of all nodes at all steps to 60 %; impulses against momentum through stick and slip; "
-        "order of the penalty towards the kinematic law; release stress 0 and ∞ against rough and bonded",
-        f"{1e6 * kinematic:.0e} µm (penalty {1e6 * result.ledgers['penalty'].penetration:.2f} µm); "
-        f"{momentum:.0e}; {min(fits):.2f} to {max(fits):.2f}; {'identical' if ends else 'DIFFERENT'}",
-        f"{1e6 * GAP_TOLERANCE:.0e} µm (1 µm); {MOMENTUM_TOLERANCE:.0e}; 1 within {ORDER_TOLERANCE}; "
-        "identical",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: distance of the penalty law from the kinematic one, f = 0.3 (grey: 1 µm). Top right:
-    distance of Coulomb's law from the rough one. Bottom left: first waves with released bonded faces.
-    Bottom right: largest force of a slow pull up to the release."""
+    """Draw the figure of the page."""
     (left, right), (waves, pulled) = figure.subplots(2, 2)
     left.loglog(STIFFNESS, 1e6 * result.depth, "o-", label="penetration, largest")
     left.loglog(STIFFNESS, 1e6 * result.penalty.outline, "s-", label="outline, rms")
@@ -364,8 +316,7 @@ def draw(result: Result, figure: Figure) -> None:
     pulled.legend()
 
 
-SET = {"friction": "f = {:g}", "release_stress": "{:g} Pa"}
-"""How a law's parameter is written."""
+SET = {"friction": "f = {:g}", "release_stress": "{:g} Pa"}  # how a law's parameter is written
 
 
 def ledgers(result: Result) -> str:
@@ -421,68 +372,17 @@ def friction(result: Result) -> str:
     return table(["f", "outline, rms [µm]", "force, rms [%]", "impulse [%]"], rows)
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     fit = order_of_friction(result)
     last = FRICTION[result.friction.outline > 0.0].max()
     slope = f"{fit.order:.2f} ± {fit.standard_error:.2f}"
     worst = np.abs(result.press - 1.0).max()
     bonded, released = twice()
-    return f"""# {TITLE}
-
-**What is checked.** No node penetrates a platen at any step, with any law. This holds also after the side
-surface has rolled onto the platen. The platens' impulses equal the specimen's momentum to round-off. The
-energy balance closes, with stick, slip and release. The laws have the correct limits. Coulomb's law becomes
-the frictionless one for f = 0 and the rough one for f towards infinity. The law with release becomes the
-rough one for a release stress of 0 and the bonded one for an infinite release stress. These limits hold to
-the last bit. A penalty formulation converges to the kinematic one. The page [Coulomb friction](friction.md)
-has static solutions with friction by another program.
-
-**Independent source.** The results are compared with the balance of momentum and the closed forms of a
-uniform state. The kinematic laws are compared with the penalty formulation. Its springs of stiffness k per
-area let a node penetrate by pressure over k.
-
-**Set-up.** The specimen has 16 × 22 elements and is neo-Hookean, with E = 80 kPa, ν = 0.495 and β = 2.5e-5
-s. Faces and side have one law. The impact is at 2.6 m/s and lasts to 1.5 ms (60 %).
-
-**Ledgers.** The run has {N_STEPS} steps of {1e6 * STEP:g} µs, and all nodes are checked at every step. Two
-positions within a step give its velocity. The momentum is therefore compared with the impulses and not
-integrated.
-
-{ledgers(result)}
-
-The penalty has the default stiffness, 1e13 Pa/m. Between two nodes the surface is straight, so its
-penetration is not larger than that of the nodes.
-
-**Penalty to kinematic.** The coefficient of friction is f = 0.3:
-
-{penalty(result)}
-
-The order is fitted from {STIFFNESS[FITTED][0]:.0e} Pa/m on. In a static frictionless compression to 20 %
-every node of a face penetrates by pressure over stiffness, within {worst:.0e}.
-
-**Coulomb to rough.** A node slips only if its pressure is below its shear stress over f. The outline
-approaches the rough one with the order {slope} in 1/f up to f = {FRICTION[SLIPPING][-1]:g}. Beyond, the
-first contact of single nodes dominates. Above f = {last:g} the results are identical to the last bit.
-
-{friction(result)}
-
-**Release.** The tensile contact stress of a node is its impulse over the interval and over its undeformed
-area. When this stress reaches the release stress, the node is released. From then on its contact is rough.
-The specimen is pulled by 5 %, pressed by 5 % and pulled again (ν = 0.495). With bonded faces the tensile
-forces are {-bonded[0, 0]:.2f} N and {-bonded[2, 0]:.2f} N. With a release stress of 1 kPa the tensile force
-is {-released[0, 0]:.3f} N. The compressive force is {released[1, 1]:.2f} N (bonded {bonded[1, 1]:.2f} N).
-The second pull has no force.
-
-**Tolerance.** The penetration may be {1e6 * GAP_TOLERANCE:.0e} µm, the round-off of a height, and 1 µm for
-the penalty. The momentum may differ by {MOMENTUM_TOLERANCE:.0e}, because positions 0.6 µm apart have an
-error of 1e-18 m. The energy may differ by {100 * ENERGY_TOLERANCE:g} %. The order of the penalty is 1
-within {ORDER_TOLERANCE:g}. The order in friction is at least {FRICTION_ORDER:g}, minus its scatter: theory
-gives 1, but nodes stick and slip one by one. The penetration agrees with its closed form within
-{PRESS_TOLERANCE:.0e}, because of the remaining motion. The force of the pull may be
-{100 * PULL_TOLERANCE:g} % below the closed form, which is half of the strain. In slow loading, penalty and
-Coulomb may differ by {100 * STATIC_TOLERANCE:g} %.
-"""
+    kinematic = max(entry.penetration for law, entry in result.ledgers.items() if law != "penalty")
+    fits = [fit.order for fit in orders(result).values()]
+    ends = same_bits(result.release, 0, result.rough) and same_bits(result.release, -1, result.bonded)
+    return locals()
 
 
 @pytest.mark.parametrize("law", LAWS)

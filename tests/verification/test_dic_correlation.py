@@ -14,31 +14,20 @@ from dic.correlation import Correlation, PictureStack, Shape, correlate
 
 FloatArray = NDArray[np.float64]
 
-TITLE = "Subset matching"
 FIGURE_SIZE = (6.7, 2.5)
 
-SIDE = 512
-"""Of the picture pair [px]."""
-SIGMA = 2.0
-"""Noise of a grey value [grey]."""
-NOISE = float(np.hypot(SIGMA, 12.0**-0.5))
-"""With that of the rounding to whole grey values [grey]."""
-REPEATS = 4
-"""Pairs that differ in their noise."""
-SHIFTS = np.linspace(0.0, 1.0, 21)
-"""Of the S-curve [px]."""
-SIZES = (4.0, 5.0)
-"""Speckles of the S-curve [px]."""
-SUBSETS = (11, 15, 21, 31, 41)
-"""Sides [px]."""
+SIDE = 512  # of the picture pair [px]
+SIGMA = 2.0  # noise of a grey value [grey]
+NOISE = float(np.hypot(SIGMA, 12.0**-0.5))  # with that of the rounding to whole grey values [grey]
+REPEATS = 4  # pairs that differ in their noise
+SHIFTS = np.linspace(0.0, 1.0, 21)  # of the S-curve [px]
+SIZES = (4.0, 5.0)  # speckles of the S-curve [px]
+SUBSETS = (11, 15, 21, 31, 41)  # sides [px]
 STRETCHES = (1.3, 1.0, 0.8, 0.65, 0.5, 0.4, 0.33)
 """Vertical; the horizontal one keeps the area of an incompressible body that is seen flat: 1 / sqrt."""
-COARSE = 12.0
-"""Speckles of the compressed pictures [px]: 4 px where they are shortest."""
-BIAS, S_CURVE = 0.5e-3, 1e-3
-"""Largest mean error, and largest S-curve from peak to peak [px]."""
-OVER_FLOOR = 1.1
-"""Largest standard deviation over the floor, affine."""
+COARSE = 12.0  # speckles of the compressed pictures [px]: 4 px where they are shortest
+BIAS, S_CURVE = 0.5e-3, 1e-3  # largest mean error, and largest S-curve from peak to peak [px]
+OVER_FLOOR = 1.1  # largest standard deviation over the floor, affine
 CALIBRATED, COMPRESSED = 0.06, 0.2
 """Largest distance of the standard deviation of normalised errors from 1; the same, compressed."""
 
@@ -49,38 +38,26 @@ class Pair:
 
     motion: str
     settings: Correlation
-    bias: float
-    """Mean error [px]."""
-    spread: float
-    """Standard deviation of the error [px]."""
-    promised: float
-    """Root mean square of the sigmas [px]."""
-    normalised: float
-    """Standard deviation of error over sigma [-]."""
-    found: float
-    """Share of the points that are VALID [-]."""
+    bias: float  # mean error [px]
+    spread: float  # standard deviation of the error [px]
+    promised: float  # root mean square of the sigmas [px]
+    normalised: float  # standard deviation of error over sigma [-]
+    found: float  # share of the points that are VALID [-]
 
 
 @dataclass(frozen=True)
 class Result:
     """Everything measured."""
 
-    floor: float
-    """sqrt(2 σ² / ΣG²) of a subset of 21 px without noise [px]."""
-    pairs: tuple[Pair, ...]
-    """Of the picture pair."""
-    s_curve: dict[float, FloatArray]
-    """Mean error at `SHIFTS`, by speckle size, without noise [px]."""
-    subset_spread: FloatArray
-    """Standard deviation of the error for `SUBSETS` [px], affine, shift by 0.3 px."""
-    subset_floor: FloatArray
-    """The floor for each [px]."""
+    floor: float  # sqrt(2 σ² / ΣG²) of a subset of 21 px without noise [px]
+    pairs: tuple[Pair, ...]  # of the picture pair
+    s_curve: dict[float, FloatArray]  # mean error at `SHIFTS`, by speckle size, without noise [px]
+    subset_spread: FloatArray  # standard deviation of the error for `SUBSETS` [px], affine, shift by 0.3 px
+    subset_floor: FloatArray  # the floor for each [px]
     stretch_normalised: FloatArray
     """Standard deviation of normalised errors at `STRETCHES`, by axis, shape [n, 2] [-]."""
-    update_bias: float
-    """Mean error of a match whose template is read between pixels [px]."""
-    update_bias_untold: float
-    """The same where no noise is declared, so that nothing is taken out [px]."""
+    update_bias: float  # mean error of a match whose template is read between pixels [px]
+    update_bias_untold: float  # the same where no noise is declared, so that nothing is taken out [px]
 
 
 def grid(margin: float, side: int, step: float) -> FloatArray:
@@ -262,25 +239,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    plain = [pair for pair in result.pairs if pair.settings == Correlation()]
-    return (
-        "a pair of 512² px with noise, shift 0.3 px and stretch 2 %: bias, standard deviation over its "
-        "floor, and of normalised errors; S-curve; normalised errors from 1.3 to a third of the length",
-        f"{1e3 * max(abs(p.bias) for p in plain):.2f} mpx; "
-        f"{max(p.spread for p in plain) / result.floor:.2f}; "
-        f"{min(p.normalised for p in plain):.2f} to {max(p.normalised for p in plain):.2f}; "
-        f"{1e3 * np.ptp(result.s_curve[5.0]):.2f} mpx; "
-        f"{result.stretch_normalised.min():.2f} to {result.stretch_normalised.max():.2f}",
-        f"{1e3 * BIAS:g} mpx; {OVER_FLOOR:g}; 1 within {CALIBRATED:g}; {1e3 * S_CURVE:g} mpx; "
-        f"1 within {COMPRESSED:g}",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: mean error of noise-free pictures over the shift. Middle: standard deviation of the error over
-    the subset's side, and its floor. Right: errors over their stated sigma, compressed and stretched."""
+    """Draw the figure of the page."""
     left, middle, right = figure.subplots(1, 3)
     for (size, bias), style in zip(result.s_curve.items(), ("-o", "--s"), strict=True):
         left.plot(SHIFTS, 1e3 * bias, style, markersize=2.5, label=f"speckles of {size:g} px")
@@ -299,8 +259,8 @@ def draw(result: Result, figure: Figure) -> None:
     right.legend(loc="lower left")
 
 
-def page(result: Result) -> str:
-    """The topic's page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     rows = "\n".join(
         f"| {p.motion} | {p.settings.shape.name.lower()} | {p.settings.prefilter:g} | {1e3 * p.bias:+.2f} "
         f"| {1e3 * p.spread:.2f} | {1e3 * p.promised:.2f} | {p.normalised:.2f} |"
@@ -310,40 +270,8 @@ def page(result: Result) -> str:
         f"{1e3 * np.ptp(bias):.2f} mpx (speckles of {size:g} px)" for size, bias in result.s_curve.items()
     )
     low, high = result.stretch_normalised.min(), result.stretch_normalised.max()
-    return f"""# {TITLE}
-
-Pictures are computed from a closed-form pattern at the material point of each pixel
-(`tests/helpers/speckle_pictures.py`). The motion is therefore exact, without interpolation. The pictures
-have {SIDE}² px, speckles of 5 px, eight bits and noise of {SIGMA:g} grey levels. There are {REPEATS} pairs
-that differ in their noise. Subsets have 21 px every 5 px. Every first guess has an error of 0.2 px in both
-directions. The floor √(2σ²/ΣG²) is {1e3 * result.floor:.2f} mpx (1 mpx = 0.001 px). Rounding to eight bits
-adds one per cent to σ.
-
-| motion | shape | prefilter, px | bias, mpx | std, mpx | stated sigma, mpx | std of error / sigma |
-| --- | --- | --- | --- | --- | --- | --- |
-{rows}
-
-All points are found. A shape function with more parameters has more scatter, as in every unbiased estimate.
-
-*S-curve.* For shifts from 0 to 1 px without noise, the peak-to-peak bias is: {curves}.
-
-*A template read between pixels.* This happens after a change of the reference picture. The pair is
-exchanged, and the mean error is {1e3 * result.update_bias:+.2f} mpx. If no noise is declared, its effect is
-not corrected ({{ref}}`theory-correlation`), and the mean error is {1e3 * result.update_bias_untold:+.2f}
-mpx.
-
-*Compression.* A pattern with speckles of {COARSE:g} px is shortened from {STRETCHES[0]:g} to
-{STRETCHES[-1]:g} of its length. It is widened by the root of the inverse. The standard deviation of the
-errors over their sigma is {low:.2f} to {high:.2f}. For speckles as short as the pixels this does not hold,
-because their interpolation error is not noise. The sigma contains this error only as far as the residual
-shows it.
-
-**Tolerances.** The package specifies a bias of {1e3 * BIAS:g} mpx and an S-curve of {1e3 * S_CURVE:g} mpx.
-The standard deviation may be {OVER_FLOOR:g} times the floor. The reasons are rounding, the coupling of
-displacement and gradients, and the noise of the template's gradients. Normalised errors must be 1 within
-{CALIBRATED:g} for {REPEATS} × 500 independent subsets. For a compressed pattern they must be 1 within
-{COMPRESSED:g}: there are fewer subsets, and one spectrum represents the pattern.
-"""
+    plain = [pair for pair in result.pairs if pair.settings == Correlation()]
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # 15 s

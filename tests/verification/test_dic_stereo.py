@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scene import FloatArray, table
+from scene import FloatArray
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
 
 from dic.correlation import Correlation, PictureStack, Shape
@@ -16,16 +16,11 @@ from dic.stereo.epipolar_search import Pair, StereoGates, StereoSearch
 from dic.stereo.geometry import triangulate
 from dic.stereo.match import Gate, failed_gates, guided_match, match_stereo, measure_gates
 
-ANGLES = (12.5, 30.0)
-"""Between the cameras [°]."""
-SUBSETS = (11, 15, 21, 31)
-"""Sides of the subset [px]."""
-STEEPEST = 45.0
-"""Points seen more obliquely than this by a camera are left out of the errors [°]."""
-PUSHED = (5.0, 40.0)
-"""How far guesses are pushed along the epipolar line to make false matches [px]."""
-DRAWS = 4
-"""Rounds of false matches, a third of the points in each."""
+ANGLES = (12.5, 30.0)  # between the cameras [°]
+SUBSETS = (11, 15, 21, 31)  # sides of the subset [px]
+STEEPEST = 45.0  # points seen more obliquely than this by a camera are left out of the errors [°]
+PUSHED = (5.0, 40.0)  # how far guesses are pushed along the epipolar line to make false matches [px]
+DRAWS = 4  # rounds of false matches, a third of the points in each
 JUDGED = (Gate.EPIPOLAR, Gate.FACET, Gate.BACK_MATCH, Gate.NEIGHBOURS, Gate.UNIQUENESS)
 """Gates that tell a false match from a true one."""
 
@@ -34,14 +29,10 @@ JUDGED = (Gate.EPIPOLAR, Gate.FACET, Gate.BACK_MATCH, Gate.NEIGHBOURS, Gate.UNIQ
 class Errors:
     """One subset and shape function against the truth."""
 
-    accepted: float
-    """Share of the points whose whole subset both cameras see [-]."""
-    bias: float
-    """Mean distance from the cylinder, outward positive [m]."""
-    scatter: float
-    """Standard deviation of that distance [m]."""
-    scaled: float
-    """Standard deviation of the match's error in its own sigmas, both components [-]."""
+    accepted: float  # share of the points whose whole subset both cameras see [-]
+    bias: float  # mean distance from the cylinder, outward positive [m]
+    scatter: float  # standard deviation of that distance [m]
+    scaled: float  # standard deviation of the match's error in its own sigmas, both components [-]
     width: float
     """Side of the subset on the surface, root mean square over the points: a flank spreads it [m]."""
 
@@ -50,18 +41,12 @@ class Errors:
 class False_:
     """False matches, and which gates stop them."""
 
-    number: int
-    """Converged more than 1 px from the truth."""
-    caught: dict[Gate, int]
-    """How many each gate stops by itself."""
-    without: dict[Gate, int]
-    """How many would pass if this gate were not there."""
-    passed: int
-    """How many pass all gates."""
-    true_rejected: int
-    """True matches of whole subsets that a gate stops."""
-    true: int
-    """True matches of whole subsets."""
+    number: int  # converged more than 1 px from the truth
+    caught: dict[Gate, int]  # how many each gate stops by itself
+    without: dict[Gate, int]  # how many would pass if this gate were not there
+    passed: int  # how many pass all gates
+    true_rejected: int  # true matches of whole subsets that a gate stops
+    true: int  # true matches of whole subsets
 
 
 @dataclass(frozen=True)
@@ -70,8 +55,7 @@ class Result:
 
     errors: dict[tuple[float, Shape, int], Errors]
     false: dict[float, False_]
-    other_surface: tuple[int, int]
-    """Points accepted, and points, when camera 1 looks at other speckles."""
+    other_surface: tuple[int, int]  # points accepted, and points, when camera 1 looks at other speckles
 
 
 def whole(points: FloatArray, angle: float, subset: int) -> NDArray[np.bool_]:
@@ -180,7 +164,6 @@ def case() -> Result:
     )
 
 
-TITLE = "Stereo match of a cylinder"
 BIAS = 0.5e-6
 """Allowed mean distance from the cylinder with quadratic shape functions, subsets of 21 px and more [m]."""
 SAGITTA = 0.05
@@ -199,22 +182,8 @@ def sagitta(width: float) -> float:
     return width**2 / (24.0 * RADIUS)
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    large = [e.bias for (_, shape, n), e in result.errors.items() if shape is Shape.QUADRATIC and n >= 21]
-    scaled = [e.scaled for (a, s, _), e in result.errors.items() if s is Shape.QUADRATIC and a == ANGLES[0]]
-    passed = sum(false.passed for false in result.false.values())
-    number = sum(false.number for false in result.false.values())
-    return (
-        "rendered cylinder against its rays: mean distance, quadratic, 21 px and more; error over sigma;"
-        " false matches that pass",
-        f"{1e6 * np.abs(large).max():.2f} µm; {min(scaled):.2f} to {max(scaled):.2f}; {passed} of {number}",
-        f"{1e6 * BIAS:g} µm; {SCALED[0]:g} to {SCALED[1]:g}; 0",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     lines = [
         [
             f"{angle:g}",
@@ -239,43 +208,9 @@ def page(result: Result) -> str:
         for angle, false in result.false.items()
     )
     accepted, tried = result.other_surface
-    return f"""# {TITLE}
-
-**What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on
-a curved surface. It gives their standard deviations and accepts no false match
-({{ref}}`theory-stereo-matching`).
-
-**Independent source.** `speckle_pictures.py` intersects every ray of both cameras with the cylinder and
-never warps a picture. The same rays give the place in camera 1 of a pixel of camera 0. A subset with an
-affine shape function lies on the mean of the cylinder over its width w. This mean is $w^2/24R$ below the
-middle of the subset.
-
-**Set-up.** The pictures have 128 × 128 px at {5400 * 1e-3 / (0.3 - RADIUS):.1f} px/mm, and the cylinder has
-R = {1e3 * RADIUS:g} mm. The cameras are {ANGLES[0]:g}° and {ANGLES[1]:g}° apart and have distorted lenses.
-Speckles have 0.35 mm. The noise is {100 * NOISE:g} % of the range from black to white. A point is used only
-if its whole subset lies in both pictures. Errors are those of points seen at less than {STEEPEST:g}°.
-
-{table(HEAD, lines)}
-
-At 18 px/mm an affine shape function is too stiff for every subset. Quadratic subsets of 21 to 31 px have a
-negligible bias, and their scatter is smaller than the bias of affine subsets.
-
-**False matches.** Accepted matches are displaced along their epipolar lines by {PUSHED[0]:g} to
-{PUSHED[1]:g} px. They are matched again, with any correlation allowed. Each of the {DRAWS} rounds displaces
-a third of the points, and their neighbours are true. Points that converge more than 1 px from the truth are
-false matches. {counts}.
-
-{table(["angle [°]", "gate", "stopped by it", "pass without it"], gates)}
-
-With other speckles in camera 1, with every point as a seed and with every correlation allowed, {accepted}
-of {tried} points are accepted.
-
-**Tolerance.** The bias may be {1e6 * BIAS:g} µm, for the noise of a mean and the fourth order of the
-cylinder. The affine bias must be the mean sagitta within {100 * SAGITTA:g} %. The error over sigma must be
-{SCALED[0]:g} to {SCALED[1]:g} at {ANGLES[0]:g}°. At {ANGLES[1]:g}° the flanks are foreshortened by a half.
-There the error of a quadratic function is visible above a noise of a few thousandths of a pixel. No false
-match may pass, even if any one gate is removed.
-"""
+    large = [e.bias for (_, shape, n), e in result.errors.items() if shape is Shape.QUADRATIC and n >= 21]
+    scaled = [e.scaled for (a, s, _), e in result.errors.items() if s is Shape.QUADRATIC and a == ANGLES[0]]
+    return locals()
 
 
 pytestmark = pytest.mark.slow

@@ -15,48 +15,31 @@ from dic.tracking import Tracking, track
 
 FloatArray = NDArray[np.float64]
 
-TITLE = "Tracking in time"
-SHAPE = (200, 220)
-"""Rows and columns of a picture [px]."""
-CENTRE, BASE = 110.0, 190.0
-"""Axis and resting edge [px]."""
-SIGMA = 2.0
-"""Noise of a grey value [grey]."""
-NOISE = float(np.hypot(SIGMA, 12.0**-0.5))
-"""With that of the rounding to whole grey values [grey]."""
-LAMBDA = np.linspace(1.0, 0.25, 37)
-"""Of the frames."""
-SEEDS = 3
-"""Patterns."""
-SPECKLES = (8.0, 5.0)
-"""Their sizes [px]; flattened to a quarter, 2 px and 1.25 px."""
-SUBSET = 25
-"""Side [px]."""
-SERIES = {"every frame": 1, "every second": 2, "every fourth": 4}
-"""Frames left out."""
+SHAPE = (200, 220)  # rows and columns of a picture [px]
+CENTRE, BASE = 110.0, 190.0  # axis and resting edge [px]
+SIGMA = 2.0  # noise of a grey value [grey]
+NOISE = float(np.hypot(SIGMA, 12.0**-0.5))  # with that of the rounding to whole grey values [grey]
+LAMBDA = np.linspace(1.0, 0.25, 37)  # of the frames
+SEEDS = 3  # Patterns
+SPECKLES = (8.0, 5.0)  # their sizes [px]; flattened to a quarter, 2 px and 1.25 px
+SUBSET = 25  # side [px]
+SERIES = {"every frame": 1, "every second": 2, "every fourth": 4}  # frames left out
 CALIBRATED = (0.75, 1.4)
 """Range of the standard deviation of normalised errors of 8 px speckles: a hundred independent subsets give
 it to 7 %, and the residual's part in sigma is an estimate."""
-UNDERSAMPLED = 1.8
-"""Its upper end for speckles of 5 px, which are undersampled in the end."""
-DRIFT = 2.0
-"""Largest ratio of the final errors of a chain with an update in every frame and of one with few."""
-SPARSE = 1.3
-"""The same of series with frames left out and of the whole one."""
+UNDERSAMPLED = 1.8  # its upper end for speckles of 5 px, which are undersampled in the end
+DRIFT = 2.0  # largest ratio of the final errors of a chain with an update in every frame and of one with few
+SPARSE = 1.3  # the same of series with frames left out and of the whole one
 
 
 @dataclass(frozen=True)
 class Course:
     """One way to follow one series, by frame."""
 
-    lam: FloatArray
-    """λ, shape [n]."""
-    spread: FloatArray
-    """Standard deviation of the error, x and y, shape [n, 2] [px]."""
-    normalised: FloatArray
-    """The same of the error over its sigma, shape [n, 2] [-]."""
-    alive: float
-    """Least share of the points that are VALID in a frame [-]."""
+    lam: FloatArray  # λ, shape [n]
+    spread: FloatArray  # standard deviation of the error, x and y, shape [n, 2] [px]
+    normalised: FloatArray  # the same of the error over its sigma, shape [n, 2] [-]
+    alive: float  # least share of the points that are VALID in a frame [-]
     references: int
     """Pictures that served as references for the last frame's chains: changes of the median point."""
 
@@ -65,12 +48,9 @@ class Course:
 class Result:
     """Everything measured."""
 
-    series: dict[str, Course]
-    """Speckles of 8 px, by the frames used."""
-    always: Course
-    """The same with a new reference in every frame."""
-    fine: Course
-    """Speckles of 5 px."""
+    series: dict[str, Course]  # speckles of 8 px, by the frames used
+    always: Course  # the same with a new reference in every frame
+    fine: Course  # speckles of 5 px
 
 
 def grid() -> FloatArray:
@@ -136,17 +116,6 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index."""
-    all_frames = result.series["every frame"]
-    low, high = all_frames.normalised.min(), all_frames.normalised.max()
-    return (
-        "pattern flattened to a quarter: points kept, drift, error over sigma",
-        f"{100 * all_frames.alive:.0f} %, {ratio(result.always, all_frames):.2f}, {low:.2f} to {high:.2f}",
-        f"99 %, {DRIFT}, {CALIBRATED[0]} to {CALIBRATED[1]}",
-    )
-
-
 def sum_ratio(result: Result) -> float:
     """As `ratio`, of `added` and of the errors with few changes of reference [-]."""
     last = result.series["every frame"].spread[-1]
@@ -168,8 +137,8 @@ def added(result: Result) -> FloatArray:
     return np.asarray(stretches * np.sqrt(np.cumsum((one.spread / stretches) ** 2, axis=0)))
 
 
-def page(result: Result) -> str:
-    """Text of the page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     courses = {
         **{f"8 px, {name}": course for name, course in result.series.items()},
         "8 px, every frame, update in every frame": result.always,
@@ -185,30 +154,9 @@ def page(result: Result) -> str:
     )
     usual = result.series["every frame"]
     half, quarter = (ratio(result.series[name], usual) for name in ("every second", "every fourth"))
-    return f"""# {TITLE}
-
-A speckle pattern is computed in closed form (`tests/helpers/speckle_pictures.py`) while it is flattened to
-λ = 0.25 and spreads to 1.37 times its width: {len(LAMBDA)} frames of {SHAPE[1]} x {SHAPE[0]} px, eight bits,
-noise of {SIGMA:g} grey levels, {SEEDS} patterns. {len(grid())} points with subsets of {
-        SUBSET
-    } px, affine, are followed
-with the settings that {{py:class}}`dic.tracking.Tracking` has by default ({{ref}}`theory-tracking`).
-
-| speckles, frames | changes of reference | kept, % | std x / y at λ = 0.5, mpx | at 0.25 | error / sigma |
-| --- | --- | --- | --- | --- | --- |
-{lines}
-
-*Drift.* With a new reference in every frame there are {len(LAMBDA) - 2} changes in the chain. The last
-error is then {ratio(result.always, usual):.2f} times that with few changes. With independent errors of the
-matches it would be {sum_ratio(result):.2f} times.
-
-*Omitted frames* have only the effect of larger steps: {half:.2f} and {quarter:.2f} times the error.
-
-*Sigma.* For speckles of 8 px the standard deviation of the errors over their sigma is within
-{usual.normalised.min():.2f} and {usual.normalised.max():.2f} over all frames. Speckles of 5 px are at the
-end hardly higher than a pixel. Their error grows much more than the noise explains. The sigma grows with
-the residual ({result.fine.normalised.min():.2f} to {result.fine.normalised.max():.2f}).
-"""
+    all_frames = result.series["every frame"]
+    low, high = all_frames.normalised.min(), all_frames.normalised.max()
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # 40 s

@@ -10,7 +10,7 @@ from bar_pulses import Pulse, carried, exact_wavenumber, printed_equation
 from bars_scene import POISSON, RADIUS, STEEL, YOUNG, part
 from matplotlib.figure import Figure
 from order import FittedOrder, assert_order, fitted_order
-from scene import FloatArray, table
+from scene import FloatArray
 from scipy.optimize import brentq
 
 from explicit.bars import elastic_bar
@@ -20,30 +20,22 @@ from kolsky.bars.guides.waveguide import ElasticWaveguide, rayleigh_speed
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 
-TITLE = "Dispersion of bar waves"
 FIGURE_SIZE = (6.7, 6.2)
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
-RATIOS = (0.1, 0.2, 0.29, 0.35, 0.45, 0.495)
-"""Poisson's ratios at which roots are compared."""
-FREQUENCIES = (0.13, 0.57, 1.03, 1.83, 3.1, 6.2, 15.3)
-"""omega a / c0 there [-]."""
+RATIOS = (0.1, 0.2, 0.29, 0.35, 0.45, 0.495)  # Poisson's ratios at which roots are compared
+FREQUENCIES = (0.13, 0.57, 1.03, 1.83, 3.1, 6.2, 15.3)  # omega a / c0 there [-]
 STEEL_BAR = Bar(2.0 * RADIUS, 2.0, YOUNG, STEEL, POISSON)
-WAYS = (0.25, 0.5, 1.0, 2.0)
-"""Ways of the pulse [m]."""
+WAYS = (0.25, 0.5, 1.0, 2.0)  # ways of the pulse [m]
 PULSE = Pulse(60e-6)
 STEP, SAMPLES = 1e-7, 9000
 """Sampling of the pulse [s], and its length: until waves at the smallest group velocity have passed."""
-SIZES = np.array([2.5e-3, 1.25e-3, 0.625e-3])
-"""Elements of the bar [m]: 3, 6 and 12 across the radius."""
-NEAR, FAR, LENGTH = 0.3, 0.8, 1.2
-"""Cross-sections of the finite-element bar and its length [m]."""
+SIZES = np.array([2.5e-3, 1.25e-3, 0.625e-3])  # elements of the bar [m]: 3, 6 and 12 across the radius
+NEAR, FAR, LENGTH = 0.3, 0.8, 1.2  # Cross-sections of the finite-element bar and its length [m]
 LOAD = Pulse(15e-6, duration=60e-6)
-UNTIL = 320e-6
-"""Before the echo of the far end reaches the second cross-section [s]."""
+UNTIL = 320e-6  # before the echo of the far end reaches the second cross-section [s]
 ROOT_TOLERANCE = 1e-8
 """Allowed relative error of a wavenumber or phase velocity [-]; the tables are made for 1e-9."""
-PULSE_TOLERANCE = 2e-3
-"""Allowed error of a pulse over its peak [-]: what the correction of a test needs."""
+PULSE_TOLERANCE = 2e-3  # allowed error of a pulse over its peak [-]: what the correction of a test needs
 ORDER_TOLERANCE = 0.25
 """Allowed distance of the finite-element bar's order from 2: three sizes, the coarsest with 14 elements in
 the shortest wave of the pulse."""
@@ -53,29 +45,20 @@ the shortest wave of the pulse."""
 class Result:
     """Errors of the first mode and of what is carried by it."""
 
-    reference: FloatArray
-    """a / wavelength and c / c0 of the reference table, shape [n, 2]."""
-    reference_error: float
-    """Largest difference from it [-]."""
-    roots: FloatArray
-    """Relative error of the wavenumber [-], shape [n_ratios, n_frequencies]."""
-    forward: FloatArray
-    """Largest error of the pulse sent along a way, over its peak [-], shape [n_ways]."""
-    back: FloatArray
-    """The same for the pulse that has come along it, sent back [-], shape [n_ways]."""
-    shift: FloatArray
-    """The same for a plain shift [-], shape [n_ways]."""
+    reference: FloatArray  # a / wavelength and c / c0 of the reference table, shape [n, 2]
+    reference_error: float  # largest difference from it [-]
+    roots: FloatArray  # relative error of the wavenumber [-], shape [n_ratios, n_frequencies]
+    forward: FloatArray  # largest error of the pulse sent along a way, over its peak [-], shape [n_ways]
+    back: FloatArray  # the same for the pulse that has come along it, sent back [-], shape [n_ways]
+    shift: FloatArray  # the same for a plain shift [-], shape [n_ways]
     pulses: dict[float, tuple[FloatArray, FloatArray, FloatArray]]
     """Time after arrival [s], Fourier integral and recovered start [-], by the way [m]."""
     element: dict[float, tuple[FloatArray, FloatArray, FloatArray, FloatArray]]
     """By element size [m]: times [s], force at the second section, carried there from the first, and a plain
     shift [N]."""
-    element_error: FloatArray
-    """Largest difference of the carried force over the peak [-], by size."""
-    element_shift: float
-    """The same for a plain shift on the finest mesh [-]."""
-    order: FittedOrder
-    """Fit of `element_error` against the size."""
+    element_error: FloatArray  # largest difference of the carried force over the peak [-], by size
+    element_shift: float  # the same for a plain shift on the finest mesh [-]
+    order: FittedOrder  # fit of `element_error` against the size
 
 
 def _roots() -> FloatArray:
@@ -148,24 +131,8 @@ def case() -> Result:
     )  # fmt: skip
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    pulse = max(result.forward.max(), result.back.max())
-    return (
-        "first mode of Pochhammer and Chree, roots of the printed equation and another program's table; "
-        "pulse of 5 µs rise over 2 m and back, Fourier integrals; bar of finite elements",
-        f"{max(result.roots.max(), result.reference_error):.0e}; {100 * pulse:.1g} %; "
-        f"{100 * result.element_error[-1]:.2f} %, order {result.order.order:.2f}",
-        f"{ROOT_TOLERANCE:.0e}; {100 * PULSE_TOLERANCE:g} %; {100 * PULSE_TOLERANCE:g} %, 2 within "
-        f"{ORDER_TOLERANCE:g}",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: phase velocity by Poisson's ratio (circles: reference; dotted: Rayleigh waves). Top right:
-    the pulse at its start and after 0.5 and 2 m, and the recovered pulse. Middle: force at the second
-    section of a finite-element bar, and the force propagated from the first. Bottom: their difference, by
-    element size."""
+    """Draw the figure of the page."""
     grid = figure.add_gridspec(3, 2, height_ratios=(1.25, 1.0, 0.8))
     mode, pulse = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     force = figure.add_subplot(grid[1, :])
@@ -205,8 +172,8 @@ def draw(result: Result, figure: Figure) -> None:
     difference.legend(loc="upper right", ncols=3)
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     roots = [
         [f"{nu:g}", *(f"{error:.0e}" for error in errors)]
         for nu, errors in zip(RATIOS, result.roots, strict=True)
@@ -219,52 +186,7 @@ def page(result: Result) -> str:
         [f"{1e3 * size:g}", f"{RADIUS / size:.0f}", f"{100 * error:.3f}"]
         for size, error in zip(SIZES, result.element_error, strict=True)
     ]
-    return f"""# {TITLE}
-
-**What is checked.** The first longitudinal mode of {{ref}}`theory-bar-waves` is tested, and pulses that
-travel in it.
-
-## The mode
-
-**Independent source.** The roots of the printed frequency equation (Graff 1975, Eq. 8.2.34) are bracketed
-and bisected with Bessel functions of complex arguments. For ν = 0.29 another program printed a table with
-eight decimals (`tests/reference/F_pochhammer_nu0.29.csv`). The c / c_0 of the table differs by
-{result.reference_error:.0e} at most.
-
-The table gives the relative error of the wavenumber, by Poisson's ratio and ωa / c_0:
-
-{table(["ν", *(f"{w:g}" for w in FREQUENCIES)], roots)}
-
-## Pulses
-
-**Independent source.** A pulse with a known transform is computed by Fourier integrals. It is
-{1e6 * PULSE.duration:g} µs long, rises from 10 to 90 % in {1e6 * PULSE.rise:g} µs, and has a ripple of
-{100 * PULSE.ripple:g} % at {1e-3 * PULSE.ripple_frequency:g} kHz. The integrals use Simpson's rule and
-wavenumbers of the printed equation. They use no fast transform, no table and no window.
-
-**Set-up.** The steel bar has Ø {2e3 * RADIUS:g} mm and ν = {POISSON:g}. The interval between samples is
-{1e9 * STEP:g} ns. The table gives the largest error over the pulse's peak [%]:
-
-{table(["way [m]", "sent along", "recovered", "plain shift"], pulses)}
-
-## A bar of finite elements
-
-**Independent source.** Three-dimensional elasticity is computed with the axisymmetric mesh of
-{{ref}}`theory-bar-models`. Its force through cross-sections does not use modes. A pulse of
-{1e6 * LOAD.rise:g} µs rise acts evenly on the end of a rod of {LENGTH:g} m. The force at {NEAR:g} m is
-propagated to {FAR:g} m. The other modes stay near the end. The table gives the largest difference over the
-peak:
-
-{table(["elements [mm]", "across the radius", "difference [%]"], sizes)}
-
-A plain shift has an error of {100 * result.element_shift:.1f} %. The fitted order of the difference in the
-size of the elements is {result.order.order:.2f} +- {result.order.standard_error:.2f}. The difference is
-therefore the mesh error, and it falls below {100 * PULSE_TOLERANCE:g} %.
-
-**Tolerance.** A wavenumber may differ by {ROOT_TOLERANCE:.0e} of itself. A pulse may differ by
-{100 * PULSE_TOLERANCE:g} % of its peak, also on the finest mesh. The order must be 2 within
-{ORDER_TOLERANCE:g}.
-"""
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # a finite-element bar of 44 000 elements

@@ -24,7 +24,7 @@ from bars_scene import (
 from coupled_parts import contact_radius, couple
 from matplotlib.figure import Figure
 from order import FittedOrder, assert_order, fitted_order
-from scene import FloatArray, label_sizes, rms, speed_after_rise, table
+from scene import FloatArray, label_sizes, rms, speed_after_rise
 from scipy.interpolate import CubicSpline
 
 from explicit import CharacteristicBar, Model, Samples, Sampling, cylinder, run
@@ -111,16 +111,11 @@ def impedance_step(name: str) -> tuple[FloatArray, FloatArray, float]:
     return found, np.array([2.0 * z2, z2 - z1]) / (z1 + z2), history.imbalance()
 
 
-TITLE = "Elastic platens, transducer and bar"
 FIGURE_SIZE = (6.7, 6.4)
-SIZE, FINE = 2.5e-3, 1.25e-3
-"""Elements of the parts, and those that show what the mesh leaves [m]."""
-OTHER_LENGTHS = (8e-3, 24e-3)
-"""Lengths of the transducer beside the assumed one [m]."""
-LINE_STEP = 5e-8
-"""Time step of the one-dimensional waves [s]."""
-BANDS = {"raw": None, "20 kHz": 20e3, "5 kHz": 5e3}
-"""Low-pass filters of the comparison [Hz]."""
+SIZE, FINE = 2.5e-3, 1.25e-3  # elements of the parts, and those that show what the mesh leaves [m]
+OTHER_LENGTHS = (8e-3, 24e-3)  # lengths of the transducer beside the assumed one [m]
+LINE_STEP = 5e-8  # time step of the one-dimensional waves [s]
+BANDS = {"raw": None, "20 kHz": 20e3, "5 kHz": 5e3}  # Low-pass filters of the comparison [Hz]
 STATIC_TOLERANCE = 1e-13
 """Allowed nodal force beside the loads, over the force [-]: round-off of sums of some 20 terms."""
 PHASE_TOLERANCE = 5e-3
@@ -140,16 +135,12 @@ transducer, and what a stiffness of 1 % needs."""
 class Result:
     """Forces of open-01 on four kinds of support."""
 
-    time: FloatArray
-    """Times [s], shape [n]; the knots of the flyer's motion."""
-    change: FloatArray
-    """Largest change of the force between passes [N]."""
-    face: FloatArray
-    """Force on the face of the elastic parts [N], shape [n]."""
+    time: FloatArray  # times [s], shape [n]; the knots of the flyer's motion
+    change: FloatArray  # largest change of the force between passes [N]
+    face: FloatArray  # force on the face of the elastic parts [N], shape [n]
     face_difference: dict[str, FloatArray]
     """Force on the face on a simpler support less `face` [N], by support, shape [n]."""
-    sensor: FloatArray
-    """Force at the transducer's mid-section in the elastic parts [N], shape [n]."""
+    sensor: FloatArray  # force at the transducer's mid-section in the elastic parts [N], shape [n]
     sensor_difference: dict[str, FloatArray]
     """What a simpler model says less `sensor` [N], by model, shape [n]."""
     lengths: dict[float, float]
@@ -157,18 +148,13 @@ class Result:
     transducer's length [m]."""
     travel: tuple[float, float]
     """Last place of the face in the elastic parts and on the characteristic bar [m]."""
-    phase: tuple[FloatArray, FloatArray]
-    """Phase velocities over c0 [-], closed form and found."""
-    phase_order: FittedOrder
-    """Fit of the error at the shortest wave."""
+    phase: tuple[FloatArray, FloatArray]  # phase velocities over c0 [-], closed form and found
+    phase_order: FittedOrder  # fit of the error at the shortest wave
     steps: dict[str, tuple[FloatArray, FloatArray, float]]
     """Impulses at steps of the impedance: found, closed form; imbalance of the energy."""
-    static: float
-    """Nodal force beside the loads in uniform compression [-]."""
-    imbalance: float
-    """Imbalance of the energy of the elastic parts in open-01 [-]."""
-    n_elements: int
-    """Elements of the parts."""
+    static: float  # nodal force beside the loads in uniform compression [-]
+    imbalance: float  # imbalance of the energy of the elastic parts in open-01 [-]
+    n_elements: int  # elements of the parts
     n_steps: int
 
     def bands(self, difference: FloatArray) -> dict[str, tuple[float, float]]:
@@ -249,23 +235,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    worst = result.bands(result.face_difference["characteristic bar"])["raw"][1]
-    exact, found = result.phase
-    return (
-        "force of open-01 on an elastic mesh of platens, transducer and bar and on the characteristic bar; "
-        "the mesh's phase velocities, Pochhammer and Chree",
-        f"{worst:.3f} N, {100 * worst / result.face.max():.2f} %; "
-        f"{100 * np.abs(found[-1] / exact - 1).max():.2f} %",
-        f"{FORCE_LIMIT:g} N, {100 * SHARE_LIMIT:g} %; {100 * PHASE_TOLERANCE:g} %",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Top left: phase velocity in the mesh, by size of the elements (bar of radius a). Top right: change of
-    the transmitted force from pass to pass. Middle: open-01, force at the face and at the transducer's
-    mid-section. Bottom: one-dimensional models minus the elastic parts, 20 kHz."""
+    """Draw the figure of the page."""
     grid = figure.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 0.8))
     waves, passes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     force, difference = figure.add_subplot(grid[1, :]), figure.add_subplot(grid[2, :])
@@ -299,8 +270,8 @@ def draw(result: Result, figure: Figure) -> None:
         axes.set_xlim(0.0, time[-1])
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     exact, found = result.phase
     phase = [
         [f"{x:g}", f"{c:.4f}", *(f"{100 * e:+.2f}" for e in errors)]
@@ -322,60 +293,7 @@ def page(result: Result) -> str:
     )
     changes = ", ".join(f"{change:.1e}" for change in result.change)
     worst = result.bands(result.face_difference["characteristic bar"])["raw"][1]
-    return f"""# {TITLE}
-
-**What is checked.** The linear elastic mesh of {{ref}}`theory-bar-models` is tested first. Then it is
-compared with the one-dimensional bars that usually replace it.
-
-## The mesh by itself
-
-*Statics.* The closed-form displacements of uniform compression give nodal forces. They differ from the
-loads on both faces by {result.static:.0e} of the force. *Energy.* In the test below the energy of the parts
-is balanced to {result.imbalance:.0e} of the work.
-
-*Guided waves.* A pulse of 2.5 µs acts on the end of a bar. The phase velocity is measured between two
-cross-sections 150 mm apart. It is compared with the first longitudinal mode of Pochhammer and Chree for ν =
-0.29, from a separate root finder:
-
-{table(["a / wavelength", "exact c / c_0", *(f"{1e3 * s:.2g} mm, error [%]" for s in SIZES)], phase)}
-
-The fitted order of the error at the shortest wave is {result.phase_order.order:.2f} +-
-{result.phase_order.standard_error:.2f}.
-
-*Steps of the impedance.* The table gives the transmitted share of an impulse, 2 Z_2 / (Z_1 + Z_2), and the
-reflected share, (Z_2 - Z_1) / (Z_1 + Z_2). The elements have 2.5 mm.
-
-{table(["bars", "passes, closed form", "found", "returns, closed form", "found"], steps)}
-
-## The shot open-01 on elastic parts
-
-**Set-up.** The model is that of `runs/open-01` (16 × 22, bonded, its true stiffness). Its parts are those
-of Fig. 3 of Mates and others: platen {1e3 * PLATEN.length:g} mm, transducer {1e3 * TRANSDUCER_LENGTH:g} mm,
-platen, bar {1e3 * BAR.length:g} mm. The transducer's length is an assumption, because the paper does not
-give it. All parts have Ø {2e3 * BAR.radius:g} mm, {YOUNG / 1e9:g} GPa and ν = {POISSON}. The density is
-{STEEL:g} kg/m³, and {TRANSDUCER.density:g} kg/m³ for the transducer. The parts have {result.n_elements}
-elements of {1e3 * SIZE:g} mm and take {result.n_steps} steps. The force acts on the face within the
-specimen's current contact radius. Specimen and parts are iterated. The transmitted force changes by
-{changes} N from pass to pass. At the end the displacement of the face is {1e6 * result.travel[0]:.3f} µm.
-With the characteristic bar it is {1e6 * result.travel[1]:.3f} µm.
-
-**Result.** The peak of the force on the face is {peak:.1f} N. The characteristic bar is within {worst:.3f}
-N of the elastic parts, {100 * worst / peak:.2f} % of the peak ({others}). The table gives differences from
-the elastic parts, raw and low-passed (Butterworth, fourth order, forward and backward):
-
-{table(header, rows)}
-
-**What a transducer shows.** The transducer is not at the specimen's face. The waves of the bar accelerate
-the mass between them. Compare such a record at its place ({{py:func}}`explicit.bars.lines.section_force`),
-or below 5 kHz.
-
-**Tolerance.** On the face the force may differ by {FORCE_LIMIT:g} N, the resolution of the paper's
-transducer, and by {100 * SHARE_LIMIT:g} % of the peak. At the transducer the same limits hold for the 5 kHz
-signal. There the models are one-dimensional sections, and the uniform bar at the transducer's place.
-Statics may differ by {STATIC_TOLERANCE:g} and energy by {ENERGY_TOLERANCE:g}, because of round-off. The
-phase velocity may differ by {100 * PHASE_TOLERANCE:g} % on the finest mesh, which is of second order. Steps
-may differ by {STEP_TOLERANCE:g}, because the closed form is the limit of long waves.
-"""
+    return locals() | dict(POISSON=POISSON, STEEL=STEEL, TRANSDUCER_LENGTH=TRANSDUCER_LENGTH)
 
 
 def test_uniform_compression_is_exact() -> None:

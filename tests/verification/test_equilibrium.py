@@ -20,12 +20,9 @@ from kolsky.equilibrium.solve import Newton, solve
 
 FloatArray = NDArray[np.float64]
 
-SHEAR = 25e3
-"""Of the rubbers here [Pa]."""
-INNER, OUTER, REACHED = 1.0, 2.0, 1.5
-"""Radii of the thick cylinder, and the inner one under its pressure [m]."""
-NEARLY = 1e7
-"""Bulk over shear modulus of the cylinder, whose closed form is incompressible."""
+SHEAR = 25e3  # of the rubbers here [Pa]
+INNER, OUTER, REACHED = 1.0, 2.0, 1.5  # radii of the thick cylinder, and the inner one under its pressure [m]
+NEARLY = 1e7  # bulk over shear modulus of the cylinder, whose closed form is incompressible
 PEER_FORCES = (1.91994687, 3.27886483, 4.36322188, 5.29174569, 6.12069051)
 """Forces [N] of FElupe 11.3.0 on 6 x 3 x 1 27-node hexahedra, in five steps to 125 % at nu = 0.45:
 ``python -m benchmarks.equilibrium --cells 6x3x1 --steps 5 --json FILE``."""
@@ -126,50 +123,36 @@ def strip_forces() -> FloatArray:
     return np.asarray(solve(model, {"pull": 0.025 * np.arange(1, 6)}).reaction("right")[:, 0])
 
 
-TITLE = "Equilibrium elements"
-ACROSS = (2, 4, 8)
-"""Elements across the wall, and along an edge of the membrane and the square."""
+ACROSS = (2, 4, 8)  # elements across the wall, and along an edge of the membrane and the square
 ORDERS = {"quad4": 2.0, "quad8": 2.0, "quad9": 4.0, "tri6": 2.0}
 """What theory gives for the radius, which the pressure works on: twice the degree of the displacement, or of
 the pressure plus one where that is less."""
-ORDER_HELD = 0.3
-"""Distance from it that is allowed over three meshes."""
+ORDER_HELD = 0.3  # distance from it that is allowed over three meshes
 MEMBRANE = (
     ("quad4", "displacement"), ("quad4", "mixed"), ("quad8", "mixed"), ("tri6", "mixed"), ("quad9", "mixed"),
 )  # fmt: skip
-FINE = 16
-"""Elements along an edge with which the membrane is compared with another program."""
+FINE = 16  # elements along an edge with which the membrane is compared with another program
 TIP_HELD = 0.005
 """Largest relative distance from its limit of the 9-node quadrilateral and the 6-node triangle, `FINE`: their
 own steps from 8 to 16 elements are 0.2 and 0.4 %."""
 SQUARES = ("quad4", "quad8", "quad9", "tri6")
 STABLE = ("quad8", "quad9", "tri6")
-FALL = 0.2
-"""Largest relative fall of the inf-sup constant of a stable element from 2 to 8 elements."""
-PEER_HELD = 1e-3
-"""Largest relative difference of forces from another program's."""
+FALL = 0.2  # largest relative fall of the inf-sup constant of a stable element from 2 to 8 elements
+PEER_HELD = 1e-3  # largest relative difference of forces from another program's
 
 
 @dataclass(frozen=True)
 class Result:
     """Everything that the page shows."""
 
-    cylinder: dict[str, list[float]]
-    """Relative errors of the inner radius, by element and mesh [-]."""
-    orders: dict[str, FittedOrder]
-    """Their fitted orders."""
-    membrane: dict[tuple[str, str], list[float]]
-    """Rise of the corner by element, formulation and mesh [mm]."""
-    fine: dict[str, float]
-    """The same of mixed elements on `FINE` x `FINE`, by element [mm]."""
-    membrane_of_peer: dict[int, float]
-    """That of DOLFINx by cells along an edge, and at 0 its limit [mm]."""
-    constants: dict[str, list[float]]
-    """Inf-sup constants by element and mesh [-]."""
-    solid_constants: dict[str, float]
-    """Those of hexahedra on 3 x 3 x 3 elements [-]."""
-    peer: float
-    """Largest relative difference from the peer's forces [-]."""
+    cylinder: dict[str, list[float]]  # relative errors of the inner radius, by element and mesh [-]
+    orders: dict[str, FittedOrder]  # their fitted orders
+    membrane: dict[tuple[str, str], list[float]]  # rise of the corner by element, formulation and mesh [mm]
+    fine: dict[str, float]  # the same of mixed elements on `FINE` x `FINE`, by element [mm]
+    membrane_of_peer: dict[int, float]  # that of DOLFINx by cells along an edge, and at 0 its limit [mm]
+    constants: dict[str, list[float]]  # Inf-sup constants by element and mesh [-]
+    solid_constants: dict[str, float]  # those of hexahedra on 3 x 3 x 3 elements [-]
+    peer: float  # largest relative difference from the peer's forces [-]
 
 
 @cache
@@ -193,20 +176,8 @@ def tip_errors(result: Result) -> dict[str, float]:
     return {kind: abs(rise / result.membrane_of_peer[0] - 1.0) for kind, rise in result.fine.items()}
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index."""
-    orders = ", ".join(f"{result.orders[kind].order:.2f}" for kind in ORDERS)
-    tip = max(tip_errors(result).values())
-    return (
-        "equilibria: order of a thick cylinder's radius, nearly incompressible, closed form (quad4, quad8, "
-        "quad9, tri6); Cook's membrane, DOLFINx; forces of a bonded strip to 125 %, FElupe",
-        f"{orders}; {100 * tip:.1f} %; {result.peer:.0e}",
-        f"2, 2, 4, 2 within {ORDER_HELD}; {100 * TIP_HELD:.1f} %; {PEER_HELD:.0e}",
-    )
-
-
-def page(result: Result) -> str:
-    """The page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     cylinder = "\n".join(
         f"| {kind} | {' | '.join(f'{e:.1e}' for e in errors)} | {result.orders[kind].order:.2f} ± "
         f"{result.orders[kind].standard_error:.2f} | {ORDERS[kind]:.0f} |"
@@ -226,59 +197,8 @@ def page(result: Result) -> str:
         f"{kind} has {result.fine[kind]:.3f} mm, {100 * error:.2f} % from it"
         for kind, error in tip_errors(result).items()
     )
-    return f"""# {TITLE}
-
-**What is checked.** The elements of {{ref}}`theory-equilibrium` are tested, above all for nearly
-incompressible solids. The quick tests in `tests/unit/equilibrium` have patch tests of every element. They
-also compare tangents and derivatives with differences, and follower pressure and contact with closed forms.
-
-## A thick cylinder under pressure
-
-The cylinder is in plane strain, with radii of 1 and 2 m, and neo-Hookean with K / mu = {NEARLY:.0e}. The
-pressure of the incompressible closed form takes the inner radius to 1.5 m (axisymmetric, follower pressure,
-mixed). The table gives the relative error of the inner radius with {ACROSS[0]}, {ACROSS[1]} and {ACROSS[2]}
-elements across:
-
-| element | {" | ".join(map(str, ACROSS))} | fitted order | theory |
-| --- | --- | --- | --- | --- | --- |
-{cylinder}
-
-The 8-node quadrilateral and the 6-node triangle converge more slowly because of their constant pressure.
-
-## Cook's membrane
-
-The membrane is that of Simo and Armero (1992), Section 4.2: K / mu = 5000, finite strain, plane strain. The
-table gives the rise of the upper right corner [mm]:
-
-| element | {" | ".join(map(str, ACROSS))} |
-| --- | --- | --- | --- |
-{membrane}
-
-DOLFINx 0.5.2 with the triangles of Taylor and Hood is another formulation with a continuous pressure. It
-has {peer} mm with {cells} cells along an edge. Their limit (Aitken's rule on the last three) is
-{result.membrane_of_peer[0]:.3f} mm. On {FINE} x {FINE} elements {fine} (`tests/reference/L_dolfinx.py`; the
-tolerance is {100 * TIP_HELD:.1f} %).
-
-## Inf-sup constants
-
-The constants are those of the eigenvalue test of Chapelle and Bathe (1993) on a clamped unit square. The
-meshes are uniform, with {ACROSS[0]}, {ACROSS[1]} and {ACROSS[2]} elements along an edge:
-
-| element | {" | ".join(map(str, ACROSS))} |
-| --- | --- | --- | --- |
-{constants}
-
-On a clamped cube of 27 elements: {solids}. The mean dilatation of the 4-node quadrilateral and the 8-node
-hexahedron has a chessboard pattern of the pressure. This pattern has no effect on the displacements, so the
-displacements converge. The pressures may not converge. The 10-node tetrahedron with a constant pressure
-fails too, and is refused in a mixed model.
-
-## Another program
-
-A bonded strip of 6 × 3 × 1 27-node hexahedra at nu = 0.45 is stretched in five steps to 125 %. Its forces
-differ from those of FElupe by at most {result.peer:.0e}. `python -m benchmarks.equilibrium` compares any
-mesh and takes the time of both.
-"""
+    orders = ", ".join(f"{result.orders[kind].order:.2f}" for kind in ORDERS)
+    return locals()
 
 
 pytestmark = pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise
 from test_batch import same_bits
 
 from explicit import Mesh, Model, Outcome, Response, Samples, Sampling, Stepping, cylinder, run
@@ -20,18 +20,12 @@ from explicit.time_loop.element_sweeps import CHECK_EVERY, MOTION_LIMIT
 class Rectangles:
     """What the elements of a mesh are made of."""
 
-    quads: NDArray[np.int64]
-    """Corner nodes, shape [n_elements, 4]."""
-    volume: FloatArray
-    """Volume over a full turn [m^3], shape [n_elements]."""
-    gradient_r: FloatArray
-    """Mean dN/dR of each corner [1/m], shape [n_elements, 4]."""
-    gradient_y: FloatArray
-    """Mean dN/dY of each corner [1/m], shape [n_elements, 4]."""
-    hoop: FloatArray
-    """Mean N / R of each corner [1/m], shape [n_elements, 4]."""
-    corner_mass: FloatArray
-    """Each corner's share of the mass [kg], shape [n_elements, 4]."""
+    quads: NDArray[np.int64]  # corner nodes, shape [n_elements, 4]
+    volume: FloatArray  # volume over a full turn [m^3], shape [n_elements]
+    gradient_r: FloatArray  # mean dN/dR of each corner [1/m], shape [n_elements, 4]
+    gradient_y: FloatArray  # mean dN/dY of each corner [1/m], shape [n_elements, 4]
+    hoop: FloatArray  # mean N / R of each corner [1/m], shape [n_elements, 4]
+    corner_mass: FloatArray  # each corner's share of the mass [kg], shape [n_elements, 4]
 
 
 def rectangles(mesh: Mesh, density: float) -> Rectangles:
@@ -135,11 +129,9 @@ END = 1.5e-3
 TIMES = np.linspace(0.0, END, 301)[1:]
 POISSON = 0.495
 MU = shear_modulus(POISSON)
-SHORT = 1.2
-"""Where the data of the short curve end [-]."""
+SHORT = 1.2  # where the data of the short curve end [-]
 STEPPING = Stepping(floor=0.05, max_steps=2000)
-JUST_BEFORE = 1e-9
-"""Two positions so far apart give the velocity of a step [s]."""
+JUST_BEFORE = 1e-9  # two positions so far apart give the velocity of a step [s]
 EXPECTED = (
     Outcome.COMPLETED, Outcome.INVERTED, Outcome.COMPLETED, Outcome.STEP_COLLAPSED, Outcome.STEP_LIMIT,
     Outcome.TABLE_EXCEEDED, Outcome.DIVERGED, Outcome.COMPLETED,
@@ -180,17 +172,13 @@ def samples(rows: list[int]) -> Samples:
 class Witness:
     """One failure, looked at again from recorded node positions."""
 
-    named: int
-    """The element that the solver named."""
-    found: int
-    """The element with the extreme value of NumPy's."""
+    named: int  # the element that the solver named
+    found: int  # the element with the extreme value of NumPy's
     value: float
     """What ended the run, at its end: the smallest J, the largest s, the stable step over the first one, or
     the kinetic energy over the platens' work [-]."""
-    before: float
-    """The same when it was last looked at and found in order."""
-    same_history: bool
-    """Whether everything before the end has the bits of a run that was asked to end there."""
+    before: float  # the same when it was last looked at and found in order
+    same_history: bool  # whether everything before the end has the bits of a run that was asked to end there
 
 
 def alone(i: int, sampling: Sampling, **changes: float) -> Response:
@@ -281,11 +269,8 @@ def bits_of_neighbours(batch: Response) -> dict[str, bool]:
     }
 
 
-TITLE = "Failed simulations"
-FAILED = [i for i, outcome in enumerate(EXPECTED) if not outcome.ok]
-"""Rows of the batch that must fail."""
-NEVER = 10**6
-"""Steps between two measurements of the step that is measured only once."""
+FAILED = [i for i, outcome in enumerate(EXPECTED) if not outcome.ok]  # rows of the batch that must fail
+NEVER = 10**6  # steps between two measurements of the step that is measured only once
 ONSET = 3.0
 """Force by which a diverging run may be wrong before it is ended [N]: what a force measurement resolves."""
 
@@ -294,17 +279,13 @@ ONSET = 3.0
 class Result:
     """A batch with every failure, and what was found of it."""
 
-    batch: Response
-    """Eight simulations, five of which fail."""
+    batch: Response  # eight simulations, five of which fail
     bits: dict[str, bool]
     """Whether rows keep the bits they have "alone", and the sound ones those of a batch "without" the
     others."""
-    witnesses: dict[int, Witness]
-    """Each failure looked at again with NumPy, by row."""
-    unstable: Response
-    """Row 0 with a step that is measured once and never again."""
-    astray: float
-    """Largest difference of its recorded forces from the sound run's [N]."""
+    witnesses: dict[int, Witness]  # each failure looked at again with NumPy, by row
+    unstable: Response  # row 0 with a step that is measured once and never again
+    astray: float  # largest difference of its recorded forces from the sound run's [N]
     motion: dict[str, FloatArray]
     """Kinetic energy over the platens' work so far at the times of the batch, to each end [-]."""
 
@@ -333,23 +314,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    seen = result.witnesses.values()
-    right = sum(w.named == w.found for w in seen)
-    same = all(result.bits.values()) and all(w.same_history for w in seen)
-    return (
-        "a batch with every kind of failure: neighbours, histories up to the end, and the element that is "
-        "named against node positions",
-        f"{'identical' if same else 'DIFFERENT'}; {right} of {len(result.witnesses)} elements",
-        "identical; all",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: transmission force of each simulation of the batch to its end (dot); the axis is linear below
-    10 N. Right: kinetic energy over the largest work of the platens so far. Above the limit a simulation
-    has diverged."""
+    """Draw the figure of the page."""
     left, right = figure.subplots(1, 2)
     batch = result.batch
     for i, outcome in enumerate(batch.outcomes):
@@ -384,8 +350,8 @@ MEASURED = {
 """What NumPy computes of each failure."""
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     batch = result.batch
     ends = [
         [
@@ -412,52 +378,9 @@ def page(result: Result) -> str:
         for i, w in result.witnesses.items()
     ]
     good = result.bits
-    return f"""# {TITLE}
-
-**What is checked.** If a simulation cannot continue, it ends without affecting the others. It reports
-cause, time and element, and keeps every history up to its end.
-
-**Independent source.** Node positions are stored at the end and just before. From them NumPy computes J, s,
-the stable step and the kinetic energy, with the element constants of a rectangle in closed form. Each
-simulation is also compared with the same simulation in a batch of one. Another comparison is with a
-simulation that ends at the time of the failure.
-
-## A batch with every failure
-
-The batch has eight simulations (8 × 11 elements, bonded, ν = 0.495, to {1e3 * END:g} ms, `max_steps`
-{STEPPING.max_steps}, `floor` {STEPPING.floor:g}, `past_data` "stop"):
-
-{table(["row", "what is special", "outcome", "end [ms]", "steps", "element", "R, Y [mm]"], ends)}
-
-Every row must be identical to the last bit to a batch of one, in which the lanes share one simulation.
-Result: {"yes" if good["alone"] else "NO"}. The sound rows must be identical to those of a batch without the
-failures. Result: {"yes" if good["without"] else "NO"}.
-
-`Response.describe` gives it as a sentence, here for row {FAILED[0]}: "{batch.describe(FAILED[0])}."
-
-## The element and the moment
-
-The table compares the element that the solver names with the element that has the extreme value in NumPy.
-It gives this value at the last check without a failure and at the end. Motion, inverted elements and, by
-default, the stable step are checked every {CHECK_EVERY} steps. The end of the data (here s = {SHORT}) is
-checked at every step if it ends a run. The last column compares every force, impulse, outline and energy
-with those of a run that ends there. It is yes if they are identical before the end and NaN after it:
-
-{table(["row", "named", "found", "value", "before", "at the end", "same history"], seen)}
-
-Row 4 ends only because of the number of steps. The named element is the one that limits the step.
-
-## Divergence
-
-The energy of a specimen that starts at rest cannot exceed the work of the platens. If the kinetic energy
-exceeds {MOTION_LIMIT:g} times their largest work so far, the simulation has diverged. In row 6 the energy
-of the curve falls with strain. Another example is row 0 with a step that is measured only once. When the
-specimen is compressed, this step is too long. The run ends at {1e3 * result.unstable.end_times[0]:.3f} ms,
-when its recorded forces differ by {result.astray:.2g} N from those of the sound run.
-
-**Tolerance.** Bits, elements and outcomes must be equal. The forces of the unstable run may differ by
-{ONSET:g} N, the resolution of a force measurement.
-"""
+    named = result.witnesses.values()
+    same = all(result.bits.values()) and all(w.same_history for w in named)
+    return locals()
 
 
 EVERY = pytest.mark.parametrize("row", FAILED, ids=lambda i: EXPECTED[i].name)

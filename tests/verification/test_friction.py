@@ -19,8 +19,7 @@ FloatArray = NDArray[np.float64]
 
 REFERENCE = Path(__file__).resolve().parent.parent / "reference"
 POISSON = 0.495
-FRICTION = (0.05, 0.1, 0.2, 0.3, 0.5, 1000.0)
-"""Coefficients of the reference; the last one never slips."""
+FRICTION = (0.05, 0.1, 0.2, 0.3, 0.5, 1000.0)  # coefficients of the reference; the last one never slips
 COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
 """Nominal compressions that are recorded [-]; the reference says up to which one it is known."""
 STROKE, DURATION, RISE, DRAG = 0.61, 0.1, 0.1, 200.0
@@ -30,61 +29,41 @@ DAMPING = 2.5e-5
 """Stiffness-proportional damping beta [s], the paper's: it stops the flutter of sliding faces."""
 COARSE, EVEN, FINE = (16, 22, 1.0), (32, 44, 1.0), (32, 44, 3.0)
 """Meshes: elements across the radius and along the length, largest element over smallest."""
-IMPACT_END = 1.5e-3
-"""End of the impacts at 2.6 m/s [s], at 60 %."""
+IMPACT_END = 1.5e-3  # end of the impacts at 2.6 m/s [s], at 60 %
 
 
 @dataclass(frozen=True)
 class Known:
     """The static solution for one coefficient; the first axis is compression."""
 
-    compression: FloatArray
-    """Compressions at which the solution is known [-], shape [n]."""
-    force: FloatArray
-    """Force [N], shape [n]."""
-    force_error: FloatArray
-    """Its uncertainty [N], shape [n]."""
-    corner: FloatArray
-    """Radius of the face's edge [m], shape [n]."""
-    corner_error: FloatArray
-    """Its uncertainty [m], shape [n]."""
-    middle: FloatArray
-    """Radius at mid-height [m], shape [n]."""
-    middle_error: FloatArray
-    """Its uncertainty [m], shape [n]."""
-    contact: FloatArray
-    """Radius of the area that presses on the platen [m], shape [n]."""
-    contact_error: FloatArray
-    """Its uncertainty [m], shape [n]."""
+    compression: FloatArray  # compressions at which the solution is known [-], shape [n]
+    force: FloatArray  # force [N], shape [n]
+    force_error: FloatArray  # its uncertainty [N], shape [n]
+    corner: FloatArray  # radius of the face's edge [m], shape [n]
+    corner_error: FloatArray  # its uncertainty [m], shape [n]
+    middle: FloatArray  # radius at mid-height [m], shape [n]
+    middle_error: FloatArray  # its uncertainty [m], shape [n]
+    contact: FloatArray  # radius of the area that presses on the platen [m], shape [n]
+    contact_error: FloatArray  # its uncertainty [m], shape [n]
     outline: FloatArray
     """Side surface (r, distance from mid-height) from middle to edge [m], shape [n, n_points, 2]."""
-    face_start: FloatArray
-    """Places on the face before loading [m], shape [n_places]."""
-    face: FloatArray
-    """Their radii [m], shape [n, n_places]."""
+    face_start: FloatArray  # places on the face before loading [m], shape [n_places]
+    face: FloatArray  # their radii [m], shape [n, n_places]
 
 
 @dataclass(frozen=True)
 class Found:
     """One slow loading with one coefficient; the first axis is compression."""
 
-    force: FloatArray
-    """Mean of both face forces [N], shape [6]."""
+    force: FloatArray  # mean of both face forces [N], shape [6]
 
-    middle: FloatArray
-    """Radius at mid-height [m], shape [6]."""
-    outline: FloatArray
-    """Side nodes (r, distance from mid-height) [m], shape [6, n_nodes, 2]."""
-    face_start: FloatArray
-    """Nodes of a face before loading [m], shape [n_places]."""
-    face: FloatArray
-    """Their radii, mean of both faces [m], shape [6, n_places]."""
-    kinetic: FloatArray
-    """Kinetic over elastic energy [-], shape [6]."""
-    penetration: float
-    """Deepest place of a surface node beyond a platen [m]."""
-    completed: bool
-    """Whether the run reached its end."""
+    middle: FloatArray  # radius at mid-height [m], shape [6]
+    outline: FloatArray  # side nodes (r, distance from mid-height) [m], shape [6, n_nodes, 2]
+    face_start: FloatArray  # nodes of a face before loading [m], shape [n_places]
+    face: FloatArray  # their radii, mean of both faces [m], shape [6, n_places]
+    kinetic: FloatArray  # kinetic over elastic energy [-], shape [6]
+    penetration: float  # deepest place of a surface node beyond a platen [m]
+    completed: bool  # whether the run reached its end
 
 
 @cache
@@ -169,19 +148,14 @@ def outline_difference(found: Found, reference: Known) -> FloatArray:
 class Impact:
     """Impacts at 2.6 m/s without drag, one a coefficient; coarse mesh."""
 
-    friction: FloatArray
-    """Coefficients [-], shape [n]."""
-    energy: FloatArray
-    """Largest |external work minus its parts| over external work [-], shape [n]."""
+    friction: FloatArray  # coefficients [-], shape [n]
+    energy: FloatArray  # largest |external work minus its parts| over external work [-], shape [n]
     momentum: FloatArray
     """Largest error of the path of the centre of mass, from the platens' impulses, over the path [-],
     shape [n]."""
-    dissipated: FloatArray
-    """Lost to friction over external work at the end [-], shape [n]."""
-    given_back: float
-    """Largest fall of the friction entry between two times over external work [-]."""
-    penetration: float
-    """Deepest place of a surface node beyond a platen [m]."""
+    dissipated: FloatArray  # lost to friction over external work at the end [-], shape [n]
+    given_back: float  # largest fall of the friction entry between two times over external work [-]
+    penetration: float  # deepest place of a surface node beyond a platen [m]
 
 
 @cache
@@ -215,10 +189,8 @@ def impact() -> Impact:
     )
 
 
-TITLE = "Coulomb friction"
 FIGURE_SIZE = (6.7, 3.1)
-Case = tuple[tuple[int, int, float], str]
-"""A mesh and an element."""
+Case = tuple[tuple[int, int, float], str]  # a mesh and an element
 CASES: dict[str, Case] = {
     "16 × 22": (COARSE, "one_point"),
     "32 × 44": (FINE, "one_point"),
@@ -238,21 +210,17 @@ height [m]."""
 TANGLED = {0.1: 0.55}
 """Compression [-] from which one-point elements of the fine mesh tangle at the folded edge, by coefficient;
 not compared, and said on the page."""
-STUDY = (0.0, 2.5e-6, DAMPING)
-"""Damping beta of the study of flutter [s]."""
+STUDY = (0.0, 2.5e-6, DAMPING)  # damping beta of the study of flutter [s]
 
 
 @dataclass(frozen=True)
 class Result:
     """Slow loadings with every coefficient, by mesh and by damping, and the impacts."""
 
-    cases: dict[str, tuple[Found, ...]]
-    """The comparison, by `CASES`."""
-    study: dict[float, tuple[Found, ...]]
-    """Even mesh, by damping."""
+    cases: dict[str, tuple[Found, ...]]  # the comparison, by `CASES`
+    study: dict[float, tuple[Found, ...]]  # even mesh, by damping
 
-    impact: Impact
-    """Ledgers of energy and momentum."""
+    impact: Impact  # ledgers of energy and momentum
 
 
 @cache
@@ -316,24 +284,8 @@ def flutter() -> FloatArray:
     return np.array(worst)
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    forces = [f"{100 * force_excess(found, name):.1f} %" for name, found in result.cases.items()]
-    radii = [radius_excess(result.cases[name], name) for name in list(CASES)[1:]]
-    middle, outline = 1e3 * np.max(radii, axis=0)
-    return (
-        "force with f = 0.05 to 0.5 and without slip beyond the reference's uncertainty, 16 × 22, 32 × 44, "
-        "F-bar; radius, outline (rms), 32 × 44; GetFEM",
-        f"{', '.join(forces)}; {middle:.3f}, {outline:.3f} mm",
-        f"{', '.join(f'{100 * t:g} %' for t in FORCE_TOLERANCE.values())}; {1e3 * RADIUS_TOLERANCE:g}, "
-        f"{1e3 * OUTLINE_TOLERANCE:g} mm",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: force over the force without slip (colours as on the right). Lines are 32 × 44 (F-bar), bars
-    the reference with its uncertainty. Right: slip of the face at 30 % compression. Lines are the
-    reference, points every second node."""
+    """Draw the figure of the page."""
     left, right = figure.subplots(1, 2)
     found = result.cases["32 × 44, F-bar"]
     whole = known(FRICTION[-1]).force
@@ -360,8 +312,8 @@ def draw(result: Result, figure: Figure) -> None:
     right.legend(loc="upper left")
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     ledger = result.impact
     impacts = [
         [name(f), f"{100 * w:.2f}", f"{100 * e:.3f}", f"{m:.0e}"]
@@ -372,65 +324,8 @@ def page(result: Result) -> str:
     radii = [radius_excess(result.cases[case], case) for case in list(result.cases)[1:]]
     middle, outline = 1e3 * np.max(radii, axis=0)
     kinetic = max(one.kinetic.max() for one in result.cases["32 × 44"])
-    return f"""# {TITLE}
-
-**What is checked.** A specimen is compressed with Coulomb friction on both faces and on the side surface
-where it rolls onto a platen. Its force and outline are compared. Energy and momentum must balance through
-stick and slip, and no node may penetrate. The limits f = 0 and f towards infinity are on the page [Limits
-and ledgers of contact](contact_limits.md).
-
-**Independent source.** Static solutions were computed for this purpose with GetFEM 5.4.2, on several meshes
-of an axisymmetric half model. Displacement is quadratic and pressure linear, and Coulomb's law is exact at
-every node (`tests/reference/README.md`, with the scripts). Its solution without slip agrees with the
-consensus of FElupe and DOLFINx ([Static bonded compression](static_bonded.md)).
-
-**Set-up.** The specimen is neo-Hookean with E = 80 kPa and ν = 0.495. The loading is slow as in the bonded
-case: {1e3 * DURATION:g} ms, with α = {DRAG:g} 1/s and β = {DAMPING:g} s (see *Flutter*). The force is the
-mean of both faces. Drag and damping together make the force 0.3 % too large at 10 % and 0.1 % at 30 %. This
-is not corrected. The kinetic energy is at most {kinetic:.0e} of the elastic one. The mesh has 32 × 44
-elements. The smallest are at the edge, and the largest are {FINE[2]:g} times as large.
-
-{forces(result)}
-
-**Where the solution is not unique.** With f = 0.05 the edge is unstable from about 32 % on. The meshes of
-the reference jump to other branches, and their forces differ by 5 % and more. Nothing is compared beyond
-30 %. For f = 0.1 and 0.2 some meshes jump. The meshes without a jump agree with each other and are the
-reference.
-
-**An element that fails.** With f = 0.1 the edge folds sharply. Past about 55 % the *one-point* elements at
-the fold of the fine mesh tangle and overlap. The run completes, but the error of the force at 60 % is
-{100 * tangled:+.0f} %. The coarse mesh and the F-bar element have no such error. This entry is not part of
-the comparison. With friction near 0.1 and more than 50 % compression, use F-bar.
-
-**Flutter.** The friction of a sliding node is proportional to its normal force, so the stiffness is not
-symmetric. Oscillations of an undamped elastic body may then grow. The reference was linearised at 5 and
-10 % compression. It has such oscillations for every f > 0 and none for f = 0. Their rate rises with f and
-with mesh refinement. It is far above the damping rate α/2 = {0.5 * DRAG:g} 1/s of the drag. The
-oscillations make faces slip that should stick. The table gives the change of the force ({EVEN[0]} ×
-{EVEN[1]}) relative to β = {DAMPING:g} s:
-
-{undamped(result)}
-
-**Friction on a fine mesh needs some stiffness-proportional damping.** The paper's β = 2.5e-5 s stops the
-flutter. A tenth of it does not stop it completely.
-
-**Ledgers.** The specimen is struck at 2.6 m/s and compressed to 60 %, 16 × 22, without drag. For the
-momentum, the path of the centre of mass is computed from the platens' impulses. It is compared with the
-path from the nodes' masses and positions.
-
-{table(["f", "lost to friction [% of work]", "energy [% of work]", "momentum [-]"], impacts)}
-
-The friction entry never falls by more than {ledger.given_back:.0e} of the work. The largest penetration of
-a node is {max(slow, ledger.penetration):.0e} m.
-
-**Tolerance.** The force may differ by {100 * FORCE_TOLERANCE["16 × 22"]:g} % on 16 × 22 and
-{100 * FORCE_TOLERANCE["32 × 44"]:g} % on 32 × 44, beyond the reference's uncertainty. This allows for the
-loading and the first contact of the side's nodes. On 32 × 44 the radius at mid-height may differ by
-{1e3 * RADIUS_TOLERANCE:g} mm and the outline (rms) by {1e3 * OUTLINE_TOLERANCE:g} mm. The uncertainty of
-the radii is added. The measured differences are {middle:.3f} mm and {outline:.3f} mm. Energy may differ by
-{100 * ENERGY_TOLERANCE:g} %, momentum by {MOMENTUM_TOLERANCE:.0e}. The penetration may be
-{GAP_TOLERANCE:.0e} m.
-"""
+    excess = [f"{100 * force_excess(found, one):.1f} %" for one, found in result.cases.items()]
+    return locals()
 
 
 def forces(result: Result) -> str:

@@ -8,27 +8,23 @@ from pathlib import Path
 
 import numpy as np
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, invert, quintic, shear_modulus, smooth_stroke, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, invert, quintic, shear_modulus, smooth_stroke
 
 from explicit import Model, Samples, Sampling, cylinder, run
 from explicit.materials import MarlowLaw, MaterialLaw, marlow_from_curve, neo_hookean
 
-TITLE = "Frictionless static compression"
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "C_frictionless_analytic.csv"
 LAWS = ("nh", "yeoh")
 POISSON = (0.49, 0.495, 0.4999)
-COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
-"""Nominal compressions that are compared [-]."""
+COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])  # nominal compressions that are compared [-]
 STROKE = 0.75
 """Compression at which the loading would end: 60 % is passed at speed, before the instability has grown."""
 LOADING = 0.04
 """Duration of the loading that is compared with the closed form [s]; a wave needs 0.7 ms for the length."""
-DURATIONS = (0.02, 0.04, 0.08, 0.16)
-"""Durations of the study of the dynamic residual [s]."""
+DURATIONS = (0.02, 0.04, 0.08, 0.16)  # durations of the study of the dynamic residual [s]
 STABLE = COMPRESSION < 0.55
 """Compressions below Biot's: from a stretch of 0.444 on a free surface of a neo-Hookean solid wrinkles."""
-WRINKLED = 20e-6
-"""Spread of the radius that says the homogeneous state is left [m]."""
+WRINKLED = 20e-6  # spread of the radius that says the homogeneous state is left [m]
 FORCE_TOLERANCE = 3e-3
 """Allowed relative force error [-]: the inertia of this loading, 0.2 % at 10 %, falls as duration^-2."""
 RADIUS_TOLERANCE = {"stable": 0.1e-6, "past": 10e-6}
@@ -39,18 +35,12 @@ RADIUS_TOLERANCE = {"stable": 0.1e-6, "past": 10e-6}
 class Result:
     """Deviations from the closed form; the last axis is the compression."""
 
-    force: FloatArray
-    """Relative error of the mean of both face forces [-], shape [n_laws, n_poisson, 6]."""
-    radius: FloatArray
-    """Error of the mean side radius [m], shape [n_laws, n_poisson, 6]."""
-    spread: FloatArray
-    """Largest minus smallest side radius [m], shape [n_laws, n_poisson, 6]."""
-    slow: FloatArray
-    """|force error| up to 50 %, largest, by duration of loading [-], shape [n_durations]."""
-    order: FittedOrder
-    """Fit of `slow` against 1 / duration."""
-    onset: float
-    """Compression at which very slow loading leaves the homogeneous state [-]."""
+    force: FloatArray  # relative error of the mean of both face forces [-], shape [n_laws, n_poisson, 6]
+    radius: FloatArray  # error of the mean side radius [m], shape [n_laws, n_poisson, 6]
+    spread: FloatArray  # largest minus smallest side radius [m], shape [n_laws, n_poisson, 6]
+    slow: FloatArray  # |force error| up to 50 %, largest, by duration of loading [-], shape [n_durations]
+    order: FittedOrder  # fit of `slow` against 1 / duration
+    onset: float  # compression at which very slow loading leaves the homogeneous state [-]
 
 
 def yeoh_like(mu: float) -> MarlowLaw:
@@ -120,17 +110,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    return (
-        "force at 10 to 60 % frictionless compression, two laws, three Poisson ratios, closed form",
-        f"{100 * np.abs(result.force).max():.2f} %",
-        f"{100 * FORCE_TOLERANCE:.1f} %",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     rows = [
         [law, f"{nu}", *(f"{100 * e:+.3f}" for e in errors)]
         for law, by_nu in zip(LAWS, result.force, strict=True)
@@ -143,45 +124,7 @@ def page(result: Result) -> str:
     ]
     header = ["law", "nu", *(f"{e:.0%}" for e in COMPRESSION)]
     slow = [[f"{1e3 * t:g}", f"{100 * e:.4f}"] for t, e in zip(DURATIONS, result.slow, strict=True)]
-    return f"""# {TITLE}
-
-**What is checked.** Between frictionless platens the specimen deforms homogeneously. Force and radius at a
-given compression therefore depend on the law only. Two laws are tested: neo-Hookean, and a Yeoh solid given
-to the solver as 300 points of its uniaxial curve.
-
-**Independent source.** The closed form is sigma_i = 2 W_1 J^(-5/3) (lambda_i^2 - I_1/3) + K (J - 1),
-without lateral stress. A separate program solves it for the lateral stretch
-(`tests/reference/C_frictionless_analytic.csv`).
-
-**Set-up.** The specimen of {2e3 * RADIUS:g} × {1e3 * LENGTH:g} mm has 8 × 12 elements, E = 80 kPa and no
-damping. The platen moves by {STROKE:.0%} of the length along a fifth-order smooth step in
-{1e3 * LOADING:.0f} ms, about {LOADING / 0.68e-3:.0f} passages of a wave. The force is the mean of both
-faces.
-
-The first table gives the force error [%]:
-
-{table(header, rows)}
-
-The second table gives the error of the mean side radius, and in brackets its spread along the side [µm]:
-
-{table(header, radii)}
-
-The third table gives the largest force error up to 50 % against the duration of loading (neo-Hookean, ν =
-0.495). The fitted power is {result.order.order:.3f} +- {result.order.standard_error:.3f}:
-
-{table(["duration [ms]", "error [%]"], slow)}
-
-**Tolerance.** The force may differ by {100 * FORCE_TOLERANCE:.1f} %. The remaining error is the inertia of
-the loading. It falls with the square of the duration, as the table shows. The radius may differ by
-{1e6 * RADIUS_TOLERANCE["stable"]:.1f} µm up to 50 % and by {1e6 * RADIUS_TOLERANCE["past"]:.0f} µm at 60 %.
-
-**Loading must not be slower.** The homogeneous state exists at 60 %, but for a neo-Hookean solid it is
-unstable. Its compressed free surface is unstable below a stretch of 0.444 (a compression of 55.6 %; Biot
-1963). The solver shows this: with loading in 0.2 s the specimen leaves the homogeneous state at
-{100 * result.onset:.1f} %. The spread of the neo-Hookean radii in the table is the beginning of this
-instability. Up to 50 %, slower loading is more accurate. Past Biot's limit the loading must be faster than
-the growth of the instability. The stiffening Yeoh solid stays homogeneous.
-"""
+    return locals()
 
 
 def test_force_is_the_closed_form_to_60_percent() -> None:

@@ -22,7 +22,7 @@ from bars_scene import (
 )
 from matplotlib.figure import Figure
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, speed_after_rise
 
 from explicit import Model, Samples, cylinder
 from explicit.bars import (
@@ -42,10 +42,8 @@ from explicit.materials import neo_hookean
 
 FINE_STEP = STRIKER.travel_time / 512
 """Time step of the closed forms [s]: a whole number of steps along the striker."""
-STIFFNESS = 5e8
-"""Linear pulse shaper [N/m]."""
-SHAPER_STEPS = STRIKER.travel_time / np.array([64, 128, 256])
-"""Time steps of its convergence [s]."""
+STIFFNESS = 5e8  # linear pulse shaper [N/m]
+SHAPER_STEPS = STRIKER.travel_time / np.array([64, 128, 256])  # time steps of its convergence [s]
 
 
 def _bare(
@@ -110,8 +108,7 @@ def free_flight() -> FlightHistory:
     return integrate_test(apparatus(), end=1.5e-3, step=PLATEN.travel_time / 9)
 
 
-SPRING = 2e4
-"""Stiffness of a specimen that is a spring [N/m]."""
+SPRING = 2e4  # stiffness of a specimen that is a spring [N/m]
 
 
 @cache
@@ -150,10 +147,8 @@ def balances(history: FlightHistory) -> tuple[float, float, float]:
     return float(drift), float(np.abs((energy + lost) / energy[0] - 1.0).max()), float(joint.sum() / expected)
 
 
-TITLE = "Flyer test from the striker on"
 FIGURE_SIZE = (6.7, 8.2)
-END = 4.0e-3
-"""Last time since the striker touched [s]."""
+END = 4.0e-3  # last time since the striker touched [s]
 STEP = PLATEN.travel_time / 9
 """Time step of the bars [s]: whole steps along the platen, 0.3 % off along the transducer."""
 FLYER_SENSOR = 0.5 * TRANSDUCER_LENGTH
@@ -162,12 +157,10 @@ SUPPORT_SENSOR = PLATEN.length + 0.5 * TRANSDUCER_LENGTH
 """Depth of the transducer's mid-section behind the specimen [m]."""
 CUTOFF = 50e3
 """Low-pass of the transducers' signals in the figure [Hz]: the flyer rings along its axis at 125 kHz."""
-LEVEL_TOLERANCE = 1e-12
-"""Allowed error of impact forces, times and velocities face on face [-]: round-off."""
+LEVEL_TOLERANCE = 1e-12  # allowed error of impact forces, times and velocities face on face [-]: round-off
 SHAPER_TOLERANCE = 5e-4
 """Allowed error of the force through a linear shaper, finest step [-]: the trapezoidal rule, second order."""
-MOMENTUM_TOLERANCE = 1e-11
-"""Allowed drift of the momentum [-]: round-off of sums over thousands of steps."""
+MOMENTUM_TOLERANCE = 1e-11  # allowed drift of the momentum [-]: round-off of sums over thousands of steps
 BALANCE_TOLERANCE = 1e-3
 """Allowed imbalance of the energy over the striker's [-]: the shaper's work by the trapezoidal rule."""
 SWING_TOLERANCE = 0.01
@@ -183,18 +176,13 @@ JOINT_TOLERANCE = 0.01
 class Result:
     """The simulated test and the closed forms of its parts."""
 
-    test: FlyerTest
-    """Bars and specimen."""
-    events: Events
-    """What happened when."""
-    levels: tuple[FloatArray, FloatArray]
-    """Impact force of a thicker striker [N], found and closed form."""
-    shaper: tuple[FloatArray, FittedOrder]
-    """Error of a linear shaper's force [-] by step, and its order."""
+    test: FlyerTest  # bars and specimen
+    events: Events  # what happened when
+    levels: tuple[FloatArray, FloatArray]  # impact force of a thicker striker [N], found and closed form
+    shaper: tuple[FloatArray, FittedOrder]  # error of a linear shaper's force [-] by step, and its order
     balances: tuple[float, float, float]
     """Drift of the momentum, imbalance of the energy, joint's work over its closed form [-]."""
-    swing: tuple[float, float]
-    """Swing and largest force of a flight on a spring over their closed forms [-]."""
+    swing: tuple[float, float]  # swing and largest force of a flight on a spring over their closed forms [-]
     work: tuple[float, float]
     """Work on the specimen up to the last outline before the arrest, by the bars and by the specimen's own
     ledger [J]."""
@@ -265,17 +253,6 @@ def pulse_displacement(result: Result) -> float:
     return float(2.0 * impulse / BAR.impedance)
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    found, exact = result.levels
-    return (
-        "impact force of bars, linear shaper, energy of a test from 5.5 m/s, closed forms; its events",
-        f"{np.abs(found / exact - 1).max():.0e}; {100 * result.shaper[0][-1]:.2f} %; "
-        f"{100 * result.balances[1]:.2f} %; as in the paper's Fig. 5",
-        f"{LEVEL_TOLERANCE:g}; {100 * SHAPER_TOLERANCE:g} %; {100 * BALANCE_TOLERANCE:g} %; the same",
-    )
-
-
 NAMES = {
     "incident_rise": "arrival", "tensile_dip": "tensile dip", "separation": "separation", "arrest": "arrest",
     "push_back": "push-back", "second_impact": "second impact",
@@ -284,9 +261,7 @@ MARKED = tuple(name for name in NAMES if name != "tensile_dip")
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """From the top: incident gauge; velocity of flyer and bar's end; flyer's transducer (the second impact
-    leaves the axis); transmitted force; paths of flyer and bar's end. Transducers and flyer are low-passed
-    at 50 kHz. Dotted: what the program found in the signals."""
+    """Draw the figure of the page."""
     bars, events = result.test.bars, result.events
     axes = figure.subplots(5, 1, sharex=True, height_ratios=(1, 1, 1, 1.1, 1))
     every = slice(None, None, 8)
@@ -327,8 +302,8 @@ def draw(result: Result, figure: Figure) -> None:
         )
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     bars, events, numbers = result.test.bars, result.events, measured(result)
     found, exact = result.levels
     errors, order = result.shaper
@@ -361,66 +336,7 @@ def page(result: Result) -> str:
     ]  # fmt: skip
     rows = [line(name) for name in NAMES]
     changes = ", ".join(f"{change:.2g}" for change in result.test.change)
-    return f"""# {TITLE}
-
-**What is checked.** Striker, pulse shaper, incident bar, joint, flyer, specimen and transmission side form
-one model ({{ref}}`theory-bar-models`). The parts are compared with closed forms, and the whole test with
-the paper's Fig. 5.
-
-## Parts
-
-*Face on face.* Between equal bars the force is Z v / 2 for 2 L / c_0. The free end moves at v. Both are
-exact to round-off. A striker of Ø 20 mm has the levels v Z_1 Z_2 / (Z_1 + Z_2) ((Z_1 - Z_2) /
-(Z_1 + Z_2))^k. Their largest error is {np.abs(found / exact - 1).max():.0e}.
-
-*Linear pulse shaper.* Between equal bars F = Z v / 2 (1 - exp(-2 k t / Z)) until the wave from the
-striker's rear end arrives. The step is the striker's length over 64, 128 and 256. The largest error over Z
-v / 2 is {", ".join(f"{100 * e:.3f}" for e in errors)} %, with the fitted order {order.order:.2f} +-
-{order.standard_error:.2f}.
-
-*Flight on a spring.* A spring replaces the specimen. The results are relative to those of a rigid flyer.
-The time from separation to arrest is {swing:.4f}, the largest force {largest:.4f}.
-
-*Balances.* The paper's apparatus is run without a specimen. Its momentum is balanced to {drift:.0e}. Its
-energy, with the work of shaper and joint, is balanced to {imbalance:.0e} of the striker's. The work that
-breaks the joint is {joint:.3f} of strength times opening / 2.
-
-## The test
-
-**Set-up.** The striker has {1e3 * STRIKER.length:g} mm and {SPEED:g} m/s. The bars have
-{1e3 * BAR.length:g} mm and Ø 15 mm, of maraging steel as in the paper. Flyer and support each have a
-transducer of {1e3 * TRANSDUCER.length:g} mm and a platen of 5 mm (flyer {1e3 * flyer:.1f} g). The specimen
-is that of open-01 ({DENSITY:g} kg/m³, m = 1.12). It has 16 × 22 elements and does not slip while it is
-pressed. The pulse shaper is the paper's disc of Ø 5.5 mm × 2.0 mm as a neo-Hookean rubber. The paper does
-not give three inputs. The transducer's length, the joint (100 N, opened within 20 µm) and the rubber's
-shear modulus are therefore assumed. The modulus is {SHAPER_MODULUS / 1e6:g} MPa at 2000 1/s. It is chosen
-for the flyer's speed, so strain rates do not test the model. Times, compression and the order of the events
-do.
-
-Bars and specimen are iterated. The force on a platen changes from pass to pass by {changes} N. Up to the
-arrest the bars do {1e3 * result.work[0]:.2f} mJ of work on the specimen. The energy ledger of the specimen
-gives {1e3 * result.work[1]:.2f} mJ, and is balanced to
-{100 * result.test.response.energy.imbalance()[0]:.2f} %.
-
-{table(["", "time [µs]", "flyer [m/s]", "compression [%]", "force, transmitted [N]"], rows)}
-
-The striker separates {1e6 * events.striker_parts:.0f} µs after first contact. The largest force and
-compression of the shaper are {1e-3 * bars.shaper_force.max():.1f} kN and
-{1e3 * bars.shaper_approach.max():.2f} mm.
-
-{table(["", "paper", "here"], paper)}
-
-**Not in the model.** The bars are one-dimensional and lossless. After the joint breaks, the flyer
-oscillates at 125 kHz without damping. The flyer cannot tilt or leave the axis. In the paper's tests this
-motion ends the symmetric part at about 70 %.
-
-**Tolerance.** Face on face may differ by {LEVEL_TOLERANCE:g}, because of round-off. The shaper may differ
-by {100 * SHAPER_TOLERANCE:g} % at the finest step, which is of second order. Momentum may differ by
-{MOMENTUM_TOLERANCE:g}, energy by {100 * BALANCE_TOLERANCE:g} %, the joint by {100 * JOINT_TOLERANCE:g} %.
-Flight on a spring may differ by {100 * SWING_TOLERANCE:g} %, work on the specimen by
-{100 * WORK_TOLERANCE:g} %. The whole test must have the order of the events, a rate within the paper's
-range and a compression of 65 to 80 %.
-"""
+    return locals() | dict(DENSITY=DENSITY, SHAPER_MODULUS=SHAPER_MODULUS)
 
 
 def test_equal_bars_face_on_face() -> None:

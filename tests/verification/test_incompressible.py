@@ -29,24 +29,18 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.settings import Numerics
 
-POISSON = (0.49, 0.495, 0.499, 0.4999)
-"""Poisson's ratios of the study of steps and time [-]."""
-STUDY: Mesh = (16, 22)
-"""Its mesh."""
-TARGETS = (0.4999, 0.49999)
-"""Nearly incompressible ratios [-]."""
-MESHES: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))
-"""Corrected meshes."""
+POISSON = (0.49, 0.495, 0.499, 0.4999)  # Poisson's ratios of the study of steps and time [-]
+STUDY: Mesh = (16, 22)  # its mesh
+TARGETS = (0.4999, 0.49999)  # nearly incompressible ratios [-]
+MESHES: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))  # corrected meshes
 CASES: dict[Mesh, tuple[Mesh, Mesh]] = {
     mesh: (half.mesh, less.mesh) for mesh in MESHES for half, less in [Numerics(mesh=mesh).coarser()]
 }
 """Fine mesh and the two of the correction, as `kolsky` takes them."""
 LADDER: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))
 """Coarse meshes under the fine one of 32 × 44: what the error of the correction converges with."""
-FACTORS = TRUTH + 0.006 * np.arange(-1, 7)
-"""Stiffness factors of the batch in which m is identified [-]."""
-IDENTIFIED: Mesh = (24, 32)
-"""Mesh on which m is identified."""
+FACTORS = TRUTH + 0.006 * np.arange(-1, 7)  # stiffness factors of the batch in which m is identified [-]
+IDENTIFIED: Mesh = (24, 32)  # mesh on which m is identified
 
 
 def samples(poisson: float, factors: FloatArray | float = TRUTH) -> Samples:
@@ -100,16 +94,11 @@ def radius_difference(mesh: Mesh, poisson: float, coarse: tuple[Mesh, Mesh] | No
 class Correction:
     """A corrected run beside the direct one."""
 
-    cost: float
-    """Element steps over those of the fine mesh at nu = 0.495 [-]."""
-    direct_cost: float
-    """The same of the direct run [-]."""
-    force: tuple[float, float, float]
-    """5 kHz force, rms: error at nu = 0.495, error corrected, estimate [N]."""
-    raw: tuple[float, float, float]
-    """The same of the raw force [N]."""
-    radius: tuple[float, float, float]
-    """The same of the surface's radii [m]."""
+    cost: float  # element steps over those of the fine mesh at nu = 0.495 [-]
+    direct_cost: float  # the same of the direct run [-]
+    force: tuple[float, float, float]  # 5 kHz force, rms: error at nu = 0.495, error corrected, estimate [N]
+    raw: tuple[float, float, float]  # the same of the raw force [N]
+    radius: tuple[float, float, float]  # the same of the surface's radii [m]
 
 
 @cache
@@ -167,9 +156,7 @@ def limited(max_steps: int) -> NearlyIncompressible:
     return run_nearly_incompressible(model, meshes, samples(0.49999), forward.sampling, stepping=stepping)
 
 
-TITLE = "Nearly incompressible"
-COST = 3.5
-"""Largest allowed cost of nu = 0.4999 over nu = 0.495 [-]: what the project asks for."""
+COST = 3.5  # largest allowed cost of nu = 0.4999 over nu = 0.495 [-]: what the project asks for
 FORCE_TOLERANCE = 6e-3
 """Allowed rms error of the corrected 5 kHz force over its peak [-]: below the 1 % of the solver's other
 errors; uncorrected it is 4.4 %."""
@@ -187,12 +174,9 @@ FINE: Mesh = (32, 44)
 class Result:
     """Corrected against direct runs."""
 
-    corrections: dict[tuple[Mesh, float], Correction]
-    """By fine mesh and Poisson's ratio."""
-    ladder: FittedOrder
-    """Fit of the 5 kHz error of 32 × 44 against the coarse mesh's element size."""
-    factors: dict[str, float]
-    """Identified m [-]: compressible, direct and corrected."""
+    corrections: dict[tuple[Mesh, float], Correction]  # by fine mesh and Poisson's ratio
+    ladder: FittedOrder  # fit of the 5 kHz error of 32 × 44 against the coarse mesh's element size
+    factors: dict[str, float]  # identified m [-]: compressible, direct and corrected
 
 
 @cache
@@ -221,19 +205,6 @@ def peak() -> float:
     return float(smooth(direct(FINE, TARGETS[0]).force_transmission[0]).max())
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    found = [one for (_, nu), one in result.corrections.items() if nu == TARGETS[0]]
-    force, radius = max(one.force[1] for one in found) / peak(), max(one.radius[1] for one in found)
-    least, most = min(one.cost for one in found), max(one.cost for one in found)
-    return (
-        "ν = 0.4999 from ν = 0.495 corrected on coarser meshes, against direct runs: cost over ν = 0.495; "
-        "5 kHz force; radii, rms",
-        f"{least:.1f} to {most:.1f}; {100 * force:.2f} %; {1e3 * radius:.3f} mm",
-        f"{COST:g}; {100 * FORCE_TOLERANCE:g} %; {1e3 * RADIUS_TOLERANCE:g} mm",
-    )
-
-
 def correction_table(result: Result) -> str:
     """Cost and errors of the corrected runs."""
     rows = []
@@ -252,8 +223,8 @@ def correction_table(result: Result) -> str:
     return table(header, rows)
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     m, nu, found = result.factors, TARGETS[0], result.corrections
     dear, cheap = found[FINE, TARGETS[1]].direct_cost, found[FINE, TARGETS[1]].cost
     told = {
@@ -261,45 +232,10 @@ def page(result: Result) -> str:
         for name in ("force", "radius")
     }
     ranges = {name: f"{min(values):.1f} to {max(values):.1f}" for name, values in told.items()}
-    return f"""# {TITLE}
-
-**What is checked.** {{py:func}}`explicit.incompressible.run_nearly_incompressible` computes the effect of ν
-on a coarser mesh:
-
-Q(fine, ν) = Q(fine, 0.495) + [Q(coarse, ν) − Q(coarse, 0.495)].
-
-**Independent source.** The results are compared with direct runs on the fine mesh at the same ν. The model
-is the known-answer shot `runs/open-01` with m = 1.12 and β = 25 µs on the deviator. Its one-point elements
-have the default grading of `kolsky`.
-
-**Runs.** The meshes are those of `kolsky identify`, `simulate` and `sweep` with `--nearly-incompressible`.
-The cost is elements × steps of all runs, including the estimate, relative to the run at ν = 0.495 with the
-same mesh. Errors are rms differences from the direct run: *at ν = 0.495, corrected, estimated*. The error
-of the force is relative to its peak of {peak():.1f} N.
-
-{correction_table(result)}
-
-With the correction, **ν = 0.4999 costs {found[(48, 64), nu].cost:.1f} to {found[STUDY, nu].cost:.1f} times
-as much as ν = 0.495**. For ν = 0.49999 a direct run on 32 × 44 takes {dear:.0f} times the steps. With the
-correction it costs {cheap:.1f} times as much. The error of the 5 kHz force falls with order
-{result.ladder.order:.2f} ± {result.ladder.standard_error:.2f} in the coarse mesh's element size.
-
-On 24 × 32 the stiffness factor (weights of `identify`) is {m["compressible"]:.4f} at ν = 0.495. At ν =
-0.4999 it is {m["direct"]:.4f} directly and {m["corrected"]:.4f} corrected.
-
-**Where it fails.** The *raw* force contains oscillations of dilatational waves. Deviatoric damping does not
-reduce them, and every node that touches a platen excites new ones. The time of this contact depends on the
-mesh. The correction describes the first waves and not the later ones. Use direct runs for raw signals.
-
-**Estimate.** The error is estimated as the correction of the coarse mesh minus that of the still coarser
-one. The estimate is {ranges["force"]} times the error of the 5 kHz force, and {ranges["radius"]} times that
-of the radii.
-
-**Tolerance.** The cost at ν = 0.4999 may be {COST:g}. The 5 kHz force may differ by
-{100 * FORCE_TOLERANCE:g} % of the peak, below the solver's other errors of 1 %. The radii may differ by
-{1e6 * RADIUS_TOLERANCE:g} µm, the accuracy of a measured outline, and m by {FACTOR_TOLERANCE:g}. Errors may
-be at most {ESTIMATE:g} times their estimates.
-"""
+    first = [one for (_, nu), one in result.corrections.items() if nu == TARGETS[0]]
+    force, radius = (max(one.force[1] for one in first) / peak(), max(one.radius[1] for one in first))
+    least, most = (min(one.cost for one in first), max(one.cost for one in first))
+    return locals()
 
 
 NU = TARGETS[0]

@@ -7,19 +7,16 @@ import numpy as np
 import pytest
 import warp as wp
 from order import FittedOrder, assert_order, fitted_order
-from scene import FloatArray, table
+from scene import FloatArray
 
 from explicit.device import select_device
 from explicit.materials import MarlowLaw, marlow_from_curve, neo_hookean
 from explicit.precision import precision
 
-TITLE = "Marlow's law"
 C1, C2, C3 = 13.4e3, 1.34e3, 0.268e3
 """Constants of a Yeoh solid W = C1 x + C2 x^2 + C3 x^3, x = I1_bar - 3 [Pa]."""
-POINTS = (11, 21, 41, 81, 161)
-"""Points of the sampled curve."""
-DIFFERENCES = tuple(10.0 ** -np.arange(1, 11))
-"""Relative steps of the central difference of the energy [-]."""
+POINTS = (11, 21, 41, 81, 161)  # points of the sampled curve
+DIFFERENCES = tuple(10.0 ** -np.arange(1, 11))  # relative steps of the central difference of the energy [-]
 
 
 @dataclass(frozen=True)
@@ -30,16 +27,14 @@ class Result:
     """Largest relative error of 2 U' built from a sampled neo-Hookean curve, both branches [-]."""
     yeoh_error: FloatArray
     """Largest error of 2 U' for s in [0.4, last] over mu_0, by number of points [-], shape [n_points]."""
-    yeoh_order: FittedOrder
-    """Fit against the distance of the points."""
+    yeoh_order: FittedOrder  # fit against the distance of the points
     origin_error: FloatArray
     """Largest relative error of 2 U' against E_0 / 3 at s = 0, 1e-8 and 1e-4 [-], shape [n_points]."""
     uniaxial_error: float
     """Largest relative error of the law's uniaxial nominal stress at the data, 41 points [-]."""
     difference_error: FloatArray
     """Error of the energy's central difference against the stress power, by step [-]."""
-    jump: tuple[float, float]
-    """Jump of 2 U' and of its slope across the last datum, relative [-]."""
+    jump: tuple[float, float]  # jump of 2 U' and of its slope across the last datum, relative [-]
     twin: dict[str, float]
     """Largest relative difference of the Warp twin's stress and energy from NumPy's, by precision [-]."""
     tangent_ratio: float
@@ -202,55 +197,13 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    return (
-        "2 U' of a sampled Yeoh curve against its closed form; order in the distance of the points",
-        f"{result.yeoh_error[2]:.0e} with {POINTS[2]} points, order {result.yeoh_order.order:.2f}",
-        "1e-5; order >= 2.8",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     rows = [
         [str(n), f"{error:.1e}", f"{origin:.1e}"]
         for n, error, origin in zip(POINTS, result.yeoh_error, result.origin_error, strict=True)
     ]
-    return f"""# {TITLE}
-
-**What is checked.** The law of one uniaxial curve is W = U(I1_bar) with 2 U' = T / (lambda - lambda^-2).
-Its NumPy form and its Warp form are tested.
-
-**Independent source.** There are two closed forms. The neo-Hookean law has a constant 2 U'. Yeoh's law has
-C1 = {C1 / 1e3:g} kPa, C2 = C1 / 10 and C3 = C1 / 50. Its 2 U' is a polynomial in I1_bar - 3. The stress is
-also compared with the central difference of the energy.
-
-| check | measured | allowed | reason |
-| --- | --- | --- | --- |
-| neo-Hookean curve, either branch, also past the data | {result.neo_hookean_error:.0e} | 1e-13 | the \
-quotient is constant: round-off |
-| limit at rest (s = 0, 1e-8, 1e-4) against E_0 / 3, {POINTS[2]} points | {result.origin_error[2]:.0e} | \
-1e-4 | the line through the data with s < 0.3 leaves out 3 C3 s^4 / C1 = 5e-4; a tenth reaches s = 0 |
-| uniaxial nominal stress of the law at the data | {result.uniaxial_error:.0e} | 1e-13 | the knots of the \
-table fall on the data here: round-off |
-| jump of 2 U' across the last datum | {result.jump[0]:.0e} | 1e-6 | slope times the probe 1e-7 |
-| jump of its slope across the last datum | {result.jump[1]:.0e} | 1e-6 | round-off over the probe 1e-7 |
-| Warp stress and energy against NumPy, fp64 | {result.twin["fp64"]:.0e} | 1e-14 | round-off |
-| Warp stress and energy against NumPy, fp32 | {result.twin["fp32"]:.0e} | 2e-6 | round-off |
-| curvature of the energy along a rank-one motion over the bound that the stable step uses | \
-{result.tangent_ratio:.2f} | 1 | must be a bound |
-
-The table gives the error of 2 U' of the sampled Yeoh curve over mu_0. Away from rest the monotone cubic is
-of third order (fitted {result.yeoh_order.order:.2f} +- {result.yeoh_order.standard_error:.2f}). The limit
-at rest is extrapolated from the data with s < 0.3. It does not improve with more points.
-
-{table(["points", "s > 0.4", "at rest"], rows)}
-
-Stress is the derivative of the energy. For 20 random states the central difference is taken along random
-motions. Its error falls as h^2 to {result.difference_error.min():.0e} and then rises with round-off, as
-expected of a correct derivative.
-"""
+    return locals()
 
 
 def test_the_law_of_a_curve_has_its_values_slopes_and_limits() -> None:

@@ -18,41 +18,30 @@ from dic.synthetic.scene import Instants, Lamp, Lens, RevolvedBody, Scene, close
 
 FloatArray = NDArray[np.float64]
 
-TITLE = "Renderer of the virtual laboratory"
 FIGURE_SIZE = (6.7, 2.7)
 
-PIXEL = 56e-6
-"""Length that a pixel shows [m]."""
+PIXEL = 56e-6  # length that a pixel shows [m]
 DISTANCE = 0.3
-SHAPE = (96, 96)
-"""Rows and columns of a picture [px]."""
+SHAPE = (96, 96)  # rows and columns of a picture [px]
 LENS = Lens(spread=0.6, rays=4)
-SHIFTS = np.linspace(0.0, 1.0, 11)
-"""Of the board, along x [px]."""
-WINDOW = 21
-"""Side of the windows whose bias is judged on the surface [px]."""
-DENSE = 16
-"""Rays of a pixel along each axis of the independent ray cast."""
-ALLOWED = 0.002
-"""Bias that the laboratory promises [px]."""
+SHIFTS = np.linspace(0.0, 1.0, 11)  # of the board, along x [px]
+WINDOW = 21  # side of the windows whose bias is judged on the surface [px]
+DENSE = 16  # rays of a pixel along each axis of the independent ray cast
+ALLOWED = 0.002  # bias that the laboratory promises [px]
 
 
 @dataclass(frozen=True)
 class Result:
     """Everything measured; lengths in px."""
 
-    waves: FloatArray
-    """Bias along x and y of cosines on a board against closed form, shape [n_shifts, 2]."""
-    grey: float
-    """Largest error of a grey value there, over the pattern's standard deviation [-]."""
+    waves: FloatArray  # bias along x and y of cosines on a board against closed form, shape [n_shifts, 2]
+    grey: float  # largest error of a grey value there, over the pattern's standard deviation [-]
     surface: FloatArray
     """Bias along x and y of windows on a barrelled surface against the independent ray cast, shape [n, 2]."""
-    surface_grey: float
-    """Standard deviation of the grey values' difference there, over the pattern's [-]."""
+    surface_grey: float  # standard deviation of the grey values' difference there, over the pattern's [-]
     subsets: FloatArray
     """Shift found by subset matching less the true one, mean over subsets, shape [n_shifts]."""
-    peer: FloatArray
-    """The same by OpenCV's ECC over the whole picture, shape [n_shifts]."""
+    peer: FloatArray  # the same by OpenCV's ECC over the whole picture, shape [n_shifts]
 
 
 def ahead(distortion: tuple[float, ...] = (0.0,) * 5, side: float = 0.0) -> Camera:
@@ -220,20 +209,8 @@ def case() -> Result:
     return Result(biases, grey, surface, surface_grey, own, peer)
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index."""
-    return (
-        "bias of the pictures of made shots",
-        f"{1e3 * np.abs(result.waves).max():.2f} mpx (closed form), "
-        f"{1e3 * np.abs(result.surface).max():.1f} mpx (windows of a surface)",
-        f"{1e3 * ALLOWED:g} mpx",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: bias of cosines on a board with a known integral over the pixels. Middle: bias of windows of 21
-    px on a barrelled surface against an independent ray cast. Right: shifts of a speckled board found by
-    subset matching and by OpenCV's ECC. The grey band is the allowed bias."""
+    """Draw the figure of the page."""
     left, middle, right = figure.subplots(1, 3)
     for axes in (left, right):
         axes.axhspan(-1e3 * ALLOWED, 1e3 * ALLOWED, color="0.9", zorder=0)
@@ -258,47 +235,11 @@ def draw(result: Result, figure: Figure) -> None:
     right.legend()
 
 
-def page(result: Result) -> str:
-    """The page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     mpx = 1e3
     surface = result.surface
-    return f"""# {TITLE}
-
-What `kolsky virtual make` renders ({{ref}}`theory-virtual-cameras`) is the reference for
-the test of the whole chain from pictures to a stiffness. Its error must be small compared with the measured
-errors. The limit is a bias of less than {mpx * ALLOWED:g} mpx (1 mpx = 0.001 px). Each pixel has four rays
-along each axis, the default.
-
-| pictures of | against | bias at most, mpx | error of a grey value over the pattern's deviation |
-| --- | --- | --- | --- |
-| twelve cosines with periods of 4 to 14 px on a board, shifted by 0 to 1 px | \
-their integral over pixel and lens in closed form | {mpx * np.abs(result.waves).max():.3f} | \
-{result.grey:.4f} (largest) |
-| speckles of 6 px on a barrelled surface, oblique camera with all five distortion coefficients, no \
-lens blur | an independent ray cast: bisection along {DENSE} x {DENSE} rays a pixel | \
-{mpx * np.abs(surface).max():.2f} in windows of {WINDOW} px (mean {mpx * surface.mean():+.3f}, \
-deviation {mpx * surface.std():.2f}) | {result.surface_grey:.4f} (deviation) |
-| a speckled board, shifted by 0 to 1 px | the shift, found by subset matching | \
-{mpx * np.abs(result.subsets).max():.2f} | |
-| the same pictures | the shift, found by OpenCV's `findTransformECC` | \
-{mpx * np.abs(result.peer).max():.1f} | |
-
-*The board.* A cosine keeps its phase when it is averaged over a pixel, blurred by the lens and interpolated
-linearly between texels. Its height is multiplied by sinc for the pixel, exp(-2 π² s² f²) for the lens and
-sinc² for the texels. A difference from this closed form is an error of position, projected on the slope of
-the pattern.
-
-*The surface.* The lens is omitted, so the sampling by rays is not smoothed. This is the hardest case. The
-independent ray cast shares only the texture and the camera's equations with the renderer.
-
-*Two correlations.* The matching has an error too ({{doc}}`dic_correlation`: 0.13 to 0.6 mpx on pictures in
-closed form). Its bias here is the sum of both errors. ECC interpolates linearly, so its bias is a wave. The
-wave vanishes at 0, ½ and 1 px, where linear interpolation is exact or symmetric. There the bias is
-{mpx * np.abs(result.peer[[0, 5, 10]]).max():.2f} mpx.
-
-**Tolerance.** The first three rows may have a bias of {mpx * ALLOWED:g} mpx. This is a quarter of the noise
-of a match under good light (7 to 10 mpx). It is a ninth of 1 µm at 56 µm a pixel (18 mpx).
-"""
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # 12 s

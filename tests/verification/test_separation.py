@@ -8,26 +8,21 @@ import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scene import FloatArray, table
+from scene import FloatArray
 
 from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide, Waveguide
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.bars.reduction.separation import SeparatedWaves, separate
 from kolsky.base.apparatus import Bar
 
-TITLE = "Separation of overlapping waves"
 FIGURE_SIZE = (6.7, 5.6)
 STEEL = Bar(0.02, 1.5, 210e9, 7800.0, 0.29)
 NYLON = Bar(0.02, 1.5, 5e9, 1190.0, 0.35)
 MODULUS = PronyModulus(5.0e9, (0.5e9,), (12e-6,))
-NOISE = 2e-3
-"""Standard deviation of a sample over the pulse's plateau."""
-REPEATS = 20
-"""Records with noise of their own."""
-PLACES = {"two gauges": (0.9, 0.3), "three gauges": (0.9, 0.55, 0.3)}
-"""Distances from the specimen [m]."""
-TARGET = 2e-3
-"""Allowed error of a separated wave over the plateau [-]: what the correction of a test needs."""
+NOISE = 2e-3  # standard deviation of a sample over the pulse's plateau
+REPEATS = 20  # records with noise of their own
+PLACES = {"two gauges": (0.9, 0.3), "three gauges": (0.9, 0.55, 0.3)}  # distances from the specimen [m]
+TARGET = 2e-3  # allowed error of a separated wave over the plateau [-]: what the correction of a test needs
 SCATTER_TOLERANCE = 0.1
 """Allowed distance of scatter over sigma from 1: 20 records, whole waves at a time, tell it to 2 %, and sigma
 leaves out what noise before the record would add."""
@@ -38,20 +33,13 @@ class Scene:
     """A bar with a known wave in either direction."""
 
     guide: Waveguide
-    bar: Bar
-    """Its properties."""
-    toward: Pulse
-    """Wave toward the specimen, a clean pulse at the bar's far end."""
-    away: Pulse
-    """Wave from the specimen, a clean pulse at its face."""
-    share: float
-    """Height of the latter."""
-    omega: FloatArray
-    """Frequencies of the Fourier integrals [rad/s]."""
-    wavenumber: NDArray[np.complex128]
-    """Wavenumbers there [rad/m]."""
-    time: FloatArray
-    """Times of the records [s]."""
+    bar: Bar  # its properties
+    toward: Pulse  # wave toward the specimen, a clean pulse at the bar's far end
+    away: Pulse  # wave from the specimen, a clean pulse at its face
+    share: float  # height of the latter
+    omega: FloatArray  # frequencies of the Fourier integrals [rad/s]
+    wavenumber: NDArray[np.complex128]  # wavenumbers there [rad/m]
+    time: FloatArray  # times of the records [s]
 
     def waves(self, x: float, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Both waves at a distance from the specimen [m]."""
@@ -91,24 +79,18 @@ def scene(name: str) -> Scene:
 class Result:
     """Errors without noise, scatter and sigma with it."""
 
-    clean: dict[str, SeparatedWaves]
-    """Separated waves without noise, by the bar."""
-    exact: dict[str, tuple[FloatArray, FloatArray]]
-    """The waves at the face at the same times."""
-    errors: dict[str, tuple[float, float]]
-    """Largest error of the waves toward and away [-], by the bar."""
+    clean: dict[str, SeparatedWaves]  # separated waves without noise, by the bar
+    exact: dict[str, tuple[FloatArray, FloatArray]]  # the waves at the face at the same times
+    errors: dict[str, tuple[float, float]]  # largest error of the waves toward and away [-], by the bar
     overlap: dict[str, float]
     """Time for which both waves exceed a tenth of the plateau at the nearer gauge [s]."""
     scatter: dict[str, FloatArray]
     """Standard deviation of `away` over the records with noise [-], by the gauges, shape [n]."""
-    sigma: dict[str, FloatArray]
-    """Stated sigma of `away` [-], shape [n]."""
+    sigma: dict[str, FloatArray]  # stated sigma of `away` [-], shape [n]
     ratio: dict[str, float]
     """Root mean square of error over sigma [-], both waves, where sigma is half its largest or more."""
-    misfit: tuple[float, ...]
-    """Misfits of three gauges in one of the records [-]."""
-    wrong: tuple[float, ...]
-    """The same with the middle gauge 2 % too high."""
+    misfit: tuple[float, ...]  # misfits of three gauges in one of the records [-]
+    wrong: tuple[float, ...]  # the same with the middle gauge 2 % too high
 
 
 def _noisy(places: tuple[float, ...], seed: int, gain: float = 1.0) -> SeparatedWaves:
@@ -157,22 +139,8 @@ def case() -> Result:
     )  # fmt: skip
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    worst = max(max(pair) for pair in result.errors.values())
-    ratios = list(result.ratio.values())
-    return (
-        "overlapping waves from two gauges on a steel and a polymer bar, Fourier integrals; scatter over "
-        "sigma with noise, two and three gauges",
-        f"{100 * worst:.1g} %; {min(ratios):.2f} to {max(ratios):.2f}",
-        f"{100 * TARGET:g} %; 1 within {SCATTER_TOLERANCE:g}",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Top: strain at the gauges of the steel bar (left) and of the polymer bar (right). Middle: the waves
-    at the specimen's face, separated (lines) and exact (circles). Bottom, steel: scatter of the wave away
-    from the specimen over 20 records with 0.2 % noise, and its stated sigma."""
+    """Draw the figure of the page."""
     axes = figure.subplots(3, 2, height_ratios=(1.0, 1.2, 0.9))
     for column, name in enumerate(("steel", "polymer")):
         bar, found, exact = scene(name), result.clean[name], result.exact[name]
@@ -211,8 +179,8 @@ def draw(result: Result, figure: Figure) -> None:
     axes[2, 0].set_ylabel("of plateau [‰]")
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     clean = [
         [name, f"{1e6 * result.overlap[name]:.0f}", *(f"{100 * error:.1e}" for error in result.errors[name])]
         for name in result.errors
@@ -229,34 +197,8 @@ def page(result: Result) -> str:
     misfit = ", ".join(f"{value:.2f}" for value in result.misfit)
     wrong = ", ".join(f"{value:.2f}" for value in result.wrong)
     far, near = PLACES["two gauges"]
-    return f"""# {TITLE}
-
-**What is checked.** Two known waves overlap at the gauges of one bar. The method of
-{{ref}}`theory-bar-waves` must separate them.
-
-**Independent source.** Both waves are computed by Fourier integrals at every gauge and at the face. For
-steel the wavenumbers are those of the printed frequency equation. For the polymer they are those of the
-package, so only the separation is tested with it. `tests/unit/bars/test_bar_propagation.py` checks these
-wavenumbers.
-
-**Set-up.** The bars have Ø 20 mm and 1.5 m, with gauges at {far:g} and {near:g} m from the specimen. The
-steel bar has ν = 0.29 and a rise of 5 µs. The polymer is a standard linear solid of 5.0 + 0.5 GPa and 12
-µs, with ν = 0.35 and a rise of 40 µs. The table gives the largest error over the plateau without noise:
-
-{table(["bar", "overlap at the nearer gauge [µs]", "toward [%]", "away [%]"], clean)}
-
-The next table is for steel, with noise of {1e3 * NOISE:g} ‰ of the plateau and {REPEATS} records:
-
-{table(["gauges", "at [m]", "largest sigma of the wave away [‰]", "error over sigma, rms"], noisy)}
-
-If a whole number of half-waves fits between two gauges, they cannot distinguish the two waves. At these
-frequencies noise is kept and grows with time. With a third gauge this happens at zero frequency only. A
-third gauge also shows an error of a gauge. The misfit of its records over sigma is {misfit}. If the middle
-gauge's factor is 2 % off, it is {wrong}.
-
-**Tolerance.** The waves may differ by {100 * TARGET:g} % of the plateau, the accuracy that the correction
-of a test needs. The error over sigma must be 1 within {SCATTER_TOLERANCE:g}.
-"""
+    ratios = list(result.ratio.values())
+    return locals()
 
 
 pytestmark = pytest.mark.slow  # forty separations

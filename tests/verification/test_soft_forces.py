@@ -8,7 +8,7 @@ import pytest
 import test_impact as impact
 from bars_scene import BAR, PLATEN, TRANSDUCER, low_pass
 from matplotlib.figure import Figure
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, rms, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, rms
 
 from kolsky.bars.flyer.events import Event, FlyerEvents, flyer_events
 from kolsky.bars.flyer.path import path_strain
@@ -19,18 +19,13 @@ from kolsky.bars.reduction.validity import Reason, Validity, validity
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import FlyerMotion
 
-TITLE = "Forces and events of a soft specimen"
 FIGURE_SIZE = (6.7, 6.4)
-FRAME, SAMPLE = 1.0 / 120e3, 0.5e-6
-"""Time from frame to frame and from sample to sample [s]."""
+FRAME, SAMPLE = 1.0 / 120e3, 0.5e-6  # time from frame to frame and from sample to sample [s]
 NOISE_FRAME, NOISE_FLYER, NOISE_BACK = 1e-6, 0.4, 0.15
 """Noise of a displacement [m] and of the two transducers [N], as in open-01."""
-REST = 0.3e-3
-"""A time before the wave arrives [s]."""
-CUTOFF = 10e3
-"""Low-pass of forces that are compared [Hz]: the flyer rings along its axis at 125 kHz."""
-PLANTED = (-35e-6, 0.0, 60e-6)
-"""Lags of the cameras' clock that are to be found [s]."""
+REST = 0.3e-3  # a time before the wave arrives [s]
+CUTOFF = 10e3  # Low-pass of forces that are compared [Hz]: the flyer rings along its axis at 125 kHz
+PLANTED = (-35e-6, 0.0, 60e-6)  # lags of the cameras' clock that are to be found [s]
 EVENTS = {
     "full speed": "tensile_dip",
     "separation": "separation",
@@ -39,41 +34,29 @@ EVENTS = {
     "second impact": "second_impact",
 }
 """Events and what the simulation calls them."""
-EVENT_SIGMAS = 3.0
-"""Allowed difference of an event's time in sigmas, beyond `HOLD`."""
+EVENT_SIGMAS = 3.0  # allowed difference of an event's time in sigmas, beyond `HOLD`
 HOLD = 6e-6
 """Allowed beyond it for joint and impact [s]: the model's joint takes hold again 20 um before contact."""
 FORCE_TOLERANCE = 2.0
 """Allowed rms error of the compensated force in flight, low-passed [N]: 16 g times 120 m/s^2, which is what
 frames 8 us apart with 1 um of noise tell of an acceleration that changes within 0.3 ms."""
-LAG_SIGMAS = 2.5
-"""Allowed error of a planted lag in sigmas: one of three is beyond it once in 27 runs."""
+LAG_SIGMAS = 2.5  # allowed error of a planted lag in sigmas: one of three is beyond it once in 27 runs
 
 
 @dataclass(frozen=True)
 class Result:
     """What was found in the signals, and the simulation behind them."""
 
-    test: impact.Result
-    """The simulated test."""
-    events: FlyerEvents
-    """From displacement and both transducers."""
-    alone: FlyerEvents
-    """From the displacement alone."""
-    syncs: tuple[Synchronisation, ...]
-    """For each planted lag."""
-    validity: Validity
-    """The validity window up to the second impact."""
-    time: FloatArray
-    """Samples from rest to the second impact [s], shape [n]."""
-    raw: FloatArray
-    """Flyer's transducer there [N], shape [n]."""
-    force: History
-    """The same after mass compensation [N]."""
-    true: FloatArray
-    """Force of the flyer on the specimen there [N], shape [n]."""
-    mass: float
-    """Mass between the transducer's mid-section and the specimen [kg]."""
+    test: impact.Result  # the simulated test
+    events: FlyerEvents  # from displacement and both transducers
+    alone: FlyerEvents  # from the displacement alone
+    syncs: tuple[Synchronisation, ...]  # for each planted lag
+    validity: Validity  # the validity window up to the second impact
+    time: FloatArray  # samples from rest to the second impact [s], shape [n]
+    raw: FloatArray  # Flyer's transducer there [N], shape [n]
+    force: History  # the same after mass compensation [N]
+    true: FloatArray  # force of the flyer on the specimen there [N], shape [n]
+    mass: float  # mass between the transducer's mid-section and the specimen [kg]
 
     def truth(self, name: str) -> float:
         """Time of an event in the simulation [s]."""
@@ -148,19 +131,6 @@ def _validity(events: FlyerEvents, time: FloatArray, front: History, back: Histo
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    worst = max(abs(sync.lag - lag) / sync.sigma for sync, lag in zip(result.syncs, PLANTED, strict=True))
-    late = max(_beyond(result, event, name) for name, event in _found(result.events))
-    return (
-        "signals of a simulated test: force on the specimen after mass compensation, rms below 10 kHz;"
-        " planted lags of a clock; times of events",
-        f"{result.error(result.truth('separation')):.1f} N of {result.true.max():.0f} N; {worst:.1f} σ; "
-        f"{late:.1f} σ",
-        f"{FORCE_TOLERANCE:g} N; {LAG_SIGMAS:g} σ; {EVENT_SIGMAS:g} σ",
-    )
-
-
 def _found(events: FlyerEvents) -> list[tuple[str, Event]]:
     return [(name, events[name]) for name in EVENTS if events[name].time is not None]
 
@@ -174,10 +144,7 @@ def _beyond(result: Result, event: Event, name: str) -> float:
 
 
 def draw(result: Result, figure: Figure) -> None:
-    """Top: flyer's transducer, raw and after mass compensation, and the true force, below 10 kHz. Middle:
-    flyer's velocity with the events found (dotted) and two sigmas (grey). Bottom: difference of the faces'
-    forces, and inertia, over the stress; the band is the validity window, the dashed line the allowance.
-    """
+    """Draw the figure of the page."""
     force, speed, share = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.0, 1.0))
     every, ms = slice(None, None, 4), 1e3
     inside = slice(None, -200)  # a filter has no future at the record's end
@@ -225,8 +192,8 @@ def draw(result: Result, figure: Figure) -> None:
     share.legend(loc="lower left")
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
 
     def when(event: Event) -> str:
         if event.time is None or event.sigma is None:
@@ -247,45 +214,9 @@ def page(result: Result) -> str:
         ]
         for lag, sync in zip(PLANTED, result.syncs, strict=True)
     ]
-    return f"""# {TITLE}
-
-**What is checked.** Forces and events of {{ref}}`theory-soft-forces` are found in the signals of a flyer
-test with a known answer. It is the test of {{doc}}`impact`, simulated from the striker on.
-
-**Set-up.** The flyer's displacement is recorded at {1e-3 / FRAME:.0f} 000 frames a second with
-{1e6 * NOISE_FRAME:g} µm of noise. The flyer's transducer shows the force at its mid-section. This force and
-the transmitted one are recorded at {1e-6 / SAMPLE:g} MHz, with noise of {NOISE_FLYER:g} N and
-{NOISE_BACK:g} N. Platen and half the transducer, {1e3 * result.mass:.1f} g, lie between the flyer's
-transducer and the specimen.
-
-**Force on the specimen.** The force on the specimen has a peak of {result.true.max():.0f} N. From the
-wave's arrival to the second impact the transducer differs from it by {rms(result.raw - result.true):.0f} N
-rms. The mass is compensated with the acceleration of the flyer's path. Then the difference is
-{result.error(result.truth("separation")):.1f} N rms below 10 kHz, from separation to just before the second
-impact.
-
-**Clocks.** The flyer's motion is compared with its transducer's signal, up to a tenth of the specimen's
-length. This flyer is accelerated for 0.4 ms, and the specimen's unknown share of the force grows during
-this time. With a flyer that starts within 50 µs the lag is ten times as accurate (open-01,
-`tests/validation/test_soft_shots.py`).
-
-{table(["planted [µs]", "found [µs]", "sigma [µs]", "gain", "verdict"], lags)}
-
-**Events** are given in µs since the striker's touch, with standard uncertainties. In the model the joint
-transmits force again when the gap is 20 µm. This is {1e6 * HOLD:.0f} µs before the second impact.
-
-{table(["event", "simulation", "all signals", "displacement alone"], events)}
-
-The arrest is the time of the largest compression. The displacement of the flyer does not contain the motion
-of the bar behind the specimen.
-
-**Validity window.** Inertia and the difference of the faces' forces are
-{result.validity.sentence}.
-
-**Tolerance.** The force may differ by {FORCE_TOLERANCE:g} N. This is {1e3 * result.mass:.0f} g times the
-error of an acceleration from frames 8 µs apart. Lags may differ by {LAG_SIGMAS:g} sigmas and events by
-{EVENT_SIGMAS:g} sigmas. For joint and impact {1e6 * HOLD:.0f} µs are added.
-"""
+    worst = max(abs(sync.lag - lag) / sync.sigma for sync, lag in zip(result.syncs, PLANTED, strict=True))
+    late = max(_beyond(result, event, name) for name, event in _found(result.events))
+    return locals()
 
 
 pytestmark = pytest.mark.slow

@@ -18,25 +18,21 @@ from scene import (
     ninth,
     rms,
     shear_modulus,
-    table,
 )
 
 from explicit import Model, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 
-TITLE = "Order in space"
 MESHES = ((4, 6), (8, 12), (16, 24), (32, 48), (64, 96))
 """Elements across the radius and along the length; every mesh halves the one before."""
-SIZES = np.array([LENGTH / n for _, n in MESHES])
-"""Element size [m]."""
+SIZES = np.array([LENGTH / n for _, n in MESHES])  # element size [m]
 IMPACTS = {"frictionless, ν = 0.3": 1.9, "frictionless, ν = 0.495": 1.9, "bonded, ν = 0.495": 1.0}
 """Smallest order expected of an impact [-]: two where the solution is smooth; a bonded edge is a stress
 singularity r^-0.4, which leaves an integral quantity little more than first order."""
 QUANTITIES = ("impulse", "radius", "height")
 ALLOWED = 0.15
 """Allowed distance of a fitted order below theory [-]: the series are not monotone to their last digits."""
-SPEED, RISE, END = 1.0, 5e-4, 1.2e-3
-"""The impacts: speed [m/s], time of rise [s], end [s]; 14 % compression."""
+SPEED, RISE, END = 1.0, 5e-4, 1.2e-3  # the impacts: speed [m/s], time of rise [s], end [s]; 14 % compression
 
 
 @dataclass(frozen=True)
@@ -47,14 +43,11 @@ class Result:
     """Root-mean-square error of the axial displacement over the stroke [-], shape [n_meshes]."""
     wave_force: FloatArray
     """Root-mean-square error of the force over its root mean square [-], shape [n_meshes]."""
-    wave_orders: tuple[FittedOrder, FittedOrder]
-    """Fits of the two."""
-    speed_error: float
-    """Relative error of the wave speed, from the arrival at the far end, finest mesh [-]."""
+    wave_orders: tuple[FittedOrder, FittedOrder]  # fits of the two
+    speed_error: float  # relative error of the wave speed, from the arrival at the far end, finest mesh [-]
     impacts: dict[str, dict[str, FloatArray]]
     """Root-mean-square difference to the next finer mesh, over the largest change, by impact and quantity."""
-    orders: dict[str, dict[str, FittedOrder]]
-    """Their fits."""
+    orders: dict[str, dict[str, FittedOrder]]  # their fits
 
 
 def _wave(n_axial: int) -> tuple[float, float, float]:
@@ -139,19 +132,8 @@ def case() -> Result:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    orders = [fit.order for fits in result.orders.values() for fit in fits.values()]
-    wave = ", ".join(f"{fit.order:.2f}" for fit in result.wave_orders)
-    return (
-        "fitted order in space: exact elastic wave; impacts, smooth and with bonded edges",
-        f"{wave}; {min(orders):.2f} to {max(orders):.2f}",
-        f"2 within {ALLOWED:g}; 1 or better",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     waves = [
         [f"{1e3 * h:.3f}", f"{a:.1e}", f"{b:.1e}"]
         for h, a, b in zip(SIZES, result.wave_position, result.wave_force, strict=True)
@@ -163,39 +145,9 @@ def page(result: Result) -> str:
     ]
     names = [f"{a} × {b}" for a, b in MESHES[:-1]]
     position, force = result.wave_orders
-    return f"""# {TITLE}
-
-**What is checked.** The test fits over five meshes how fast the error falls with the element size.
-
-**Independent source.** (1) There is an exact solution. With ν = 0 a cylinder carries one-dimensional
-longitudinal waves with the speed sqrt(E/rho), without lateral motion. One end is driven by {1e-6:g} of the
-length along a smooth step, the other is held. D'Alembert's solution with its echoes is compared over four
-passages. (2) The theory gives the order for impacts to {100 * SPEED * (END - RISE / 2) / LENGTH:.0f} %. The
-fit uses differences between neighbouring meshes, so it does not depend on one finest mesh.
-
-**Set-up.** The meshes have {MESHES[0][0]} × {MESHES[0][1]} to {MESHES[-1][0]} × {MESHES[-1][1]} elements
-(the wave: 2 across). The specimen is neo-Hookean with E = 80 kPa, and the step follows the mesh. The
-impacts have {SPEED:g} m/s after a rise of {1e3 * RISE:g} ms, and last to {1e3 * END:g} ms. The impulse on
-the transmission platen is compared. Radius and height of the side surface are compared at the nodes of the
-coarsest mesh, 19 times.
-
-The first table gives the root-mean-square error of the wave over the stroke and over the force. The fitted
-orders are {position.order:.3f} +- {position.standard_error:.3f} and {force.order:.3f} +-
-{force.standard_error:.3f}. The arrival of the front at the far end gives the speed of the wave. Its error
-is {result.speed_error:.1e} on the finest mesh.
-
-{table(["element [mm]", "displacement", "force"], waves)}
-
-The second table gives the root-mean-square difference of the impacts to half the element, over the largest
-change:
-
-{table(["impact", "quantity", *names, "fitted order"], impacts)}
-
-**Tolerance.** The order of the wave must be 2 within {ALLOWED:g}. Frictionless impacts are smooth up to the
-edge, because the faces are planes of symmetry. Their order must be at least 2, minus {ALLOWED:g}. The edge
-of a bonded face is a stress singularity of about r^-0.4 for a nearly incompressible solid. The order must
-then be at least 1, minus {ALLOWED:g}.
-"""
+    orders = [fit.order for fits in result.orders.values() for fit in fits.values()]
+    wave = ", ".join(f"{fit.order:.2f}" for fit in result.wave_orders)
+    return locals()
 
 
 def test_exact_wave_converges_with_second_order_to_the_rods() -> None:

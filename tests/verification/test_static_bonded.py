@@ -8,75 +8,55 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scene import DENSITY, LENGTH, RADIUS, distances, rms, shear_modulus, speed_after_rise, table
+from scene import DENSITY, LENGTH, RADIUS, distances, rms, shear_modulus, speed_after_rise
 
 from explicit import Model, Samples, Sampling, cylinder, run
 from explicit.materials import neo_hookean
 
 FloatArray = NDArray[np.float64]
 
-TITLE = "Static bonded compression"
 REFERENCE = Path(__file__).resolve().parent.parent / "reference"
 POISSON = 0.495
-COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
-"""Nominal compressions that are compared [-]."""
+COMPRESSION = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])  # nominal compressions that are compared [-]
 SWEEP = np.arange(0.05, 0.6001, 0.0025)
 """Compressions at which the force and the number of nodes on the platen are recorded [-]."""
-STROKE = 0.61
-"""Compression at which the loading ends [-]."""
-DURATION = 0.1
-"""Duration of the loading [s]: 150 passages of a wave."""
-DRAG = 200.0
-"""Mass-proportional damping alpha [1/s]."""
-RISE = 0.1
-"""Share of the duration in which the platen picks up speed [-]."""
-COARSE, FINE = (16, 22), ((32, 44), (48, 66))
-"""Meshes: elements across the radius and along the length."""
+STROKE = 0.61  # compression at which the loading ends [-]
+DURATION = 0.1  # duration of the loading [s]: 150 passages of a wave
+DRAG = 200.0  # Mass-proportional damping alpha [1/s]
+RISE = 0.1  # share of the duration in which the platen picks up speed [-]
+COARSE, FINE = (16, 22), ((32, 44), (48, 66))  # Meshes: elements across the radius and along the length
 STUDY_DRAG, STUDY_DURATIONS = 2000.0, (0.025, 0.05, 0.1)
 """The study of what the loading itself adds: ten times the drag, three durations [s]."""
 FORCE_TOLERANCE = {"coarse": 0.02, "fine": 0.005}
 """Allowed relative force error [-]: h^2 discretisation, 1 % at 16 x 22, plus the reference's own 0.1 %."""
 RADIUS_TOLERANCE = {"coarse": 20e-6, "fine": 10e-6}
 """Allowed error of the radius at mid-height [m]: 0.01 mm is what a camera resolves."""
-LARGE = COMPRESSION > 0.25
-"""Where the reference is known to 0.1 %."""
+LARGE = COMPRESSION > 0.25  # where the reference is known to 0.1 %
 
 
 @dataclass(frozen=True)
 class Compressed:
     """One slow loading; arrays of shape [6, ...] are at `COMPRESSION`."""
 
-    force: FloatArray
-    """Mean of both face forces [N], shape [6]."""
-    difference: FloatArray
-    """Flyer force minus transmission force [N], shape [6]."""
-    sweep: FloatArray
-    """Mean of both face forces at `SWEEP` [N]."""
-    radius: FloatArray
-    """Radius at mid-height [m], shape [6]."""
-    outline: FloatArray
-    """Surface nodes (r, |distance from mid-height|) [m], shape [6, n_nodes, 2]."""
+    force: FloatArray  # mean of both face forces [N], shape [6]
+    difference: FloatArray  # flyer force minus transmission force [N], shape [6]
+    sweep: FloatArray  # mean of both face forces at `SWEEP` [N]
+    radius: FloatArray  # radius at mid-height [m], shape [6]
+    outline: FloatArray  # surface nodes (r, |distance from mid-height|) [m], shape [6, n_nodes, 2]
 
-    kinetic: FloatArray
-    """Kinetic over elastic energy [-], shape [6]."""
-    hourglass: FloatArray
-    """Hourglass over elastic energy [-], shape [6]."""
-    speed: float
-    """Speed of the flyer [m/s]."""
-    completed: bool
-    """Whether the run reached its end."""
+    kinetic: FloatArray  # kinetic over elastic energy [-], shape [6]
+    hourglass: FloatArray  # hourglass over elastic energy [-], shape [6]
+    speed: float  # speed of the flyer [m/s]
+    completed: bool  # whether the run reached its end
 
 
 @dataclass(frozen=True)
 class Reference:
     """The static solutions."""
 
-    force: FloatArray
-    """Force [N], shape [6]."""
-    sigma: FloatArray
-    """Its uncertainty [N], shape [6]."""
-    radius: FloatArray
-    """Radius at mid-height [m], shape [6]."""
+    force: FloatArray  # force [N], shape [6]
+    sigma: FloatArray  # its uncertainty [N], shape [6]
+    radius: FloatArray  # radius at mid-height [m], shape [6]
     outline: dict[str, FloatArray]
     """Outline (r, z) by what the side does on a platen [m], shape [6, n_points, 2]."""
 
@@ -86,10 +66,8 @@ class Result:
     """Every mesh beside the reference."""
 
     reference: Reference
-    meshes: dict[tuple[int, int], Compressed]
-    """Slow loading by mesh."""
-    study: tuple[Compressed, ...]
-    """Loading with strong drag, by duration."""
+    meshes: dict[tuple[int, int], Compressed]  # slow loading by mesh
+    study: tuple[Compressed, ...]  # loading with strong drag, by duration
 
 
 @cache
@@ -199,23 +177,8 @@ def homogeneous_drag(found: Compressed, drag: float) -> FloatArray:
     return np.asarray(drag * mass * found.speed * (1.0 / 12.0 + shape / 8.0))
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    coarse = 100 * np.abs(force_error(result.meshes[COARSE])).max()
-    fine = 100 * np.abs(force_error(result.meshes[FINE[-1]]))[LARGE].max()
-    radius = 1e3 * np.abs(result.meshes[FINE[-1]].radius - result.reference.radius).max()
-    return (
-        "force of bonded compression, 16 × 22 at 10 to 60 %, 48 × 66 at 30 to 60 %; radius, 48 × 66; "
-        "FElupe, DOLFINx",
-        f"{coarse:.1f} %, {fine:.2f} %; {radius:.4f} mm",
-        f"{100 * FORCE_TOLERANCE['coarse']:g} %, {100 * FORCE_TOLERANCE['fine']:g} %; "
-        f"{1e3 * RADIUS_TOLERANCE['fine']:g} mm",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: force error; the grey band is the reference's uncertainty. Right: outlines at 20, 40 and 60 %
-    (one half). Lines are the reference, points the nodes of two meshes."""
+    """Draw the figure of the page."""
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     percent = 100 * COMPRESSION
     band = 100 * result.reference.sigma / result.reference.force
@@ -241,8 +204,8 @@ def draw(result: Result, figure: Figure) -> None:
     right.legend(loc="upper right")
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     names = [f"{n} × {m}" for n, m in result.meshes]
     found = list(result.meshes.values())
     known = result.reference
@@ -289,72 +252,9 @@ def page(result: Result) -> str:
     scale = DRAG / STUDY_DRAG * STUDY_DURATIONS[-1] / DURATION
     left_over = 100 * scale * loading_part(result.study)[-1]
     asymmetry = 100 * found[0].difference / found[0].force
-    return f"""# {TITLE}
-
-**What is checked.** A specimen is compressed by 10 to 60 %. Both faces are bonded, and the side surface
-sticks where it rolls onto a platen. The explicit solver loads the specimen slowly. Force, radius at
-mid-height and the whole outline are compared.
-
-**Independent source.** FElupe and DOLFINx computed static solutions (`tests/reference/README.md`). Force
-and radius are compared with their consensus, outlines with each program.
-
-**Set-up.** The specimen is neo-Hookean with ν = {POISSON} and E = 80 kPa. The flyer accelerates for
-{1e3 * RISE * DURATION:g} ms and then moves at {found[0].speed:.3f} m/s. The loading takes
-{1e3 * DURATION:g} ms, about {DURATION / 0.68e-3:.0f} passages of a wave along the specimen. The
-mass-proportional damping is α = {DRAG:g} 1/s. The force is the mean of both faces. The kinetic energy is at
-most {found[0].kinetic.max():.0e} of the elastic one.
-
-The first table gives the force error [%]:
-
-{table(header, forces)}
-
-The second table gives the error of the radius at mid-height [µm]:
-
-{table(["compression", "reference [mm]", *names], radii)}
-
-The next table gives the normal distance of the surface nodes to the reference's outline, rms (largest)
-[µm]. The side sticks in FElupe and slips in DOLFINx. While the side has hardly touched, both solve the same
-problem.
-
-{table(["compression", *(f"FElupe, {n}" for n in names), *(f"DOLFINx, {n}" for n in names)], outlines)}
-
-**What the loading adds.** Because of the drag the face forces differ by αMv/2, with the flyer's speed v and
-the specimen's mass M. Here this is {asymmetry[0]:.2f} % at 10 %. The mean of both faces cancels it. The
-mean does not cancel the drag on the *deformation* (the faces approach, the side moves out). That part is
-also of first order in αv: αMv(1/12 + R²/8L²) for a homogeneous deformation. The table has ten times the
-drag, slower and slower loading, and 16 × 22 elements:
-
-{
-        table(
-            [
-                "duration [ms]",
-                *(f"force error at {100 * COMPRESSION[k]:.0f} % [%]" for k in (0, 1, 2, 5)),
-                "faces differ at 10 % by [mN]",
-                "αMv/2 [mN]",
-            ],
-            slower,
-        )
-    }
-
-This part halves as the speed halves. For α = {DRAG:g} 1/s its share of the mean force is
-{left_over[0]:.2f} % at 10 %, {left_over[1]:.2f} % at 20 % and at most {left_over[2:].max():.2f} % from 30 %
-on. The errors above are not corrected for it.
-
-**10 and 20 %.** There the reference is uncertain by ±{100 * known.sigma[0] / known.force[0]:.2f} % and
-±{100 * known.sigma[1] / known.force[1]:.2f} %. A bonded edge is a stress singularity, and every mesh
-resolves it differently. From 10 % on the side rolls onto the platens, node by node. The specimen is a
-little too soft before a node touches the platen, and a little too stiff afterwards. Between 15 and 25 % the
-meshes {names[1]} and {names[2]} differ by up to {sawtooth:.1f} %. Therefore the error at 20 % does not fall
-from mesh to mesh. At 20 % the *FElupe* outline lies {outside:.0f} µm outside the consensus at mid-height.
-The DOLFINx outline agrees with the consensus, and this solver agrees with DOLFINx.
-
-**Tolerance.** On 16 × 22 the force may differ by {100 * FORCE_TOLERANCE["coarse"]:g} %, the discretisation
-error. On finer meshes the limit is {100 * FORCE_TOLERANCE["fine"]:g} % from 30 to 60 %, where the reference
-is known to 0.1 %. The same limit holds at 10 and 20 %. The radius may differ by
-{1e3 * RADIUS_TOLERANCE["coarse"]:g} mm on 16 × 22 and by {1e3 * RADIUS_TOLERANCE["fine"]:g} mm on finer
-meshes. The outline may differ by {1e3 * RADIUS_TOLERANCE["fine"]:g} mm rms on finer meshes. It is compared
-with DOLFINx up to 30 % and with FElupe from 30 % on.
-"""
+    fine = 100 * np.abs(force_error(result.meshes[FINE[-1]]))[LARGE].max()
+    radius = 1e3 * np.abs(result.meshes[FINE[-1]].radius - result.reference.radius).max()
+    return locals()
 
 
 def test_coarse_static_force_and_radius_against_the_reference() -> None:

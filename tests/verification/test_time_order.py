@@ -7,30 +7,24 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, smooth_stroke, table
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, smooth_stroke
 
 from explicit import Model, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 
-TITLE = "Order in time"
 DURATION = 4e-4
 """Duration of the platen's motion [s]: a shear wave needs 0.9 ms for the radius, so waves are resolved."""
-STROKE = 0.05
-"""Nominal compression of the motion [-]."""
+STROKE = 0.05  # nominal compression of the motion [-]
 TIMES = DURATION * np.array([0.24, 0.5, 0.74, 0.9])
 """Times of comparison [s], a whole number of every step and away from the ends of the motion, where its
 acceleration has a kink."""
-STEPS = DURATION / 100.0 / 2.0 ** np.arange(7)
-"""Steps [s]: 4, 2, 1, ... µs."""
-DAMPING = 2.5e-5
-"""Stiffness-proportional damping of the paper [s]."""
-USUAL_STEP = 1.5e-6
-"""Step of 16 × 22 elements with this damping [s]."""
+STEPS = DURATION / 100.0 / 2.0 ** np.arange(7)  # steps [s]: 4, 2, 1, ... µs.
+DAMPING = 2.5e-5  # Stiffness-proportional damping of the paper [s]
+USUAL_STEP = 1.5e-6  # step of 16 × 22 elements with this damping [s]
 QUANTITIES = ("transmission force", "flyer force", "impulse", "positions")
 ALLOWED = 0.1
 """Allowed distance of a fitted order from theory [-]: the next term of the error at the coarsest steps."""
-LAG_TOLERANCE = 5e-3
-"""Allowed first-order error of the force at the usual step, over the largest force [-]."""
+LAG_TOLERANCE = 5e-3  # allowed first-order error of the force at the usual step, over the largest force [-]
 
 
 @dataclass(frozen=True)
@@ -39,12 +33,9 @@ class Result:
 
     undamped: dict[str, FloatArray]
     """Largest difference to half the step, by quantity [-], shape [n_steps - 1]."""
-    damped: dict[str, FloatArray]
-    """The same with deviatoric damping."""
-    order: dict[str, FittedOrder]
-    """Fit of the undamped differences against the step."""
-    damped_order: dict[str, FittedOrder]
-    """Fit of the damped differences over the three smallest steps."""
+    damped: dict[str, FloatArray]  # the same with deviatoric damping
+    order: dict[str, FittedOrder]  # fit of the undamped differences against the step
+    damped_order: dict[str, FittedOrder]  # fit of the damped differences over the three smallest steps
 
 
 def histories(damping: float, step: float) -> tuple[dict[str, FloatArray], float]:
@@ -102,18 +93,8 @@ def lag(result: Result, name: str) -> float:
     return float(2.0 * result.damped[name][-1] * USUAL_STEP / STEPS[-2])
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    orders = [fit.order for fit in result.order.values()]
-    return (
-        "fitted order in time of forces, impulse and positions, undamped",
-        f"{min(orders):.2f} to {max(orders):.2f}",
-        f"2 within {ALLOWED:g}",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     steps = [f"{1e6 * step:g}" for step in STEPS[:-1]]
 
     def rows(series: dict[str, FloatArray], fits: dict[str, FittedOrder]) -> list[list[str]]:
@@ -126,37 +107,8 @@ def page(result: Result) -> str:
             for name in QUANTITIES
         ]
 
-    return f"""# {TITLE}
-
-**What is checked.** Central differences are of second order. A bonded specimen is compressed by
-{STROKE:.0%} along a fifth-order smooth step in {1e3 * DURATION:g} ms. No node touches a platen, so the
-motion is smooth. The step is fixed (`Stepping.largest_step`) and halved from {1e6 * STEPS[0]:g} to
-{1e6 * STEPS[-1]:g} µs. The solver must report exactly the requested step.
-
-**Independent source.** In theory, the difference between the results of a step and of half that step falls
-with the order of the scheme. The test uses no reference run.
-
-**Set-up.** The specimen has 8 × 11 elements and is neo-Hookean, with E = 80 kPa and ν = 0.495. The support
-is rigid. Forces, impulse and the displacements of all nodes are compared at
-{", ".join(f"{1e3 * t:g}" for t in TIMES)} ms, relative to their largest value.
-
-The first table has no damping. It gives the difference to half the step, by step [µs]:
-
-{table(["quantity", *steps, "fitted order"], rows(result.undamped, result.order))}
-
-The second table has deviatoric damping of {DAMPING:g} s. The order is fitted to the three smallest steps:
-
-{table(["quantity", *steps, "fitted order"], rows(result.damped, result.damped_order))}
-
-The damping stress uses the velocity of half a step before. This keeps the scheme explicit and is of first
-order. It is visible only when the second-order part is small. At a step of {1e6 * USUAL_STEP:g} µs (16 × 22
-elements) the first-order part is {100 * lag(result, "transmission force"):.2f} % of the largest force and
-{100 * lag(result, "positions"):.2f} % of the largest displacement.
-
-**Tolerance.** The order must be 2 (1 with damping) within {ALLOWED:g}. The next term of the error at the
-coarsest steps changes the fit by 0.03, and the remaining second-order part by 0.05. The first-order part of
-the force at the usual step may be at most {100 * LAG_TOLERANCE:g} %.
-"""
+    orders = [fit.order for fit in result.order.values()]
+    return locals()
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)

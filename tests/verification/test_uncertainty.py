@@ -77,8 +77,7 @@ class Example:
     where: str
     what: str
     printed: str
-    computed: float
-    """By this package."""
+    computed: float  # by this package
 
     @property
     def off(self) -> float:
@@ -141,31 +140,26 @@ def lost_power(v: Mapping[str, float], rng: object = None) -> dict[str, float]:
 
 FloatArray = NDArray[np.float64]
 
-TITLE = "Uncertainty budgets"
 FIGURE_SIZE = (6.7, 2.8)
 
 PRINTED = 0.6
 """Largest difference from printed numbers in units of their last digit: half for their rounding, and the GUM
 goes on with rounded numbers."""
-DRAWN = 0.045
-"""The same of standard deviations by 4000 draws, which know them to 1.1 %: four of these."""
-HELD = 0.02
-"""Of the share of intervals that hold the truth: 4000 series know it to 0.4 %, k = 2 adds nothing."""
+DRAWN = 0.045  # the same of standard deviations by 4000 draws, which know them to 1.1 %: four of these
+HELD = 0.02  # of the share of intervals that hold the truth: 4000 series know it to 0.4 %, k = 2 adds nothing
 CLOSED = 1e-3
 """Of contributions from their closed form: bends of the bridge and of 1 / diameter^2 over one sigma."""
 
 TRIALS = 4000
 SERIES = 4000
-COUNTS = (2, 3, 4, 5, 7, 10)
-"""Repeated tests in a series."""
+COUNTS = (2, 3, 4, 5, 7, 10)  # repeated tests in a series
 FACTORS = ("k = 2", "Student's t")
 
 
 BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=210e9, density=7800.0)
 SPECIMEN = Specimen(diameter=10e-3, length=4e-3, density=1180.0)
 BRIDGE = Bridge("half, opposed", gauge_factor=2.1, excitation=5.0, gain=100.0)
-NOISE = 1e-6
-"""Of a sample of strain."""
+NOISE = 1e-6  # of a sample of strain
 TIME = 0.5e-6 * np.arange(400)
 INPUTS = (
     quantity("Young's modulus", 210e9, 2.1e9, unit="Pa"),
@@ -216,18 +210,12 @@ def noise() -> dict[str, FloatArray]:
 class Result:
     """Everything measured."""
 
-    budgeted: tuple[Example, ...]
-    """By sensitivities."""
-    drawn: tuple[Example, ...]
-    """By draws."""
-    wide: float
-    """JCGM 101, 9.2.4: distance of the ends of the GUM's interval from those of the draws, over u."""
-    budget: Budget
-    """Of the bar test."""
-    spread: Mapping[str, Spread]
-    """Of its draws."""
-    held: Mapping[str, FloatArray]
-    """Share of series whose interval holds the truth, by factor, over `COUNTS`."""
+    budgeted: tuple[Example, ...]  # by sensitivities
+    drawn: tuple[Example, ...]  # by draws
+    wide: float  # JCGM 101, 9.2.4: distance of the ends of the GUM's interval from those of the draws, over u
+    budget: Budget  # of the bar test
+    spread: Mapping[str, Spread]  # of its draws
+    held: Mapping[str, FloatArray]  # share of series whose interval holds the truth, by factor, over `COUNTS`
 
 
 @cache
@@ -289,22 +277,8 @@ def sigma_off(result: Result) -> float:
     )
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index."""
-    drawn = 100 * max(example.off for example in result.drawn)
-    return (
-        "examples of the GUM; of its Supplement 1, by draws; standard uncertainties of a bar test's stress, "
-        "strain and rate against draws; share of t intervals over 2 to 10 tests that hold the truth",
-        f"{max(e.digits for e in result.budgeted):.2f} of the last digit; {drawn:.1f} %; "
-        f"{100 * sigma_off(result):.1f} %; 0.95 within {shares_off(result):.3f}",
-        f"{PRINTED} of the last digit; {100 * DRAWN} %; {100 * DRAWN} %; {HELD}",
-    )
-
-
 def draw(result: Result, figure: Figure) -> None:
-    """Left: expanded uncertainty (k = 2) of a bar test over the quantity's largest value; budget (lines)
-    and 4000 draws with noise (points). Right: share of intervals of the mean of n tests that hold the
-    truth; Student's distribution (lines) and 4000 series (points)."""
+    """Draw the figure of the page."""
     left, right = figure.subplots(1, 2)
     for i, name in enumerate(OUTPUTS):
         peak = np.abs(result.budget.value[name]).max()
@@ -321,8 +295,8 @@ def draw(result: Result, figure: Figure) -> None:
     right.legend(loc="lower right")
 
 
-def page(result: Result) -> str:
-    """The page."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
 
     def table(examples: tuple[Example, ...]) -> str:
         lines = [f"| {e.where} | {e.what} | {e.printed} | {e.computed:.6g} |" for e in examples]
@@ -332,50 +306,7 @@ def page(result: Result) -> str:
         f"| {name} | {100 * found:+.4f} | {100 * exact:+.4f} |"
         for name, (found, exact) in closed_form(result).items()
     ]
-
-    return f"""# {TITLE}
-
-**What is checked.** The page tests the arithmetic of {{ref}}`theory-budget`. It covers budgets by
-sensitivities, budgets by random draws, and bands over repeated tests.
-
-## Printed examples
-
-By sensitivities, Eqs. (U.10) to (U.12):
-
-{table(result.budgeted)}
-
-By draws:
-
-{table(result.drawn)}
-
-In JCGM 101, 9.2.4, one rectangular quantity dominates the others, and the GUM's interval differs from that
-of the draws by {result.wide:.2f} u. `tests/helpers/monte_carlo.py` reports this.
-
-## A bar test
-
-The example has three waves in steel bars of 20 mm, recorded in volts of half bridges with white noise of 1
-µε. Stress, strain and rate are computed by three waves. Eight quantities vary. The table compares their
-contributions to the largest stress, in percent, with their closed form:
-
-| quantity | found [%] | closed form [%] |
-| --- | --- | --- |
-{chr(10).join(parts)}
-
-The quantities are drawn {TRIALS} times, with noise at every sample, and go through the same chain. The
-standard deviations of the results are within {100 * sigma_off(result):.1f} % of the budget's over the
-pulse. Their statistical error is 1.1 %.
-
-## Repeated tests
-
-With few tests an interval with the factor 2 contains the truth too seldom. With two tests only
-{100 * result.held["k = 2"][0]:.0f} % of the intervals contain it. With Student's t
-{100 * result.held["Student's t"][0]:.0f} % do.
-
-**Tolerances.** Printed examples may differ by {PRINTED} units of the last printed digit. Standard
-deviations by draws may differ by {100 * DRAWN} %, four times the statistical error of 4000 draws. Shares
-may differ by {HELD}. Contributions may differ by {CLOSED}, because bridge and areas are nonlinear over one
-standard uncertainty.
-"""
+    return locals()
 
 
 @pytest.mark.slow  # 15 s

@@ -6,17 +6,15 @@ from pathlib import Path
 
 import numpy as np
 from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, RADIUS, YOUNG, FloatArray, gentle_stroke, ninth, ninth_slope, shear_modulus, table
+from scene import DENSITY, RADIUS, YOUNG, FloatArray, gentle_stroke, ninth, ninth_slope, shear_modulus
 from scipy.interpolate import CubicSpline
 
 from explicit import Model, PlatenMotion, Samples, Sampling, cylinder, run
 from explicit.materials import neo_hookean
 
-TITLE = "Guided waves and radial inertia"
 REFERENCE = Path(__file__).resolve().parent.parent / "reference" / "F_pochhammer_nu0.29.csv"
 MESHES = ((6, 12), (12, 24), (24, 48))
-MODES = (1, 2, 3)
-"""Half waves along a rod of length 2 a; mode n has a / wavelength = n / 4."""
+MODES = (1, 2, 3)  # half waves along a rod of length 2 a; mode n has a / wavelength = n / 4
 WAVE_TOLERANCE = 5e-3
 """Allowed relative error of a phase velocity on the finest mesh [-]: 0.34 % at 32 elements a wavelength."""
 
@@ -32,22 +30,17 @@ compressibility, which leaves (radius / (c duration))^2, 1.4 % at 0.4 ms."""
 class Result:
     """Phase velocities and disc forces beside their closed forms."""
 
-    slenderness: FloatArray
-    """a / wavelength of the modes [-], shape [n_modes]."""
+    slenderness: FloatArray  # a / wavelength of the modes [-], shape [n_modes]
     velocity: FloatArray
     """Phase velocity over sqrt(E / rho) found on each mesh [-], shape [n_meshes, n_modes]."""
     exact_velocity: FloatArray
     """Phase velocity of the first Pochhammer mode over sqrt(E / rho) [-], shape [n_modes]."""
-    wave_order: tuple[FittedOrder, ...]
-    """Fit of the higher modes' errors (n = 2, 3) against the element size."""
+    wave_order: tuple[FittedOrder, ...]  # fit of the higher modes' errors (n = 2, 3) against the element size
     closed_form: FloatArray
     """Of the slowest disc: inertia plus static stress, times the face [N], shape [n_times]."""
-    static: FloatArray
-    """The static part alone [N], shape [n_times]."""
-    disc_error: FloatArray
-    """Largest force error over the largest force, by duration [-], shape [n_durations]."""
-    disc_order: FittedOrder
-    """Its fit against 1 / duration."""
+    static: FloatArray  # the static part alone [N], shape [n_times]
+    disc_error: FloatArray  # largest force error over the largest force, by duration [-], shape [n_durations]
+    disc_order: FittedOrder  # its fit against 1 / duration
     spread: FloatArray
     """Largest spread of the side radius over the radius, by aspect a / h at 0.2 ms [-], shape [n_aspects]."""
 
@@ -152,17 +145,8 @@ def wave_error(result: Result) -> FloatArray:
     return result.velocity / result.exact_velocity - 1.0
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    return (
-        "phase velocities of Pochhammer and Chree, a / wavelength to 0.75; radial inertia of a flat disc",
-        f"{100 * np.abs(wave_error(result)[-1]).max():.2f} %; {100 * result.disc_error[-1]:.2f} %",
-        f"{100 * WAVE_TOLERANCE:g} %; {100 * INERTIA_TOLERANCE:g} %",
-    )
-
-
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     waves = [
         [f"{x:g}", f"{v:.4f}", *(f"{100 * e:+.2f}" for e in errors)]
         for x, v, errors in zip(result.slenderness, result.exact_velocity, wave_error(result).T, strict=True)
@@ -172,50 +156,7 @@ def page(result: Result) -> str:
     orders = " and ".join(f"{fit.order:.2f} +- {fit.standard_error:.2f}" for fit in result.wave_order)
     header = ["a / wavelength", "exact c / c_0", *(f"{n} × {m}, error [%]" for n, m in MESHES)]
     share = 100 * (1 - result.static / result.closed_form).max()
-    return f"""# {TITLE}
-
-**What is checked.** Inertia is tested in both directions. The first test is the speed of guided waves with
-a length comparable with the radius. The second is the force of a fast radial expansion of a disc.
-
-## Guided waves
-
-**Independent source.** A separate root finder computed the first longitudinal mode of Pochhammer and Chree
-for ν = 0.29 (`tests/reference/F_pochhammer_nu0.29.csv`).
-
-**Set-up.** A rod of length 2 a lies between frictionless faces. It is compressed slowly by 0.012 % to keep
-contact, then by a further 0.001 % within 1 ms. Its free vibration is a sum of standing waves cos(n pi y /
-L) of the side surface, n = 1, 2, 3. The lowest frequency in each is the first mode at a / wavelength = n /
-4. ESPRIT separates several frequencies.
-
-{table(header, waves)}
-
-The fitted order of the error for n = 2 and 3 is {orders}.
-
-**Tolerance.** The speed may differ by {100 * WAVE_TOLERANCE:g} % on the finest mesh. The element is of
-second order and has 32 elements a wavelength at n = 3.
-
-## Radial inertia
-
-**Independent source.** A homogeneous incompressible disc has radius a and nominal compression e. Its
-inertia needs the face-mean pressure (rho a^2 / 8) [e'' / (1 - e)^2 + 3 e'^2 / (2 (1 - e)^3)]. The static
-neo-Hookean stress mu (1 / lambda - lambda^2) with lambda = 1 - e is added to it.
-
-**Set-up.** A disc with a / h = 20, 32 × 2 elements and ν = {DISC_POISSON} is compressed by
-{DISC_STROKE:.0%} without friction. The motion is a smooth step of ninth order. The force is the mean of
-both faces, up to 52 % of the duration, while the platens are pressed. The table gives the largest force
-error over the largest force. It falls with the power {result.disc_order.order:.2f} of the duration:
-
-{table(["duration [ms]", "error [%]"], discs)}
-
-At the longest duration, inertia is at most {share:.0f} % of the force. A flatter disc stays more
-homogeneous, at least as (h / a)^2. The table gives the spread of the side radius over the radius at 0.2 ms:
-
-{table(["a / h", "spread [%]"], flat)}
-
-**Tolerance.** The force may differ by {100 * INERTIA_TOLERANCE:g} % at the longest duration. The closed
-form has no compressibility. The resulting error is of the order (a / (c duration))^2 with the pressure
-wave's speed c = 390 m/s. The error falls with the duration, so there is no other error.
-"""
+    return locals()
 
 
 def test_phase_velocities_are_those_of_pochhammer_and_chree() -> None:

@@ -28,8 +28,7 @@ from kolsky.shot.load import load_shot
 Mesh = tuple[int, int]
 
 SHOT = Path(__file__).resolve().parents[2] / "runs" / "open-01"
-TRUTH = 1.12
-"""The stiffness factor that the shot was made with (truth.json) [-]."""
+TRUTH = 1.12  # the stiffness factor that the shot was made with (truth.json) [-]
 FORMS: dict[str, dict[str, str]] = {
     "one-point, stiffness": {"element": "one_point", "hourglass_form": "stiffness"},
     "one-point, viscous": {"element": "one_point", "hourglass_form": "viscous"},
@@ -37,15 +36,12 @@ FORMS: dict[str, dict[str, str]] = {
 }
 """Elements and hourglass forms, as the page calls them."""
 MESHES: tuple[Mesh, ...] = ((16, 22), (24, 32), (32, 44), (48, 64))
-COARSE: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))
-"""Meshes of the quick tests."""
+COARSE: tuple[Mesh, ...] = ((8, 11), (12, 16), (16, 22))  # meshes of the quick tests
 SPACING = 0.006
 """Distance of neighbouring stiffness factors of a batch [-]: data vectors between them, with all their
 ringing, are interpolated by the polynomial through a batch; every other factor left out moves m by 1e-4."""
-CUTOFF = 5e3
-"""Cut-off of the compared force [Hz]."""
-ORDER = 2.0
-"""Order of the extrapolation [-]: the common fit of all elements to m has it, see the page."""
+CUTOFF = 5e3  # Cut-off of the compared force [Hz]
+ORDER = 2.0  # order of the extrapolation [-]: the common fit of all elements to m has it, see the page
 
 
 @cache
@@ -122,28 +118,20 @@ def identified(form: str, mesh: Mesh, grading: float = 2.0, *, weights: str = "n
 class Series:
     """An element's refinement series."""
 
-    sizes: FloatArray
-    """Element sizes [-], shape [n_meshes]."""
-    force: FloatArray
-    """Rms distance of the 5 kHz force from all elements' common limit [N], shape [n_meshes]."""
-    outline: FloatArray
-    """Rms distance of the radii from their common limit [m], shape [n_meshes]."""
-    factor: FloatArray
-    """Identified m, weighted by the noise [-], shape [n_meshes]."""
-    weighted: FloatArray
-    """Identified m, weighted as `kolsky identify` does [-], shape [n_meshes]."""
+    sizes: FloatArray  # element sizes [-], shape [n_meshes]
+    force: FloatArray  # rms distance of the 5 kHz force from all elements' common limit [N], shape [n_meshes]
+    outline: FloatArray  # rms distance of the radii from their common limit [m], shape [n_meshes]
+    factor: FloatArray  # identified m, weighted by the noise [-], shape [n_meshes]
+    weighted: FloatArray  # identified m, weighted as `kolsky identify` does [-], shape [n_meshes]
 
 
 @dataclass(frozen=True)
 class Convergence:
     """What all elements converge to, and how."""
 
-    series: dict[str, Series]
-    """By element."""
-    force_limits: dict[str, FloatArray]
-    """Extrapolated 5 kHz force of each element [N], shape [n_force_times]."""
-    outline_limits: dict[str, FloatArray]
-    """Extrapolated radii of each element [m], shape [n_points]."""
+    series: dict[str, Series]  # by element
+    force_limits: dict[str, FloatArray]  # extrapolated 5 kHz force of each element [N], shape [n_force_times]
+    outline_limits: dict[str, FloatArray]  # extrapolated radii of each element [m], shape [n_points]
 
 
 def convergence(meshes: tuple[Mesh, ...] = MESHES) -> Convergence:
@@ -179,7 +167,6 @@ def artificial_share(form: str, mesh: Mesh) -> float:
     return float(batch(form, mesh).energy.artificial_share()[middle(mesh)])
 
 
-TITLE = "Elements: which one to take"
 ARTIFICIAL = 0.01
 """Largest allowed artificial energy over the strain energy [-]: what the field takes for harmless."""
 FACTOR_TOLERANCE = {"coarse": 0.02, "fine": 0.0025, "limit": 0.001}
@@ -188,20 +175,16 @@ limit's own scatter, 0.05 %, and the noise of the shot, of the same size."""
 LIMITS_APART = {"force": 2e-3, "outline": 2.5e-6}
 """Allowed rms distance of two elements' limits: 5 kHz force over its peak [-], radii [m]: a fifth of the
 errors on 16 × 22 that the extrapolation removes."""
-STUDY = (16, 22)
-"""Mesh of the study of graded meshes."""
+STUDY = (16, 22)  # mesh of the study of graded meshes
 
 
 @dataclass(frozen=True)
 class Result:
     """What the shot says of the elements."""
 
-    found: Convergence
-    """Errors on every mesh and the elements' limits."""
-    factor: CommonLimit
-    """One limit and order of m for all elements, weighted by the noise."""
-    orders: dict[str, tuple[FittedOrder, FittedOrder]]
-    """Fits of force and outline, by element."""
+    found: Convergence  # errors on every mesh and the elements' limits
+    factor: CommonLimit  # one limit and order of m for all elements, weighted by the noise
+    orders: dict[str, tuple[FittedOrder, FittedOrder]]  # fits of force and outline, by element
 
 
 @cache
@@ -224,19 +207,6 @@ def peak() -> float:
     return float(force("one-point, stiffness", MESHES[-1]).max())
 
 
-def row(result: Result) -> tuple[str, str, str]:
-    """Line of the index: what is compared, what was measured, what is allowed."""
-    share = max(artificial_share(form, MESHES[0]) for form in FORMS)
-    finest = max(abs(one.factor[-1] / TRUTH - 1) for one in result.found.series.values())
-    apart, allowed = abs(result.factor.value / TRUTH - 1), FACTOR_TOLERANCE
-    return (
-        "open-01 with every element: artificial over strain energy, 16 × 22; identified m against the known "
-        "answer, 48 × 64 and extrapolated",
-        f"{100 * share:.2f} %; {100 * finest:.2f} %, {100 * apart:.2f} %",
-        f"{100 * ARTIFICIAL:g} %; {100 * allowed['fine']:g} %, {100 * allowed['limit']:g} %",
-    )
-
-
 def convergence_table(result: Result) -> str:
     """Errors and m on every mesh, by element."""
     rows = []
@@ -255,53 +225,12 @@ def convergence_table(result: Result) -> str:
     return table(header, rows)
 
 
-def page(result: Result) -> str:
-    """The page's text."""
+def shown(result: Result) -> dict[str, object]:
+    """What the page and the index show beside the fields of the result."""
     spread = (apart(result.found.force_limits), apart(result.found.outline_limits))
     common = result.factor
-    return f"""# {TITLE}
-
-**What is checked.** The known-answer shot `runs/open-01` (m = {TRUTH}, ν = 0.499, β = 25 µs, bonded, 56 %)
-is simulated with the settings of `kolsky`. The elements are F-bar and the one-point quadrilateral under
-both forms of hourglass control (`Model.hourglass_form`). The energy of hourglass control is compared. The
-convergence of force, outline and the *identified* m is compared too. The meshes are graded toward the
-platens and the side.
-
-**Which one to take.** The default is *one-point with stiffness control*. On every mesh its force and
-outline are closest to the limit, at a third of F-bar's cost ([F-bar](fbar.md)). The *viscous* form is not
-better here. It has no restoring force for an hourglass pattern, so do not use it for a slow test. *F-bar*
-has no tuning parameter, and its m is closer to the limit. Use it to check an answer
-(`kolsky simulate --element fbar`) or when `kolsky` warns of artificial energy.
-
-**Independent source.** The shot has a known answer, and none of these meshes was used to make it. For force
-and outline the elements are compared with each other. They have the same limit and converge to it
-differently.
-
-## Convergence
-
-The table gives the rms distance of the 5 kHz force (over its peak of {peak():.1f} N) and of the radii at
-the measured points. The distance is that from the mean of the three limits. Each limit is extrapolated with
-h² over all meshes. The identified m minimises the joint χ². It is weighted by the measured noise alone, and
-by noise and discrepancy as `kolsky identify` does:
-
-{convergence_table(result)}
-
-The limits of two elements differ by at most {100 * spread[0] / peak():.2f} % (force) and
-{1e6 * spread[1]:.1f} µm (outline). The error on the finest mesh is of the same size, so this error and the
-orders are uncertain by about a factor of two. "Limit" is the m of each element extrapolated with h². Its ±
-is the largest distance of a mesh from that law.
-
-One limit and one order are fitted to the twelve m (weighted by the noise). They give **m =
-{common.value:.4f} ± {common.deviation:.4f}** with order {common.order:.2f}. The ± is the largest distance
-of a mesh from the law. The known answer is {TRUTH}.
-
-**Tolerance.** The artificial energy may be {100 * ARTIFICIAL:g} % of the strain energy, at the end and
-largest over largest. The factor m may differ by {100 * FACTOR_TOLERANCE["coarse"]:g} % on 16 × 22,
-{100 * FACTOR_TOLERANCE["fine"]:g} % on 48 × 64 and {100 * FACTOR_TOLERANCE["limit"]:g} % extrapolated. This
-is the second-order error that corresponds to 1.5 % on 16 × 22, and the scatter of the limit. The limits of
-two elements may differ by {100 * LIMITS_APART["force"]:g} % of the peak and
-{1e6 * LIMITS_APART["outline"]:g} µm.
-"""
+    finest = max(abs(one.factor[-1] / TRUTH - 1) for one in result.found.series.values())
+    return locals()
 
 
 COARSEST = COARSE[-1]

@@ -15,8 +15,7 @@ from benchmarks.kills import CHILDREN
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the system ends children on Linux")
 
 ROOT = Path(__file__).resolve().parents[3]
-MOMENTS = (0.0, 0.05, 0.2, 0.6)
-"""Times from the birth of the first child to the kill [s]."""
+MOMENTS = (0.0, 0.05, 0.2, 0.6)  # times from the birth of the first child to the kill [s]
 
 POOL = """
 import time

@@ -16,8 +16,7 @@ from kolsky.diagnosis.cause_fit import (
     solve_linear,
 )
 
-K = 60
-"""Entries: the first half are the force's."""
+K = 60  # Entries: the first half are the force's
 
 
 def expected(

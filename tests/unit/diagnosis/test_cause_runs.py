@@ -126,8 +126,7 @@ def test_a_run_that_takes_many_more_steps_than_the_answer_is_lost_but_not_on_the
     assert few.outcomes[0] is Outcome.STEP_LIMIT
 
 
-SLOWER = 1.03
-"""Factor on the times of all frames."""
+SLOWER = 1.03  # factor on the times of all frames
 
 
 def at_rate(m: float, damping: float, s: float) -> Any:

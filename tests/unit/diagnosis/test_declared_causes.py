@@ -18,8 +18,7 @@ from kolsky.shot.input_records import Cause, Change
 from kolsky.shot.inputs import DAMPING, POISSON, SENSITIVITY, causes
 
 FloatArray = NDArray[np.float64]
-K = 200
-"""Entries, all of the force, each at a time of its own; their noise is 1."""
+K = 200  # Entries, all of the force, each at a time of its own; their noise is 1
 BY_KEY = {c.key: c for c in causes()}
 
 

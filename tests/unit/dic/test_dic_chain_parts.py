@@ -40,8 +40,7 @@ from kolsky.base.process import single_threaded_libraries
 
 SHAPE = (96, 128)
 FRAMES = 6
-FLOOR, GAIN = 12.0, 0.25
-"""Of the pictures' noise: variance FLOOR² + GAIN grey."""
+FLOOR, GAIN = 12.0, 0.25  # of the pictures' noise: variance FLOOR² + GAIN grey
 SETTINGS = ChainSettings(toward_flyer="left", zero=(60.0, 90.0), strip_half_width=1e-3)
 REGION = Region(((10.0, 10.0), (100.0, 10.0), (100.0, 80.0), (10.0, 80.0)))
 

@@ -297,8 +297,7 @@ def test_a_body_out_of_view_and_another_pattern_are_not_found():
     assert search(edge).register(other, np.zeros(3), np.arange(-40e-6, 45e-6, 10e-6)) is None
 
 
-EDGE = TOP - 8.0 / SCALE
-"""The body's rim at rest: eight rows of it are in view."""
+EDGE = TOP - 8.0 / SCALE  # the body's rim at rest: eight rows of it are in view
 
 
 def test_a_strip_looks_like_the_body_where_it_is_known():

@@ -40,8 +40,7 @@ SIDE = 9
 CELL = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
 MIDDLE = SIDE * SIDE // 2
 SIGMA = np.array([2e-6, 3e-6, 5e-6])
-DISTANCE = 0.4e-3
-"""Of neighbouring points [m]."""
+DISTANCE = 0.4e-3  # of neighbouring points [m]
 
 
 def judged(position: np.ndarray, cell: np.ndarray = CELL) -> np.ndarray:
@@ -262,10 +261,8 @@ def test_without_a_frame_of_both_cameras_there_is_no_material_frame():
 
 # --- outliers of rigid bodies and cylinders ---------------------------------------------------------------
 
-SPREAD = 2.0
-"""Median of the residuals, in their declared sigmas."""
-LIMIT = 4.0 * SPREAD / norm.ppf(0.75)
-"""Four robust standard deviations [declared sigmas]."""
+SPREAD = 2.0  # median of the residuals, in their declared sigmas
+LIMIT = 4.0 * SPREAD / norm.ppf(0.75)  # four robust standard deviations [declared sigmas]
 
 
 def opposed(places: np.ndarray, directions: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

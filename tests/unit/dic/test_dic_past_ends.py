@@ -16,8 +16,7 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.surfaces.outline import beyond_noise, departures
 from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 
-FOCAL, AWAY = 5400.0, 0.3
-"""Focal length [px] and distance of the cameras from the axis [m]: 18 px/mm."""
+FOCAL, AWAY = 5400.0, 0.3  # focal length [px] and distance of the cameras from the axis [m]: 18 px/mm
 FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
 RADIUS, RIM, LENGTH = 5e-3, 7.5e-3, 6e-3
 UP, DOWN = np.array([0.0, -1.0]), np.array([0.0, 1.0])

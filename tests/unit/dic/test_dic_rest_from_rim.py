@@ -75,8 +75,7 @@ def test_cameras_that_disagree_widen_the_rim_and_an_unknown_length_gives_no_rest
     assert not RestGeometry(length=6e-3, length_sigma=15.1e-6, radius=5e-3).length_is_certain
 
 
-LOW = -1.0e-3
-"""Rim at translation zero [m]."""
+LOW = -1.0e-3  # rim at translation zero [m]
 TRAVELS = 100e-6 * np.arange(10)
 
 

@@ -87,8 +87,7 @@ def test_a_body_of_many_points_is_thinned_evenly_and_all_that_is_known_of_them_w
     np.testing.assert_array_equal(few.reconstruction.pixels[1], again.pixels[1])
 
 
-FIRST = 8
-"""First frame in which its points are seen."""
+FIRST = 8  # first frame in which its points are seen
 TIMES = np.arange(FRAMES) * 1e-5
 
 

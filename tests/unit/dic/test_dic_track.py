@@ -38,8 +38,7 @@ from dic.tracking.matcher import (
 )
 
 SHAPE = (110, 120)
-CENTRE, BASE = 60.0, 100.0
-"""The axis [px] and the resting edge [px] of the compression."""
+CENTRE, BASE = 60.0, 100.0  # the axis [px] and the resting edge [px] of the compression
 NOISE = 2.0
 GREY = np.hypot(NOISE, 0.29)  # rounded to whole grey values
 LAMBDA = np.array([1.0, 0.95, 0.9, 0.82, 0.74, 0.66, 0.58, 0.5, 0.42])

@@ -13,8 +13,7 @@ MODULES = sorted(
     for path in (ROOT / package).rglob("*.py")
     if ">>> " in path.read_text("utf-8")
 )
-FEWEST = 15
-"""Fewest examples: one for each thing that a first script does."""
+FEWEST = 15  # fewest examples: one for each thing that a first script does
 
 
 def examples(module: str) -> list[doctest.DocTest]:

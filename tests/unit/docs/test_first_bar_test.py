@@ -13,8 +13,7 @@ from module_files import module_at
 ROOT = Path(__file__).parents[3]
 MADE = ROOT / "runs" / "bar-01"
 PAGE = (ROOT / "docs" / "howto" / "first_bar_test.md").read_text(encoding="utf-8")
-FLOW, GROWTH = 120e6, 0.02
-"""The specimen's stress is FLOW (1 - exp(-strain / GROWTH)), as the page says."""
+FLOW, GROWTH = 120e6, 0.02  # the specimen's stress is FLOW (1 - exp(-strain / GROWTH)), as the page says
 
 
 def test_the_raw_file_is_the_scripts(tmp_path):

@@ -8,8 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGES = ("kolsky", "explicit", "doe", "dic")
 NAME = re.compile(rf"`~?((?:{'|'.join(PACKAGES)})(?:\.\w+)+)`")
-KEYS_OF_SHOT_TOML = "dic"
-"""A table of shot.toml has the name of a package: `dic.subset` is a key."""
+KEYS_OF_SHOT_TOML = "dic"  # a table of shot.toml has the name of a package: `dic.subset` is a key
 FILES = sorted(
     path
     for folder in (*PACKAGES, "docs", "tests", "runs", "benchmarks", "populations")

@@ -50,8 +50,7 @@ def block() -> Mesh:
 
 
 A, B = 0.5 * RADIUS, 0.5 * LENGTH
-VOLUME = np.pi * A**2 * B
-"""Volume of the first one [m^3]."""
+VOLUME = np.pi * A**2 * B  # volume of the first one [m^3]
 
 
 @cache
@@ -93,8 +92,7 @@ def evaluator(element: str) -> Callable[..., np.ndarray]:
 
 
 REST = np.zeros((2, 4))
-OUTER = block().nodes[block().quads[0], 0] > 0.0
-"""Corners that may move outwards."""
+OUTER = block().nodes[block().quads[0], 0] > 0.0  # corners that may move outwards
 
 
 def strained(size: float = 0.05) -> np.ndarray:
@@ -342,8 +340,7 @@ def test_more_steps_than_were_run_are_refused() -> None:
 FILE = Path(__file__).resolve().parents[2] / "reference" / "M_bonded.csv"
 NUMBER, SEED = 0, 61
 """Of the experiment in `FILE`; made by `python -m populations.other_program --csv 0 --out FOLDER`."""
-RATIO, LOWEST = 1.5, 1.2
-"""Of the meshes' fineness; lowest order of the mesh error that was found."""
+RATIO, LOWEST = 1.5, 1.2  # of the meshes' fineness; lowest order of the mesh error that was found
 
 
 def rms(values):

@@ -47,8 +47,7 @@ SAMPLES = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, damping=2.5
 MESHES = [(6, 8), (16, 22), (24, 32), (36, 40)]
 """Fewer elements than workers, as many, more than fit on the chip in fp64, and more than a few blocks have
 workers for."""
-APART = 1e-9
-"""Sums are made in another order: round-off, 1e-16, amplified by a few hundred steps."""
+APART = 1e-9  # sums are made in another order: round-off, 1e-16, amplified by a few hundred steps
 
 
 def model(mesh: tuple[int, int], law: MaterialLaw | None = None, **options: str) -> Model:

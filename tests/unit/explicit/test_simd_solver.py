@@ -39,8 +39,7 @@ from explicit.simd.team import ELEMENTS_EACH, FINISHED, MOST_SEATS, SharedRun, s
 from explicit.time_loop.kernel import time_loop_kernel
 
 RADIUS, LENGTH, END = 4.75e-3, 6.5e-3, 8e-4
-N = 17
-"""Two packs in fp64 or one in fp32, and one simulation more."""
+N = 17  # two packs in fp64 or one in fp32, and one simulation more
 CRUSHED, SPOILT = 3, 12
 """Simulations that end early: the flyer goes through the other platen; a stiffness is not a number."""
 GOOD = np.delete(np.arange(N), [CRUSHED, SPOILT])

@@ -32,8 +32,7 @@ from explicit.layout.structs import GROUP, entry_function, four_function, groupe
 from explicit.precision import PRECISIONS, Precision
 from explicit.simd import Mapping
 
-FAR = 1_000_000_000
-"""Where no array reaches."""
+FAR = 1_000_000_000  # where no array reaches
 
 
 def launched(kernel: Any, numbers: Precision, mapping: Mapping | None) -> Results:

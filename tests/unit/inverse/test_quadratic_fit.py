@@ -31,8 +31,7 @@ TRUTH = np.array([1.17, 0.42])
 TIME = np.linspace(0.0, 1e-3, 2001)
 NOISE = 0.05
 REFINED = (16, 22)
-MESH_ERROR = np.array([0.03, -0.02])
-"""By how much the coarse mesh's optimum lies off the refined one's."""
+MESH_ERROR = np.array([0.03, -0.02])  # by how much the coarse mesh's optimum lies off the refined one's
 """By how much the other element's does."""
 
 

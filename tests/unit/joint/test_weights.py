@@ -55,8 +55,7 @@ from kolsky.joint_identification import _shot_unknown, shot_variances
 from kolsky.uncertainty.budgets import declared_parts
 from kolsky.uncertainty.mesh_error import MeshChange, mesh_patterns
 
-WIDE = np.array([1e3])
-"""Ranges of the unknowns, far beyond what the data leave."""
+WIDE = np.array([1e3])  # ranges of the unknowns, far beyond what the data leave
 
 
 def shot(force: np.ndarray, outline: np.ndarray, *, sigma: float = 0.5, own: Any = None) -> ShotData:

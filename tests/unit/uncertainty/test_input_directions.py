@@ -29,10 +29,8 @@ from kolsky.uncertainty.input_changes import (
 FloatArray = NDArray[np.float64]
 TIME = np.linspace(0.0, 1e-3, 101)
 FRAMES = np.array([0.25e-3, 0.75e-3])
-STEEP = 2e5
-"""Slope of the model's force [N/s]."""
-WIDENING, TAPER = 1.5, 0.2
-"""Growth of the model's radius with time [m/s] and with height [-]."""
+STEEP = 2e5  # slope of the model's force [N/s]
+WIDENING, TAPER = 1.5, 0.2  # growth of the model's radius with time [m/s] and with height [-]
 
 
 def objective() -> Objective:

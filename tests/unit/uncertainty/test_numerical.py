@@ -284,8 +284,7 @@ def test_an_identification_says_which_graded_run_it_has_lost(monkeypatch: pytest
 MESH = cylinder(4e-3, 6e-3, n_radial=2, n_axial=2)
 BONDED = Interface(faces="bonded", side="bonded")
 SLIDING = Interface(faces="coulomb", side="coulomb", friction=0.3)
-ELEMENT, CORNER = 3, 0
-"""An element and the corner of it that is moved."""
+ELEMENT, CORNER = 3, 0  # an element and the corner of it that is moved
 
 
 def moved(share: float) -> np.ndarray:

@@ -220,8 +220,7 @@ def test_what_leaves_no_residual_is_said_once() -> None:
 # Budgets of routes and of their difference on a linear problem whose covariance is known.
 
 RNG = np.random.default_rng(4)
-N, K = 12, 30
-"""Entries of the force, and of all the data."""
+N, K = 12, 30  # entries of the force, and of all the data
 JACOBIAN = np.column_stack([np.linspace(1.0, 3.0, K), np.cos(0.7 * np.arange(K))])
 SIGMA = np.where(np.arange(K) < N, 0.2, 0.5)
 FLYER = RNG.normal(size=(40, K)) @ (0.3 * RNG.normal(size=(K, K)))
