@@ -93,18 +93,23 @@ def least_zncc(values: Sequence[float]) -> float:
     return max(LEAST_ZNCC, 1.0 - max(UNLIKE, TIMES * (1.0 - float(np.median(values)))))
 
 
-def fitted(grey: FloatArray, reference: FloatArray, slope: FloatArray) -> tuple[float, float]:
+def fitted(
+    grey: FloatArray, reference: FloatArray, slope: FloatArray, of: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Least-squares step of y [m] in ``grey = gain (reference + slope step) + offset`` with free gain and
-    offset, and its variance. The variance is infinite where grey values are constant."""
-    f, g = grey - grey.mean(), reference - reference.mean()
-    cross, energy, n = float(f @ g), float(g @ g), len(grey)
-    if not (energy > 0.0 and f @ f > 0.0):
-        return 0.0, np.inf
-    A = np.stack([1e-6 * slope * cross / energy, g, np.ones(n)], axis=1)  # the step in micrometres
-    inverse = np.linalg.pinv(A.T @ A)
-    solution = inverse @ (A.T @ grey)
-    scatter = float(np.sum((grey - A @ solution) ** 2)) / (n - 3)
-    return 1e-6 * float(solution[0]), 1e-12 * scatter * float(inverse[0, 0])
+    offset, and its variance, for several groups of pixels. ``of``: 1 for the pixels of a group, else 0, shape
+    [n_groups, n]. The variance is infinite where grey values are constant, or with less than four pixels."""
+    n = of.sum(axis=1)
+    f, g = (of * (values - (of @ values / np.maximum(n, 1.0))[:, None]) for values in (grey, reference))
+    cross, energy = np.sum(f * g, axis=1), np.sum(g * g, axis=1)
+    known = (energy > 0.0) & np.any(f != 0.0, axis=1) & (n > 3.0)
+    gain = np.where(known, cross / np.where(known, energy, 1.0), 0.0)
+    A = np.stack([1e-6 * gain[:, None] * (of * slope), g, of], axis=2)  # the step in micrometres
+    inverse = np.linalg.pinv(np.swapaxes(A, 1, 2) @ A)
+    solution = inverse @ (np.swapaxes(A, 1, 2) @ grey[:, None])
+    scatter = np.sum((of * grey - (A @ solution)[..., 0]) ** 2, axis=1) / np.maximum(n - 3.0, 1.0)
+    step, variance = 1e-6 * solution[:, 0, 0], 1e-12 * scatter * inverse[:, 0, 0]
+    return np.where(known, step, 0.0), np.where(known, variance, np.inf)
 
 
 def rays_on_body(
@@ -318,7 +323,7 @@ class EdgeRegistration:
             grey = np.concatenate([part.grey for part in parts])
             reference = np.concatenate([part.reference for part in parts])
             slope = np.concatenate([part.slope(self._frame, SLOPE_STEP * self.pixel) for part in parts])
-            steps.append(fitted(grey, reference, slope)[0])
+            steps.append(float(fitted(grey, reference, slope, np.ones((1, len(grey))))[0][0]))
         error = float(np.sqrt(np.mean(np.square(steps)))) if len(steps) >= FEWEST_FRAMES else np.inf
         return error if error <= LARGEST_EDGE * self.pixel else None
 
@@ -353,11 +358,10 @@ class EdgeRegistration:
             )
             parts.append(visible)
             slope = visible.slope(self._frame, SLOPE_STEP * self.pixel)
-            for k in range(EDGE_ROWS):
-                of = visible.row == k
-                if of.sum() >= FEWEST_ROW:
-                    step, variance = fitted(visible.grey[of], visible.reference[of], slope[of])
-                    off[camera, k] = step if np.isfinite(variance) else np.nan
+            of = (visible.row == np.arange(EDGE_ROWS)[:, None]).astype(np.float64)
+            step, variance = fitted(visible.grey, visible.reference, slope, of)
+            known = (of.sum(axis=1) >= FEWEST_ROW) & np.isfinite(variance)
+            off[camera] = np.where(known, step, np.nan)
         return off, _zncc_of([part.grey for part in parts], [part.reference for part in parts])
 
     def _scores(
@@ -399,14 +403,14 @@ class EdgeRegistration:
         if zncc <= -1.0:
             return -1.0, 0.0, np.inf, 0.0, n
         slope = np.concatenate([part.slope(self._frame, SLOPE_STEP * self.pixel) for part in parts])
-        step, variance = fitted(grey, reference, slope)
+        (step,), (variance,) = fitted(grey, reference, slope, np.ones((1, n)))
         weight = slope**2 / float(slope @ slope)
         correlations = np.concatenate(
             [sigma[part.row] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
         )
         # An offset is common to its row's pixels. The sum of the absolute values over rows is the upper
         # bound.
-        return zncc, step, variance, float(weight @ correlations), n
+        return zncc, float(step), float(variance), float(weight @ correlations), n
 
 
 SEARCH_RANGE = 0.9

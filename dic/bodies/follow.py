@@ -183,7 +183,7 @@ Progress = Callable[[str, int, int], None]
 
 MOST_SENT = 400_000
 """Largest number of points times frames for tracks in a forked process, which sends back about
-70 MB. Larger tracks are computed in threads: with more points per match, threads block each other less."""
+180 MB. Larger tracks are computed in threads: with more points per match, threads block each other less."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,8 @@ class TrackedBody:
     reconstruction: Reconstruction
     """Positions in the rig's frame."""
     common: FloatArray | None
-    """Noise that both tracks share (`dic.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]."""
+    """Noise that both tracks share (`dic.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]. None for a
+    rigid body."""
 
 
 def follow_bodies(
@@ -225,29 +226,24 @@ def follow_bodies(
     first, *others = bodies
     forked = may_fork() and 0 < sum(body.size for body in others) <= MOST_SENT
     placed = [replace(body, device="cpu") if forked else body for body in others]
-    with background(lambda: list(map(track_body, placed)), fork=forked) as tracks_of_others:
-        tracks = [track_body(first, partial(report, first.name)), *tracks_of_others()]
+    with background(lambda: [_follow(body, rig, stereo) for body in placed], fork=forked) as followed:
+        result = [_follow(first, rig, stereo, partial(report, first.name)), *followed()]
     for body in others:
         report(body.name, len(body.health[1]), len(body.health[1]))
-    common = [_common_of(body, stereo, pair) for body, pair in zip(bodies, tracks, strict=True)]
-    reconstructions = [
-        reconstruct(rig, *pair, common=shared) for pair, shared in zip(tracks, common, strict=True)
-    ]
-    return [_tracked(*of) for of in zip(bodies, tracks, reconstructions, common, strict=True)]
+    return result
 
 
-def _common_of(body: MatchedBody, stereo: Correlation, tracks: tuple[Track, Track]) -> FloatArray | None:
-    """Noise that both tracks of a body share; None for a rigid one."""
-    if body.rigid:
-        return None
-    lower = tracks[0].root if body.tracking.correlation.shape <= stereo.shape else None
-    return _common(body.match, lower, len(body.health[0]))
-
-
-def _tracked(
-    body: MatchedBody, tracks: tuple[Track, Track], reconstruction: Reconstruction, common: FloatArray | None
+def _follow(
+    body: MatchedBody,
+    rig: StereoRig,
+    stereo: Correlation,
+    progress: Callable[[int, int], None] | None = None,
 ) -> TrackedBody:
-    """The body with its points reconstructed in space."""
+    """The body with its points tracked and reconstructed in space."""
+    tracks, common = track_body(body, progress), None
+    if not body.rigid:
+        lower = tracks[0].root if body.tracking.correlation.shape <= stereo.shape else None
+        common = _common(body.match, lower, len(body.health[0]))
     return TrackedBody(
         points=body.points,
         cell=body.cell,
@@ -255,7 +251,7 @@ def _tracked(
         material=body.material,
         stereo=body.match,
         tracks=tracks,
-        reconstruction=reconstruction,
+        reconstruction=reconstruct(rig, *tracks, common=common),
         common=common,
     )
 

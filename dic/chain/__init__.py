@@ -170,8 +170,9 @@ def measure(
         another_frame = remarks.of_material(body, specimen)
         del body  # its tracks take as much memory as all later stages
         centre, uncertain = outline_of(surface, settings)
-        strain = clock("strains", lambda: strains_of(surface, settings))
-        speckle = clock("speckles", lambda: speckle_settings_facts(inputs, surface, rest_frames))
+        with background(partial(timed, speckle_settings_facts, inputs, surface, rest_frames)) as speckled:
+            strain = clock("strains", lambda: strains_of(surface, settings))
+            speckle = clock.of("speckles", speckled())
         motion, unposed = clock.of("flyer's poses", motion_later())
     by_fault = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(

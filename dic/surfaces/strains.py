@@ -200,10 +200,9 @@ def strains(
     ):
         if array.shape != shape:
             raise ValueError(f"{name} has shape {array.shape}, must be {shape}")
-    frames, positions = (
-        surface.n_frames,
-        _Positions(surface.X, surface.position, surface.sigma, surface.valid),
-    )
+    frames, valid = surface.n_frames, surface.valid
+    places, noise = (np.where(valid[..., None], of, 0.0) for of in (surface.position, surface.sigma))
+    positions = _Positions(surface.X, places, noise, valid)
     F, basis = np.full((frames, n, 3, 2), np.nan), np.full((frames, n, 3, 2), np.nan)
     V = np.full((frames, n, 3, 3), np.nan)
     share, centre = np.zeros((frames, n)), np.full((frames, n, 2), np.nan)
@@ -235,7 +234,7 @@ def strains(
 
 @dataclass(frozen=True)
 class _Positions:
-    """Reference and current positions, their sigmas, and whether they are known."""
+    """Reference and current positions, their sigmas, and whether they are known; 0 where not."""
 
     X: FloatArray
     position: FloatArray
@@ -264,13 +263,12 @@ def _fit_window(
         return None
     used, at = used[k], np.ix_(k, near)
     A0 = weights @ positions.X[near]
-    A = weights @ np.where(used[..., None], positions.position[at], 0.0)
+    A = weights @ positions.position[at]
     B = _tangents(np.swapaxes(A0, 1, 2))
     inverse = np.linalg.inv(A0 @ B)  # (BᵀA0)⁻¹, transposed
     F = np.ascontiguousarray(np.swapaxes(inverse @ A, 1, 2))
-    noise = np.where(used[..., None], positions.sigma[at], 0.0)
     rho = overlap_correlation(grid[near], grid[near], gauge.subset)
-    V = _covariance(F, B, inverse @ weights, rho, noise, start_sigma[near])
+    V = _covariance(F, B, inverse @ weights, rho, positions.sigma[at], start_sigma[near])
     count = used.sum(axis=1)
     return i, k, F, B, V, count / gauge.window**2, used @ q / count[:, None]
 

@@ -143,7 +143,7 @@ class _ReferenceUpdates:
         self.references.renew(matched, current.template.take(matched))
         self.fresh[matched], self.hurried[matched] = np.nan, self.steps[matched]
         if len(matched):
-            current.propagate()
+            current.propagate(matched)
 
     def forward(
         self,

@@ -438,18 +438,20 @@ class FrameMatch:
             self.template.put(matched, template.take(np.flatnonzero(np.isin(rows, matched))))
         return matched
 
-    def propagate(self) -> None:
+    def propagate(self, found: IntArray | None = None) -> None:
         """Propagate the warps of found points to their neighbours, round by round (reliability-guided).
 
         The neighbour with the best correlation gives the guess. A round matches all points that have found
-        neighbours at once. A point is tried again only if a new neighbour gives a different guess.
+        neighbours at once. A point is tried again only if a new neighbour gives a different guess. ``found``:
+        points found since the last call, if none was rejected since. None: all.
         """
-        fresh = self.valid
+        fresh = self.valid if found is None else np.isin(np.arange(len(self.outcome)), found)
         while True:
-            rows = np.flatnonzero(~self.valid & ~self.skipped & self.neighbours.any(fresh))
+            valid = self.valid
+            rows = np.flatnonzero(~valid & ~self.skipped & self.neighbours.any(fresh))
             if len(rows) == 0:
                 return
-            guess = self.neighbours.best(self.warp, self.zncc, self.valid, rows)
+            guess = self.neighbours.best(self.warp, self.zncc, valid, rows)
             new = np.any(guess != self.propagated[rows], axis=1)
             rows, guess = rows[new], guess[new]
             if len(rows) == 0:

@@ -67,14 +67,13 @@ def dic(
     with progress_bars() as progress, allow_forks(), single_threaded_libraries(), ExitStack() as stack:
         began = perf_counter()
         cameras = None if is_stored else stack.enter_context(calibrate_in_background(loaded.pictures))
-        # imported while others look at the target
-        import_module("kolsky.report.pages.surfaces")
         from kolsky.report.result_folder import drawing_processes, write_dic_results
         from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
         surfaces_of_shot = surfaces(
-            loaded.pictures, folder, device=device, again=repeat, progress=progress, cameras=cameras
-        )
+            loaded.pictures, folder, device=device, again=repeat, progress=progress, cameras=cameras,
+            meanwhile=partial(import_module, "kolsky.report.pages.surfaces"),
+        )  # fmt: skip
         result, now = surfaces_of_shot.result, perf_counter()
         times = (
             {name: result.seconds[name] for name in ("calibration", "correlation")}

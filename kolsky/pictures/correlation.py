@@ -7,7 +7,7 @@ pictures.
 import hashlib
 import json
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -235,19 +235,21 @@ def correlate(
     progress: Progress,
     *,
     cameras: Callable[[Progress], Calibrated] | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> StereoResult:
     """The stereo result of a shot.
 
-    ``pictures``, ``device``, ``progress``, ``cameras``: as for `kolsky.shot.optical_data.surfaces`. Raises
-    InputError for the same reasons.
+    ``pictures``, ``device``, ``progress``, ``cameras``, ``meanwhile``: as for
+    `kolsky.shot.optical_data.surfaces`. Raises InputError for the same reasons.
     """
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
     # other processes may detect the target meanwhile
     with background(partial(places_of, pictures)) as found_places:
-        with suppress(ValueError):  # the message about the device comes from its first use
-            load_kernels(device)
+        # the message about the device comes from its first use
+        with background(partial(load_kernels, device), fork=False):
+            meanwhile()
         places = found_places()
     static = np.arange(pictures.time.size) < declared.frames.static
     try:

@@ -71,6 +71,7 @@ def surfaces(
     again: bool = False,
     progress: Progress = lambda stage, done, total: None,
     cameras: Callable[[Progress], Calibrated] | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> Surfaces:
     """Correlate the pictures of a shot, or read the stored result.
 
@@ -78,8 +79,9 @@ def surfaces(
     declarations and the version of the software are unchanged. ``device``: where pictures are correlated,
     "cpu" or a CUDA device. ``again``: True to correlate even if the file exists. ``progress``: called with
     the number of frames done in each stage. ``cameras``: calibration started by
-    `kolsky.pictures.rig.calibrate_in_background`; None: calibrate here. Raises InputError if the cameras
-    cannot be calibrated or if nothing can be measured.
+    `kolsky.pictures.rig.calibrate_in_background`; None: calibrate here. ``meanwhile``: work for this process
+    while the device starts. Raises InputError if the cameras cannot be calibrated or if nothing can be
+    measured.
     """
     path, key = folder / RESULT_FILE, key_of(pictures)
     length = pictures.toml.declared.specimen.length
@@ -90,7 +92,7 @@ def surfaces(
         except InputError:
             pass  # damaged after it was written: computed again
     with single_threaded_libraries(), infrequent_gc():
-        result = correlate(pictures, device, progress, cameras=cameras)
+        result = correlate(pictures, device, progress, cameras=cameras, meanwhile=meanwhile)
         with filling(folder) as partial:
             file = partial / RESULT_FILE
             with background(lambda: write_stereo_result(file, result, key=key)) as written:

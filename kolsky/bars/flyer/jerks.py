@@ -261,9 +261,11 @@ def evidences(
     growth[:, moving] = variance
     S, miss, by_frame, by_kick = np.empty((4, *own.shape))
     rest = np.array([ZERO_PRIOR**2, 0.0, 0.0, 0.0, 1.0])
-    _smoother()(
-        len(thetas), seen, steps, kicks, fresh, y, own, growth, rest, gains, S, miss, by_frame, by_kick
-    )
+    from explicit.device import GENERATING  # loaded where it is of use
+
+    with GENERATING:
+        smooth = _smoother()
+    smooth(len(thetas), seen, steps, kicks, fresh, y, own, growth, rest, gains, S, miss, by_frame, by_kick)
     change = np.diff(tau, axis=1) / CHANGE_PER_OCTAVE
     values = np.sum(np.log(S) + S * miss**2, axis=1) + np.sum(change**2, axis=1)
     by_change = -2.0 / CHANGE_PER_OCTAVE * np.diff(change, prepend=0.0, append=0.0)

@@ -279,17 +279,7 @@ sharing = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of p
 
 def processes(monkeypatch, *sizes, device="cpu"):
     """Processes that follow bodies with so many points times frames, and what is told of the progress."""
-    monkeypatch.setattr(
-        follow, "track_body", lambda body, told=None: (body.name, f"{os.getpid()} {body.device}")
-    )
-    monkeypatch.setattr(follow, "_common_of", lambda body, stereo, tracks: len(body.name))
-    monkeypatch.setattr(follow, "reconstruct", lambda rig, *tracks, common: (tracks, common))
-
-    def tracked(body, tracks, made, common):
-        assert made == (tracks, common)
-        return tracks
-
-    monkeypatch.setattr(follow, "_tracked", tracked)
+    monkeypatch.setattr(follow, "_follow", lambda body, *_: (body.name, f"{os.getpid()} {body.device}"))
     body = make_dataclass("Body", ("name", "size", "device", "health"))
     health = (np.zeros(9), np.zeros(9))
     bodies, told = [body(f"body {k}", size, device, health) for k, size in enumerate(sizes)], []
