@@ -36,9 +36,7 @@ def like(value: float, uncertainty: float) -> str:
 
 
 def part(value: float, uncertainty: float) -> str:
-    """Return a contribution to an expanded uncertainty. It has one digit more than the result of
-    `measured`.
-    """
+    """Return a contribution to an expanded uncertainty with one digit more than `measured`."""
     if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
         return plain(value, 2)
     last = _exponent(uncertainty, digits=2) - 2
@@ -54,10 +52,7 @@ def rounded(value: float, last: int) -> str:
 
 
 def plain(value: float, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits.
-
-    Numbers below 1e-3, and from 1e6 on, are written with a power of ten.
-    """
+    """Return a number with `digits` significant digits, with a power of ten below 1e-3 and from 1e6 on."""
     if not math.isfinite(value):
         return NOTHING
     if value == 0.0:

@@ -36,7 +36,7 @@ from kolsky.report.pages.uncertainty import changes, choices, dominant, likeliho
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.joint import fits_of
-from kolsky.results.nomenclature import heading, name_of, upper_first, with_subscripts
+from kolsky.results.nomenclature import heading, name_of, upper_first
 from kolsky.results.printed import fit_tables, summary
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import causes
@@ -227,30 +227,6 @@ def _failure_rows(result: Identification) -> list[tuple[str, str]]:
     ]
 
 
-def _run_rows(result: Identification) -> list[dict[str, Any]]:
-    """Return the rows of the table of runs."""
-    design = result.design
-    U = {name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()}
-    phi_force, phi_shape = map(with_subscripts, ("Φ_F (N)", "Φ_S (10⁻³)"))
-    return [
-        {
-            "Run": number,
-            "Stage": design.stage[number],
-            **{
-                heading(name, name_of(name).unit): numbers.like(value, U.get(name, np.nan))
-                for name, value in zip(design.names, design.points[number], strict=True)
-            },
-            phi_force: numbers.rounded(design.phi_force[number], -1),
-            phi_shape: numbers.rounded(1e3 * design.phi_shape[number], -3),
-            "χ² force": numbers.rounded(design.chi2_force[number], 0),
-            "χ² outline": numbers.rounded(design.chi2_shape[number], 0),
-            "Outcome": _ending_words(design.ending(number)),
-            "lost": design.outcomes[number] != "COMPLETED",
-        }
-        for number in range(len(design.outcomes))
-    ]
-
-
 _MOST_CAUSES = 5
 """Number of listed inputs that are not likely causes."""
 
@@ -393,7 +369,6 @@ def render(
         fit=fit_tables(result),
         fixed=_fixed_rows(result),
         check=check_run_rows(result),
-        runs=_run_rows(result),
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
         quality=_quality_rows(result),
         tables=likelihood_tables(result),
@@ -405,7 +380,7 @@ def render(
         tested=_flattened({key: provenance[key] for key in _TESTED if key in provenance}),
         **{name: _flattened(provenance.get(name, {})) for name in _TABLES},
         further=_flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
-        completed=len(result.design.outcomes) - len(result.design.lost),
+        lost=len(result.design.lost),
         failures=_failure_rows(result),
         seconds=[
             (nomenclature.STAGES.get(stage, stage), f"{numbers.plain(value, 3)} s")

@@ -10,7 +10,7 @@ from doe.uncertainty import VerdictKind
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Declaration, Estimate, Identification, ParameterProfile
 from kolsky.results import numbers
-from kolsky.results.nomenclature import heading, name_of, route_label, short, upper_first
+from kolsky.results.nomenclature import heading, name_of, short, upper_first
 from kolsky.results.printed import MOST_PARTS, sensitivity_rows, unseen_notes, variance_shares
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.curve import PAST_CURVE
@@ -227,7 +227,7 @@ def choices(result: Identification) -> list[dict[str, Any]]:
 
     ``result``: in display units.
     """
-    return [*_inputs(result), *_window(result), *_data(result), *_mesh(result)]
+    return [*_inputs(result), *_window(result)]
 
 
 def _row(
@@ -295,25 +295,3 @@ def milliseconds(time: float) -> str:
 
 def _microseconds(time: float) -> str:
     return f"{numbers.plain(1e6 * time, 3)} µs"
-
-
-def _data(result: Identification) -> list[dict[str, Any]]:
-    routes = [route for route in result.routes if route.name != "joint"]
-    return [
-        _row(
-            result,
-            f"misfit: {route_label(route.name)}",
-            "joint χ²",
-            {name: route.parameters[name] - e.value for name, e in result.estimates.items()},
-            # The optimum of the paper's cost comes from runs on the surrogate's mesh.
-            "searched with it alone" + (", on the surrogate’s mesh" if route.name == "paper" else ""),
-        )
-        for route in routes
-        if any(other.name == "joint" for other in result.routes)
-    ]
-
-
-def _mesh(result: Identification) -> list[dict[str, Any]]:
-    coarse, fine = ("{} × {}".format(*mesh) for mesh in (result.mesh, result.refined_mesh))
-    shifts = {name: -e.mesh_shift for name, e in result.estimates.items()}
-    return [_row(result, "mesh, radius × length", fine, shifts, f"{coarse} instead")]

@@ -158,15 +158,6 @@ def shifts(row: dict[str, Any]) -> list[Any]:
     return list(row.values())[2:-1]
 
 
-def test_shifts_of_other_choices_are_other_minus_taken() -> None:
-    rows = {row["Choice"]: row for row in choices(in_display_units(MADE))}
-    e = MADE.estimates["stiffness_factor"]
-    force = next(route for route in MADE.routes if route.name == "force only").parameters["stiffness_factor"]
-    U = 2.0 * e.sigma
-    assert shifts(rows["Misfit: force χ² only"]) == [numbers.part(force - e.value, U)]
-    assert shifts(rows["Mesh, radius × length"]) == [numbers.part(-e.mesh_shift, U)]  # coarse minus fine
-
-
 def test_intervals_are_rounded_by_their_width_and_may_be_open() -> None:
     made = replace(MADE, profiles=(replace(profile(0.05, 0.02), alone=(np.nan, 1.02)),))
     (row,) = likelihood_tables(made)["verdicts"]
@@ -275,9 +266,6 @@ def test_what_was_not_varied_is_said() -> None:
     assert shifts(rows["End of the window"]) == [numbers.NOTHING]
     assert "Not varied" in rows["End of the window"]["What was done"]
     assert rows["Poisson’s ratio ν"]["What was done"] == "Not varied"
-    # 0.9 and -1.6 standard uncertainties of 0.0019 from the joint optimum, as the made-up routes are
-    assert shifts(rows["Misfit: force χ² only"]) == ["0.00171"]
-    assert shifts(rows["Misfit: outline χ² only"]) == ["−0.00304"]
 
 
 def test_parameters_in_sentences_have_their_words() -> None:
