@@ -19,7 +19,7 @@ from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.report import figure_files
 
 if TYPE_CHECKING:
-    from dic.calibration.views import Calibration
+    pass
 
 
 @infrequent_gc()
@@ -185,8 +185,10 @@ def calibrate(
     from kolsky.report.pages.surfaces import (
         calibration_summary,
         calibration_warnings,
+        pair_row,
         render_calibration,
     )
+    from kolsky.results.numbers import table_lines
 
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
@@ -209,21 +211,10 @@ def calibrate(
     print_result(
         calibration_summary(calibration),
         {**calibration_json(calibration), "warnings": calibration_warnings(calibration)},
-        lines=_calibration_pairs(calibration),
+        lines=table_lines(map(pair_row, calibration.pairs)),
         files={
             "cameras": folder / _RIG_FILE,
             "page": folder / "calibration.html",
         },
         warnings=calibration_warnings(calibration),
     )
-
-
-def _calibration_pairs(calibration: "Calibration") -> list[str]:
-    """A line for each pair: residuals of the two cameras, and what became of it."""
-    lines = ["  pair        camera 0    camera 1    points"]
-    for pair in calibration.pairs:
-        rms = [f"{view.rms:9.4f} px" if view is not None else "         -  " for view in pair.views]
-        points = " + ".join(str(int(view.used.sum())) for view in pair.views if view is not None)
-        word = "" if pair.outcome.value == 0 else f"  {pair.outcome.name.lower().replace('_', ' ')}"
-        lines.append(f"  {pair.name:<8}{rms[0]}{rms[1]}  {points}{word}")
-    return lines

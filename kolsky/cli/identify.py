@@ -131,9 +131,8 @@ def _verdict_line(result: "JointResult") -> str:
 def _result_rows(result: "JointResult") -> dict[str, str]:
     """Names and values below the answer: those of the page."""
     from kolsky.report.pages.identification import joint_rows
-    from kolsky.results.numbers import plain_sentence
 
-    rows = {name: plain_sentence(text) for name, text in joint_rows(result)}
+    rows = joint_rows(result)
     if result.curve is not None:
         c = result.curve
         for strain, factor, sigma in zip(c.strain, c.factor, c.sigma_log, strict=True):

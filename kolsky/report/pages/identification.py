@@ -459,15 +459,11 @@ def _facts(result: JointResult) -> list[tuple[str, str]]:
     return [*rows, ("simulations", str(result.runs))]
 
 
-def joint_rows(result: JointResult) -> list[tuple[str, str]]:
+def joint_rows(result: JointResult) -> dict[str, str]:
     """Names and values of a joint answer for a terminal: the facts, and a line for each shot and channel."""
-    rows = _facts(result)
-    for table, names in ([_shot(result, k) for k in range(len(result.shots))], 1), (_fits(result), 2):
-        for row in table:
-            cells = [(Markup(head).striptags(), cell) for head, cell in row.items() if cell]
-            text = ", ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in cells[names:])
-            rows.append((", ".join(cell for _, cell in cells[:names]), text))
-    return rows
+    facts = {name: numbers.plain_sentence(text) for name, text in _facts(result)}
+    shots = numbers.row_lines(_shot(result, k) for k in range(len(result.shots)))
+    return facts | shots | numbers.row_lines(_fits(result), 2)
 
 
 def _parameter(result: JointResult, name: str) -> dict[str, Any]:

@@ -229,11 +229,11 @@ def render_calibration(name: str, result: Calibration) -> str:
         figures=draw_figures(result),
         rows=list(calibration_summary(result).items()),
         warnings=sentences(calibration_warnings(result)),
-        pairs=[_row(pair) for pair in result.pairs],
+        pairs=[pair_row(pair) for pair in result.pairs],
     )
 
 
-def _row(pair: Any) -> dict[str, Any]:
+def pair_row(pair: Any) -> dict[str, Any]:
     """Return the row of one pair of images."""
     points = [0 if view is None else int(view.used.sum()) for view in pair.views]
     rms = ["" if view is None else f"{view.rms:.4f}" for view in pair.views]
