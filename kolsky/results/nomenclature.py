@@ -39,9 +39,6 @@ def _name_entry(parameter: str) -> WrittenName | None:
     return _NAMES.get(parameter)
 
 
-NOISE = {"force and shape": "force and outline"}
-"""Words for sources of noise with keys that differ from the words."""
-
 _ROUTES = {
     "joint": "joint χ²",
     "force only": "force χ² only",

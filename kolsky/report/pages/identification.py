@@ -32,7 +32,14 @@ from kolsky.report.pages.rendering import (
     sentences,
     shown_unit,
 )
-from kolsky.report.pages.uncertainty import changes, choices, dominant, likelihood_tables, milliseconds
+from kolsky.report.pages.uncertainty import (
+    SOURCES,
+    changes,
+    choices,
+    dominant,
+    likelihood_tables,
+    milliseconds,
+)
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.joint import fits_of
@@ -41,9 +48,6 @@ from kolsky.results.printed import fit_tables, summary
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import causes
 from kolsky.shot.recordings import ShotRecordings
-
-_NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
-"""Words for the keys of `Estimate.numerical_parts`."""
 
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the search range, and a simulation there confirms it.",
@@ -106,13 +110,10 @@ def answer_row(estimate: Estimate) -> dict[str, Any]:
     value, uncertainty = numbers.measured(estimate.value, U)
     # A share of a zero or infinite variance is undefined.
     variance = estimate.sigma**2 if 0.0 < estimate.sigma < np.inf else np.nan
-    budget = [
-        (f"noise: {nomenclature.NOISE.get(name, name)}", part, "part")
-        for name, part in estimate.noise_parts.items()
-    ]
+    budget = [(SOURCES.get(name, name), part, "part") for name, part in estimate.noise_parts.items()]
     budget.append(("noise, all sources", estimate.sigma_noise, "sum"))
     computed = estimate.numerical_parts if len(estimate.numerical_parts) > 1 else {}
-    budget += [(f"numerics: {_NUMERICS.get(name, name)}", part, "part") for name, part in computed.items()]
+    budget += [(SOURCES.get(name, name), part, "part") for name, part in computed.items()]
     budget.append(("numerics, all sources" if computed else "mesh and step", estimate.sigma_numerical, "sum"))
     if estimate.sigma_systematic > 0.0:
         budget.append(("declared uncertainties of the inputs", estimate.sigma_systematic, "sum"))

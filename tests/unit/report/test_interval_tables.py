@@ -59,8 +59,8 @@ def test_a_budget_adds_squares_and_gives_shares_of_the_variance() -> None:
     assert shown["interval"] == ["74", "126"]  # 100 ± 2 · 13
     assert shown["relative"] == "26 %"
     assert shown["budget"] == [  # u²/13² of each
-        ("noise: force and outline", "3.0", "5.3 %", "part"),
-        ("noise: flyer motion", "4.0", "9.5 %", "part"),
+        ("noise of force and outline", "3.0", "5.3 %", "part"),
+        ("noise of the front face's motion", "4.0", "9.5 %", "part"),
         ("noise, all sources", "5.0", "15 %", "sum"),
         ("mesh and step", "12.0", "85 %", "sum"),
     ]
@@ -75,8 +75,8 @@ def test_declared_and_several_numerical_parts_have_lines_of_their_own() -> None:
         )
     )
     assert [row[0] for row in shown["budget"][3:]] == [
-        "numerics: mesh and step",
-        "numerics: roughness of the response",
+        "error of mesh and step",
+        "roughness of the simulated response",
         "numerics, all sources",
         "declared uncertainties of the inputs",
     ]
@@ -127,7 +127,7 @@ def test_a_declared_input_counts_by_the_size_of_its_shift() -> None:
     )
     e = estimate(sigma_numerical=0.0, numerical_parts={"mesh": 0.0}, sigma_systematic=12.0)
     found = parts(of(e, systematic=(declared,)), e)
-    assert next(iter(found)) == "the declared uncertainty of the Poisson’s ratio ν"  # the largest first
+    assert next(iter(found)) == "declared uncertainty of the Poisson’s ratio ν"  # the largest first
     assert np.hypot.reduce(list(found.values())) == pytest.approx(13.0)
 
 
@@ -252,7 +252,7 @@ def test_changes_are_the_parts_of_the_interval() -> None:
     half = 2.0 * np.sqrt(
         e.sigma**2 - sigma**2 + (0.5 * sigma) ** 2
     )  # the part itself halved, the others kept
-    assert first.startswith(f"Halving {words} would bring U of m from {2.0 * e.sigma:.4f} to {half:.4f} ")
+    assert first.startswith(f"Halving the {words} would bring U of m from {2.0 * e.sigma:.4f} to {half:.4f} ")
 
 
 def test_nothing_is_advised_from_parts_that_do_not_add_up() -> None:
