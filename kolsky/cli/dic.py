@@ -100,13 +100,7 @@ def dic(
 
 
 def _measure_pictures(
-    path: Path,
-    out: Path | None,
-    device: str,
-    figures: tuple[str, ...],
-    *,
-    csv: bool,
-    vtu: bool,
+    path: Path, out: Path | None, device: str, figures: tuple[str, ...], *, csv: bool, vtu: bool
 ) -> None:
     """The measurement that a dic.toml describes."""
     from dic.processes import allow_forks
@@ -212,9 +206,6 @@ def calibrate(
         calibration_summary(calibration),
         {**calibration_json(calibration), "warnings": calibration_warnings(calibration)},
         lines=table_lines(map(pair_row, calibration.pairs)),
-        files={
-            "cameras": folder / _RIG_FILE,
-            "page": folder / "calibration.html",
-        },
+        files={"cameras": folder / _RIG_FILE, "page": folder / "calibration.html"},
         warnings=calibration_warnings(calibration),
     )

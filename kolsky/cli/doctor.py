@@ -54,11 +54,7 @@ OPTIONAL = {
 }
 """Optional distributions: name for pip, and purpose. Conda does not provide RigolWFM."""
 _TWINS = {
-    "opencv-contrib-python-headless": (
-        "opencv-python-headless",
-        "opencv-python",
-        "opencv-contrib-python",
-    )
+    "opencv-contrib-python-headless": ("opencv-python-headless", "opencv-python", "opencv-contrib-python")
 }
 """Alternative distributions with the same modules."""
 LEAST_SPACE = 1e9

@@ -160,8 +160,7 @@ def reference_curve(
     ] = "none",
     friction_sigma: Annotated[float, Option("Standard uncertainty of that coefficient.", min=0.0)] = 0.0,
     bulge_sigma: Annotated[
-        float | None,
-        Option('Standard deviation of the radius, e.g. "5 um".', unit="m", positive=True),
+        float | None, Option('Standard deviation of the radius, e.g. "5 um".', unit="m", positive=True)
     ] = None,
     scale_sigma: Annotated[
         float,
@@ -225,13 +224,7 @@ def reference_curve(
     tests, hashes = [], {}
     for path in files:
         test, digest = curves.read_uniaxial_test(
-            path,
-            given,
-            convention=convention,
-            branch=branch,
-            units=units,
-            layout=layout,
-            specimen=size,
+            path, given, convention=convention, branch=branch, units=units, layout=layout, specimen=size
         )
         if str(path) in hashes:
             raise InputError(path, "is named twice", cure="name every test once")
@@ -342,17 +335,9 @@ def material_relaxation(
         content["joint_comparison"] = comparison_summary(together)
         written["relaxation_joint_models"] = comparison_table(together)
         rows |= {f"{name}, with shots": text for name, text in _comparison_rows(together).items()}
-    files = {
-        "relaxation.json": content,
-        "relaxation.html": render_relaxation(result, dict(slow.files)),
-    }
+    files = {"relaxation.json": content, "relaxation.html": render_relaxation(result, dict(slow.files))}
     write_folder(folder, files | figure_files(figures, result), written)
-    print_result(
-        rows,
-        content,
-        files={"report": folder / "relaxation.html"},
-        warnings=result.remarks,
-    )
+    print_result(rows, content, files={"report": folder / "relaxation.html"}, warnings=result.remarks)
 
 
 def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder: Path) -> "ModelComparison":

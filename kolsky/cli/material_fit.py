@@ -100,13 +100,7 @@ def _fit_cylinder_with_friction(
         if len(tests) == 1:
             noise = noise_about_curve(compressed[0].strain, compressed[0].stress, band.strain)
             band = replace(band, noise=noise)
-        fits = fit_specimen(
-            band,
-            size,
-            contact,
-            laws or _DEFAULT_LAWS,
-            numerics=numerics,
-        )
+        fits = fit_specimen(band, size, contact, laws or _DEFAULT_LAWS, numerics=numerics)
     ratio = {"value": numerics.poisson, "sigma": numerics.poisson_sigma}
     content = {"inputs": hashes, "ends": ends, "poisson": ratio, "laws": [model_summary(one) for one in fits]}
     fitted = [one for one in fits if not one.reason]

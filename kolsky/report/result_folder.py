@@ -195,12 +195,7 @@ def drawing_processes() -> int:
 
 
 def write_identify_results(
-    folder: Path,
-    found: Identification,
-    shot: Shot,
-    *,
-    formats: Sequence[str] = (),
-    processes: int = 1,
+    folder: Path, found: Identification, shot: Shot, *, formats: Sequence[str] = (), processes: int = 1
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures.
 

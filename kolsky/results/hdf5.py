@@ -205,11 +205,7 @@ OUTLINE = Record(
 RECORDED = Record(
     ForceHistory,
     nxdata("force", "time"),
-    {
-        "time": Floats("s", "recorded"),
-        "force": Floats("N", "recorded"),
-        "sigma": Floats("N", "recorded"),
-    },
+    {"time": Floats("s", "recorded"), "force": Floats("N", "recorded"), "sigma": Floats("N", "recorded")},
 )
 COMPARISON = Record(
     Comparison,
@@ -329,9 +325,7 @@ DECLARED = Record(
     },
 )
 VARIATION = Record(
-    Variation,
-    COLLECTION,
-    {"key": Text(), "value": Floats("s"), "shifts": by_parameter(), "status": Text()},
+    Variation, COLLECTION, {"key": Text(), "value": Floats("s"), "shifts": by_parameter(), "status": Text()}
 )
 POSTERIOR = Record(
     PosteriorSummary,

@@ -263,15 +263,13 @@ ReleaseStress = Annotated[
 Voltage = Annotated[float, BeforeValidator(physical("V", "> 0", "the largest voltage the recorder shows"))]
 SignedVoltage = Annotated[float, BeforeValidator(physical("V"))]
 Sensitivity = Annotated[
-    float,
-    BeforeValidator(physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
+    float, BeforeValidator(physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")'))
 ]
 Velocity = Annotated[float, BeforeValidator(physical("m/s", "> 0"))]
 Resistance = Annotated[float, BeforeValidator(physical("ohm", "> 0"))]
 Mass = Annotated[float, BeforeValidator(physical("kg", ">= 0", "the mass between sensing plane and face"))]
 StrainPerVolt = Annotated[
-    float,
-    BeforeValidator(physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")')),
+    float, BeforeValidator(physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")'))
 ]
 Uncertainty = Annotated[
     float, BeforeValidator(physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
@@ -352,11 +350,7 @@ class Section(BaseModel):
         for key in keys:
             stated, wanted = getattr(self, key), getattr(self, model)
             if isinstance(stated, list | tuple) and len(stated) != len(wanted):
-                raise problem(
-                    f"has {len(stated)} entries, {model} has {len(wanted)}",
-                    key=key,
-                    cure=cure,
-                )
+                raise problem(f"has {len(stated)} entries, {model} has {len(wanted)}", key=key, cure=cure)
 
 
 class ColumnSection(Section):

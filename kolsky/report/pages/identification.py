@@ -346,10 +346,7 @@ _SHOWN = (*_TESTED, *_TABLES, "recordings")
 
 
 def render(
-    identification: Identification,
-    recordings: ShotRecordings | None = None,
-    *,
-    processes: int = 1,
+    identification: Identification, recordings: ShotRecordings | None = None, *, processes: int = 1
 ) -> str:
     """Return the report as HTML text; see `write_report`."""
     result = in_display_units(identification)
@@ -409,9 +406,7 @@ def write_report(
 
 
 def _figures(
-    identification: Identification,
-    recordings: ShotRecordings | None,
-    processes: int,
+    identification: Identification, recordings: ShotRecordings | None, processes: int
 ) -> dict[str, dict[str, Any]]:
     """Draw all figures, those of the recordings last, and return them by name for the template."""
     groups: list[FigureGroup] = [(REGISTRY.values(), identification)]

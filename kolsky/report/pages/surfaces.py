@@ -38,12 +38,7 @@ def rows_of_frames(bad: Mapping[Any, FrameOutcome]) -> list[tuple[str, str]]:
     return [(str(frame), f"{words(one)}: {one.cause}. Cure: {one.cure}") for frame, one in bad.items()]
 
 
-def render_surfaces(
-    shown: SurfaceView,
-    inputs: Mapping[str, str],
-    *,
-    processes: int = 1,
-) -> str:
+def render_surfaces(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> str:
     """Return the page as HTML text."""
     result = shown.result
     table = output.reporting_table(result)
