@@ -5,7 +5,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -110,11 +110,25 @@ def _measure_pictures(
     folder = usable_folder(out or path.parent / "results")
     with progress_bars() as progress, allow_forks():
         result = measure_file(measurement, device=device, progress=progress)
-    from kolsky.report.pages.surfaces import printed, summary, warnings
-    from kolsky.report.result_folder import write_full_field_results
+    from dic.output import write_full_field_frames, write_full_field_history
+    from kolsky.pictures.dic_file import write_full_field
+    from kolsky.report.pages.surfaces import printed, render_field, summary, warnings
+    from kolsky.report.picture_views import read_full_field_view
 
     remarks = warnings(result)
-    write_full_field_results(folder, measurement, result, formats=figures, csv=csv, vtu=vtu)
+    shown = read_full_field_view(measurement.name, result, measurement.series[0])
+    files: dict[str, Any] = {
+        "dic.h5": lambda path: write_full_field(path, result),
+        "history.csv": lambda path: write_full_field_history(path, result),
+        "dic.html": render_field(shown, measurement.inputs),
+    }
+    if csv:
+        files["csv"] = lambda path: write_full_field_frames(path, result)
+    if vtu:
+        from kolsky.report.paraview import write_full_field_vtu
+
+        files["vtu"] = lambda path: write_full_field_vtu(path, result)
+    write_folder(folder, files | figure_files(figures, shown))
     print_result(
         printed(result),
         {"measurement": measurement.name, **summary(result), "warnings": remarks},
