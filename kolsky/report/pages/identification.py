@@ -426,7 +426,7 @@ def render_joint(result: JointResult) -> str:
         warnings=sentences(result.warnings),
         figures=draw_figures(result),
         facts=_facts(result),
-        parameters=[_parameter(result, name) for name in result.estimates],
+        parameters=[parameter_row(result, name) for name in result.estimates],
         fits=_fits(result),
         shots=[_shot(result, k) for k in range(len(result.shots))],
     )
@@ -462,7 +462,8 @@ def joint_rows(result: JointResult) -> dict[str, str]:
     return facts | shots | numbers.row_lines(_fits(result), 2)
 
 
-def _parameter(result: JointResult, name: str) -> dict[str, Any]:
+def parameter_row(result: JointResult, name: str) -> dict[str, Any]:
+    """A row of the table of shared parameters."""
     e, entry = result.estimates[name], name_of(name)
     factor = entry.factor
     value, half = numbers.measured(factor * e.value, factor * result.expanded[name])
