@@ -70,10 +70,7 @@ def actuator_simulate(
 
 
 def actuator_invert(
-    spec: _ActuatorPath,
-    out: _OutOfActuator = None,
-    device: Device = "cpu",
-    figures: Figures = (),
+    spec: _ActuatorPath, out: _OutOfActuator = None, device: Device = "cpu", figures: Figures = ()
 ) -> None:
     """Find the pressures for the bends of `invert`, by Newton's method on the exact slope of the bend.
 
@@ -115,10 +112,7 @@ def actuator_control(
     out: _OutOfActuator = None,
     basis: Annotated[
         Path | None,
-        Option(
-            "Folder of reduced models, which are used again for the same inputs.",
-            metavar="FOLDER",
-        ),
+        Option("Folder of reduced models, which are used again for the same inputs.", metavar="FOLDER"),
     ] = None,
     device: Device = "cpu",
     figures: Figures = (),

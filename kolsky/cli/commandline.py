@@ -96,9 +96,6 @@ BROUGHT_BY = {
     "pyamg": "kolsky[amg]",
 }
 """Name for pip of the distribution, or the extra of this package, that provides a module."""
-FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
-"""Earlier names of commands. They work but are not in `--help`."""
-
 
 LONGEST_PLACE = 300
 """Largest number of characters of a name in a message."""
@@ -200,16 +197,11 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
         for name, line in GROUPS.items()
         if any(words.startswith(f"{name} ") for words in commands)
     }
-    former = {old: commands[new] for old, new in FORMER_NAMES.items() if new in commands}
-    for words, command in {**commands, **former}.items():
+    for words, command in commands.items():
         group, _, name = words.rpartition(" ")
-        place = groups[group] if group else made
+        text = re.sub(r"(?<!\n)\n(?!\n| |- )", " ", inspect.getdoc(command) or "")
         made_of = refusing_bad_input()(with_settings(command))
-        place.command(
-            name,
-            help=re.sub(r"(?<!\n)\n(?!\n| |- )", " ", inspect.getdoc(command) or ""),
-            hidden=words in former,
-        )(made_of)
+        (groups[group] if group else made).command(name, help=text)(made_of)
     for group_of_commands in groups.values():
         made.add_typer(group_of_commands)
     return made

@@ -5,7 +5,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,7 +19,7 @@ from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.report import figure_files
 
 if TYPE_CHECKING:
-    from dic.calibration.views import Calibration
+    pass
 
 
 @infrequent_gc()
@@ -99,13 +99,7 @@ def dic(
 
 
 def _measure_pictures(
-    path: Path,
-    out: Path | None,
-    device: str,
-    figures: tuple[str, ...],
-    *,
-    csv: bool,
-    vtu: bool,
+    path: Path, out: Path | None, device: str, figures: tuple[str, ...], *, csv: bool, vtu: bool
 ) -> None:
     """The measurement that a dic.toml describes."""
     from dic.processes import allow_forks
@@ -115,11 +109,25 @@ def _measure_pictures(
     folder = usable_folder(out or path.parent / "results")
     with progress_bars() as progress, allow_forks():
         result = measure_file(measurement, device=device, progress=progress)
-    from kolsky.report.pages.surfaces import printed, summary, warnings
-    from kolsky.report.result_folder import write_full_field_results
+    from dic.output import write_full_field_frames, write_full_field_history
+    from kolsky.pictures.dic_file import write_full_field
+    from kolsky.report.pages.surfaces import printed, render_field, summary, warnings
+    from kolsky.report.picture_views import read_full_field_view
 
     remarks = warnings(result)
-    write_full_field_results(folder, measurement, result, formats=figures, csv=csv, vtu=vtu)
+    shown = read_full_field_view(measurement.name, result, measurement.series[0])
+    files: dict[str, Any] = {
+        "dic.h5": lambda path: write_full_field(path, result),
+        "history.csv": lambda path: write_full_field_history(path, result),
+        "dic.html": render_field(shown, measurement.inputs),
+    }
+    if csv:
+        files["csv"] = lambda path: write_full_field_frames(path, result)
+    if vtu:
+        from kolsky.report.paraview import write_full_field_vtu
+
+        files["vtu"] = lambda path: write_full_field_vtu(path, result)
+    write_folder(folder, files | figure_files(figures, shown))
     print_result(
         printed(result),
         {"measurement": measurement.name, **summary(result), "warnings": remarks},
@@ -184,8 +192,10 @@ def calibrate(
     from kolsky.report.pages.surfaces import (
         calibration_summary,
         calibration_warnings,
+        pair_row,
         render_calibration,
     )
+    from kolsky.results.numbers import table_lines
 
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
@@ -208,21 +218,7 @@ def calibrate(
     print_result(
         calibration_summary(calibration),
         {**calibration_json(calibration), "warnings": calibration_warnings(calibration)},
-        lines=_calibration_pairs(calibration),
-        files={
-            "cameras": folder / _RIG_FILE,
-            "page": folder / "calibration.html",
-        },
+        lines=table_lines(map(pair_row, calibration.pairs)),
+        files={"cameras": folder / _RIG_FILE, "page": folder / "calibration.html"},
         warnings=calibration_warnings(calibration),
     )
-
-
-def _calibration_pairs(calibration: "Calibration") -> list[str]:
-    """A line for each pair: residuals of the two cameras, and what became of it."""
-    lines = ["  pair        camera 0    camera 1    points"]
-    for pair in calibration.pairs:
-        rms = [f"{view.rms:9.4f} px" if view is not None else "         -  " for view in pair.views]
-        points = " + ".join(str(int(view.used.sum())) for view in pair.views if view is not None)
-        word = "" if pair.outcome.value == 0 else f"  {pair.outcome.name.lower().replace('_', ' ')}"
-        lines.append(f"  {pair.name:<8}{rms[0]}{rms[1]}  {points}{word}")
-    return lines

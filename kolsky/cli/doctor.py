@@ -4,10 +4,9 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -25,12 +24,9 @@ def doctor(
 
     The exit code is 1 if something that is installed with this package is missing.
     """
-
-    installation = examine(folder)
-    print_result(
-        installation.rows(), jsonable(asdict(installation), "doctor"), warnings=installation.problems
-    )
-    if installation.problems:
+    found = examine(folder)
+    print_result(rows(found), jsonable(found, "doctor"), warnings=found["problems"])
+    if found["problems"]:
         raise typer.Exit(1)
 
 
@@ -58,55 +54,36 @@ OPTIONAL = {
 }
 """Optional distributions: name for pip, and purpose. Conda does not provide RigolWFM."""
 _TWINS = {
-    "opencv-contrib-python-headless": (
-        "opencv-python-headless",
-        "opencv-python",
-        "opencv-contrib-python",
-    )
+    "opencv-contrib-python-headless": ("opencv-python-headless", "opencv-python", "opencv-contrib-python")
 }
 """Alternative distributions with the same modules."""
 LEAST_SPACE = 1e9
 """Free space below which a long study may fail [bytes]."""
 
 
-@dataclass(frozen=True)
-class Installation:
-    """Result of the check."""
-
-    versions: Mapping[str, str | None]
-    """Versions of this package, Python, the system and every required distribution. None if missing."""
-    extras: Mapping[str, str | None]
-    """Versions of every optional distribution. None if missing."""
-    devices: tuple[str, ...]
-    """Devices of the solver, the CPU first."""
-    cores: int
-    """Cores that this process may use."""
-    cache: Path | None
-    """Folder of compiled kernels. None if the solver's library did not start."""
-    folder: Path
-    """Folder of the results, its whole path."""
-    free_bytes: float | None
-    """Free space in this folder [bytes]. None if the folder does not exist."""
-    problems: tuple[str, ...]
-    """Missing or defective parts, one sentence each with the remedy."""
-
-    def rows(self) -> dict[str, str]:
-        """The findings as names and texts."""
-        rows = {name: version or "missing" for name, version in self.versions.items()}
-        rows["devices"] = ", ".join(self.devices) or "none"
-        rows["cores"] = str(self.cores)
-        rows["compiled kernels"] = str(self.cache or "nowhere")
-        rows |= {
-            name: self.extras[name] or f"not installed ({what}): pip install '{source}'"
-            for name, (source, what) in OPTIONAL.items()
-        }
-        free = "not there" if self.free_bytes is None else f"{self.free_bytes / 1e9:.0f} GB free"
-        rows["results"] = f"{self.folder}, {free}"
-        return rows
+def rows(found: Mapping[str, Any]) -> dict[str, str]:
+    """The findings of `examine` as names and texts."""
+    shown = {name: version or "missing" for name, version in found["versions"].items()}
+    shown["devices"] = ", ".join(found["devices"]) or "none"
+    shown["cores"] = str(found["cores"])
+    shown["compiled kernels"] = str(found["cache"] or "nowhere")
+    shown |= {
+        name: found["extras"][name] or f"not installed ({what}): pip install '{source}'"
+        for name, (source, what) in OPTIONAL.items()
+    }
+    free = found["free_bytes"]
+    shown["results"] = f"{found['folder']}, " + ("not there" if free is None else f"{free / 1e9:.0f} GB free")
+    return shown
 
 
-def examine(folder: Path) -> Installation:
-    """Check the installation without leaving files."""
+def examine(folder: Path) -> dict[str, Any]:
+    """Check the installation without leaving files.
+
+    Returns: versions, None if missing, of this package, Python, the system, every required distribution and,
+    as ``extras``, every optional one; devices of the solver, the CPU first; cores; compiled kernels' folder,
+    None if the solver's library did not start; folder of the results and its free space [bytes]; problems,
+    one sentence each with the remedy.
+    """
     versions = {
         "kolsky": _version("kolsky"),
         "Python": platform.python_version(),
@@ -124,16 +101,16 @@ def examine(folder: Path) -> Installation:
     free = float(shutil.disk_usage(folder).free) if folder.is_dir() else None
     if free is not None and free < LEAST_SPACE:
         problems.append(f"{folder.resolve()} has {free / 1e6:.0f} MB left: make room, or give --out FOLDER")
-    return Installation(
-        versions=versions,
-        extras={name: _version(name) for name in OPTIONAL},
-        devices=devices,
-        cores=cores(),
-        cache=cache,
-        folder=folder.resolve(),
-        free_bytes=free,
-        problems=tuple(problems),
-    )
+    return {
+        "versions": versions,
+        "extras": {name: _version(name) for name in OPTIONAL},
+        "devices": devices,
+        "cores": cores(),
+        "cache": cache,
+        "folder": folder.resolve(),
+        "free_bytes": free,
+        "problems": problems,
+    }
 
 
 def _version(*names: str) -> str | None:

@@ -93,47 +93,32 @@ def require_one_material(paths: Sequence[Path]) -> None:
 
 
 def answer_lines(result: "JointResult") -> list[str]:
-    """First lines of the answer: shared parameters with 95 % intervals, and the verdict."""
-    from kolsky.inverse.joint_result import interval
+    """First lines of the answer: shared parameters with 95 % intervals as on the page, and the verdict."""
     from kolsky.inverse.result import Verdict
-    from kolsky.results import numbers
-    from kolsky.results.nomenclature import name_of
+    from kolsky.report.pages.identification import parameter_row
+    from kolsky.results.joint import fits_of
     from kolsky.results.numbers import plain_sentence
     from kolsky.results.printed import plain_symbol
 
     lines = []
     for name, e in result.estimates.items():
-        quantity = name_of(name)
-        value, half = numbers.measured(quantity.factor * e.value, quantity.factor * result.expanded[name])
-        unit = "" if quantity.unit == "1" else f" {plain_sentence(quantity.unit)}"
-        line = (
-            f"{plain_symbol(name)} = {plain_sentence(value)} +- "
-            f"{plain_sentence(half)}{unit} (95 %, {len(result.shots)} shots)"
-        )
-        if e.outcome is Verdict.NOT_SEEN:
-            low, high = (quantity.factor * end for end in interval(e, result.expanded[name]))
-            line = f"{plain_symbol(name)} = {low:.2g} to {high:.2g}{unit}"
+        row = parameter_row(result, name)
+        half = "" if e.outcome is Verdict.NOT_SEEN else f" +- {row['U']}"
+        line = plain_sentence(f"{plain_symbol(name)} = {row['Value']}{half} {row['Unit']}".rstrip())
+        line += f" (95 %, {len(result.shots)} shots)"
         lines.append(line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}")
-    lines.append(_verdict_line(result))
-    return lines
-
-
-def _verdict_line(result: "JointResult") -> str:
-    """The verdict on the whole, with the largest residual divided by that expected of a correct model."""
-    fits = [(f"{shot.name}, {fit.channel}", fit) for shot in result.shots for fit in shot.fit]
-    fits += [(fit.channel, fit) for fit in result.slow_fit]
-    if not fits:
-        return f"verdict: {result.verdict}"
-    name, worst = max(fits, key=lambda one: one[1].excess / one[1].limit)
-    return f"verdict: {result.verdict} (largest residual over expected: {worst.excess:.2g} of {name})"
+    verdict = f"verdict: {result.verdict}"
+    if fits := fits_of(result):
+        of, worst = max(fits, key=lambda one: one[1].excess / one[1].limit)
+        verdict += f" (largest residual over expected: {worst.excess:.2g} of {of}, {worst.channel})"
+    return [*lines, verdict]
 
 
 def _result_rows(result: "JointResult") -> dict[str, str]:
     """Names and values below the answer: those of the page."""
     from kolsky.report.pages.identification import joint_rows
-    from kolsky.results.numbers import plain_sentence
 
-    rows = {name: plain_sentence(text) for name, text in joint_rows(result)}
+    rows = joint_rows(result)
     if result.curve is not None:
         c = result.curve
         for strain, factor, sigma in zip(c.strain, c.factor, c.sigma_log, strict=True):

@@ -160,8 +160,7 @@ def reference_curve(
     ] = "none",
     friction_sigma: Annotated[float, Option("Standard uncertainty of that coefficient.", min=0.0)] = 0.0,
     bulge_sigma: Annotated[
-        float | None,
-        Option('Standard deviation of the radius, e.g. "5 um".', unit="m", positive=True),
+        float | None, Option('Standard deviation of the radius, e.g. "5 um".', unit="m", positive=True)
     ] = None,
     scale_sigma: Annotated[
         float,
@@ -225,13 +224,7 @@ def reference_curve(
     tests, hashes = [], {}
     for path in files:
         test, digest = curves.read_uniaxial_test(
-            path,
-            given,
-            convention=convention,
-            branch=branch,
-            units=units,
-            layout=layout,
-            specimen=size,
+            path, given, convention=convention, branch=branch, units=units, layout=layout, specimen=size
         )
         if str(path) in hashes:
             raise InputError(path, "is named twice", cure="name every test once")
@@ -342,17 +335,9 @@ def material_relaxation(
         content["joint_comparison"] = comparison_summary(together)
         written["relaxation_joint_models"] = comparison_table(together)
         rows |= {f"{name}, with shots": text for name, text in _comparison_rows(together).items()}
-    files = {
-        "relaxation.json": content,
-        "relaxation.html": render_relaxation(result, dict(slow.files)),
-    }
+    files = {"relaxation.json": content, "relaxation.html": render_relaxation(result, dict(slow.files))}
     write_folder(folder, files | figure_files(figures, result), written)
-    print_result(
-        rows,
-        content,
-        files={"report": folder / "relaxation.html"},
-        warnings=result.remarks,
-    )
+    print_result(rows, content, files={"report": folder / "relaxation.html"}, warnings=result.remarks)
 
 
 def _joint_comparison(tests: Path, paths: Sequence[Path], branches: int, folder: Path) -> "ModelComparison":
@@ -398,6 +383,9 @@ def _comparison_rows(found: "ModelComparison") -> dict[str, str]:
 
 def _relaxation_rows(result: "SlowDynamics") -> dict[str, Any]:
     """Printed rows."""
+    from kolsky.report.pages.material import relaxation_tables
+    from kolsky.results.numbers import row_lines
+
     fit = result.fit
     low, high = fit.interval("factor")
     E, factor = 1e-3 * result.young, float(fit.values[0])
@@ -406,22 +394,6 @@ def _relaxation_rows(result: "SlowDynamics") -> dict[str, Any]:
         **_comparison_rows(result.comparison),
         "long-term E": f"{E:.4g} kPa, {E * low / factor:.4g} to {E * high / factor:.4g} (k = 2)",
     }
-    for k in range(len(fit.model.series)):
-        strength, time = fit.interval(f"strength {k + 1}"), fit.interval(f"time {k + 1}")
-        rows[f"branch {k + 1}"] = (
-            f"strength {fit.model.series.strengths[k]:.4g} ({strength[0]:.3g} to {strength[1]:.3g}), time"
-            f" {fit.model.series.times[k]:.4g} s ({time[0]:.3g} to {time[1]:.3g}), k = 2"
-        )
-    for name, sweep in result.sweeps.items():
-        if sweep.law_holds and sweep.covariance is not None:
-            u = sweep.covariance.diagonal() ** 0.5
-            rows[f"{name}: WLF"] = (
-                f"C1 = {sweep.C1:.4g} ± {2.0 * u[0]:.2g}, C2 = {sweep.C2:.4g} ± {2.0 * u[1]:.2g} K (k = 2) at"
-                f" {sweep.sweep.reference - 273.15:.4g} °C"
-            )
-    for one in result.moduli:
-        rows[one.label] = (
-            f"E_a {1e-3 * one.modulus.min():.4g} to {1e-3 * one.modulus.max():.4g} kPa, age"
-            f" {one.age.min():.3g} to {one.age.max():.3g} s"
-        )
+    for table in relaxation_tables(result).values():
+        rows |= row_lines(table)
     return rows

@@ -100,13 +100,7 @@ def _fit_cylinder_with_friction(
         if len(tests) == 1:
             noise = noise_about_curve(compressed[0].strain, compressed[0].stress, band.strain)
             band = replace(band, noise=noise)
-        fits = fit_specimen(
-            band,
-            size,
-            contact,
-            laws or _DEFAULT_LAWS,
-            numerics=numerics,
-        )
+        fits = fit_specimen(band, size, contact, laws or _DEFAULT_LAWS, numerics=numerics)
     ratio = {"value": numerics.poisson, "sigma": numerics.poisson_sigma}
     content = {"inputs": hashes, "ends": ends, "poisson": ratio, "laws": [model_summary(one) for one in fits]}
     fitted = [one for one in fits if not one.reason]
@@ -393,30 +387,15 @@ def material_fit(
 
 
 def _lines(comparison: "Comparison") -> list[str]:
-    """The table for a terminal of 80 columns and more, least AIC first."""
-    from kolsky.material.fits.fit import FitOutcome
-    from kolsky.material.fits.tables import failure
+    """The tables of laws, least AIC first, and of the constants of the best one."""
+    from kolsky.report.pages.material import constant_rows, law_rows
+    from kolsky.results.numbers import table_lines
 
-    best = comparison.best
-    lines = [f"{'':2}{'law':<19}{'E0 (kPa)':>9}{'RMSE (kPa)':>11}{'R2':>9}{'AIC':>9}  stability"]
-    for row in comparison.rows:
-        f = row.fit
-        if f is None:
-            continue
-        doubtful = f.outcome in (FitOutcome.NOT_DETERMINED, FitOutcome.UNCONFIRMED)
-        mark = "*" if row is best else "?" if doubtful else " "
-        lines.append(
-            f"{mark} {row.candidate.name:<19}{1e-3 * f.youngs_modulus:>9.4g}{1e-3 * f.rmse:>11.4g}"
-            f"{f.r_squared:>9.5f}{f.aic:>9.1f}  {failure(row)}"
-        )
-    lines.append("* least BIC of those determined and stable over the data; ? not determined or confirmed")
+    lines, best = table_lines(law_rows(comparison)), comparison.best
     if best is not None and best.fit is not None:
-        for spec in best.fit.law.PARAMETERS:
-            if spec.name in best.fit.free:
-                value, u = best.fit.values[spec.name], best.fit.sigma[spec.name]
-                unit = "" if spec.unit == "1" else f" {spec.unit}"
-                lines.append(f"  {spec.name} = {value:.5g} ± {2.0 * u:.2g}{unit} (k = 2)")
         f = best.fit
+        lines += ["", "least BIC of those determined and stable over the data:"]
+        lines += table_lines(constant_rows(best, f))
         if f.poisson is not None:
             half = f" ± {2.0 * f.sigma['poisson']:.2g} (k = 2)" if "poisson" in f.free else ""
             lines.append(

@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -45,14 +46,20 @@ def beginning(path: Path) -> Iterator[None]:
         ) from None
 
 
-def write_specification(folder: Path, text: str) -> Path:
-    """Write a SPEC.toml, unless the folder has one; `--json` prints its place."""
+def template(name: str) -> str:
+    """An annotated file with every key at its default: specimen.toml, virtual.toml."""
+    return files("kolsky").joinpath("cli", "templates", name).read_text(encoding="utf-8")
+
+
+def write_template(folder: Path, name: str, then: str) -> None:
+    """Write a template as SPEC.toml, unless the folder has one, and print its place and what to do then."""
     path = folder / "SPEC.toml"
     with beginning(path), path.open("x", encoding="utf-8") as file:
-        file.write(text)
+        file.write(template(name))
     if as_json():
         print_json({"file": str(path)})
-    return path
+    else:
+        typer.echo(f"wrote {path}; {then.format(path)}")
 
 
 def new(

@@ -4,9 +4,9 @@ import functools
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 import typer
 
@@ -50,16 +50,12 @@ READERS: tuple[tuple[Any, Callable[[str, Any], Any]], ...] = (
 """Conversion of the text of an option, by its type. All options but a mesh may be repeated."""
 
 
-@dataclass(frozen=True)
-class _Argument:
-    """One option of a command. It has its declaration for typer and the conversion of its text."""
+class _Argument(NamedTuple):
+    """One option of a command: annotation and default for typer, and the conversion of its text."""
 
     annotation: Any
-    """Annotation for typer."""
     default: Any
-    """Default for typer."""
     read: Callable[[Any], Any]
-    """Converts typer's value to the value of the field."""
 
 
 def _argument(name: str, hint: Any, default: Any) -> _Argument:

@@ -1,7 +1,7 @@
 """`kolsky plan`, `predict` and `virtual`: planned tests, and shots with a known answer."""
 
 from dataclasses import dataclass, replace
-from importlib.resources import files
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,7 +11,7 @@ from kolsky.base.errors import refused
 from kolsky.base.files import usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.new import write_specification
+from kolsky.cli.new import write_template
 from kolsky.cli.options import Figures, Film, Out, OutFolder, ShotPath, Values, load, usable
 from kolsky.cli.terminal import as_json, print_result, progress_bars
 from kolsky.inverse.settings import Device, Numerics, Threads
@@ -50,42 +50,29 @@ def _without_bounds(text: str) -> str:
     return text
 
 
+_Own = partial(Option, show_default="the shot's")
+
+
 @dataclass(frozen=True)
 class _Instruments:
     """Changes of the shot's instruments."""
 
-    outline_sigma: Annotated[
-        float | None, Option('Noise of an outline point, e.g. "4 um".', unit="m", show_default="the shot's")
-    ] = None
+    outline_sigma: Annotated[float | None, _Own('Noise of an outline point, e.g. "4 um".', unit="m")] = None
     force_sigma: Annotated[
-        float | None,
-        Option('Noise of the mean force of a bin, e.g. "0.1 N".', unit="N", show_default="the shot's"),
+        float | None, _Own('Noise of the mean force of a bin, e.g. "0.1 N".', unit="N")
     ] = None
     frame_interval: Annotated[
-        float | None,
-        Option(
-            'Frame rate, e.g. "120 kHz".', name="frame-rate", read=_frame_interval, show_default="the shot's"
-        ),
+        float | None, _Own('Frame rate, e.g. "120 kHz".', name="frame-rate", read=_frame_interval)
     ] = None
     points: Annotated[
-        float | None,
-        Option(
-            'Independent outline points per height, e.g. "3.6 1/mm".', unit="1/m", show_default="the shot's"
-        ),
+        float | None, _Own('Independent outline points per height, e.g. "3.6 1/mm".', unit="1/m")
     ] = None
     clearance: Annotated[
-        float | None,
-        Option(
-            'Heights near a platen that the camera does not see, e.g. "0.3 mm".',
-            unit="m",
-            show_default="the shot's",
-        ),
+        float | None, _Own('Heights near a platen that the camera does not see, e.g. "0.3 mm".', unit="m")
     ] = None
     window: Annotated[
         tuple[float, float] | None,
-        Option(
-            'Time window, e.g. "0 ms:1.2 ms".', metavar="START:END", read=_window, show_default="the shot's"
-        ),
+        _Own('Time window, e.g. "0 ms:1.2 ms".', metavar="START:END", read=_window),
     ] = None
 
 
@@ -251,14 +238,8 @@ def virtual_new(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the new specification.")],
 ) -> None:
     """Write an annotated SPEC.toml of a virtual shot; an existing one is left unchanged."""
-    path = write_specification(folder, template())
-    if not as_json():
-        typer.echo(f"wrote {path}; change it, then: kolsky virtual make {path} --out {folder / 'shot'}")
-
-
-def template() -> str:
-    """The annotated specification with every key at its default."""
-    return files("kolsky").joinpath("cli", "templates", "virtual.toml").read_text(encoding="utf-8")
+    then = f"change it, then: kolsky virtual make {{}} --out {folder / 'shot'}"
+    write_template(folder, "virtual.toml", then)
 
 
 def virtual_make(

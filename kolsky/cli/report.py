@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kolsky.base.errors import refused
 from kolsky.base.files import filling, usable_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
@@ -14,9 +13,7 @@ from kolsky.cli.options import Figures, Out, OutFolder, ShotPath, load, usable
 from kolsky.cli.terminal import counted, print_result, progress_bars
 
 if TYPE_CHECKING:
-    from kolsky.inverse.result import Identification
-    from kolsky.shot.records import Shot
-    from kolsky.studies.rates.rate import Identify
+    pass
 
 
 def report(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
@@ -131,7 +128,6 @@ def rate(
     shared: Annotated[
         float, Option("Relative standard uncertainty that all m have in common.", min=0.0)
     ] = 0.0,
-    identify: Annotated[bool, Option("Identify shots without a result.")] = False,
     keep_unexplained: Annotated[bool, Option("Include shots whose data the model does not explain.")] = False,
     out: OutFolder = Path("rates"),
     figures: Figures = (),
@@ -152,7 +148,6 @@ def rate(
             group=group,
             strains=strains,
             shared=shared,
-            identify=_identification_of(progress) if identify else None,
             keep_unexplained=keep_unexplained,
             progress=progress,
         )
@@ -166,20 +161,3 @@ def rate(
 
 
 _CURE = "correct the option; `kolsky rate --help` shows each"
-
-
-def _identification_of(progress: Any) -> "Identify":
-    """Identification of a shot without a result. It writes the files of `kolsky identify`."""
-
-    def identify(shot: Path, loaded: "Shot") -> "Identification":
-        from kolsky import identification
-        from kolsky.report.result_folder import write_identify_results
-        from kolsky.studies.rates.rate import result_of
-
-        folder = usable_folder(result_of(shot).parent)
-        with refused(loaded.folder, cure=_CURE):
-            result = identification.identify(loaded, progress=progress)
-        write_identify_results(folder, result, loaded)
-        return result
-
-    return identify

@@ -1,7 +1,6 @@
 """`kolsky specimen new`, `fit`, `simulate` and `plan`: whole specimens in slow tests."""
 
 import functools
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,9 +9,9 @@ import typer
 from kolsky.base.files import usable_folder, write_folder
 from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.new import write_specification
+from kolsky.cli.new import write_template
 from kolsky.cli.options import Figures, Vtu
-from kolsky.cli.terminal import as_json, print_result, progress_bars
+from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.inverse.settings import Device
 
 if TYPE_CHECKING:
@@ -30,10 +29,7 @@ def specimen_new(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the new specification.")],
 ) -> None:
     """Write an annotated SPEC.toml of slow tests; an existing one is left unchanged."""
-    template = files("kolsky").joinpath("cli", "templates", "specimen.toml")
-    path = write_specification(folder, template.read_text(encoding="utf-8"))
-    if not as_json():
-        typer.echo(f"wrote {path}; fill it in, then: kolsky specimen fit {path}")
+    write_template(folder, "specimen.toml", "fill it in, then: kolsky specimen fit {}")
 
 
 def specimen_fit(

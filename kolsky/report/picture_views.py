@@ -11,10 +11,24 @@ from numpy.typing import NDArray
 
 from dic.chain.remarks import Speckles, speckles_of
 from dic.images import PictureError, Pictures
+from dic.outcome import PointOutcome
 from dic.result import FullField, StereoResult
 from kolsky.bars.flyer.flight import FlightOfSpecimen
 from kolsky.base.arrays import FloatArray
 
+OUTCOME_COLOURS = {
+    PointOutcome.VALID: "#0072b2",
+    PointOutcome.OUT_OF_VIEW: "#56b4e9",
+    PointOutcome.LOW_CONTRAST: "#f0e442",
+    PointOutcome.NOT_CONVERGED: "#e69f00",
+    PointOutcome.LOW_CORRELATION: "#d55e00",
+    PointOutcome.STEREO_MISMATCH: "#cc79a7",
+    PointOutcome.NO_FIRST_GUESS: "#7f5539",
+    PointOutcome.NO_PICTURE: "#000000",
+    PointOutcome.AT_END: "#bdbdbd",
+    PointOutcome.OFF_SURFACE: "#7a1fa2",
+}
+"""A colour for every outcome."""
 SHOWN_PICTURES = 4
 """Number of pictures shown."""
 

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from dic.result import FullField
     from kolsky.equilibrium.solution import Solution
     from kolsky.inverse.result import Identification
-    from kolsky.pictures.measurement import Measurement
     from kolsky.prediction.design import Aim, Scan
     from kolsky.prediction.predict import Prediction
     from kolsky.report.body_views import SheetView, SpecimenView
@@ -193,12 +192,7 @@ def drawing_processes() -> int:
 
 
 def write_identify_results(
-    folder: Path,
-    found: Identification,
-    shot: Shot,
-    *,
-    formats: Sequence[str] = (),
-    processes: int = 1,
+    folder: Path, found: Identification, shot: Shot, *, formats: Sequence[str] = (), processes: int = 1
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures.
 
@@ -303,36 +297,6 @@ def write_dic_results(
             if result.flyer is not None:
                 write_vtp(partial / "vtp", result.flyer, "flyer")
         write_files(partial, {"dic.html": render_surfaces(shown, shot.inputs, processes=processes)})
-
-
-def write_full_field_results(
-    folder: Path,
-    measurement: Measurement,
-    result: FullField,
-    *,
-    formats: Sequence[str] = (),
-    csv: bool = False,
-    vtu: bool = False,
-) -> None:
-    """Write the results of `kolsky dic` for a dic.toml: dic.h5, dic.html, history.csv and figures.
-
-    ``csv``, ``vtu``: also write every frame's points as CSV, and as VTU for ParaView.
-    """
-    from dic.output import write_full_field_frames, write_full_field_history
-    from kolsky.pictures.dic_file import write_full_field
-    from kolsky.report.pages.surfaces import render_field
-    from kolsky.report.paraview import write_full_field_vtu
-    from kolsky.report.picture_views import read_full_field_view
-
-    shown = read_full_field_view(measurement.name, result, measurement.series[0])
-    files: dict[str, Any] = {
-        "dic.h5": lambda path: write_full_field(path, result),
-        "history.csv": lambda path: write_full_field_history(path, result),
-        "dic.html": render_field(shown, measurement.inputs),
-    }
-    files |= {"csv": lambda path: write_full_field_frames(path, result)} if csv else {}
-    files |= {"vtu": lambda path: write_full_field_vtu(path, result)} if vtu else {}
-    write_folder(folder, files | figure_files(formats, shown))
 
 
 def write_budget_results(

@@ -16,25 +16,13 @@ from numpy.typing import NDArray
 
 from dic.outcome import PointOutcome
 from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.report.picture_views import OUTCOME_COLOURS
 from kolsky.report.scene.drawing import offscreen_pyvista, pixels_of, plotting
 from kolsky.report.scene.scene_data import grid_triangles
 from kolsky.shot.measured_points import OUTCOME, FieldOfPoints, MeasuredPoints
 
 COLOURS = "viridis"
 """Colour map of fields, as in the figures of `dic.html`."""
-OUTCOME_COLOURS = {
-    PointOutcome.VALID: "#0072b2",
-    PointOutcome.OUT_OF_VIEW: "#56b4e9",
-    PointOutcome.LOW_CONTRAST: "#f0e442",
-    PointOutcome.NOT_CONVERGED: "#e69f00",
-    PointOutcome.LOW_CORRELATION: "#d55e00",
-    PointOutcome.STEREO_MISMATCH: "#cc79a7",
-    PointOutcome.NO_FIRST_GUESS: "#7f5539",
-    PointOutcome.NO_PICTURE: "#000000",
-    PointOutcome.AT_END: "#bdbdbd",
-    PointOutcome.OFF_SURFACE: "#7a1fa2",
-}
-"""A colour for every outcome."""
 SHARE = (1.0, 99.0)
 """Percentiles of the values at the limits of the colours. Outliers then do not reduce the contrast."""
 LONGEST = 720

@@ -1,9 +1,6 @@
-"""The file format of an identification.
+"""The file format of an identification: path, unit, key and heading of every field, one table per record.
 
-Path, unit, key and heading of every field, one table per record.
-
-HDF5, JSON, tables and display units are derived from it. There is one HDF5 file per shot. It is written
-completely or not at all. Every value is checked when it is read.
+HDF5, JSON, tables and display units are derived from it. Every value is checked when it is read.
 """
 
 from dataclasses import fields, replace
@@ -125,9 +122,7 @@ CAUSE = Record(
 
 
 FORMAT = Format("kolsky identification", version=4, readable=(1, 2, 3, 4))
-"""Version 1 lacks other choices, numbers of image correlation and parts of the numerical uncertainty.
-Versions 1 and 2 lack goodness of fit, lags of clocks and causes of a misfit. Versions 1 to 3 lack the search
-ranges of parameters."""
+"""Fields that an older version lacks have ``since``."""
 
 ESTIMATE = Record(
     Estimate,
@@ -210,11 +205,7 @@ OUTLINE = Record(
 RECORDED = Record(
     ForceHistory,
     nxdata("force", "time"),
-    {
-        "time": Floats("s", "recorded"),
-        "force": Floats("N", "recorded"),
-        "sigma": Floats("N", "recorded"),
-    },
+    {"time": Floats("s", "recorded"), "force": Floats("N", "recorded"), "sigma": Floats("N", "recorded")},
 )
 COMPARISON = Record(
     Comparison,
@@ -334,9 +325,7 @@ DECLARED = Record(
     },
 )
 VARIATION = Record(
-    Variation,
-    COLLECTION,
-    {"key": Text(), "value": Floats("s"), "shifts": by_parameter(), "status": Text()},
+    Variation, COLLECTION, {"key": Text(), "value": Floats("s"), "shifts": by_parameter(), "status": Text()}
 )
 POSTERIOR = Record(
     PosteriorSummary,
@@ -391,24 +380,12 @@ IDENTIFICATION = Record(
 
 
 def write_identification(path: Path, identification: Identification) -> None:
-    """Write everything `kolsky identify` returns to one HDF5 file, atomically.
+    """Write everything `kolsky identify` returns to one HDF5 file, atomically; its folder must exist.
 
-    Parameters
-    ----------
-    path : Path
-        The file, replaced if it exists; its folder must exist.
-    identification : Identification
-        The result. Provenance is stored as JSON. Tuples become lists, and values that are not finite become
-        null.
-
-    Raises
-    ------
-    ValueError
-        If shapes of the result are inconsistent, or if a text cannot be stored.
-    TypeError
-        If provenance contains a value that JSON cannot represent.
-    OSError
-        If the file cannot be written. An existing file is then unchanged.
+    Provenance is stored as JSON: tuples become lists, and values that are not finite become null. Raises
+    ValueError if shapes of the result are inconsistent or a text cannot be stored, TypeError if JSON cannot
+    represent a value of the provenance, and OSError, with an existing file unchanged, if the file cannot be
+    written.
     """
     plain = replace(identification, provenance=jsonable(identification.provenance, "provenance"))
     with writing(path, FORMAT) as place:
@@ -416,24 +393,10 @@ def write_identification(path: Path, identification: Identification) -> None:
 
 
 def read_identification(path: Path) -> Identification:
-    """Read a file of `write_identification` and check everything in it.
+    """Read a file of `write_identification`, of any version: the same numbers, bit for bit.
 
-    Parameters
-    ----------
-    path : Path
-        The HDF5 file, of version 1, 2 or 3.
-
-    Returns
-    -------
-    Identification
-        The same numbers, bit for bit.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, truncated or not such a result. The same error is raised if a dataset is
-        missing, is a link to another file, has a wrong type, shape or unit, or is larger than 1 GiB. The
-        message is one line.
+    Raises InputError, in one line, if the file is missing, truncated or not such a result, or if a dataset is
+    missing, a link to another file, of a wrong type, shape or unit, or larger than 1 GiB.
     """
     with reading(Path(path), FORMAT, cure="write it again with `kolsky identify`") as place:
         return IDENTIFICATION.read(place)

@@ -1,6 +1,4 @@
-"""A joint identification as files: joint.json, CSV tables of parameters, shots and curve, and one HDF5
-file.
-"""
+"""A joint identification as joint.json, CSV tables of parameters, shots and curve, and one HDF5 file."""
 
 from pathlib import Path
 from typing import Any

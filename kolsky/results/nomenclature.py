@@ -1,8 +1,4 @@
-"""Nomenclature of pages and figures, and its typesetting.
-
-It has symbols, units and words of parameters, routes and stages. It typesets signs, powers, units and
-subscripts in text written for a terminal.
-"""
+"""Symbols, units and words of parameters, routes and stages, and typesetting of text for a terminal."""
 
 import re
 from collections.abc import Iterable
@@ -43,9 +39,6 @@ def _name_entry(parameter: str) -> WrittenName | None:
     return _NAMES.get(parameter)
 
 
-NOISE = {"force and shape": "force and outline"}
-"""Words for sources of noise with keys that differ from the words."""
-
 _ROUTES = {
     "joint": "joint χ²",
     "force only": "force χ² only",
@@ -74,8 +67,7 @@ def short(parameter: str) -> str:
 def in_words(text: str, names: Iterable[str] = ()) -> str:
     """Return a sentence in which every API name of a parameter is replaced by `short`.
 
-    ``names``: parameters to replace, in addition to those with API names that are not English words.
-    "friction" may be an ordinary word.
+    ``names``: those whose names may be ordinary words, such as "friction".
     """
     known = {*names, *(name for name in (*PARAMETERS, *_NAMES) if "_" in name)}
     called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))
@@ -89,12 +81,7 @@ def heading(parameter: str, unit: str = "1", words: str = "{}") -> Markup:
 
 
 def constant_symbol(name: str) -> str:
-    """Return the symbol of a law's constant for figures.
-
-    The symbol of "poisson" is ν. C10 has its number as a subscript.
-
-    Other names than a letter with a number are upright.
-    """
+    """Return the symbol of a law's constant for figures: ν for "poisson", C10 with a subscript."""
     greek = {"poisson": r"\nu", "mu": r"\mu", "alpha": r"\alpha", "lam": r"\lambda"}
     parts = re.fullmatch(r"(poisson|alpha|lam|mu|[A-Za-z])_?(\d*)", name)
     if parts is None:

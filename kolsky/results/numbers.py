@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 MINUS = "\u2212"
@@ -36,9 +36,7 @@ def like(value: float, uncertainty: float) -> str:
 
 
 def part(value: float, uncertainty: float) -> str:
-    """Return a contribution to an expanded uncertainty. It has one digit more than the result of
-    `measured`.
-    """
+    """Return a contribution to an expanded uncertainty with one digit more than `measured`."""
     if not (math.isfinite(value) and math.isfinite(uncertainty) and uncertainty > 0.0):
         return plain(value, 2)
     last = _exponent(uncertainty, digits=2) - 2
@@ -54,10 +52,7 @@ def rounded(value: float, last: int) -> str:
 
 
 def plain(value: float, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits.
-
-    Numbers below 1e-3, and from 1e6 on, are written with a power of ten.
-    """
+    """Return a number with `digits` significant digits, with a power of ten below 1e-3 and from 1e6 on."""
     if not math.isfinite(value):
         return NOTHING
     if value == 0.0:
@@ -96,6 +91,33 @@ def columns(rows: Mapping[str, Any]) -> list[str]:
     """Return names and values in two columns; numbers with six digits."""
     width = max(map(len, rows), default=0)
     return [f"  {name:<{width}}  {_cell_text(value)}" for name, value in rows.items()]
+
+
+def table_lines(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the rows of a page's table, by the headings of their columns, as lines of aligned columns."""
+    shown = list(map(_unmarked, rows))
+    cells = [list(shown[0]), *(list(row.values()) for row in shown)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return ["  ".join(map(str.ljust, line, widths)).rstrip() for line in cells]
+
+
+def row_lines(rows: Iterable[Mapping[str, Any]], names: int = 1) -> dict[str, str]:
+    """Return the rows of a page's table as names, of the first cells, and texts of the others in words."""
+    lines = {}
+    for row in map(_unmarked, rows):
+        cells = [(head, cell) for head, cell in row.items() if cell]
+        text = ", ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in cells[names:])
+        lines[", ".join(cell for _, cell in cells[:names])] = plain_sentence(text)
+    return lines
+
+
+def _unmarked(row: Mapping[str, Any]) -> dict[str, str]:
+    """Cells by headings without the marks of HTML."""
+    texts = {head: cell for head, cell in row.items() if head != "lost"}
+    return {_UNMARKED.sub("", str(head)): _UNMARKED.sub("", str(cell)) for head, cell in texts.items()}
+
+
+_UNMARKED = re.compile("<[^>]*>")
 
 
 def plain_sentence(text: str) -> str:

@@ -1,7 +1,4 @@
-"""Results as plain text for a terminal of 80 columns.
-
-Terminal and page use the same rows.
-"""
+"""Results as plain text for a terminal of 80 columns, and as rows of the page."""
 
 from __future__ import annotations
 
@@ -79,10 +76,7 @@ MANY_SIGMAS = 4.0
 
 
 def why_beyond_noise(f: FitQuality) -> str:
-    """Return the reason why a residual far above the noise is expected.
-
-    Empty if it is small or not explained.
-    """
+    """Return why a residual far above the noise is expected; empty if it is small or not explained."""
     if not (f.explained and f.limit < float("inf") and f.chi2 > MANY_SIGMAS):
         return ""
     factor, unit = _CHANNEL_UNITS[f.unit]
@@ -232,10 +226,7 @@ ROUTES = {"force only": "force only", "shape only": "outline only", "paper": "co
 
 
 def answer(e: Estimate) -> str:
-    """Return an estimate as one line, "m = 1.1220 ± 0.0040 (k = 2)".
-
-    The verdict follows unless it is "identified".
-    """
+    """Return an estimate as one line, "m = 1.1220 ± 0.0040 (k = 2)", with any verdict but "identified"."""
     e = estimate_in_display_units(e)
     value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
     unit = "" if e.unit == "1" else f" {plain_sentence(e.unit)}"
@@ -251,9 +242,7 @@ MOST_PARTS = 4
 
 
 def variance_shares(found: Identification, name: str) -> dict[str, float]:
-    """Return the share of each source in a parameter's variance, the largest first.
-
-    Their sum is one.
+    """Return the share of each source in a parameter's variance, the largest first; their sum is one.
 
     A declared input's part is the square of the shift that it causes, because inputs are independent.
     """
@@ -267,11 +256,7 @@ def variance_shares(found: Identification, name: str) -> dict[str, float]:
 
 
 def summary(found: Identification) -> dict[str, str]:
-    """Return a short summary as names and values.
-
-    It has the main source of the first parameter's uncertainty, the likely causes of a misfit, and the next
-    step for the user.
-    """
+    """Return what dominates the first parameter's variance, likely causes of a misfit, and the next step."""
     first = next(iter(found.estimates))
     largest = list(variance_shares(found, first).items())[:MOST_PARTS]
     rows = {}

@@ -48,10 +48,9 @@ def all_tables(found: Identification) -> dict[str, dict[str, Any]]:
 
 
 def summary_row(found: Identification, nominal_rate: float) -> dict[str, list[Any]]:
-    """The result as one row (SI); the rows of many shots form one table.
+    """Value, U (k = 2) and verdict of each free parameter as one row of a table of many shots, SI.
 
-    It has value, U (k = 2) and verdict of each free parameter. ``nominal_rate``: nominal strain rate [1/s];
-    NaN if unknown.
+    ``nominal_rate``: nominal strain rate [1/s]; NaN if unknown.
     """
     row: dict[str, Any] = {"shot": found.shot, "nominal strain rate (1/s)": nominal_rate}
     for name, e in found.estimates.items():
@@ -74,16 +73,10 @@ def end_columns(design: DesignTable) -> dict[str, Any]:
 
 
 def to_json(identification: Identification) -> dict[str, Any]:
-    """The result as one object of JSON types.
+    """The result as one object of JSON types, with a key for every free parameter, see docs/howto/json.md.
 
-    Every free parameter is a key with `value`, `interval` (k = 2, inside the range `searched`), `sigma`,
-    `sigma_noise`, `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `on_mesh` (the optimum on the refined
-    mesh), `mesh_correction` (`value` minus `on_mesh`), `noise_parts`, `numerical_parts`, `unit`, `outcome`.
-    `fit` and `clocks` are null if they were not recorded. `failed_runs` lists the failed runs. Numbers that
-    are not finite become null.
-
-    Raises ValueError if a free parameter has the name of another key of the object. Raises TypeError if
-    provenance contains a value that JSON cannot represent.
+    Numbers that are not finite become null. Raises ValueError if a free parameter has the name of another key
+    of the object, and TypeError if provenance contains a value that JSON cannot represent.
     """
     result, response = identification, identification.response
     answer = {name: e.value for name, e in result.estimates.items()}

@@ -143,9 +143,7 @@ class ReflectedSection(Section):
 
 
 class GaugeSection(Section):
-    """[gauges.incident] or [gauges.transmission]: strain gauges at one place. Two channels are gauges on
-    opposite sides of the bar.
-    """
+    """[gauges.incident] or [gauges.transmission]: a strain gauge, or two on opposite sides of the bar."""
 
     recorder: f.Name | Annotated[list[f.Name], Field(min_length=2, max_length=2)]
     channels: Annotated[list[f.Name | Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=2)]
@@ -161,8 +159,7 @@ class GaugeSection(Section):
     @property
     def recorders(self) -> list[str]:
         """The recorder of each channel."""
-        same = [self.recorder] * len(self.channels)
-        return self.recorder if isinstance(self.recorder, list) else [str(name) for name in same]
+        return self.recorder if isinstance(self.recorder, list) else [self.recorder] * len(self.channels)
 
     @property
     def signs(self) -> tuple[int, ...]:

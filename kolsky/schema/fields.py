@@ -72,14 +72,24 @@ def alternatives(names: Iterable[str]) -> str:
     return " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
 
 
-def seconds(text: object) -> float:
-    """A written-out time [s]. Other validators are built on it."""
-    return physical("s")(text)
+seconds = physical("s")
+"""A written-out time [s]."""
+length = physical("m")
+"""A written-out length of any sign [m]."""
 
 
-def length(text: object) -> float:
-    """A written-out length of any sign [m]. Other validators are built on it."""
-    return physical("m")(text)
+def _within(
+    holds: Callable[[float], bool], allowed: str, cure: str | None = None
+) -> Callable[[object], float]:
+    """A validator for a plain number in a range."""
+
+    def validate(value: object) -> float:
+        size = number(value)
+        if not holds(size):
+            raise problem("is not allowed", allowed=allowed, **({} if cure is None else {"cure": cure}))
+        return size
+
+    return validate
 
 
 def _poisson(value: object, cure: str = "write a number without quotes or unit") -> float:
@@ -99,13 +109,6 @@ def _specimen_poisson(value: object) -> float:
         "write a number without quotes; the solver needs slight compressibility: 0.499 for a rubber-like "
         f'material, or "{INCOMPRESSIBLE_WORD}"',
     )
-
-
-def _deviation(value: object) -> float:
-    size = number(value)
-    if not 0.0 <= size < 0.5:
-        raise problem("is not allowed", allowed="in [0, 0.5)", cure="write a standard uncertainty, e.g. 0.01")
-    return size
 
 
 def _friction(value: object) -> float:
@@ -238,13 +241,6 @@ def _odd(low: int, high: int, unit: str) -> Callable[[object], int]:
     return validate
 
 
-def _prefilter(value: object) -> float:
-    size = number(value)
-    if not 0.0 <= size <= 5.0:
-        raise problem("is not allowed", allowed="in [0, 5] px", cure="0 smooths nothing")
-    return size
-
-
 def _text(name: object) -> str:
     if not isinstance(name, str) or not name.strip():
         raise problem("is not a name", cure="write a text in quotes")
@@ -267,15 +263,13 @@ ReleaseStress = Annotated[
 Voltage = Annotated[float, BeforeValidator(physical("V", "> 0", "the largest voltage the recorder shows"))]
 SignedVoltage = Annotated[float, BeforeValidator(physical("V"))]
 Sensitivity = Annotated[
-    float,
-    BeforeValidator(physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
+    float, BeforeValidator(physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")'))
 ]
 Velocity = Annotated[float, BeforeValidator(physical("m/s", "> 0"))]
 Resistance = Annotated[float, BeforeValidator(physical("ohm", "> 0"))]
 Mass = Annotated[float, BeforeValidator(physical("kg", ">= 0", "the mass between sensing plane and face"))]
 StrainPerVolt = Annotated[
-    float,
-    BeforeValidator(physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")')),
+    float, BeforeValidator(physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")'))
 ]
 Uncertainty = Annotated[
     float, BeforeValidator(physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
@@ -288,7 +282,12 @@ TimeDeviation = Annotated[
 LengthDeviation = Annotated[
     float, BeforeValidator(physical("m", ">= 0", "a standard uncertainty (k = 1)", "5 um"))
 ]
-Deviation = Annotated[float, BeforeValidator(_deviation)]
+Deviation = Annotated[
+    float,
+    BeforeValidator(
+        _within(lambda x: 0.0 <= x < 0.5, "in [0, 0.5)", "write a standard uncertainty, e.g. 0.01")
+    ),
+]
 Number = Annotated[float, BeforeValidator(number)]
 Share = Annotated[float, BeforeValidator(_share)]
 Poisson = Annotated[float, BeforeValidator(_poisson)]
@@ -309,7 +308,9 @@ Anchors = Annotated[tuple[tuple[int, int, float, float], ...], BeforeValidator(_
 Places = Annotated[tuple[tuple[int, int], ...], BeforeValidator(_places)]
 Subset = Annotated[int, BeforeValidator(_odd(5, 101, "px"))]
 StrainWindow = Annotated[int, BeforeValidator(_odd(3, 51, "points"))]
-Prefilter = Annotated[float, BeforeValidator(_prefilter)]
+Prefilter = Annotated[
+    float, BeforeValidator(_within(lambda x: 0.0 <= x <= 5.0, "in [0, 5] px", "0 smooths nothing"))
+]
 Name = Annotated[str, BeforeValidator(_text)]
 TargetName = Annotated[str, BeforeValidator(_target)]
 ContactStiffness = Annotated[
@@ -349,11 +350,7 @@ class Section(BaseModel):
         for key in keys:
             stated, wanted = getattr(self, key), getattr(self, model)
             if isinstance(stated, list | tuple) and len(stated) != len(wanted):
-                raise problem(
-                    f"has {len(stated)} entries, {model} has {len(wanted)}",
-                    key=key,
-                    cure=cure,
-                )
+                raise problem(f"has {len(stated)} entries, {model} has {len(wanted)}", key=key, cure=cure)
 
 
 class ColumnSection(Section):
@@ -407,13 +404,6 @@ class ModeColumns(Section):
     unit: StressUnit
 
 
-def _check_interval(text: object) -> float:
-    value = seconds(text)
-    if value <= 0.0:
-        raise problem("is not allowed", allowed="> 0 s", cure='write e.g. "100 ns"')
-    return value
-
-
 def _check_unit(text: object) -> str:
     if not isinstance(text, str) or si_unit(text) is None:
         raise problem("is not a known unit", allowed='a unit such as "V", "mV", "N", "strain"')
@@ -454,7 +444,7 @@ class LayoutSection(TextLayoutSection):
     format: Name | None = None
     time: str | int | dict[str, str | int] | None = None
     time_unit: Annotated[str, BeforeValidator(_check_time_unit)] | None = None
-    interval: Annotated[float, BeforeValidator(_check_interval)] | None = None
+    interval: PositiveTime | None = None
     start: Time | None = None
     unit: Annotated[str, BeforeValidator(_check_unit)] | None = None
 
@@ -462,7 +452,7 @@ class LayoutSection(TextLayoutSection):
         """The declaration in the form that readers need.
 
         ``full_scale``: largest recordable magnitude, in the SI unit of the samples. ``said``: fields of
-        `Layout` that other keys of the shot file declare, e.g. ``unit="V"``. None means undeclared.
+        `Layout` that other keys declare, e.g. ``unit="V"``.
         """
         declared = {name: getattr(self, name) for name in LayoutSection.model_fields}
         return Layout(

@@ -116,11 +116,7 @@ def _law_constant(name: str, value: object, unit: str) -> float:
 
 
 def one_baseline(curve: object, law: LawSection | None) -> None:
-    """Check that a file declares exactly one quasi-static baseline.
-
-    Raises pydantic_core.PydanticCustomError if there is neither [curve] nor [law]. The same error is raised
-    if there are both and [law] does not declare whether it is the baseline.
-    """
+    """Check that a file declares [curve] or [law], and with both which of them is the baseline."""
     if curve is None and law is None:
         raise f.problem(
             "is missing", key="curve", cure="add [curve] with a quasi-static test, or [law] with a fitted law"

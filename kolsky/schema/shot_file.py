@@ -198,19 +198,12 @@ Source = str | Path | TomlFile
 
 
 def parsed(source: Source) -> TomlFile:
-    """The parsed shot file of a folder. A parsed file is returned unchanged.
-
-    Raises InputError if there is no shot file, or for the reasons of `parse_toml`.
-    """
+    """The parsed shot file of a folder. A parsed file is returned unchanged."""
     return source if isinstance(source, TomlFile) else parse_toml(find_shot_file(Path(source)))
 
 
 def shot_toml(source: Source) -> ShotToml:
-    """A whole shot file, validated.
-
-    Raises InputError if the file cannot be read or is not TOML. The same holds for unknown keys, missing keys
-    and impossible values. Several problems are raised as one `InputErrors`.
-    """
+    """A whole shot file, validated. Several problems are raised as one `InputErrors`."""
     file = parsed(source)
     if isinstance(file, ShotToml):
         return file

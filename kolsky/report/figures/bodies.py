@@ -204,10 +204,7 @@ def sheet_histories(view: SheetView, panels: Panels) -> str:
 @figure(
     PAGE,
     110.0,
-    lambda view: [
-        list(view.fit.constants.free),
-        [f"{name} noise" for name in view.fit.constants.free],
-    ],
+    lambda view: [list(view.fit.constants.free), [f"{name} noise" for name in view.fit.constants.free]],
     letters=True,
 )
 def sheet_steps(view: SheetView, panels: Panels) -> str:

@@ -143,20 +143,14 @@ SHOT_HEIGHT = 0.22
 """Distance between the routes of one shot, in rows."""
 
 
-def _left_out(group: GroupRates) -> bool:
-    """True if the mean without one of the shots is known. At least three shots are needed."""
-    return group.pooled is not None and any(fit is not None for fit in group.pooled.leave_one_out)
-
-
 @figure(
     PAGE,
     lambda group: 32.0 + 7.5 * len(group.shots),
-    lambda group: [["shots", "shots", "without", "without"]] if _left_out(group) else [["shots"]],
+    [["shots"]],
     applies=lambda group: any(np.isfinite(shot.m) for shot in group.shots),
-    letters=True,
 )
 def rate_forest(group: GroupRates, panels: Panels) -> str:
-    left, right = panels["shots"], panels.get("without")
+    ax = panels["shots"]
     count = len(group.shots)
     rows = np.arange(count, 0, -1)
     for row, shot in zip(rows, group.shots, strict=True):
@@ -172,35 +166,21 @@ def rate_forest(group: GroupRates, panels: Panels) -> str:
                 colour, y = ROUTES[name], row + SHOT_HEIGHT * (1 - number)
                 style: dict[str, Any] = {"color": colour, "mfc": colour if shot.counted else "white"}
                 label = route_label(name) if row == rows[0] else ""
-                left.errorbar(value, y, xerr=half, fmt="o", ms=3, label=label, **style)
+                ax.errorbar(value, y, xerr=half, fmt="o", ms=3, label=label, **style)
     names = [label_text(shot.name, 24) for shot in group.shots]
-    left.set_yticks([*rows, 0], [*names, "mean"])
-    for ax in panels.values():
-        ax.set_ylim(-0.6, count + 0.7)
-        ax.tick_params(axis="y", which="both", left=False, right=False)
-        ax.set_xlabel("Stiffness factor $m$ (–)")
+    ax.set_yticks([*rows, 0], [*names, "mean"])
+    ax.set_ylim(-0.6, count + 0.7)
+    ax.tick_params(axis="y", which="both", left=False, right=False)
+    ax.set_xlabel("Stiffness factor $m$ (–)")
     if group.pooled is not None:
-        p = group.pooled
-        low, high = p.interval
-        for ax in panels.values():
-            ax.axvspan(low, high, color=BAND, alpha=0.25, lw=0.0)
-            ax.fill([low, p.mean, high, p.mean], [0, 0.25, 0, -0.25], color=MEASURED, lw=0.0)
-        place = {shot.name: row for shot, row in zip(group.shots, rows, strict=True)}
-        for shot, fit in zip(group.counted, p.leave_one_out, strict=True):
-            if fit is None or right is None:
-                continue
-            mean, (start, end) = float(fit.coefficients[0]), fit.interval(0)
-            right.plot([start, end], [place[shot.name]] * 2, color=MEASURED, lw=0.8)
-            right.plot(mean, place[shot.name], "D", color=MEASURED, ms=3)
-    if right is not None:
-        right.set_yticks([])
-    left.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.1, 1.0), borderaxespad=0.1)
-    without = " Right: the mean and its 95 % interval without each shot in turn." if _left_out(group) else ""
+        mean, (low, high) = group.pooled.mean, group.pooled.interval
+        ax.axvspan(low, high, color=BAND, alpha=0.25, lw=0.0)
+        ax.fill([low, mean, high, mean], [0, 0.25, 0, -0.25], color=MEASURED, lw=0.0)
+    ax.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.1, 1.0), borderaxespad=0.1)
     return (
-        f"{'Left: s' if without else 'S'}tiffness factor of each shot, slowest first, by force and outline"
-        " together with ±2u of the whole budget, and by each alone with ±2 of the standard uncertainty of its"
-        f" residuals; the diamond is the mean, as wide as its 95 % interval.{without}"
-        " Open circles do not count."
+        "Stiffness factor of each shot, slowest first, by force and outline together with ±2u of the whole "
+        "budget, and by each alone with ±2 of the standard uncertainty of its residuals; the diamond is the "
+        "mean, as wide as its 95 % interval. Open circles do not count."
     )
 
 

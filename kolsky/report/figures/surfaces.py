@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
 from dic.chain.remarks import Speckles
-from dic.outcome import FrameOutcome, PointOutcome
+from dic.outcome import FrameOutcome
 from kolsky.bars.flyer.flight import FlightOfSpecimen
 from kolsky.base.arrays import FloatArray
 from kolsky.report.figures.base import (
@@ -19,7 +19,6 @@ from kolsky.report.figures.base import (
     COLUMN,
     DOTS,
     FORCE,
-    GREEN,
     GREY,
     LETTERS,
     MEASURED,
@@ -30,7 +29,6 @@ from kolsky.report.figures.base import (
     PAPER,
     SHAPE,
     UM,
-    YELLOW,
     FigureKind,
     Panels,
     colour_bar,
@@ -42,7 +40,7 @@ from kolsky.report.figures.base import (
     show_picture,
     show_points,
 )
-from kolsky.report.picture_views import ALIVE, FullFieldView, SurfaceView
+from kolsky.report.picture_views import ALIVE, OUTCOME_COLOURS, FullFieldView, SurfaceView
 
 LOST_COLOUR = PAPER
 
@@ -160,18 +158,6 @@ def overlay_epipolar(view: SurfaceView, panels: Panels) -> str:
     )
 
 
-OUTCOME_COLOURS = {
-    PointOutcome.OUT_OF_VIEW: BAND,
-    PointOutcome.LOW_CONTRAST: YELLOW,
-    PointOutcome.NOT_CONVERGED: FORCE,
-    PointOutcome.LOW_CORRELATION: MODEL,
-    PointOutcome.STEREO_MISMATCH: PAPER,
-    PointOutcome.NO_FIRST_GUESS: MEASURED,
-    PointOutcome.AT_END: SHAPE,
-    PointOutcome.OFF_SURFACE: GREEN,
-}
-
-
 @figure(PAGE, 62.0, [["map", "history"]], width_ratios=[1.0, 1.35], letters=True)
 def lost_points(view: SurfaceView, panels: Panels) -> str:
     body, result = view.result.specimen, view.result
@@ -192,7 +178,7 @@ def lost_points(view: SurfaceView, panels: Panels) -> str:
     bottom, usable = np.zeros(time.size), result.outcome == FrameOutcome.VALID
     outcomes = body.outcomes()
     for outcome, colour in OUTCOME_COLOURS.items():
-        if outcome not in outcomes:
+        if outcome.ok or outcome not in outcomes:
             continue
         top = bottom + np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
         words = outcome.name.lower().replace("_", " ")

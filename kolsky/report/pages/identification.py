@@ -32,18 +32,22 @@ from kolsky.report.pages.rendering import (
     sentences,
     shown_unit,
 )
-from kolsky.report.pages.uncertainty import changes, choices, dominant, likelihood_tables, milliseconds
+from kolsky.report.pages.uncertainty import (
+    SOURCES,
+    changes,
+    choices,
+    dominant,
+    likelihood_tables,
+    milliseconds,
+)
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.joint import fits_of
-from kolsky.results.nomenclature import heading, name_of, upper_first, with_subscripts
+from kolsky.results.nomenclature import heading, name_of, upper_first
 from kolsky.results.printed import fit_tables, summary
 from kolsky.shot.input_records import SHOWN
 from kolsky.shot.inputs import causes
 from kolsky.shot.recordings import ShotRecordings
-
-_NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
-"""Words for the keys of `Estimate.numerical_parts`."""
 
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the search range, and a simulation there confirms it.",
@@ -106,13 +110,10 @@ def answer_row(estimate: Estimate) -> dict[str, Any]:
     value, uncertainty = numbers.measured(estimate.value, U)
     # A share of a zero or infinite variance is undefined.
     variance = estimate.sigma**2 if 0.0 < estimate.sigma < np.inf else np.nan
-    budget = [
-        (f"noise: {nomenclature.NOISE.get(name, name)}", part, "part")
-        for name, part in estimate.noise_parts.items()
-    ]
+    budget = [(SOURCES.get(name, name), part, "part") for name, part in estimate.noise_parts.items()]
     budget.append(("noise, all sources", estimate.sigma_noise, "sum"))
     computed = estimate.numerical_parts if len(estimate.numerical_parts) > 1 else {}
-    budget += [(f"numerics: {_NUMERICS.get(name, name)}", part, "part") for name, part in computed.items()]
+    budget += [(SOURCES.get(name, name), part, "part") for name, part in computed.items()]
     budget.append(("numerics, all sources" if computed else "mesh and step", estimate.sigma_numerical, "sum"))
     if estimate.sigma_systematic > 0.0:
         budget.append(("declared uncertainties of the inputs", estimate.sigma_systematic, "sum"))
@@ -224,30 +225,6 @@ def _failure_rows(result: Identification) -> list[tuple[str, str]]:
     return [
         (kind.name.lower().replace("_", " "), f"{kind.cause}; the element has {kind.role}. Cure: {kind.cure}")
         for kind in sorted(kinds)
-    ]
-
-
-def _run_rows(result: Identification) -> list[dict[str, Any]]:
-    """Return the rows of the table of runs."""
-    design = result.design
-    U = {name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()}
-    phi_force, phi_shape = map(with_subscripts, ("Φ_F (N)", "Φ_S (10⁻³)"))
-    return [
-        {
-            "Run": number,
-            "Stage": design.stage[number],
-            **{
-                heading(name, name_of(name).unit): numbers.like(value, U.get(name, np.nan))
-                for name, value in zip(design.names, design.points[number], strict=True)
-            },
-            phi_force: numbers.rounded(design.phi_force[number], -1),
-            phi_shape: numbers.rounded(1e3 * design.phi_shape[number], -3),
-            "χ² force": numbers.rounded(design.chi2_force[number], 0),
-            "χ² outline": numbers.rounded(design.chi2_shape[number], 0),
-            "Outcome": _ending_words(design.ending(number)),
-            "lost": design.outcomes[number] != "COMPLETED",
-        }
-        for number in range(len(design.outcomes))
     ]
 
 
@@ -369,10 +346,7 @@ _SHOWN = (*_TESTED, *_TABLES, "recordings")
 
 
 def render(
-    identification: Identification,
-    recordings: ShotRecordings | None = None,
-    *,
-    processes: int = 1,
+    identification: Identification, recordings: ShotRecordings | None = None, *, processes: int = 1
 ) -> str:
     """Return the report as HTML text; see `write_report`."""
     result = in_display_units(identification)
@@ -393,7 +367,6 @@ def render(
         fit=fit_tables(result),
         fixed=_fixed_rows(result),
         check=check_run_rows(result),
-        runs=_run_rows(result),
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
         quality=_quality_rows(result),
         tables=likelihood_tables(result),
@@ -405,7 +378,7 @@ def render(
         tested=_flattened({key: provenance[key] for key in _TESTED if key in provenance}),
         **{name: _flattened(provenance.get(name, {})) for name in _TABLES},
         further=_flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
-        completed=len(result.design.outcomes) - len(result.design.lost),
+        lost=len(result.design.lost),
         failures=_failure_rows(result),
         seconds=[
             (nomenclature.STAGES.get(stage, stage), f"{numbers.plain(value, 3)} s")
@@ -433,9 +406,7 @@ def write_report(
 
 
 def _figures(
-    identification: Identification,
-    recordings: ShotRecordings | None,
-    processes: int,
+    identification: Identification, recordings: ShotRecordings | None, processes: int
 ) -> dict[str, dict[str, Any]]:
     """Draw all figures, those of the recordings last, and return them by name for the template."""
     groups: list[FigureGroup] = [(REGISTRY.values(), identification)]
@@ -455,7 +426,7 @@ def render_joint(result: JointResult) -> str:
         warnings=sentences(result.warnings),
         figures=draw_figures(result),
         facts=_facts(result),
-        parameters=[_parameter(result, name) for name in result.estimates],
+        parameters=[parameter_row(result, name) for name in result.estimates],
         fits=_fits(result),
         shots=[_shot(result, k) for k in range(len(result.shots))],
     )
@@ -484,18 +455,15 @@ def _facts(result: JointResult) -> list[tuple[str, str]]:
     return [*rows, ("simulations", str(result.runs))]
 
 
-def joint_rows(result: JointResult) -> list[tuple[str, str]]:
+def joint_rows(result: JointResult) -> dict[str, str]:
     """Names and values of a joint answer for a terminal: the facts, and a line for each shot and channel."""
-    rows = _facts(result)
-    for table, names in ([_shot(result, k) for k in range(len(result.shots))], 1), (_fits(result), 2):
-        for row in table:
-            cells = [(Markup(head).striptags(), cell) for head, cell in row.items() if cell]
-            text = ", ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in cells[names:])
-            rows.append((", ".join(cell for _, cell in cells[:names]), text))
-    return rows
+    facts = {name: numbers.plain_sentence(text) for name, text in _facts(result)}
+    shots = numbers.row_lines(_shot(result, k) for k in range(len(result.shots)))
+    return facts | shots | numbers.row_lines(_fits(result), 2)
 
 
-def _parameter(result: JointResult, name: str) -> dict[str, Any]:
+def parameter_row(result: JointResult, name: str) -> dict[str, Any]:
+    """A row of the table of shared parameters."""
     e, entry = result.estimates[name], name_of(name)
     factor = entry.factor
     value, half = numbers.measured(factor * e.value, factor * result.expanded[name])

@@ -17,20 +17,19 @@ def render_fits(comparison: Comparison, hashes: dict[str, str], remarks: list[st
     """Return the page as HTML text."""
     rows = [(row, row.fit) for row in comparison.rows if row.fit is not None]
     best = comparison.best
-    least = min(f.aic for _, f in rows)
     return render_page(
         "material.html",
         kind="Laws fitted to homogeneous tests",
         heading=", ".join(dict.fromkeys(test.mode.value for test in comparison.tests)),
         subject="laws of the material",
         remarks=remarks,
-        best=None if best is None else best.candidate.name.replace("_", " "),
-        rows=[_law(row, f, least, row is best) for row, f in rows],
-        constants=[line for row, f in rows for line in _constants(row, f)],
+        best=None if best is None else _name(best),
+        rows=law_rows(comparison),
+        constants=[line for row, f in rows for line in constant_rows(row, f)],
         tests=[test.name for test in comparison.tests],
         errors=[
             {
-                "law": row.candidate.name.replace("_", " "),
+                "law": _name(row),
                 "cells": [f"{1e-3 * p.rmse:.3g} ({100.0 * p.relative_rms:.3g} %)" for p in f.parts],
             }
             for row, f in rows
@@ -49,21 +48,31 @@ def render_fits(comparison: Comparison, hashes: dict[str, str], remarks: list[st
     )
 
 
-def _law(row: Row, f: Fit, least: float, best: bool) -> dict[str, Any]:
-    name = row.candidate.name.replace("_", " ")
-    return {
-        "Law": Markup("<b>{}</b>").format(name) if best else name,
-        "Free": len(f.free),
-        "E₀ (kPa)": f"{1e-3 * f.youngs_modulus:.4g}",
-        "RMSE (kPa)": f"{1e-3 * f.rmse:.4g}",
-        "R²": f"{f.r_squared:.5f}",
-        "ΔAIC": f"{f.aic - least:.1f}",
-        "Constants": f.outcome.value,
-        "Drucker": failure(row),
-    }
+def law_rows(comparison: Comparison) -> list[dict[str, Any]]:
+    """Rows of the table of laws, least AIC first."""
+    rows = [(row, row.fit) for row in comparison.rows if row.fit is not None]
+    least = min(f.aic for _, f in rows)
+    return [
+        {
+            "Law": Markup("<b>{}</b>" if row is comparison.best else "{}").format(_name(row)),
+            "Free": len(f.free),
+            "E₀ (kPa)": f"{1e-3 * f.youngs_modulus:.4g}",
+            "RMSE (kPa)": f"{1e-3 * f.rmse:.4g}",
+            "R²": f"{f.r_squared:.5f}",
+            "ΔAIC": f"{f.aic - least:.1f}",
+            "Constants": f.outcome.value,
+            "Drucker": failure(row),
+        }
+        for row, f in rows
+    ]
 
 
-def _constants(row: Row, f: Fit) -> list[dict[str, str]]:
+def _name(row: Row) -> str:
+    return row.candidate.name.replace("_", " ")
+
+
+def constant_rows(row: Row, f: Fit) -> list[dict[str, str]]:
+    """Rows of the table of a law's constants."""
     lines = []
     for spec in f.law.PARAMETERS:
         factor, unit = (1e-3, "kPa") if spec.unit == "Pa" else (1.0, "")
@@ -73,7 +82,7 @@ def _constants(row: Row, f: Fit) -> list[dict[str, str]]:
         state = "at a bound" if spec.name in f.at_bound else "" if spec.name in f.free else "held"
         lines.append(
             {
-                "Law": row.candidate.name.replace("_", " "),
+                "Law": _name(row),
                 "Constant": Markup("<code>{}</code>").format(spec.name),
                 "Value": value,
                 "U": U,
@@ -84,8 +93,8 @@ def _constants(row: Row, f: Fit) -> list[dict[str, str]]:
     return lines
 
 
-def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
-    """Return the page as HTML text."""
+def relaxation_tables(result: SlowDynamics) -> dict[str, list[dict[str, str]]]:
+    """Rows of the tables of constants, temperature sweeps and moduli."""
     fit = result.fit
     units = {"factor": "", "strength": "", "time": "s"}
     constants = []
@@ -118,6 +127,22 @@ def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
                 "Law": "holds" if one.law_holds else "not fitted" if one.C1 is None else "does not hold",
             }
         )
+    moduli = [
+        {
+            "Test": one.label,
+            "Age of the strain (s)": f"{one.age.min():.3g} to {one.age.max():.3g}",
+            "Nominal strain (–)": f"{one.strain.min():.3g} to {one.strain.max():.3g}",
+            Markup(
+                "E<sub>a</sub> (kPa)"
+            ): f"{1e-3 * one.modulus.min():.4g} to {1e-3 * one.modulus.max():.4g}",
+        }
+        for one in result.moduli
+    ]
+    return {"constants": constants, "sweeps": sweeps, "moduli": moduli}
+
+
+def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
+    """Return the page as HTML text."""
     return render_page(
         "relaxation.html",
         kind="Rate dependence of slow tests",
@@ -125,20 +150,8 @@ def render_relaxation(result: SlowDynamics, hashes: dict[str, str]) -> str:
         subject="rate dependence of the material",
         remarks=list(result.remarks),
         sentence=result.sentence,
-        constants=constants,
         young=numbers.plain(1e-3 * result.young, 4),
-        sweeps=sweeps,
-        moduli=[
-            {
-                "Test": one.label,
-                "Age of the strain (s)": f"{one.age.min():.3g} to {one.age.max():.3g}",
-                "Nominal strain (–)": f"{one.strain.min():.3g} to {one.strain.max():.3g}",
-                Markup(
-                    "E<sub>a</sub> (kPa)"
-                ): f"{1e-3 * one.modulus.min():.4g} to {1e-3 * one.modulus.max():.4g}",
-            }
-            for one in result.moduli
-        ],
+        **relaxation_tables(result),
         figures=draw_figures(result),
         settings=[
             ("law", type(result.law).__name__ + ("" if result.declared else ", not declared")),

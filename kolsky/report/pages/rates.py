@@ -37,7 +37,6 @@ def _group_tables(group: GroupRates, *, several: bool) -> dict[str, Any]:
         "criteria": [] if group.slope is None else [_criterion(c) for c in group.slope.criteria],
         "without": _without(group),
         "shared": _shared(group),
-        "stiffness": _stiffness(group),
         "scatter": _scatter(group),
     }
 
@@ -200,21 +199,6 @@ def _shared(group: GroupRates) -> list[dict[str, str]]:
         change = low if low == high else f"{low} to {high}"
         row = {"Part": upper_first(part), "Through": short, "Shots": str(moved.size)}
         rows.append({**row, Markup("Moves <i>m</i> by"): change})
-    return rows
-
-
-def _stiffness(group: GroupRates) -> list[dict[str, str]]:
-    rows = []
-    for at in group.stiffness:
-        for name, (values, sigma) in at.quantities.items():
-            base, spread = at.baseline[name]
-            low, high = float(values.min()), float(values.max())
-            U = 2.0 * float(sigma.max())
-            shots = f"{numbers.like(1e-3 * low, 1e-3 * U)} to {numbers.like(1e-3 * high, 1e-3 * U)}"
-            shots_U = measured(1e-3 * high, 1e-3 * U)[1]
-            curve, curve_U = measured(1e-3 * base, 2e-3 * spread)
-            row = {"Strain": plain(at.strain, 2), "Quantity": name, "Shots": shots, "largest U": shots_U}
-            rows.append({**row, "Quasi-static, U": f"{curve} ± {curve_U}"})
     return rows
 
 

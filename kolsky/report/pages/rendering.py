@@ -93,11 +93,7 @@ def draw_figures(
 
 
 def draw_groups(
-    groups: Sequence[FigureGroup],
-    *,
-    first: int = 1,
-    processes: int = 1,
-    mark: str = "",
+    groups: Sequence[FigureGroup], *, first: int = 1, processes: int = 1, mark: str = ""
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them with numbers, for the templates.
 
@@ -132,14 +128,7 @@ def _drawn(kind: FigureKind[Any], shown: Any, name: str) -> tuple[str, str]:
     return inline_svg(figure, name), str(figure.get_label())
 
 
-def render_page(
-    template: str,
-    *,
-    kind: str,
-    heading: str,
-    subject: str,
-    **context: Any,
-) -> str:
+def render_page(template: str, *, kind: str, heading: str, subject: str, **context: Any) -> str:
     """Return a page as HTML text, which needs no network and has no external scripts.
 
     ``template``: a file of this folder that extends `base.html`. ``kind``: line above the heading.

@@ -38,12 +38,7 @@ def rows_of_frames(bad: Mapping[Any, FrameOutcome]) -> list[tuple[str, str]]:
     return [(str(frame), f"{words(one)}: {one.cause}. Cure: {one.cure}") for frame, one in bad.items()]
 
 
-def render_surfaces(
-    shown: SurfaceView,
-    inputs: Mapping[str, str],
-    *,
-    processes: int = 1,
-) -> str:
+def render_surfaces(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> str:
     """Return the page as HTML text."""
     result = shown.result
     table = output.reporting_table(result)
@@ -229,11 +224,11 @@ def render_calibration(name: str, result: Calibration) -> str:
         figures=draw_figures(result),
         rows=list(calibration_summary(result).items()),
         warnings=sentences(calibration_warnings(result)),
-        pairs=[_row(pair) for pair in result.pairs],
+        pairs=[pair_row(pair) for pair in result.pairs],
     )
 
 
-def _row(pair: Any) -> dict[str, Any]:
+def pair_row(pair: Any) -> dict[str, Any]:
     """Return the row of one pair of images."""
     points = [0 if view is None else int(view.used.sum()) for view in pair.views]
     rms = ["" if view is None else f"{view.rms:.4f}" for view in pair.views]

@@ -10,7 +10,7 @@ from doe.uncertainty import VerdictKind
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Declaration, Estimate, Identification, ParameterProfile
 from kolsky.results import numbers
-from kolsky.results.nomenclature import heading, name_of, route_label, short, upper_first
+from kolsky.results.nomenclature import heading, name_of, short, upper_first
 from kolsky.results.printed import MOST_PARTS, sensitivity_rows, unseen_notes, variance_shares
 from kolsky.schema.apparatus import IDENTIFY_KEYS
 from kolsky.shot.curve import PAST_CURVE
@@ -94,19 +94,16 @@ def _declared(result: Identification, part: Declaration) -> dict[str, Any]:
 
 
 SOURCES = {
-    "force and shape": "the noise of force and outline",
-    "force scale": "the uncertainty of the force’s scale",
-    "motion scale": "the uncertainty of the motion’s scale",
-    "flyer motion": "the noise of the front face's motion",
-    "common errors of the outline": "the errors common to outline points",
-    "material curve": "the uncertainty of the quasi-static curve",
+    "force and shape": "noise of force and outline",
+    "force scale": "uncertainty of the force’s scale",
+    "motion scale": "uncertainty of the motion’s scale",
+    "flyer motion": "noise of the front face's motion",
+    "common errors of the outline": "errors common to outline points",
+    "material curve": "uncertainty of the quasi-static curve",
+    "mesh": "error of mesh and step",
+    "roughness": "roughness of the simulated response",
 }
-"""Words for the keys of `Estimate.noise_parts`."""
-NUMERICS = {
-    "mesh": "the error of mesh and step",
-    "roughness": "the roughness of the simulated response",
-}
-"""Words for the keys of `Estimate.numerical_parts`."""
+"""Words for the keys of `Estimate.noise_parts` and `Estimate.numerical_parts`."""
 UNDECLARED = "not declared, counted as exact"
 """`Declaration.status` of an input that could be declared."""
 LEAST = 0.02
@@ -114,27 +111,21 @@ LEAST = 0.02
 
 
 def changes(result: Identification) -> list[str]:
-    """Return sentences on changes that would narrow the intervals.
-
-    The largest effect on each parameter is first.
-
-    Each sentence is based on a part of the result.
-
-    ``result``: in display units, see `kolsky.results.display`.
-    """
+    """Return sentences on changes that would narrow the intervals (display units), the largest first."""
     lines = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
     return [*lines, *_others_known(result), *_curve(result), *_undeclared(result)]
 
 
 def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
     """Return the standard uncertainties in the interval by source, the largest first."""
-    sigmas = {SOURCES.get(source, source): sigma for source, sigma in estimate.noise_parts.items()}
     computed = estimate.numerical_parts or {"mesh": estimate.sigma_numerical}
-    sigmas |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
+    sigmas = {
+        SOURCES.get(source, source): sigma for source, sigma in (estimate.noise_parts | computed).items()
+    }
     for declared in result.systematic:
         if estimate.name in declared.shifts:
             words = _words(declared.key)
-            sigmas[f"the declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
+            sigmas[f"declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
     return dict(sorted(sigmas.items(), key=lambda part: -part[1]))
 
 
@@ -167,7 +158,7 @@ def _halved(result: Identification, estimate: Estimate) -> list[str]:
         if then == now:
             continue
         lines.append(
-            f"Halving {words} would bring U of {symbol} from {now} to {then}{unit} "
+            f"Halving the {words} would bring U of {symbol} from {now} to {then}{unit} "
             f"({numbers.percent(share)} of the variance)"
         )
     return lines
@@ -223,11 +214,8 @@ WINDOW_END, FORCE_BINS = "window_end", "force_bins"
 
 
 def choices(result: Identification) -> list[dict[str, Any]]:
-    """Return the rows of the choices: the choice, its value, the shift of each parameter, the status.
-
-    ``result``: in display units.
-    """
-    return [*_inputs(result), *_window(result), *_data(result), *_mesh(result)]
+    """Return the rows of the choices: the choice, its value, the shift of each parameter, the status."""
+    return [*_inputs(result), *_window(result)]
 
 
 def _row(
@@ -295,25 +283,3 @@ def milliseconds(time: float) -> str:
 
 def _microseconds(time: float) -> str:
     return f"{numbers.plain(1e6 * time, 3)} µs"
-
-
-def _data(result: Identification) -> list[dict[str, Any]]:
-    routes = [route for route in result.routes if route.name != "joint"]
-    return [
-        _row(
-            result,
-            f"misfit: {route_label(route.name)}",
-            "joint χ²",
-            {name: route.parameters[name] - e.value for name, e in result.estimates.items()},
-            # The optimum of the paper's cost comes from runs on the surrogate's mesh.
-            "searched with it alone" + (", on the surrogate’s mesh" if route.name == "paper" else ""),
-        )
-        for route in routes
-        if any(other.name == "joint" for other in result.routes)
-    ]
-
-
-def _mesh(result: Identification) -> list[dict[str, Any]]:
-    coarse, fine = ("{} × {}".format(*mesh) for mesh in (result.mesh, result.refined_mesh))
-    shifts = {name: -e.mesh_shift for name, e in result.estimates.items()}
-    return [_row(result, "mesh, radius × length", fine, shifts, f"{coarse} instead")]

@@ -123,7 +123,7 @@ def collected_shot(
         raise InputError(
             place,
             "there is no result of this shot",
-            cure=f"`kolsky identify {file.path.parent}` writes one, or give --identify",
+            cure=f"`kolsky identify {file.path.parent}` writes one",
         )
     loaded = load_shot(file, measure=measure)
     if place.exists() or identify is None:

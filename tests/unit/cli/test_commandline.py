@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
 from kolsky.base.options import Option
-from kolsky.cli.commandline import COMMANDS, FORMER_NAMES, GROUPS, app, program
+from kolsky.cli.commandline import COMMANDS, GROUPS, program
 from kolsky.cli.options import changed
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -108,18 +108,6 @@ def test_every_command_says_what_it_does() -> None:
 def test_every_command_has_a_help(words: str) -> None:
     shown = run_kolsky(*words.split(), "--help")
     assert "--help" in shown.output
-
-
-@pytest.mark.parametrize("old", FORMER_NAMES)
-def test_former_names_work_and_are_not_shown(old: str) -> None:
-    group, _, name = old.rpartition(" ")
-    assert name not in CliRunner().invoke(app, [group, "--help"]).output
-    now = CliRunner().invoke(app, [*FORMER_NAMES[old].split(), "--help"])
-    then = CliRunner().invoke(app, [*old.split(), "--help"])
-    assert then.exit_code == now.exit_code == 0
-    assert then.output.splitlines()[2:] == now.output.splitlines()[2:] or (
-        then.output.replace(name, FORMER_NAMES[old].rpartition(" ")[2]).split() == now.output.split()
-    )
 
 
 def test_bad_input_ends_any_command_with_its_lines_and_exit_code_2() -> None:

@@ -545,10 +545,10 @@ def test_a_shot_from_exports_is_checked_without_opencv_and_vtk(tmp_path: Path) -
 
 def test_a_sound_installation(tmp_path: Path) -> None:
     found = examine(tmp_path)
-    assert found.problems == ()
-    assert found.devices[0].startswith("cpu")
-    assert found.versions["numpy"] == version("numpy")
-    assert found.rows()["cores"] == str(found.cores)
+    assert found["problems"] == []
+    assert found["devices"][0].startswith("cpu")
+    assert found["versions"]["numpy"] == version("numpy")
+    assert doctor.rows(found)["cores"] == str(found["cores"])
     assert list(tmp_path.iterdir()) == []
 
 
@@ -556,18 +556,18 @@ def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(doctor, "REQUIRED", ("numpy", "no-such-distribution"))
     monkeypatch.setattr(doctor, "LEAST_SPACE", 1e18)
     found = examine(tmp_path)
-    assert [problem.partition(" ")[0] for problem in found.problems] == [
+    assert [problem.partition(" ")[0] for problem in found["problems"]] == [
         "no-such-distribution",
         str(tmp_path),
     ]
     gone = examine(tmp_path / "nowhere")
-    assert any("nowhere cannot be written to (No such file" in problem for problem in gone.problems)
-    assert gone.free_bytes is None
+    assert any("nowhere cannot be written to (No such file" in problem for problem in gone["problems"])
+    assert gone["free_bytes"] is None
 
 
 def test_the_command_says_the_same_in_json(tmp_path: Path) -> None:
     said = json_of("doctor", tmp_path)
-    assert said["versions"]["kolsky"] == examine(tmp_path).versions["kolsky"]
+    assert said["versions"]["kolsky"] == examine(tmp_path)["versions"]["kolsky"]
     assert said["problems"] == []
     lost = run_kolsky("doctor", tmp_path / "nowhere", code=1)
     assert "cannot be written to" in lost.output

@@ -74,8 +74,8 @@ def test_repeats_are_averaged(tmp_path):
         "material", "fit", *files, "--strain", "1", "--stress", "2", "--convention", "tension-positive",
         "--mean", "9", "--laws", "neo_hookean", "--weighting", "sigma", "--out", tmp_path / "out",
     )  # fmt: skip
-    assert "neo_hookean" in done.stdout
-    assert "E0 (kPa)" in done.stdout
+    assert "neo hookean" in done.stdout
+    assert "E₀ (kPa)" in done.stdout
 
 
 def test_a_stretch_has_no_sign_and_names_are_told_apart(tmp_path):

@@ -136,7 +136,7 @@ def test_a_shot_without_a_result_is_refused_with_the_cure(shots, tmp_path):
     shutil.rmtree(bare / "results")
     said = run_kolsky("rate", *shots, bare, "--out", tmp_path / "r", code=2)
     assert "there is no result of this shot" in said.stderr
-    assert f"`kolsky identify {bare}` writes one, or give --identify" in said.stderr
+    assert f"`kolsky identify {bare}` writes one" in said.stderr
 
 
 def test_a_result_of_other_recordings_is_refused(shots, tmp_path):

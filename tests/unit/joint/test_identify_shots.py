@@ -12,6 +12,7 @@ from kolsky_command import run_kolsky
 
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
+from kolsky.cli.identify import answer_lines
 from kolsky.inverse.joint_result import (
     RANGE,
     CurveFound,
@@ -25,10 +26,10 @@ from kolsky.inverse.parameters import with_relaxation
 from kolsky.inverse.result import Estimate, Verdict
 from kolsky.inverse.settings import JointSettings, Numerics
 from kolsky.joint_identification import identify_shots
-from kolsky.report.pages.identification import joint_rows
+from kolsky.report.pages.identification import joint_rows, parameter_row
 from kolsky.report.result_folder import write_results
 from kolsky.results.joint import read_joint_hdf5, to_json, write_joint_hdf5
-from kolsky.results.numbers import percent
+from kolsky.results.numbers import percent, plain_sentence
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.budgets import _place_change, outlines_with_diameter
@@ -96,9 +97,11 @@ def test_files_and_page_say_the_same(found: tuple[JointResult, Path], tmp_path: 
     page = (tmp_path / "out" / "joint.html").read_text("utf-8")
     assert "2 shots" in page
     assert "<svg" in page
-    rows = dict(joint_rows(result))
+    m = plain_sentence(parameter_row(result, "stiffness_factor")["Value"])
+    assert answer_lines(result)[0].startswith(f"m = {m} +- ")
+    rows = joint_rows(result)
     assert rows["verdict"] == result.verdict
-    assert f"gain {percent(result.shots[1].gain)}" in rows["b"]
+    assert f"gain {plain_sentence(percent(result.shots[1].gain))}" in rows["b"]
     table = (tmp_path / "out" / "joint_shots.csv").read_text("utf-8").splitlines()
     assert [row.split(",")[0] for row in table] == ["shot", "a", "b"]
 

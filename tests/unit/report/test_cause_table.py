@@ -12,38 +12,16 @@ from kolsky.results.printed import details
 from kolsky.results.tables import to_json
 
 LATE = CauseFinding(
-    key="flyer.time",
-    words="a lag of the flyer's record",
-    unit="s",
-    exact=0.0,
-    value=2.013e-5,
-    sigma=1.4e-7,
-    explained=0.982,
-    evidence=1066.6,
-    probability=1e-30,
-    parameters={"stiffness_factor": 1.1267},
-    sigmas={"stiffness_factor": 0.0013},
-    named=True,
-    alike=("centre_line.time",),
-    solved={"stiffness_factor": 1.1204},
-    solved_sigmas={"stiffness_factor": 0.0021},
-)
+    key="flyer.time", words="a lag of the flyer's record", unit="s", exact=0.0, value=2.013e-5, sigma=1.4e-7,
+    explained=0.982, evidence=1066.6, probability=1e-30, parameters={"stiffness_factor": 1.1267},
+    sigmas={"stiffness_factor": 0.0013}, named=True, alike=("centre_line.time",),
+    solved={"stiffness_factor": 1.1204}, solved_sigmas={"stiffness_factor": 0.0021},
+)  # fmt: skip
 LENGTH = replace(
-    LATE,
-    key="specimen.length",
-    words="a factor on the specimen's length",
-    unit="1",
-    exact=1.0,
-    value=1.0012,
-    sigma=0.0004,
-    explained=-0.1,
-    probability=0.31,
-    named=False,
-    alike=(),
-    solved={},
-    solved_sigmas={},
+    LATE, key="specimen.length", words="a factor on the specimen's length", unit="1", exact=1.0, value=1.0012,
+    sigma=0.0004, explained=-0.1, probability=0.31, named=False, alike=(), solved={}, solved_sigmas={},
     declared_sigma=0.001,
-)
+)  # fmt: skip
 
 
 def made() -> Identification:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import test_report as battery
+from html_pages import Page
 from module_files import module_at
 from synthetic import RESULTS
 
@@ -59,7 +60,7 @@ def test_it_gets_on_the_page(made_up: Path) -> None:
     assert 'id="peak-force"' in section
     assert "<b>Figure 2.</b> Largest force of the test " in section  # after "force", which has its own place
     assert 'id="force"' not in section
-    assert battery.Page(html).ids.count("peak-force") == 1
+    assert Page(html).ids.count("peak-force") == 1
 
 
 def test_without_such_a_figure_the_page_has_no_such_section(made_up: Path, monkeypatch) -> None:

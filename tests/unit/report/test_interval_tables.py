@@ -59,8 +59,8 @@ def test_a_budget_adds_squares_and_gives_shares_of_the_variance() -> None:
     assert shown["interval"] == ["74", "126"]  # 100 ± 2 · 13
     assert shown["relative"] == "26 %"
     assert shown["budget"] == [  # u²/13² of each
-        ("noise: force and outline", "3.0", "5.3 %", "part"),
-        ("noise: flyer motion", "4.0", "9.5 %", "part"),
+        ("noise of force and outline", "3.0", "5.3 %", "part"),
+        ("noise of the front face's motion", "4.0", "9.5 %", "part"),
         ("noise, all sources", "5.0", "15 %", "sum"),
         ("mesh and step", "12.0", "85 %", "sum"),
     ]
@@ -75,8 +75,8 @@ def test_declared_and_several_numerical_parts_have_lines_of_their_own() -> None:
         )
     )
     assert [row[0] for row in shown["budget"][3:]] == [
-        "numerics: mesh and step",
-        "numerics: roughness of the response",
+        "error of mesh and step",
+        "roughness of the simulated response",
         "numerics, all sources",
         "declared uncertainties of the inputs",
     ]
@@ -127,7 +127,7 @@ def test_a_declared_input_counts_by_the_size_of_its_shift() -> None:
     )
     e = estimate(sigma_numerical=0.0, numerical_parts={"mesh": 0.0}, sigma_systematic=12.0)
     found = parts(of(e, systematic=(declared,)), e)
-    assert next(iter(found)) == "the declared uncertainty of the Poisson’s ratio ν"  # the largest first
+    assert next(iter(found)) == "declared uncertainty of the Poisson’s ratio ν"  # the largest first
     assert np.hypot.reduce(list(found.values())) == pytest.approx(13.0)
 
 
@@ -156,15 +156,6 @@ def test_a_longer_curve_is_asked_for_from_one_percent_of_the_volume(share: float
 def shifts(row: dict[str, Any]) -> list[Any]:
     """The shifts of the parameters in a row of the choices."""
     return list(row.values())[2:-1]
-
-
-def test_shifts_of_other_choices_are_other_minus_taken() -> None:
-    rows = {row["Choice"]: row for row in choices(in_display_units(MADE))}
-    e = MADE.estimates["stiffness_factor"]
-    force = next(route for route in MADE.routes if route.name == "force only").parameters["stiffness_factor"]
-    U = 2.0 * e.sigma
-    assert shifts(rows["Misfit: force χ² only"]) == [numbers.part(force - e.value, U)]
-    assert shifts(rows["Mesh, radius × length"]) == [numbers.part(-e.mesh_shift, U)]  # coarse minus fine
 
 
 def test_intervals_are_rounded_by_their_width_and_may_be_open() -> None:
@@ -261,7 +252,7 @@ def test_changes_are_the_parts_of_the_interval() -> None:
     half = 2.0 * np.sqrt(
         e.sigma**2 - sigma**2 + (0.5 * sigma) ** 2
     )  # the part itself halved, the others kept
-    assert first.startswith(f"Halving {words} would bring U of m from {2.0 * e.sigma:.4f} to {half:.4f} ")
+    assert first.startswith(f"Halving the {words} would bring U of m from {2.0 * e.sigma:.4f} to {half:.4f} ")
 
 
 def test_nothing_is_advised_from_parts_that_do_not_add_up() -> None:
@@ -275,9 +266,6 @@ def test_what_was_not_varied_is_said() -> None:
     assert shifts(rows["End of the window"]) == [numbers.NOTHING]
     assert "Not varied" in rows["End of the window"]["What was done"]
     assert rows["Poisson’s ratio ν"]["What was done"] == "Not varied"
-    # 0.9 and -1.6 standard uncertainties of 0.0019 from the joint optimum, as the made-up routes are
-    assert shifts(rows["Misfit: force χ² only"]) == ["0.00171"]
-    assert shifts(rows["Misfit: outline χ² only"]) == ["−0.00304"]
 
 
 def test_parameters_in_sentences_have_their_words() -> None:

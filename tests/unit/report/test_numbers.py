@@ -1,6 +1,7 @@
 """Numbers as text: rounding by the uncertainty, significant digits, percentages, terminal characters."""
 
 import pytest
+from markupsafe import Markup
 
 from kolsky.results import numbers
 from kolsky.results import numbers as plain_text
@@ -105,3 +106,13 @@ def test_only_a_single_letter_has_a_subscript_and_text_is_escaped() -> None:
 def test_the_rest_of_a_sentence_keeps_its_case() -> None:
     assert upper_first("the CSV file") == "The CSV file"
     assert upper_first("") == ""
+
+
+def test_rows_of_a_page_are_lines_of_a_terminal() -> None:
+    rows = [
+        {"Shot": "a", Markup("<i>m</i>"): "1.10", "Lag (µs)": "−2", "lost": True},
+        {"Shot": "long", Markup("<i>m</i>"): "1.2", "Lag (µs)": ""},
+    ]
+    assert numbers.table_lines(rows) == ["Shot  m     Lag (µs)", "a     1.10  −2", "long  1.2"]
+    assert numbers.row_lines(rows) == {"a": "m 1.10, lag (us) -2", "long": "m 1.2"}
+    assert numbers.row_lines(rows, 2) == {"a, 1.10": "lag (us) -2", "long, 1.2": ""}

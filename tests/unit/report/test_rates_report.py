@@ -4,10 +4,10 @@ import csv
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from html_pages import Page
 from ratedshots import DIAMETER, SHEAR, baseline, rated
 
 from kolsky.base.files import write_tables
@@ -244,34 +244,8 @@ def test_the_summary_is_json(hostile):
 # The page
 
 
-class Outline(HTMLParser):
-    """Tags, ids and all text of a page."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.ids: list[str] = []
-        self.text = ""
-        self.open: list[str] = []
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.ids += [value for name, value in attrs if name == "id"]
-        if tag not in ("meta", "path", "use"):
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        if tag in self.open:
-            while self.open.pop() != tag:
-                pass
-
-    def handle_data(self, data):
-        self.text += data
-
-
 def test_hostile_names_stay_text(hostile_page):
-    page, html = Outline(), hostile_page
-    page.feed(html)
+    page, html = Page(hostile_page), hostile_page
     assert "script" not in page.tags
     assert EVIL in page.text
     assert "z & co" in page.text
@@ -281,8 +255,7 @@ def test_hostile_names_stay_text(hostile_page):
 
 
 def test_ids_are_unique_with_several_groups(hostile_page):
-    page = Outline()
-    page.feed(hostile_page)
+    page = Page(hostile_page)
     assert len(page.ids) == len(set(page.ids))
     assert "rate-slope-1-caption" in page.ids
     assert "rate-slope-2-caption" in page.ids

@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 import pyvista
 from figure_overlaps import overlaps
+from html_pages import Page
 from matplotlib.axis import Axis
 from synthetic import EVIL, N_AXIAL, N_RADIAL, RESULTS
 
@@ -124,41 +124,6 @@ def test_six_frames_at_equal_distances() -> None:
 
 
 # Page
-
-
-class Page(HTMLParser):
-    """What a browser would load, link and name."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.tags: set[str] = set()
-        self.ids: list[str] = []
-        self.references: list[str] = []
-        self.loads: list[str] = []
-        self.inside_svg = 0
-        self.text = ""
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.add(tag)
-        self.inside_svg += tag in ("svg", "style")
-        for key, value in attrs:
-            value = value or ""
-            if key == "id":
-                self.ids.append(value)
-            elif key in ("href", "xlink:href", "aria-labelledby"):
-                self.references.append(value.removeprefix("#"))
-            elif key in ("src", "srcset", "data", "action", "poster", "background") or key.startswith("on"):
-                self.loads.append(f"{tag} {key}={value}")
-            self.references += re.findall(r"url\(#([^)]*)\)", value)
-            assert not re.search(r"url\((?!#)", value)
-
-    def handle_endtag(self, tag: str) -> None:
-        self.inside_svg -= tag in ("svg", "style")
-
-    def handle_data(self, data: str) -> None:
-        if not self.inside_svg:
-            self.text += data + " "
 
 
 @pytest.fixture(scope="module")

@@ -228,7 +228,7 @@ OF_SHOTS = (
 OF_TABLES = {
     "channels": "channels {f}",
     "fit": "material fit uniaxial:{f} --convention tension-positive --out out",
-    "baseline": "material baseline {f} --convention tension-positive --branch tension --strain strain "
+    "baseline": "material reference-curve {f} --convention tension-positive --branch tension --strain strain "
     "--stress stress --out curve.csv",
 }
 CASES = {
