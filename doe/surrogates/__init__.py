@@ -20,7 +20,7 @@ SURROGATES: dict[str, Any] = {
     "quadratic": QuadraticSurrogate,
 }
 """Surrogates by name. ``fit(box, points, values, scale=...)`` of a class builds a `Surrogate` from runs,
-shapes [n, d] and [n, k]; ``scale``: scale of differences in each entry of the response, shape [k] or a number."""
+shapes [n, d] and [n, k]; ``scale``: scale of differences in each entry, shape [k] or a number."""
 
 __all__ = [
     "DEFAULT_KERNELS",

@@ -104,9 +104,10 @@ def profile_likelihoods(
     start
         First point, in parameter units, shape [d].
     correlation
-        Factors > 0 on the rise of 3.84 at the ends of 95 % intervals: one for all parameters, or one for each. Correlations that the likelihood
-        does not model increase the parameter's variance by this factor. With one parameter of interest the
-        rise is then this factor times a chi-square variable (Rotnitzky and Jewell 1990).
+        Factors > 0 on the rise of 3.84 at the ends of 95 % intervals: one for all parameters, or one for
+        each. Correlations that the likelihood does not model increase the parameter's variance by this
+        factor. With one parameter of interest the rise is then this factor times a chi-square variable
+        (Rotnitzky and Jewell 1990).
 
     Raises
     ------

@@ -451,7 +451,7 @@ def budget(
     from kolsky.report.result_folder import write_budget_results
     from kolsky.studies.budget import budget as budgets
     from kolsky.studies.budget.realisation import factors_of, usual_sizes
-    from kolsky.studies.budget.records import facts, made_with, plan_campaign, printed, shot_sigma
+    from kolsky.studies.budget.records import facts, plan_campaign, printed, shot_sigma
     from kolsky.virtual.specification import read_specification
 
     folder = usable_folder(out or (test if test.is_dir() else test.parent) / "results")
@@ -496,7 +496,10 @@ def budget(
             cure="budget more factors, or leave --rates out",
         )
     summary = {**printed(budgeted[0], campaign), "page": str(folder / "budget.html")}
-    how = made_with(numerics.mesh, settings.refined_mesh, quantities.truth.mesh, draws, together)
+    how = {
+        "mesh": numerics.mesh, "refined_mesh": settings.refined_mesh, "truth_mesh": quantities.truth.mesh,
+        "draws": draws, "together": together,
+    }  # fmt: skip
     entries = [facts(one, campaign) for one in budgeted]
     print_result(summary, jsonable({"made_with": how, "budgets": entries}, "budget"))
 

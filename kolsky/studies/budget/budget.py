@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.settings import Settings
 from kolsky.studies.budget.realisation import (
     NODES,
-    NOISE,
     WEIGHTS,
     Factor,
     RealisationOutcome,
@@ -124,35 +122,30 @@ def analysed(
     counted = np.array([run.completed for run in runs])
     values = np.where(counted, np.where(np.isfinite(near), near, whole), np.nan)
     why = [f"{run.outcome}: {run.reason}" if not run.completed else "" for run in runs]
-    reference, at, sources = float(values[1]), 2, []
-    for factor in factors:
-        if factor.key != NOISE:
-            sources.append(_alone(factor, reference, values[at : at + 2], why[at : at + 2]))
-            at += 2
-    for factor in factors:
-        if factor.key == NOISE:
-            drawn, refused = values[at : at + draws], tuple(text for text in why[at : at + draws] if text)
-            known = drawn[np.isfinite(drawn)]
-            enough = len(known) >= FEWEST
-            u = float(known.std(ddof=1)) if enough else float("nan")
-            sources.insert(0, Source(factor, float("nan"), u, float("nan"), refused))
-            if enough:
-                intervals = shares_of_squares(np.array([source.u for source in sources]), 0, known)
-                sources = [
-                    replace(source, share_interval=(float(low), float(high)))
-                    for source, (low, high) in zip(sources, intervals, strict=True)
-                ]
-            at += draws
+    reference, at = float(values[1]), 2 * len(factors)
+    drawn, refused = values[at : at + draws], tuple(text for text in why[at : at + draws] if text)
+    known = drawn[np.isfinite(drawn)]
+    enough = len(known) >= FEWEST
+    u = float(known.std(ddof=1)) if enough else float("nan")
+    sources = [Source(factors[0], float("nan"), u, float("nan"), refused)] + [
+        _alone(factor, reference, values[2 * i : 2 * i + 2], why[2 * i : 2 * i + 2])
+        for i, factor in enumerate(factors[1:], start=1)
+    ]
+    if enough:
+        intervals = shares_of_squares(np.array([source.u for source in sources]), 0, known)
+        sources = [
+            replace(source, share_interval=(float(low), float(high)))
+            for source, (low, high) in zip(sources, intervals, strict=True)
+        ]
+    at += draws
     rest = values[at:]
     use = np.isfinite(rest)
-    drawn_keys = [i for i, factor in enumerate(factors) if factor.key != NOISE]
-    joint = joint_shares(points[at:][use][:, drawn_keys], rest[use]) if use.any() else None
-    if joint is not None:
-        found: dict[str, dict[str, Any]] = {
-            factors[i].key: {"joint_share": float(share), "joint_interval": (float(low), float(high))}
-            for i, share, (low, high) in zip(drawn_keys, joint.shares, joint.intervals, strict=True)
-        }  # the noise has no separate share
-        sources = [replace(source, **found.get(source.factor.key, {})) for source in sources]
+    joint = joint_shares(points[at:][use][:, 1:-1], rest[use]) if use.any() else None
+    if joint is not None:  # the noise has no separate share
+        sources[1:] = [
+            replace(source, joint_share=float(share), joint_interval=(float(low), float(high)))
+            for source, share, (low, high) in zip(sources[1:], joint.shares, joint.intervals, strict=True)
+        ]
     outcomes = tuple(RealisationOutcome(run.outcome) for run in runs)
     jumped = [outcome is RealisationOutcome.OTHER_VALLEY for outcome in outcomes[at:]]
     return Budget(

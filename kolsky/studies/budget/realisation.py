@@ -115,13 +115,12 @@ def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> Fl
     """Changes of the re-fits by one standard uncertainty of each source, shape [k, columns]. The change is
     zero for the noise, and for a source with a node that gave no answer. ``alone``: runs of `design` from row
     1 on."""
-    found, at = np.zeros((len(factors), columns)), 1
-    for i, factor in enumerate(factors):
-        if factor.key != NOISE:
-            low, high = alone[at : at + 2]
+    found = np.zeros((len(factors), columns))
+    for i in range(1, len(factors)):
+        low, high = alone[2 * i - 1 : 2 * i + 1]
+        if low.completed and high.completed:
             change = (high.results[:columns] - low.results[:columns]) / (NODES[2] - NODES[0])
-            found[i] = np.nan_to_num(change) if low.completed and high.completed else 0.0
-            at += 2
+            found[i] = np.nan_to_num(change)
     return found
 
 
@@ -133,23 +132,15 @@ def design(factors: tuple[Factor, ...], *, draws: int, together: int, seed: int)
     Latin hypercube of normal values with separate noise draws. They use the complete search.
     """
     k = len(factors)
-    noise = [i for i, factor in enumerate(factors) if factor.key == NOISE]
-    rows = [np.eye(k + 1)[k], np.zeros(k + 1)]
-    for i in range(k):
-        if i not in noise:
-            for node in NODES[[0, 2]]:
-                row = np.zeros(k + 1)
-                row[i] = node
-                rows.append(row)
-    for number in range(1, draws + 1) if noise else ():
-        row = np.zeros(k + 1)
-        row[noise] = number
-        rows.append(row)
+    nodes, noise = np.zeros((2 * (k - 1), k + 1)), np.zeros((draws, k + 1))
+    nodes[np.arange(2 * (k - 1)), np.repeat(np.arange(1, k), 2)] = np.tile(NODES[[0, 2]], k - 1)
+    noise[:, 0] = np.arange(1, draws + 1)
+    rows = [np.eye(k + 1)[k:], np.zeros((1, k + 1)), nodes, noise]
     if together:
         normal = norm.ppf(qmc.LatinHypercube(k, seed=seed).random(together))
-        normal[:, noise] = draws + 1.0 + np.arange(together)[:, None]
-        rows.extend(np.column_stack([normal, np.ones(together)]))
-    return np.array(rows)
+        normal[:, 0] = draws + 1.0 + np.arange(together)
+        rows.append(np.column_stack([normal, np.ones(together)]))
+    return np.concatenate(rows)
 
 
 SAME_VALLEY = 3.0
@@ -324,18 +315,14 @@ class Realisations:
         return [self._one(point) for point in points]
 
     def _one(self, point: FloatArray) -> Run:
-        *sizes, whole = point
-        errors = {
-            factor.key: float(z) * factor.sigma
-            for factor, z in zip(self.factors, sizes, strict=True)
-            if factor.key != NOISE and z != 0.0
-        }
-        draw = next((int(z) for factor, z in zip(self.factors, sizes, strict=True) if factor.key == NOISE), 0)
+        sizes, whole = point[:-1], point[-1]
+        pairs = zip(self.factors[1:], sizes[1:], strict=True)
+        errors = {factor.key: float(z) * factor.sigma for factor, z in pairs if z != 0.0}
         try:
             quantities = shifted(self.quantities, errors)
             truth = self._truth(quantities)
-            start = self._start(np.array(sizes))
-            return self._identified(quantities, truth, draw, start, whole=bool(whole))
+            start = self._start(sizes)
+            return self._identified(quantities, truth, int(sizes[0]), start, whole=bool(whole))
         except (InputError, TruthError, ValueError) as error:
             return _run(RealisationOutcome.REFUSED, self.settings, None, None, _first_line(error))
 
@@ -343,8 +330,7 @@ class Realisations:
         """Start of the re-fit: the optimum without errors plus the linear shift by each error, [k]."""
         if self.start is None or self.slopes is None:
             return self.start
-        noise = [factor.key == NOISE for factor in self.factors]
-        moved = np.where(noise, 0.0, sizes) @ self.slopes
+        moved = sizes @ self.slopes  # those of the noise are 0
         places = dict(zip(columns_of(self.settings), moved.tolist(), strict=True))
         return {name: value + places[name] for name, value in self.start.items()}
 

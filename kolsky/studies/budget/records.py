@@ -310,19 +310,6 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
     }
 
 
-def made_with(
-    analysis: tuple[int, int], refined: tuple[int, int], truth: tuple[int, int], draws: int, together: int
-) -> dict[str, Any]:
-    """Settings of the budget: meshes of the identification and of the truth, numbers of draws."""
-    return {
-        "mesh": list(analysis),
-        "refined_mesh": list(refined),
-        "truth_mesh": list(truth),
-        "draws": draws,
-        "together": together,
-    }
-
-
 def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
     """The budget for a terminal: a line for each source with its expanded uncertainty and share."""
     said = facts(result, campaign)

@@ -8,7 +8,6 @@ Window, frames, heights and rate are compared by the determinant of the expected
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import floor, isfinite, log10
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from kolsky.base.files import jsonable
 from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
 from kolsky.inverse.settings import Numerics
+from kolsky.results.numbers import measured, plain_sentence
 from kolsky.shot.records import Shot
 from kolsky.studies.local_sensitivity import REACH
 from kolsky.studies.planning.information import (
@@ -392,9 +392,11 @@ def rows(plan: Plan) -> Mapping[str, Any]:
     for j, name in enumerate(names):
         p = PARAMETERS[name]
         unit, double = _unit(name), 2.0 * p.shown_factor
-        value = _measured(p.shown_factor * slopes.point[j], double * whole.deviations[j])
+        value, U = map(
+            plain_sentence, measured(p.shown_factor * slopes.point[j], double * whole.deviations[j])
+        )
         shown[p.symbol] = (
-            f"{value}{unit} (k = 2, expected); {double * whole.alone[j]:.2g} if the others were known"
+            f"{value} ± {U}{unit} (k = 2, expected); {double * whole.alone[j]:.2g} if the others were known"
         )
         parts = [
             f"{part} {double * e.deviations[j]:.2g}" for part, e in plan.expected.items() if part != "all"
@@ -435,14 +437,6 @@ def _unit(name: str) -> str:
     """Display unit of a parameter, after a space and in ASCII. It is empty for a plain number."""
     unit = PARAMETERS[name].shown_unit
     return "" if unit == "1" else f" {unit.replace('µ', 'u')}"
-
-
-def _measured(value: float, U: float) -> str:
-    """A value and its expanded uncertainty, to the second significant digit of the uncertainty."""
-    if not (isfinite(U) and U > 0.0):
-        return f"{value:.6g} ± {U:.2g}"
-    digits = max(0, 1 - floor(log10(U)))
-    return f"{value:.{digits}f} ± {U:.{digits}f}"
 
 
 def _sigmas(deviations: FloatArray, names: tuple[str, ...]) -> str:

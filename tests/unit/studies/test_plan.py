@@ -29,7 +29,6 @@ from kolsky.studies.planning.information import (
     instruments_of,
 )
 from kolsky.studies.planning.plan import (
-    _measured,
     _sigmas,
     camera_heights,
     camera_windows,
@@ -375,20 +374,6 @@ def test_the_force_s_scale_is_listed_apart():
     # One parameter, equal noise: regression through the origin.
     assert found.force_scale[0] == pytest.approx(abs(J @ (gain * F) / (J @ J)), rel=1e-9)
     assert any("by the force's scale" in str(text) for text in rows(found).values())
-
-
-@pytest.mark.parametrize(
-    ("value", "U", "wanted"),
-    [
-        (1.12, 0.00189, "1.1200 ± 0.0019"),
-        (0.499, 3.04e-6, "0.4990000 ± 0.0000030"),
-        (25.0, 0.284, "25.00 ± 0.28"),
-        (1234.4, 56.0, "1234 ± 56"),
-        (1.12, np.inf, "1.12 ± inf"),
-    ],
-)
-def test_value_and_uncertainty_end_at_the_same_digit(value: float, U: float, wanted: str) -> None:
-    assert _measured(value, U) == wanted
 
 
 def test_each_parameter_is_doubled_and_in_its_own_unit() -> None:
