@@ -1,5 +1,7 @@
 """Fits: known constants, normal equations, covariance and draws, weights, outcomes, criteria by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -238,7 +240,7 @@ def test_repeats_by_hand():
     np.testing.assert_allclose(made.deformation, np.linspace(1.0, 0.5, 11))
     np.testing.assert_allclose(made.stress, made.deformation - 1.0, atol=1e-15)
     assert made.sigma is None  # at rest all tests agree: a sigma of zero weights nothing
-    inner = mean_test([t.within(-0.5, -0.1) for t in tests], points=5)
+    inner = mean_test([replace(t, deformation=t.deformation[5:], stress=t.stress[5:]) for t in tests])
     np.testing.assert_allclose(inner.sigma, 0.1 * np.abs(inner.stress) / np.sqrt(3.0))
     with pytest.raises(ValueError, match="opposite directions"):
         mean_test([tests[0], HomogeneousTest("pull", Mode.UNIAXIAL, 2.0 - lam, 1.0 - lam)])
