@@ -370,9 +370,7 @@ def column_clock(
 def array_clock(
     time: FloatArray, *, name: str, fault: Fault, interval: float | None = None, source: str = ""
 ) -> Clock:
-    """The clock of times stored as binary numbers.
-
-    Their printed digits are unknown.
+    """The clock of times stored as binary numbers. Their printed digits are unknown.
 
     Raises InputError for the reasons of `column_clock`. A time may deviate from uniform times by 5 % of the
     interval.

@@ -141,9 +141,7 @@ _NOT_THE_QUANTITY = re.compile(
 
 
 def recognised_columns(path: Path, layout: Layout) -> dict[str, str]:
-    """Quantity -> the column identified by name and unit.
-
-    Quantities without a unique column are left out.
+    """Quantity -> the column identified by name and unit. Quantities without a unique column are left out.
 
     ``layout``: its declared layout. Raises InputError if it cannot be read.
     """

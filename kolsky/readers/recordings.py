@@ -202,9 +202,7 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
 
 
 def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
-    """The channels of a file, without checks of their samples.
-
-    A channel without a clock gives the reason.
+    """The channels of a file, without checks of their samples. A channel without a clock gives the reason.
 
     Raises InputError if the file cannot be read.
     """

@@ -63,9 +63,7 @@ class QuietStretch:
 
 
 def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
-    """The rest at the beginning of a record.
-
-    None if there is no clear rest or no departure from it.
+    """The rest at the beginning of a record. None if there is no clear rest or no departure from it.
 
     ``values``: the record, shape [n]. ``fewest``: smallest number of values of a rest.
     """

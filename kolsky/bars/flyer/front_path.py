@@ -1,6 +1,4 @@
-"""The path of the incident bar's face from its waves.
-
-It replaces the camera's measurement of a flyer.
+"""The path of the incident bar's face from its waves. It replaces the camera's measurement of a flyer.
 
 The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kolsky.bars.flyer.path`, from
 rest. The jerks have a prior N(0, tau^2). Tau and the noise maximise the marginal likelihood, with at least
@@ -28,9 +26,7 @@ FEWEST_SAMPLES = 20
 
 
 def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float = 0.0) -> FrontVelocity:
-    """The face's velocity on the shot's clock.
-
-    Its uncertainty is split into noise and scale.
+    """The face's velocity on the shot's clock. Its uncertainty is split into noise and scale.
 
     ``reduction``: its `front_velocity` has one sigma for noise and systematic parts. ``waves``: the waves of
     this velocity; they give the noise of the samples. ``sigma_zero``: standard uncertainty of the velocity's

@@ -1,6 +1,4 @@
-"""The flyer's path: a cubic spline that starts at rest.
-
-It is fitted to the noisy displacement at the frames.
+"""The flyer's path: a cubic spline that starts at rest. It is fitted to the noisy displacement at the frames.
 
 `fit_flyer` returns the path with its posterior uncertainty. In spans in which no frame shows the flyer, the
 uncertainty of the smoothness is added.

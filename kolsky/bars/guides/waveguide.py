@@ -380,9 +380,7 @@ class PronyModulus:
 
 @dataclass(frozen=True)
 class ViscoelasticWaveguide:
-    """A polymer bar with a complex modulus.
-
-    Geometric dispersion follows by the correspondence principle.
+    """A polymer bar with a complex modulus. Geometric dispersion follows by the correspondence principle.
 
     Poisson's ratio is real and constant. Young's modulus of the bar is not used.
     """

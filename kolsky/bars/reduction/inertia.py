@@ -49,9 +49,7 @@ def correct_radial_inertia(
     *,
     apply: bool = True,
 ) -> tuple[History, Correction]:
-    """Nominal stress without the share of radial inertia.
-
-    The share is Eq. of `radial_pressure` over 1 - e.
+    """Nominal stress without the share of radial inertia. The share is Eq. of `radial_pressure` over 1 - e.
 
     The force of the pressure is ``p A0 / (1 - e)``, because the face has grown. Its nominal stress is ``p /
     (1 - e)``. The uncertainties of strain, rate and second derivative are taken as independent.

@@ -283,7 +283,7 @@ def local_rms(changes: Sequence[FloatArray]) -> FloatArray:
 def _refined_fit(
     one: ModelOptimum, error: MeshError | None, test: MeasuredSpecimen, finer: MeasuredSpecimen
 ) -> ModelOptimum:
-    """One fit moved to the refined mesh, whose simulated test changes by `error`, or left as it is if None."""
+    """One fit moved to the refined mesh. Its simulated test changes by `error`; None: it is not moved."""
     n = test.strain.size
     coarse = replace(one, chi2=float(np.sum(finer.residual(one.made) ** 2)))
     if error is None:

@@ -127,7 +127,7 @@ class NodesModel:
         return self.law(theta).two_u_prime(measure(strain))[0] * gaussian_strain(strain, compression=True)
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals of the prior, second differences over `SMOOTH` and the distance, and their derivatives."""
+        """Residuals of the prior, second differences by `SMOOTH` and the distance; their derivatives."""
         h = self.nodes[1] - self.nodes[0]
         second = np.diff(np.eye(theta.size), 2, axis=0) / (SMOOTH * h**0.5)
         return second @ theta, second
