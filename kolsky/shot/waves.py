@@ -102,7 +102,7 @@ class FlyerTest:
             if given.mass > 0.0:
                 mass = values.get("flyer, mass", given.mass)
                 front, entry = compensate_mass(
-                    time, gauge, acceleration, Quantity("flyer, mass", mass, 0.0, "kg", "B"),
+                    gauge, acceleration, Quantity("flyer, mass", mass, 0.0, "kg", "B"),
                     apply=given.switches["mass"], source="the flyer's motion",
                 )  # fmt: skip
                 log.add(replace(entry, key="mass"))

@@ -28,8 +28,6 @@ class HomogeneousTest:
     """Nominal stress, tension-positive [Pa], shape [n]."""
     sigma: FloatArray | None = None
     """Standard uncertainty of each stress [Pa], shape [n]; None if unknown."""
-    weight: float = 1.0
-    """Factor on the squared residuals of this test in a fit [-]."""
     lateral: FloatArray | None = None
     """Measured stretch of the free direction [-], shape [n]; None if not measured."""
 
@@ -59,8 +57,6 @@ class HomogeneousTest:
                 raise ValueError(f"{self.name}: simple shear has no free direction")
             if not (self.lateral.shape == d.shape and (self.lateral > 0.0).all()):
                 raise ValueError(f"{self.name}: lateral stretches must be > 0, shape {d.shape}")
-        if not 0.0 < self.weight < float("inf"):
-            raise ValueError(f"{self.name}: weight must be > 0 and finite, got {self.weight}")
 
     @property
     def strain(self) -> FloatArray:

@@ -125,7 +125,7 @@ class Residuals:
                 divisor = np.where(test.strain == 0.0, np.inf, np.abs(test.stress))
             else:
                 divisor = np.full(len(test.stress), self.stress_scale)
-            factors.append(np.sqrt(test.weight) / divisor)
+            factors.append(1.0 / divisor)
         return tuple(factors)
 
     @cached_property
@@ -161,9 +161,7 @@ class Residuals:
             return []
         volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, poisson)))
         return [
-            np.sqrt(test.weight)
-            * (free_stretch(law, volume, test.mode, test.deformation) - test.lateral)
-            / _LATERAL_SCALE
+            (free_stretch(law, volume, test.mode, test.deformation) - test.lateral) / _LATERAL_SCALE
             for test in self.tests
             if test.lateral is not None
         ]

@@ -43,8 +43,7 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
     best = comparison.best
     whole = {
         "tests": [
-            {"name": t.name, "mode": t.mode.value, "points": len(t.stress), "weight": t.weight}
-            | _properties(t)
+            {"name": t.name, "mode": t.mode.value, "points": len(t.stress)} | _properties(t)
             for t in comparison.tests
         ],
         "weighting": comparison.weighting.value,

@@ -65,15 +65,15 @@ class RateFit:
         """Bayesian criterion, chi_square + n_parameters log(n_data) [-]."""
         return self.chi_square + len(self.values) * float(np.log(self.n_data))
 
-    def interval(self, name: str, *, coverage_factor: float = 2.0) -> tuple[float, float]:
-        """Interval of a parameter, from the covariance of the logarithms.
+    def interval(self, name: str) -> tuple[float, float]:
+        """Interval of a parameter, k = 2, from the covariance of the logarithms.
 
         Raises ValueError if the fit has no such parameter.
         """
         if name not in self.names:
             raise ValueError(f"parameter must be one of {', '.join(self.names)}, got {name!r}")
         k = self.names.index(name)
-        spread = float(np.exp(coverage_factor * np.sqrt(self.covariance[k, k])))
+        spread = float(np.exp(2.0 * np.sqrt(self.covariance[k, k])))
         return float(self.values[k] / spread), float(self.values[k] * spread)
 
 
