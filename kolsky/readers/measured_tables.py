@@ -22,9 +22,7 @@ class FrameTable:
     """Rows of a file. Each row belongs to one frame."""
 
     path: Path
-    """The file."""
     sha256: str
-    """SHA-256 of the file, hex."""
     first_line: int = 2
     """Line of the first row, counted from 1."""
     frame: IntArray

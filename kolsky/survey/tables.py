@@ -55,7 +55,6 @@ class TableEntry:
     """One file that could be read."""
 
     path: Path
-    """The file."""
     columns: tuple[ColumnEntry, ...]
     """Its numeric columns. For a recorder's file, its channels."""
     layout: Mapping[str, str | int] = field(default_factory=dict)

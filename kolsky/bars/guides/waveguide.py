@@ -386,7 +386,6 @@ class ViscoelasticWaveguide:
     """
 
     bar: Bar
-    """The bar: diameter, density, Poisson's ratio."""
     modulus: PronyModulus
     dispersive: bool = True
     """True if the finite radius of the bar also causes dispersion."""

@@ -60,7 +60,6 @@ class Station(NamedTuple):
 
     signal: BarSignal
     corrections: list[Correction]
-    """Corrections, applied or not."""
     quantities: list[Quantity]
     """Inputs of its budget: calibration, zero, and a significant drift."""
 

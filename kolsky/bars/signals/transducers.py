@@ -201,7 +201,6 @@ class ForceSignal(NamedTuple):
     signal: Signal
     """Force, compression positive [N], on the shot's clock."""
     corrections: list[Correction]
-    """Corrections, applied or not."""
     quantities: list[Quantity]
     """Inputs of its budget: sensitivity, time constant, zero."""
 

@@ -230,7 +230,6 @@ class CorrectionNumerics:
     mesh: tuple[int, int] = (8, 7)
     """Elements in the fits across the radius and along the half length, biquadratic."""
     refined_mesh: tuple[int, int] = (12, 10)
-    """The refined mesh of the final result."""
     poisson: float = 0.499
     """Poisson's ratio at rest [-]; that of the shot for which the curve is used."""
     poisson_sigma: float = 0.0
@@ -277,7 +276,6 @@ class ModelFit:
     reason: str = ""
     """Reason why it has no weight; None if it has a weight."""
     remark: str = ""
-    """Remarks on the constants."""
 
     @property
     def not_determined(self) -> tuple[str, ...]:
@@ -317,7 +315,6 @@ class FrictionCorrection:
     snaps: int = 0
     """Jumps to another equilibrium in the simulated test."""
     remarks: tuple[str, ...] = ()
-    """Remarks for the user."""
 
 
 @dataclass(frozen=True)

@@ -194,7 +194,6 @@ class Row:
     over_data: tuple[PathStability, ...]
     """Drucker's criterion from rest to the ends of the tests."""
     reason: str = ""
-    """Reason why there is no fit."""
 
     @property
     def stable(self) -> bool:

@@ -138,7 +138,6 @@ class Fit:
     name: str
     """The law and its fixed constants."""
     law: AnyLaw
-    """The law with its constants."""
     free: tuple[str, ...]
     """Names of the fitted constants."""
     parts: tuple[PartFit, ...]

@@ -19,9 +19,7 @@ class HomogeneousTest:
     """Nominal stress over stretch, or over the amount of shear."""
 
     name: str
-    """Name of the test, for messages and tables."""
     mode: Mode
-    """Deformation mode: loaded, fixed and free directions."""
     deformation: FloatArray
     """Stretch along the load, or amount of shear [-], shape [n]."""
     stress: FloatArray

@@ -122,7 +122,6 @@ class SpecimenProperties:
     """Properties of one specimen."""
 
     name: str
-    """Its test."""
     values: dict[str, float]
     """Property -> value in SI. Properties that a test does not determine are missing."""
 
@@ -140,7 +139,6 @@ class Healing:
     rows: dict[str, Recovery]
     """Property -> means and efficiency, for properties of both groups."""
     remarks: tuple[str, ...]
-    """Remarks for the user."""
 
 
 def _reason(name: str) -> str:

@@ -58,7 +58,6 @@ class Residuals:
 
     law: type[AnyLaw]
     tests: tuple[HomogeneousTest, ...]
-    """The tests of one common fit."""
     weighting: Weighting = Weighting.ABSOLUTE
     held: Mapping[str, float] = field(default_factory=dict)
     """Constants that are not free, in SI."""

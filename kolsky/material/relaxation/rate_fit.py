@@ -152,7 +152,6 @@ class PronyProblem:
     law: Any
     """The long-term law: an `explicit.materials.MaterialLaw`."""
     evidence: tuple[Evidence, ...]
-    """Measured tests."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
