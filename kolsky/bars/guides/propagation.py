@@ -137,7 +137,7 @@ def propagation(
     first = arrival if start is None else start
     whole = round((first - arrival) / step)
     fraction = (first - arrival) / step - whole  # of a sample
-    limit = min(waveguide.largest_frequency, np.inf if band is None else band)
+    limit = np.inf if band is None else band
 
     fade = max(64, n // 4)
     before = fade + _largest_delay(waveguide, distance, step, limit) + max(0, -whole)
