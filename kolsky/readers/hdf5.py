@@ -283,9 +283,6 @@ def inside(path: Path) -> Inside:
     return found
 
 
-BINARY = True
-
-
 def sniff(path: Path) -> bool:
     """True if a file begins with the signature of HDF5 and is not a MATLAB file."""
     return head_of(path, 8) == b"\x89HDF\r\n\x1a\n"
