@@ -61,7 +61,6 @@ class Budget:
     """Outputs of a model, and the contribution of each quantity to the uncertainty of each sample."""
 
     quantities: tuple[Quantity, ...]
-    """Input quantities."""
     correlation: FloatArray
     """Their correlation coefficients, shape [n_quantities, n_quantities]."""
     value: Mapping[str, FloatArray]

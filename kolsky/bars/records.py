@@ -60,7 +60,6 @@ class BarSignal:
     strain: Signal
     """Axial strain at the station, compression positive [-]."""
     bar: Bar
-    """The bar with the gauge."""
     position: float
     """Distance of the station from the bar's specimen end [m], > 0."""
     side: str
@@ -98,9 +97,7 @@ class FaceWaves:
     sigma: Mapping[str, float]
     """Standard deviation of a sample's noise of "incident", "reflected", "transmitted" [-]."""
     incident_bar: Bar
-    """The bar before the specimen."""
     transmission_bar: Bar
-    """The bar behind it."""
     origin: float = 0.0
     """Time 0 of `time` on the shot's clock [s]. At this time the incident wave arrives at the specimen."""
     white: Mapping[str, float] | None = None
@@ -158,7 +155,6 @@ class Correction:
     name: str
     """Its name, e.g. "dispersion, incident wave". Its switch in shot.toml is `key`."""
     key: str
-    """Its switch, e.g. "dispersion"."""
     applied: bool
     """True if the correction was applied. One that was not applied is also listed with its size."""
     size: float
@@ -182,7 +178,6 @@ class Quantity:
     sigma: float
     """Standard uncertainty (k = 1), SI."""
     unit: str
-    """SI unit."""
     kind: str
     """"A" for repeated observations, "B" for a certificate, a resolution or a judgement."""
     freedom: float = float("inf")
@@ -256,9 +251,7 @@ class ReducedTest(ResultViews):
     """A reduced test of any method, with the data and settings behind its results."""
 
     name: str
-    """Name of the shot."""
     specimen: Specimen
-    """The specimen before the test."""
     load: str
     """"compression" or "tension"."""
     reduction: Reduction
@@ -266,7 +259,6 @@ class ReducedTest(ResultViews):
     corrections: tuple[Correction, ...]
     """The audit log."""
     budget: BudgetTable
-    """The uncertainty budget."""
     facts: Mapping[str, tuple[float, str]]
     """Numbers of the record and its reduction: value and unit by name."""
     remarks: tuple[str, ...]
@@ -294,9 +286,7 @@ class WavesResult(ReducedTest):
     """Strain at the transmission gauge."""
     windows: Windows
     faces: FaceWaves
-    """The waves at the specimen."""
     analysis: str = "three waves"
-    """The analysis of the reported values."""
 
 
 @dataclass(frozen=True, kw_only=True)

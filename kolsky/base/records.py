@@ -84,8 +84,6 @@ class FrontVelocity:
     level at low frequencies."""
     sigma_gain: float = 0.0
     """Standard uncertainty of the scale, common to all samples [-]."""
-    sigma_zero: float = 0.0
-    """Standard uncertainty of the zero, common to all samples [m/s]."""
 
 
 @dataclass(frozen=True)

@@ -146,5 +146,5 @@ def repeats(
         },
         summary,
         files={"curves": folder / "repeats.csv"},
-        warnings=curves.mean.repeats.remarks,
+        warnings=curves.mean.remarks,
     )

@@ -46,7 +46,6 @@ class Treatment:
     """Declared treatment of the tests. No part of it is derived from the data."""
 
     toe: Toe = field(default_factory=Toe)
-    """Method for the zero of the strain."""
     compliance: float = 0.0
     """Compliance of the machine [m/N]; needs `specimen`."""
     scale_sigma: float = 0.0
@@ -58,11 +57,9 @@ class Treatment:
     bulge_sigma: float = 0.0
     """Standard deviation of the radius at mid-height [m]."""
     points: int = 60
-    """Points of the curve."""
     last: float | None = None
     """Strain at which the curve ends [-]. None: the curve ends at the end of the shortest test."""
     numerics: CorrectionNumerics | None = None
-    """Numerical choices of the friction correction."""
 
     def __post_init__(self) -> None:
         if self.points < FEWEST_POINTS:
@@ -91,7 +88,6 @@ class ReferenceCurve(ResultViews):
     """E_a of the material's curve, Eq. (M.9)."""
     friction: FrictionCorrection | None
     remarks: tuple[str, ...]
-    """Remarks for the user."""
 
 
 def reference_curve(
@@ -101,19 +97,13 @@ def reference_curve(
 
     The order is: compliance, choice of the ramp, toe, mean with its band, end friction.
 
+    ``tests``: repeats of one test on specimens of one size and one branch. ``pull``: "first": the first
+    loading ramp of each record. "conditioned": the last of two or more ramps, with strains relative to the
+    length before the first pull. A permanent set is part of its toe's offset.
+
     Raises ValueError if the tests differ in branch, if a record has no such ramp, or if a toe cannot be
     found. The same error is raised if the tests have no range of strain in common, if friction is declared
     for a tension test, or if friction cannot be removed.
-
-    Parameters
-    ----------
-    tests
-        Repeats of one test on specimens of one size and one branch.
-    treatment
-        Declared treatment of the tests.
-    pull
-        "first": the first loading ramp of each record. "conditioned": the last of two or more ramps, with
-        strains relative to the length before the first pull. A permanent set is part of its toe's offset.
     """
     if not tests:
         raise ValueError("a reference curve needs at least one test")
@@ -281,49 +271,25 @@ def read_uniaxial_test(
 ) -> tuple[UniaxialTest, str]:
     """Read a quasi-static test, positive along its branch, and the SHA-256 of its file.
 
-    Raises InputError if the file cannot be read, or if its columns are not such a test.
+    ``columns``: kind of `COLUMNS` -> column, by name or number: strain and stress, or displacement and force.
+    ``convention``: sign of the columns, one of `kolsky.material.fits.homogeneous_test.CONVENTIONS`.
+    ``branch``: one of `BRANCHES`. ``units``: column -> unit, if the file does not give it. ``specimen``:
+    undeformed size; needed for displacement and force.
 
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        Kind of `COLUMNS` -> column, by name or number: strain and stress, or displacement and force.
-    convention
-        Sign of the columns, one of `kolsky.material.fits.homogeneous_test.CONVENTIONS`.
-    branch
-        One of `BRANCHES`.
-    units
-        Column -> unit, if the file does not give it.
-    layout
-        Declared layout of the file. Undeclared properties are detected.
-    specimen
-        Undeformed size; needed for displacement and force.
+    Raises InputError if the file cannot be read, or if its columns are not such a test.
     """
-    path = Path(path)
-    values, digest = read_columns(
-        path,
-        {
-            what: WantedColumn(column, COLUMNS[what], (units or {}).get(column))
-            for what, column in columns.items()
-        },
-        layout,
-    )
+    path, units = Path(path), units or {}
+    wanted = {kind: WantedColumn(name, COLUMNS[kind], units.get(name)) for kind, name in columns.items()}
+    values, digest = read_columns(path, wanted, layout)
     compression = branch == "compression"
     sign = 1.0 if compression == (convention == "compression-positive") else -1.0
     if specimen is not None and "force" in columns:
         values["strain"] = values["displacement"] / specimen.length
         values["stress"] = values["force"] / specimen.area
     with refused(path, cure="are column, unit, branch and convention right?"):
-        test = UniaxialTest(
-            name=path.name,
-            strain=sign * values["strain"],
-            stress=sign * values["stress"],
-            compression=compression,
-            time=values.get("time"),
-            bulge=values.get("bulge"),
-        )
-    return test, digest
+        strain, stress = sign * values["strain"], sign * values["stress"]
+        more = {key: values.get(key) for key in ("time", "bulge")}
+        return UniaxialTest(path.name, strain, stress, compression=compression, **more), digest
 
 
 def curve_columns(made: ReferenceCurve | CurveBand) -> dict[str, list[float]]:

@@ -106,14 +106,10 @@ def slow_run(
     force = 0.5 * (flyer + transmission)
     seen = strain >= min(LEAST_COMPARED_STRAIN, strain[-1])
     energy = response.energy
+    side_shapes = zip(response.surface_r[0], response.surface_y[0], strict=True)
     return SlowRun(
         stress=force / (pi * specimen.radius**2),
-        bulge=np.array(
-            [
-                np.interp(0.5 * (y[0] + y[-1]), y, r)
-                for r, y in zip(response.surface_r[0], response.surface_y[0], strict=True)
-            ]
-        ),
+        bulge=np.array([np.interp(0.5 * (y[0] + y[-1]), y, r) for r, y in side_shapes]),
         kinetic_share=float((energy.kinetic[0, seen] / energy.elastic[0, seen]).max()),
         face_difference=float((np.abs(flyer - transmission)[seen] / np.abs(force[seen])).max()),
         past_data=float(response.extrapolated_share[0]),
@@ -179,30 +175,17 @@ def slow_compression(
     error: float = 2e-3,
     numerics: SlowNumerics | None = None,
 ) -> SlowCompression:
-    """Compress a specimen slowly.
+    """Compress a specimen slowly. Ramp, drag and duration are chosen for the requested error of the force.
 
-    Ramp, drag and duration are chosen for the requested error of the force.
+    ``law``: any material law. A slow test does not include relaxation. ``specimen``: its undeformed size. The
+    density is not used. ``strain``: nominal compressive strains to record, ascending inside (0, 1) [-], shape
+    [n]. ``faces``, ``side``, ``friction``: contact laws, and Coulomb's coefficient [-]. Default of the side:
+    that of the faces. ``stiffness_factor``: factor m on the law [-]. A static force is proportional to it.
+    ``error``: requested relative error of the force from a strain of `LEAST_COMPARED_STRAIN` on, in [1e-4,
+    0.1], without that of the mesh. ``numerics``: its duration is the start of the search.
 
     Raises ValueError if an argument is outside its range, if a run does not complete, or if the error is not
     reached with `LONGEST`.
-
-    Parameters
-    ----------
-    law
-        Any material law. A slow test does not include relaxation.
-    specimen
-        Its undeformed size. The density is not used.
-    strain
-        Nominal compressive strains to record, ascending inside (0, 1) [-], shape [n].
-    faces, side, friction
-        Contact laws, and Coulomb's coefficient [-]. Default of the side: that of the faces.
-    stiffness_factor
-        Factor m on the law [-]. A static force is proportional to it.
-    error
-        Requested relative error of the force from a strain of `LEAST_COMPARED_STRAIN` on, in [1e-4, 0.1]. The
-        error of the mesh is not included.
-    numerics
-        Mesh, Poisson's ratio and threads. Its duration is the start of the search; default: `FIRST`.
     """
     if not 1e-4 <= error <= 0.1:
         raise ValueError(f"the wanted error of a slow run must be in [0.0001, 0.1], got {error:g}")
@@ -235,15 +218,9 @@ def slow_compression(
             )
         before = found
     stress = stiffness_factor * found.stress
+    force = stress * pi * specimen.radius**2
     return SlowCompression(
-        strain=strain,
-        force=stress * pi * specimen.radius**2,
-        stress=stress,
-        radius=found.bulge,
-        error=left,
-        durations=tuple(durations),
-        errors=tuple(errors),
-        test=found,
+        strain, force, stress, found.bulge, left, tuple(durations), tuple(errors), test=found
     )
 
 

@@ -1,6 +1,4 @@
-"""Quasi-static uniaxial tests: nominal stress over strain.
-
-Ramps, holds, toe, and the mean of repeats with its band.
+"""Quasi-static uniaxial tests: ramps, holds, toe, and the mean of repeats with its band.
 
 The band of a curve separates common uncertainty from noise, because errors are correlated along the curve.
 
@@ -42,7 +40,6 @@ class UniaxialTest:
     """One test, positive along its branch: shortening in compression, lengthening in tension."""
 
     name: str
-    """Name of the test, for messages."""
     strain: FloatArray
     """Nominal strain [-], shape [n]."""
     stress: FloatArray
@@ -64,13 +61,8 @@ class UniaxialTest:
 
     def part(self, samples: slice | NDArray[np.bool_]) -> "UniaxialTest":
         """A subset of its samples."""
-        return replace(
-            self,
-            strain=self.strain[samples],
-            stress=self.stress[samples],
-            time=None if self.time is None else self.time[samples],
-            bulge=None if self.bulge is None else self.bulge[samples],
-        )
+        whole = {"strain": self.strain, "stress": self.stress, "time": self.time, "bulge": self.bulge}
+        return replace(self, **{key: None if x is None else x[samples] for key, x in whole.items()})
 
     def without_machine(self, compliance: float, *, area: float, length: float) -> "UniaxialTest":
         """The test without the deformation of the machine: u = u_measured - C F.
@@ -118,10 +110,7 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
 
 
 def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
-    """lam - lam^-2 as a magnitude [-].
-
-    By Gaussian rubber elasticity, the stress is E_a / 3 times this, Eq. (M.9).
-    """
+    """lam - lam^-2 as a magnitude [-]; the stress of a Gaussian network is E_a / 3 times it, Eq. (M.9)."""
     lam = 1.0 - strain if compression else 1.0 + strain
     return np.asarray(np.abs(lam - lam**-2))
 
@@ -214,11 +203,10 @@ class Hold:
     """A strain that was held after a ramp."""
 
     strain: float
-    """The strain [-]."""
+    """Held strain [-]."""
     duration: float | None
     """Duration of the hold [s]; None if no time was recorded."""
     samples: int
-    """Number of samples in the hold."""
     first: float
     """Nominal stress at its beginning [Pa]."""
     last: float
@@ -248,14 +236,8 @@ def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold |
         share = duration / before if before > 0.0 else np.inf
     if share <= LONG:
         return ramp, None
-    hold = Hold(
-        float(strain[reached]),
-        duration,
-        end - reached,
-        float(test.stress[reached]),
-        float(test.stress[end - 1]),
-    )
-    return slice(begin, reached + 1), hold
+    first, last = float(test.stress[reached]), float(test.stress[end - 1])
+    return slice(begin, reached + 1), Hold(float(strain[reached]), duration, end - reached, first, last)
 
 
 def remarks_of(name: str, hold: Hold | None) -> tuple[str, ...]:
@@ -305,9 +287,8 @@ class CurveBand:
 
     def times(self, factor: FloatArray | float) -> "CurveBand":
         """The curve and all its uncertainties multiplied by a factor, shape [n] or a number."""
-        return replace(
-            self, stress=self.stress * factor, noise=self.noise * factor, modes=self.modes * factor
-        )
+        stress, noise, modes = self.stress * factor, self.noise * factor, self.modes * factor
+        return replace(self, stress=stress, noise=noise, modes=modes)
 
     def with_mode(self, name: str, mode: FloatArray) -> "CurveBand":
         """The band with one more source: its standard uncertainty along the curve [Pa], shape [n]."""
@@ -330,15 +311,12 @@ def student_factor(freedom: int) -> float:
 
 
 def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
-    """Mean of repeated tests.
-
-    Their scatter gives modes of the mean, widened for its degrees of freedom.
+    """Mean of repeated tests. Their scatter gives modes of the mean, widened for its degrees of freedom.
 
     The covariance of the mean is that of the tests divided by their number, S / n. Its modes come from the
-    singular values of the tests' deviations. The n - 1 modes reproduce it exactly.
-
-    ``strain``: common axis [-], shape [n_points]. ``values``: every test on it [Pa], shape [n_tests,
-    n_points], at least two tests. Raises ValueError if there are fewer than two tests.
+    singular values of the tests' deviations. The n - 1 modes reproduce it exactly. ``strain``: common axis
+    [-], shape [n_points]. ``values``: every test on it [Pa], shape [n_tests, n_points]. Raises ValueError if
+    there are fewer than two tests.
     """
     count = len(values)
     if count < 2:
@@ -351,9 +329,7 @@ def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
 
 
 def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[FloatArray, float]:
-    """A test's values on an axis, and the noise of its samples.
-
-    The noise is the standard deviation of one sample about a smooth curve.
+    """A test's values on an axis, and the standard deviation of one sample about a smooth curve.
 
     At each position, a straight line is fitted to the samples within half the axis' spacing. With fewer than
     four samples, neighbours are interpolated. The noise is estimated from second differences of neighbouring
@@ -415,7 +391,7 @@ class ApparentModulus:
     time: FloatArray | None
     """Time since the strain was zero, mean of the tests [s], shape [n]; None if a test has no times."""
     modulus: FloatArray
-    """Apparent modulus [Pa], shape [n]."""
+    """E_a [Pa], shape [n]."""
     sigma: FloatArray
     """Its standard uncertainty [Pa], shape [n]."""
     mean: float

@@ -1,6 +1,4 @@
-"""Read a file with a library that a damaged file may crash.
-
-It is a program: `child.py FORMAT PATH PLACE`.
+"""Read a file with a library that a damaged file may crash. It is a program: `child.py FORMAT PATH PLACE`.
 
 python-calamine stores every sheet of an old Excel workbook as a full rectangle. SciPy reads beyond its
 buffers if counts in a MATLAB file are damaged. The process that reads a shot must continue in both cases.

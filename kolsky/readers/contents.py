@@ -36,7 +36,6 @@ class ChannelInfo:
     unit: str | None
     """Unit of its samples as the file writes it; None if the file does not state it."""
     samples: int
-    """Number of its samples."""
     start: float | None
     """Time of the first sample [s]; None if unknown."""
     interval: float | None
@@ -67,7 +66,6 @@ class Clock:
     interval: float
     """Sampling interval [s]."""
     source: str
-    """Source of both, in words."""
     measured: FloatArray | None = field(default=None, compare=False)
     """Times of the samples if their intervals vary [s], shape [samples]; otherwise None."""
 
@@ -81,13 +79,11 @@ class Channel:
     """One channel of a file."""
 
     name: str
-    """Its name in the file."""
     number: int
     """Its number among the columns or channels, counted from 1."""
     unit: str | None
     """Unit as the file writes it, or None."""
     samples: int
-    """Number of samples."""
     values: Callable[[], FloatArray]
     """Reads the samples in `unit`, shape [samples]. Raises `InputError`."""
     clock: Callable[[], Clock]
@@ -101,9 +97,7 @@ class Contents:
     """Channels, facts and metadata of a recorder's file."""
 
     path: Path
-    """The file."""
     sha256: str
-    """SHA-256 of the file, hex."""
     channels: tuple[Channel, ...]
     """Its channels, without the time columns."""
     facts: Mapping[str, str]
@@ -370,9 +364,7 @@ def column_clock(
 def array_clock(
     time: FloatArray, *, name: str, fault: Fault, interval: float | None = None, source: str = ""
 ) -> Clock:
-    """The clock of times stored as binary numbers.
-
-    Their printed digits are unknown.
+    """The clock of times stored as binary numbers. Their printed digits are unknown.
 
     Raises InputError for the reasons of `column_clock`. A time may deviate from uniform times by 5 % of the
     interval.

@@ -10,8 +10,6 @@ from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import find_table, signal_table
 from kolsky.readers.text import read_text
 
-BINARY = False
-
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", "")
 """Endings of text files. Many programs use .xls for tab-separated text."""
 

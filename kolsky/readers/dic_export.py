@@ -130,7 +130,6 @@ class DicExport:
     sha256: str
     """SHA-256 over the hashes of all files, hex."""
     program: str
-    """The layout that was used."""
     frame: IntArray
     """Frame numbers from the names of the files, increasing, shape [n_frames]."""
     X: FloatArray

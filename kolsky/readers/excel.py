@@ -33,7 +33,6 @@ _DECLARATIONS = (b"<!DOCTYPE", b"<!ENTITY", "<!DOCTYPE".encode("utf-16-le"), "<!
 class Workbook:
     """A format of workbooks."""
 
-    BINARY = True
     form: str
     """Its name in `kolsky.readers.recordings.FORMATS`."""
     suffixes: tuple[str, ...]

@@ -36,7 +36,6 @@ class NamedArray:
     samples: int
     """Its length."""
     values: Callable[[], FloatArray]
-    """Function that reads it."""
     unit: str | None = None
     """Its unit, if the file states it."""
     keys: Mapping[str, float] = field(default_factory=dict)
@@ -192,7 +191,6 @@ class Inside:
     """The datasets and attributes of a file."""
 
     path: Path
-    """The file."""
     arrays: list[NamedArray] = field(default_factory=list)
     """Its vectors."""
     scalars: dict[str, float] = field(default_factory=dict)
@@ -283,9 +281,6 @@ def inside(path: Path) -> Inside:
             path, f"is not an HDF5 file that can be read ({error})", cure="copy or export it again"
         ) from None
     return found
-
-
-BINARY = True
 
 
 def sniff(path: Path) -> bool:

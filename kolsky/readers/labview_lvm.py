@@ -14,8 +14,6 @@ from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
 
-BINARY = False
-
 _END = "***End_of_Header***"
 
 

@@ -13,8 +13,6 @@ from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.text import Dialect, read_text
 
-BINARY = False
-
 
 def sniff(path: Path) -> bool:
     """True if a file ends in .raw and its first line has at least three fields between tabs."""

@@ -13,9 +13,7 @@ ColumnId = str | int
 
 @dataclass(frozen=True)
 class Layout:
-    """Declared layout of a recorder's file.
-
-    Fields that are None are detected in the file.
+    """Declared layout of a recorder's file. Fields that are None are detected in the file.
 
     Declared fields take precedence over the file. The detected layout is in `Contents.facts`.
     """

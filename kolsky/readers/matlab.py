@@ -21,8 +21,6 @@ from kolsky.readers.contents import Contents, file_hash, head_of, read_in_child
 from kolsky.readers.hdf5 import NamedArray, array_channels, array_lines, column_of, columns_of, inside
 from kolsky.readers.layout import Layout
 
-BINARY = True
-
 LIMIT = 400_000_000
 """Largest file before 7.3 [bytes]."""
 _HDF5_OFFSET = 512

@@ -22,9 +22,7 @@ class FrameTable:
     """Rows of a file. Each row belongs to one frame."""
 
     path: Path
-    """The file."""
     sha256: str
-    """SHA-256 of the file, hex."""
     first_line: int = 2
     """Line of the first row, counted from 1."""
     frame: IntArray
@@ -141,9 +139,7 @@ _NOT_THE_QUANTITY = re.compile(
 
 
 def recognised_columns(path: Path, layout: Layout) -> dict[str, str]:
-    """Quantity -> the column identified by name and unit.
-
-    Quantities without a unique column are left out.
+    """Quantity -> the column identified by name and unit. Quantities without a unique column are left out.
 
     ``layout``: its declared layout. Raises InputError if it cannot be read.
     """

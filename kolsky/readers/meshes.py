@@ -45,7 +45,6 @@ class MeshFile:
     """Number of each cell in the file, shape [m]. Elements of all kinds are counted in order, as in these
     programs: from 1 in Gmsh files, from 0 in VTU files."""
     sha256: str
-    """SHA-256 of the file, hex."""
 
 
 def read_mesh(path: Path, *, dimension: int) -> MeshFile:

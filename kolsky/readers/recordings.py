@@ -1,6 +1,6 @@
 """Read channels of a recorder's file by name, with checks, in SI units, on an exactly uniform clock.
 
-A new format is `BINARY`, `sniff` and `read` in a module, and one line in `FORMATS`. Every channel is
+A new format is `sniff` and `read` in a module, and one line in `FORMATS`. Every channel is
 checked. Its samples must be finite, must change, and must not be clipped.
 """
 
@@ -42,9 +42,6 @@ from kolsky.readers.table import Column, read_table
 
 class RecorderFormat(Protocol):
     """The functions of a module that reads one format."""
-
-    BINARY: bool
-    """True if its files are binary. Messages then give no lines, and numbers have no printed digits."""
 
     def sniff(self, path: Path, /) -> bool:
         """True if a file looks like this format, by its ending and first bytes."""
@@ -202,9 +199,7 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
 
 
 def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
-    """The channels of a file, without checks of their samples.
-
-    A channel without a clock gives the reason.
+    """The channels of a file, without checks of their samples. A channel without a clock gives the reason.
 
     Raises InputError if the file cannot be read.
     """

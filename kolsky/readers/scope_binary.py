@@ -19,8 +19,6 @@ from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Clock, Contents, check_samples, file_hash, head_of
 from kolsky.readers.layout import Layout
 
-BINARY = True
-
 SUFFIXES = (".wfm", ".isf", ".trc", ".hdr", ".wvf", ".bin")
 SCOPE_LIMIT = 400_000_000
 """Largest file that is read [bytes]."""

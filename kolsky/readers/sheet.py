@@ -41,7 +41,6 @@ class Sheet:
     """Lines divided into fields. Line i of `rows` is line `first_line + i` of the file."""
 
     path: Path
-    """The file."""
     dialect: Dialect
     """Division of its lines into fields."""
     rows: Sequence[str]
@@ -371,9 +370,7 @@ class SignalTable:
     """Columns of a sheet as signals and their times."""
 
     sheet: Sheet
-    """The table."""
     layout: Layout
-    """Its declared layout."""
     times: tuple[int, ...]
     """The time columns, counted from 0."""
     _read: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict, compare=False, repr=False)

@@ -112,7 +112,6 @@ class Table(Sheet):
     """A sheet with declared columns."""
 
     sha256: str
-    """SHA-256 of its file, hex."""
     header_line: int | None
     """Line of the column names, counted from 1. None if the file has none."""
     division: str

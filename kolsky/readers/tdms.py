@@ -17,8 +17,6 @@ from kolsky.readers.hdf5 import NamedArray, clock_of_array
 from kolsky.readers.header import clock_of_numbers
 from kolsky.readers.layout import Layout
 
-BINARY = True
-
 _CLOCK = ("wf_increment", "wf_start_offset")
 """Properties of a waveform that declare its clock."""
 

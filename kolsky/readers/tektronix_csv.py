@@ -12,8 +12,6 @@ from kolsky.readers.layout import Layout
 from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
 
-BINARY = False
-
 _BLOCK = 5
 """Columns of a block: key, value, unit, time, volts. A line of a block may end with a comma."""
 

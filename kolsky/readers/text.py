@@ -102,9 +102,7 @@ def _without_mark(data: bytes) -> str:
 
 
 def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
-    """The lines of a text without empty lines at its end.
-
-    Lines end with LF, CR LF or, unless strict, CR.
+    """The lines of a text without empty lines at its end. Lines end with LF, CR LF or, unless strict, CR.
 
     Raises InputError if there are only blanks, or if a strict line contains a carriage return.
     """

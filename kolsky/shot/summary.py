@@ -172,7 +172,6 @@ def _motion_entries(shot: Shot) -> list[Entry]:
         Entry("motion", "largest velocity", float(motion.velocity.max()), "m/s"),
         Entry("motion", "noise of the velocity", motion.noise, "m/s"),
         Entry("motion", "sigma of its scale", motion.sigma_gain),
-        Entry("motion", "sigma of its zero", motion.sigma_zero, "m/s"),
     ]
 
 

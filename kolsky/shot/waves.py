@@ -102,7 +102,7 @@ class FlyerTest:
             if given.mass > 0.0:
                 mass = values.get("flyer, mass", given.mass)
                 front, entry = compensate_mass(
-                    time, gauge, acceleration, Quantity("flyer, mass", mass, 0.0, "kg", "B"),
+                    gauge, acceleration, Quantity("flyer, mass", mass, 0.0, "kg", "B"),
                     apply=given.switches["mass"], source="the flyer's motion",
                 )  # fmt: skip
                 log.add(replace(entry, key="mass"))
@@ -393,28 +393,28 @@ class RepeatedShots:
     """Repeats of one test, with their mean."""
 
     names: tuple[str, ...]
-    """Names of the shots, in the order of the rows of `mean.repeats.values`."""
+    """Names of the shots, in the order of the rows of `mean.values`."""
     mean: RepeatedTests
     """Mean stress over strain, with its band."""
 
     def columns(self) -> dict[str, list[float]]:
         """The mean, its 95 % band and every test over strain, as columns of a table."""
-        low, high = self.mean.band()
-        together = self.mean.repeats
+        together = self.mean
+        low, high = together.band()
         return {
             "strain (1)": together.axis.tolist(),
             "mean stress (Pa)": together.mean.tolist(),
             "low end of the 95 % band (Pa)": low.tolist(),
             "high end of the 95 % band (Pa)": high.tolist(),
             "scatter between tests (Pa)": together.scatter.tolist(),
-            "shared standard uncertainty (Pa)": self.mean.shared.tolist(),
+            "shared standard uncertainty (Pa)": together.shared.tolist(),
             **{f"{name} (Pa)": row.tolist() for name, row in zip(self.names, together.values, strict=True)},
         }
 
     def summary(self) -> dict[str, Any]:
         """The largest mean stress with its band, for JSON, SI."""
-        low, high = self.mean.band()
-        together = self.mean.repeats
+        together = self.mean
+        low, high = together.band()
         at = int(abs(together.mean).argmax())
         return {
             "tests": list(self.names),
@@ -424,7 +424,7 @@ class RepeatedShots:
                 "band": [float(low[at]), float(high[at])],
                 "strain": float(together.axis[at]),
                 "scatter": float(together.scatter[at]),
-                "unit": self.mean.unit,
+                "unit": "Pa",
             },
             "remarks": list(together.remarks),
         }

@@ -18,7 +18,6 @@ from kolsky.material.relaxation.rate_fit import (
     RateFit,
     RateVerdict,
     apparent_moduli,
-    dynamic_modulus,
     fitted_modulus,
     required_branches,
 )
@@ -121,8 +120,10 @@ def analyse_rate_dependence(
 
 
 def shot_modulus(shot: RatedShot) -> ApparentModuli:
-    """The point of an identified shot, Eq. (M.1). It is m times the mean E_a of its curve over its
-    strains."""
+    """The point of an identified shot, Eq. (M.1).
+
+    It is m times the mean E_a of its curve over its strains. The age of the strain is half the window.
+    """
     largest, curve = shot.history.largest, shot.quasi_static.curve
     strain = curve.stretch - 1.0
     compression = bool(strain[np.argmax(np.abs(strain))] < 0.0)
@@ -132,14 +133,9 @@ def shot_modulus(shot: RatedShot) -> ApparentModuli:
         raise ValueError(f"{shot.name}: its curve has no point below its largest strain, {largest:.3g}")
     moduli = 3.0 * np.abs(curve.stress[inside]) / gaussian_strain(size[inside], compression=compression)
     begin, end = shot.history.span
-    return dynamic_modulus(
-        factor=shot.m,
-        sigma_factor=shot.sigma,
-        young=float(moduli.mean()),
-        strain=-largest if compression else largest,
-        duration=end - begin,
-        label=shot.name,
-    )
+    young = float(moduli.mean())
+    row = (0.5 * (end - begin), -largest if compression else largest, shot.m * young, shot.sigma * young)
+    return ApparentModuli(shot.name, *(np.array([value]) for value in row))
 
 
 def _scale(tests: Sequence[Evidence], moduli: Sequence[ApparentModuli]) -> float:

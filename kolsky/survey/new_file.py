@@ -61,8 +61,11 @@ def fill_in(text: str, values: Mapping[str, str | None]) -> str:
 
 
 def _written(match: re.Match[str], value: str | None) -> str:
-    remark = match["rest"].strip()
     head = f"{match['key']} = {value}" if value is not None else f"# {match['key']} = {match['value']}"
+    return _aligned(head, match["rest"].strip())
+
+
+def _aligned(head: str, remark: str) -> str:
     return f"{head:<{COLUMN - 1}} {remark}" if remark else head
 
 
@@ -199,21 +202,16 @@ def _recorder(name: str, contents: Contents) -> str:
         key, hint = "interval", 'from the recorder\'s settings, e.g. "80 ns"'
         if "has no unit" in error.message:
             key, hint = "time_unit", '"s", "ms", "us" or "ns"'
-        lines.append(_blank(key, hint))
+        lines.append(_aligned(f'{key} = ""', f"# {hint}"))
     else:
         last = clock.start + clock.interval * (contents.channels[0].samples - 1)
         span = f"{microseconds(clock.start)} to {microseconds(last)}"
         lines.append(f"# {span}, every {microseconds(clock.interval)}, on the file's clock: {clock.source}")
     if any(channel.unit is None for channel in contents.channels):
-        lines.append(_blank("unit", 'the file does not state it: "V", "mV", "strain"'))
-    lines.append(_blank("clock_offset", "\"0 us\" where it is the shot's: clock = the file's time + this"))
+        lines.append(_aligned('unit = ""', '# the file does not state it: "V", "mV", "strain"'))
+    hint = "# \"0 us\" where it is the shot's: clock = the file's time + this"
+    lines.append(_aligned('clock_offset = ""', hint))
     return "\n".join(lines) + "\n\n"
-
-
-def _blank(key: str, hint: str) -> str:
-    """A line that the user must fill in."""
-    head = f'{key} = ""'
-    return f"{head:<{COLUMN - 1}} # {hint}"
 
 
 def _described(signal: Signal) -> str:

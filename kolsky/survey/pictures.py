@@ -35,9 +35,7 @@ class SeriesEntry:
     name: str
     """The file, or the pattern with one `*`, relative to the folder of the shot file."""
     key: str
-    """ "file" or "pattern"."""
     count: int
-    """Number of pictures."""
     shape: tuple[int, int]
     """Rows and columns [px]."""
     crop: tuple[float, float] | None

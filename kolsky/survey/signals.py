@@ -5,20 +5,19 @@ Every function returns None if the data are ambiguous; `kolsky new` then leaves 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
 
 
+@dataclass
 class Findings:
     """Values of a shot file and remarks above their lines, by dotted key."""
 
-    def __init__(self) -> None:
-        """Create an empty collection."""
-        self.values: dict[str, str | None] = {}
-        self.notes: dict[str, str] = {}
+    values: dict[str, str | None] = field(default_factory=dict)
+    notes: dict[str, str] = field(default_factory=dict)
 
     def add(self, key: str, value: str, note: str) -> None:
         """Add a value in TOML syntax with its reason."""
@@ -63,9 +62,7 @@ class QuietStretch:
 
 
 def quiet_stretch(values: FloatArray, *, fewest: int) -> QuietStretch | None:
-    """The rest at the beginning of a record.
-
-    None if there is no clear rest or no departure from it.
+    """The rest at the beginning of a record. None if there is no clear rest or no departure from it.
 
     ``values``: the record, shape [n]. ``fewest``: smallest number of values of a rest.
     """
@@ -138,18 +135,16 @@ def relative_scatter(x: FloatArray, y: FloatArray) -> float | None:
     x, y = np.asarray(x, dtype=np.float64)[order], np.asarray(y, dtype=np.float64)[order]
     if x.size < 12 or (np.diff(x) <= 0.0).any():
         return None
-    deviations = []
-    for i in range(2, x.size - 2, max(1, x.size // MOST_POINTS)):
-        near = np.array([i - 2, i - 1, i + 1, i + 2])
-        weights = [
-            np.prod([(x[i] - x[b]) / (x[a] - x[b]) for b in near if b != a]) for a in near
-        ]  # of Lagrange's cubic
-        if y[i] != 0.0:
-            scale = abs(y[i]) * np.sqrt(1.0 + np.sum(np.square(weights)))
-            deviations.append(abs(y[i] - float(np.dot(weights, y[near]))) / scale)
-    if len(deviations) < 8:
+    i = np.arange(2, x.size - 2, max(1, x.size // MOST_POINTS))
+    i = i[y[i] != 0.0]
+    if i.size < 8:
         return None
-    return float(np.median(deviations)) * 1.4826  # of a normal distribution: 1 / 0.6745
+    near = i + np.array([-2, -1, 1, 2])[:, None]
+    others = [np.delete(near, a, axis=0) for a in range(4)]
+    weights = [np.prod((x[i] - x[b]) / (x[a] - x[b]), axis=0) for a, b in zip(near, others, strict=True)]
+    off = np.abs(y[i] - np.sum(weights * y[near], axis=0))  # from Lagrange's cubic
+    scale = np.abs(y[i]) * np.sqrt(1.0 + np.sum(np.square(weights), axis=0))
+    return float(np.median(off / scale)) * 1.4826  # of a normal distribution: 1 / 0.6745
 
 
 def common_sign(values: FloatArray) -> int | None:

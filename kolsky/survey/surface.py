@@ -56,7 +56,6 @@ class SeriesOfExports:
     why_unit: str
     """Source of the unit, as text."""
     export: DicExport
-    """Its points."""
 
     @property
     def motion(self) -> FloatArray:
@@ -88,9 +87,7 @@ class SurfaceSurvey:
     """The exports of a folder by their role in a shot."""
 
     specimen: SeriesOfExports | None = None
-    """Points of the specimen."""
     flyer: SeriesOfExports | None = None
-    """Points of the flyer."""
     files: frozenset[Path] = frozenset()
     """Every file of a series that has a program's headings."""
     doubtful: Mapping[str, str] = field(default_factory=dict)
@@ -98,7 +95,7 @@ class SurfaceSurvey:
 
 
 def survey_surfaces(folder: Path) -> SurfaceSurvey:
-    """Find series of exports in a folder and all its subfolders. Nothing is written."""
+    """Find series of exports in a folder and all its subfolders."""
     doubtful: dict[str, str] = {}
     files: set[Path] = set()
     series = []
@@ -155,12 +152,9 @@ def _numbered(folder: Path) -> Iterator[tuple[str, list[Path]]]:
         if len(varied) != 1:
             yield paths[0].relative_to(folder).as_posix(), paths
             continue
-        pieces = re.split(r"\d+", paths[0].name)
-        numbers_of_first = re.findall(r"\d+", paths[0].name)
-        numbers_of_first[varied[0]] = "*"
-        name = glob.escape(pieces[0])
-        for number, piece in zip(numbers_of_first, pieces[1:], strict=True):
-            name += number + glob.escape(piece)
+        pieces = list(map(glob.escape, re.split(r"(\d+)", paths[0].name)))
+        pieces[2 * varied[0] + 1] = "*"
+        name = "".join(pieces)
         place = glob.escape(paths[0].parent.relative_to(folder).as_posix())
         yield (name if place == "." else f"{place}/{name}"), paths
 

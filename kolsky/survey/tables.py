@@ -55,7 +55,6 @@ class TableEntry:
     """One file that could be read."""
 
     path: Path
-    """The file."""
     columns: tuple[ColumnEntry, ...]
     """Its numeric columns. For a recorder's file, its channels."""
     layout: Mapping[str, str | int] = field(default_factory=dict)
@@ -81,12 +80,7 @@ class TableEntry:
         return [c for c in self.columns if c.dimension == dimension]
 
     def only(self, named: str, *dimensions: str, unlike: str = "$.") -> ColumnEntry | None:
-        """The only column of a kind with one name and without another.
-
-        None if there is not exactly one.
-
-        ``named``, ``unlike``: patterns of the name. ``dimensions``: its SI unit, one of these.
-        """
+        """The only column with one of these SI units, a name like `named` and not like `unlike`, or None."""
         return _single(
             [
                 c

@@ -365,4 +365,5 @@ def is_binary(made: Made) -> bool:
     """Whether the detected format of a file is a binary format."""
     with tempfile.TemporaryDirectory() as folder:
         path = made.write(Path(folder) / made.name)
-        return next(form for form in FORMATS.values() if form.sniff(path)).BINARY
+        found = next(name for name, form in FORMATS.items() if form.sniff(path))
+        return found not in ("lvm", "tektronix", "lanl", "delimited")

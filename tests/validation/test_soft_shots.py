@@ -116,7 +116,7 @@ def rms(values):
 def front_force(shot, time):
     """The incident force after mass compensation."""
     gauge = shot.at(shot.incident, time)
-    return compensate_mass(time, gauge, path_acceleration(shot.path, time), shot.mass)
+    return compensate_mass(gauge, path_acceleration(shot.path, time), shot.mass)
 
 
 def test_the_transmitted_force_is_within_its_noise(shot):

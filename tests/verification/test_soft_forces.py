@@ -104,7 +104,7 @@ def case() -> Result:
     rows = np.rint(t / SAMPLE).astype(int)
     raw = History(incident.value[rows], np.full(t.size, NOISE_FLYER), "N")
     quantity = Quantity("platen and half the transducer", mass, 0.0, "kg", "B")
-    force, _ = compensate_mass(t, raw, path_acceleration(events.path, t), quantity)
+    force, _ = compensate_mass(raw, path_acceleration(events.path, t), quantity)
     return Result(
         test=test,
         events=events,

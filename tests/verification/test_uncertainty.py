@@ -13,7 +13,7 @@ from scipy.stats import t as student
 
 from kolsky.bars.budget import Budget, propagate
 from kolsky.bars.records import FaceWaves, Quantity
-from kolsky.bars.reduction.repeated_tests import Curve, average
+from kolsky.bars.reduction.repeated_tests import average
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.signals.bridge import Bridge
 from kolsky.base.apparatus import Bar, Specimen
@@ -103,7 +103,8 @@ def by_sensitivities() -> tuple[Example, ...]:
         found.append(Example("GUM H.2", f"{name} [ohm]", value, float(Z.value[name])))
         found.append(Example("GUM H.2", f"u_c of {name} [ohm]", u, float(Z.sigma(name))))
     for a, b, printed in (("R", "X", "-0.588"), ("R", "Z", "-0.485"), ("X", "Z", "0.993")):
-        r = float(Z.covariance(a, b) / (Z.sigma(a) * Z.sigma(b)))
+        covariance = Z.contribution[a] @ Z.correlation @ Z.contribution[b]  # GUM F.1.2.3
+        r = float(covariance / (Z.sigma(a) * Z.sigma(b)))
         found.append(Example("GUM H.2", f"correlation of {a} and {b}", printed, r))
     return tuple(found)
 
@@ -239,7 +240,7 @@ def held(rng: np.random.Generator) -> dict[str, FloatArray]:
     x, found = np.array([0.0, 1.0]), {name: np.zeros(len(COUNTS)) for name in FACTORS}
     for i, count in enumerate(COUNTS):
         for _ in range(SERIES):
-            tests = average([Curve("test", x, np.full(2, rng.standard_normal())) for _ in range(count)])
+            tests = average({str(k): (x, np.full(2, rng.standard_normal()), 0.0 * x) for k in range(count)})
             low, high = tests.band()
             found["Student's t"][i] += low[0] <= 0.0 <= high[0]
             found["k = 2"][i] += abs(tests.mean[0]) <= 2.0 * tests.sigma[0]

@@ -1,6 +1,4 @@
-"""Events of a flyer test.
-
-Full speed, separation, arrest, push-back, second impact, end of symmetry.
+"""Events of a flyer test. Full speed, separation, arrest, push-back, second impact, end of symmetry.
 
 Events are searched in the path and in the force signals. A kink is the time at which one part of a curve
 ends.
@@ -309,9 +307,7 @@ def flyer_events(
 
 
 def second_impact(motion: FlyerMotion, *, rest: float) -> Event:
-    """The impact of the flyer on the incident bar.
-
-    It is a jump of the flyer's velocity after it turned back.
+    """The impact of the flyer on the incident bar. It is a jump of the flyer's velocity after it turned back.
 
     ``motion``: its displacement at the frames. ``rest``: a time in the static frames [s].
     """

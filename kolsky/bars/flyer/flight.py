@@ -195,7 +195,6 @@ class FlightOfSpecimen:
     """The flight of a shot's flyer."""
 
     flight: Flight
-    """The flyer's smooth paths."""
     time: FloatArray
     """Frame times, beginning at rest [s], shape [n]."""
     length: float

@@ -1,12 +1,10 @@
-"""The path of the incident bar's face from its waves.
-
-It replaces the camera's measurement of a flyer.
+"""The path of the incident bar's face from its waves. It replaces the camera's measurement of a flyer.
 
 The face moves with ``c0 (eps_i - eps_r)``. Its path is the cubic spline of `kolsky.bars.flyer.path`, from
 rest. The jerks have a prior N(0, tau^2). Tau and the noise maximise the marginal likelihood, with at least
 the declared noise. There are two differences from a flyer's path (`kolsky.bars.flyer`). The observations are
 velocities at many samples instead of positions at few frames. Tau is constant, because a bar's waves last for
-the whole record. Errors of scale and zero of the velocity are common to all samples.
+the whole record. An error of the velocity's scale is common to all samples.
 """
 
 from collections.abc import Mapping
@@ -27,19 +25,16 @@ LEAD = 4
 FEWEST_SAMPLES = 20
 
 
-def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float = 0.0) -> FrontVelocity:
-    """The face's velocity on the shot's clock.
-
-    Its uncertainty is split into noise and scale.
+def front_velocity(reduction: Reduction, waves: FaceWaves) -> FrontVelocity:
+    """The face's velocity on the shot's clock. Its uncertainty is split into noise and scale.
 
     ``reduction``: its `front_velocity` has one sigma for noise and systematic parts. ``waves``: the waves of
-    this velocity; they give the noise of the samples. ``sigma_zero``: standard uncertainty of the velocity's
-    zero [m/s].
+    this velocity; they give the noise of the samples.
     """
     speed, v = waves.incident_bar.wave_speed, reduction.front_velocity
     own, slow = (speed * float(np.hypot(s["incident"], s["reflected"])) for s in _sigmas(waves))
     time = waves.origin + reduction.time
-    return FrontVelocity(time, v.value, slow, _scale(v, own), sigma_zero)
+    return FrontVelocity(time, v.value, slow, _scale(v, own))
 
 
 def back_force(reduction: Reduction, waves: FaceWaves) -> tuple[ForceHistory, float]:
@@ -58,7 +53,7 @@ def front_path(motion: FrontVelocity) -> FlyerPath:
 
     ``motion``: the velocity from the wave's arrival on, at uniform times. The path starts a few samples
     before it. Raises ValueError if there are fewer than 20 samples, or if the fit fails. Returns: the path
-    with the covariance of noise, scale and zero. There are no static frames; `static_scatter` is therefore 1.
+    with the covariance of noise and scale. There are no static frames; `static_scatter` is therefore 1.
     """
     if motion.time.size < FEWEST_SAMPLES:
         raise ValueError(
@@ -82,10 +77,6 @@ def front_path(motion: FrontVelocity) -> FlyerPath:
     unit = tau * noise / step**2
     jerk = unit * z
     covariance = unit**2 * V + motion.sigma_gain**2 * np.outer(jerk, jerk)
-    if motion.sigma_zero > 0.0:
-        # Response of the fit to a constant velocity of one sigma.
-        offset = unit * posterior(np.full(n, motion.sigma_zero / (noise * s)), G * (tau / s))[0]
-        covariance = covariance + np.outer(offset, offset)
     return FlyerPath(
         knots=knots,
         jerk=jerk,

@@ -1,6 +1,4 @@
-"""The flyer's path: a cubic spline that starts at rest.
-
-It is fitted to the noisy displacement at the frames.
+"""The flyer's path: a cubic spline that starts at rest. It is fitted to the noisy displacement at the frames.
 
 `fit_flyer` returns the path with its posterior uncertainty. In spans in which no frame shows the flyer, the
 uncertainty of the smoothness is added.
@@ -145,11 +143,16 @@ class FlyerPath:
 
         ``n``: number of paths. ``rng``: random generator. The same state gives the same paths.
         """
-        # Eigenvectors are used, not Cholesky: the covariance spans many decades and may be semidefinite.
+        root = self._root
+        return [replace(self, jerk=self.jerk + root @ rng.standard_normal(len(root))) for _ in range(n)]
+
+    @property
+    def _root(self) -> FloatArray:
+        """R with R R' = `covariance`, by eigenvectors: it spans many decades and may be semidefinite."""
         scale = np.sqrt(np.diag(self.covariance))
-        values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
-        root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-        return [replace(self, jerk=self.jerk + root @ rng.standard_normal(values.size)) for _ in range(n)]
+        safe = np.where(scale > 0.0, scale, 1.0)
+        values, vectors = np.linalg.eigh(self.covariance / np.outer(safe, safe))
+        return np.asarray(safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def noise_patterns(self, count: int) -> FloatArray:
         """Independent patterns of the path's noise, as jerks of one standard deviation each, [q, n_spans].
@@ -158,10 +161,7 @@ class FlyerPath:
 
         ``count``: largest number of patterns.
         """
-        scale = np.sqrt(np.diag(self.covariance))
-        safe = np.where(scale > 0.0, scale, 1.0)
-        values, vectors = np.linalg.eigh(self.covariance / np.outer(safe, safe))
-        root = safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+        root = self._root
         spans = np.diff(self.knots)[:, None]
         velocity = np.cumsum(np.cumsum(root * spans, axis=0) * spans, axis=0)
         _, _, turned = np.linalg.svd(velocity, full_matrices=False)
@@ -349,31 +349,19 @@ def fit_flyer(
 ) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 
+    ``motion``: the displacement at the frames. Its zero is arbitrary. The frames may be unevenly spaced.
+    ``start``: a time in the static frames [s]. At this time the motion starts with x = v = a = 0. A start
+    after the beginning of the true motion distorts the ramp. An earlier start has no effect. ``covariance``:
+    covariance of the displacements between the frames [m²], shape [n_frames, n_frames]. It describes a common
+    part in addition to `FlyerMotion.sigma`, the independent noise of each frame. The path is the same. The
+    effect of the common part is added to its covariance. ``restart``: time just before the second impact,
+    which changes the flyer's velocity within few frames [s]. After it a separate smoothness is used, with
+    jerks at first as large as at the start. Returns: from `start` to the last frame.
+
     Raises ValueError if times are not increasing, if a value is not finite, or if a sigma is not positive.
-    The same error is raised if fewer than 3 frames are at or before `start`, if fewer than 8 are after it, or
-    if the covariance has another shape.
-
-    Returns: from `start` to the last frame.
-
-    Parameters
-    ----------
-    motion : FlyerMotion
-        The displacement at the frames. Its zero is arbitrary. The frames may be unevenly spaced.
-    start : float
-        A time in the static frames [s]. At this time the motion starts with x = v = a = 0. A start after the
-        beginning of the true motion distorts the ramp. An earlier start has no effect.
-    covariance
-        Covariance of the displacements between the frames [m²], shape [n_frames, n_frames]. It describes a
-        common part in addition to `FlyerMotion.sigma`, the independent noise of each frame. The path is the
-        same. The effect of the common part is added to its covariance.
-    restart
-        Time just before the second impact, which changes the flyer's velocity within few frames [s]. After it
-        a separate smoothness is used, with jerks at first as large as at the start. None without a second
-        impact.
+    The same error is raised if fewer than 3 frames are at or before `start`, or fewer than 8 are after it.
     """
     _check(motion, start)
-    if covariance is not None and covariance.shape != 2 * motion.time.shape:
-        raise ValueError(f"covariance has shape {covariance.shape}, must be {2 * motion.time.shape}")
     frame = float(np.median(np.diff(motion.time)))
     t, seen = _without_gaps(motion.time, frame)
     sigma, displacement = np.full(t.size, np.inf), np.zeros(t.size)

@@ -1,6 +1,4 @@
-"""Propagation of a signal along a bar, and the bar's wave speed.
-
-The wave speed is found from a pulse that passes two stations.
+"""Propagation of a signal along a bar, and the bar's wave speed from a pulse that passes two stations.
 
 Signals are padded and tapered, because they would otherwise wrap around. They move forward or back, with or
 without dispersion.
@@ -139,7 +137,7 @@ def propagation(
     first = arrival if start is None else start
     whole = round((first - arrival) / step)
     fraction = (first - arrival) / step - whole  # of a sample
-    limit = min(waveguide.largest_frequency, np.inf if band is None else band)
+    limit = np.inf if band is None else band
 
     fade = max(64, n // 4)
     before = fade + _largest_delay(waveguide, distance, step, limit) + max(0, -whole)
@@ -170,22 +168,16 @@ def propagation(
     change = (
         result - shifted if fraction == 0.0 else result - _shifted(padded, fraction, before + whole, count)
     )
+    # The memory grows by the gain of slow noise over that of all noise.
+    memory = max(1.0, signal.memory * (abs(turn[0]) / noise) ** 2) if noise > 0.0 else signal.memory
     return Propagation(
-        signal=_with_noise(signal, first, result, noise, abs(turn[0]), signal.unit),
+        signal=replace(signal, start=first, value=result, sigma=signal.sigma * noise, memory=memory),
         band=float(limit),
         energy=float(result @ result) / total if total > 0.0 else 1.0,
         noise_gain=noise,
         size=float(np.abs(change).max(initial=0.0)),
         rms=float(np.sqrt(np.mean(change**2))) if change.size else 0.0,
     )
-
-
-def _with_noise(
-    signal: Signal, start: float, value: FloatArray, noise: float, at_rest: float, unit: str
-) -> Signal:
-    """Filtered signal with the sigma and the memory of its noise. `at_rest` is the gain of slow noise."""
-    memory = max(1.0, signal.memory * (at_rest / noise) ** 2) if noise > 0.0 else signal.memory
-    return replace(signal, start=start, value=value, sigma=signal.sigma * noise, unit=unit, memory=memory)
 
 
 def _largest_delay(waveguide: Waveguide, distance: float, step: float, limit: float) -> int:
@@ -277,31 +269,17 @@ def wave_speed(
     fitted speed is at an end of the search range.
     """
     for name in ("diameter", "density", "youngs_modulus", "poisson"):
-        first, second = getattr(incident.bar, name), getattr(transmission.bar, name)
-        if first != second:
+        one, other = getattr(incident.bar, name), getattr(transmission.bar, name)
+        if one != other:
             raise ValueError(
-                f"bars together must be alike, {name} is {first:g} and {second:g}. Cure: calibrate each "
-                "bar by its echo"
+                f"bars together must be alike, {name} is {one:g} and {other:g}. Cure: calibrate each bar by "
+                "its echo"
             )
+    first, later, bar = incident.strain, transmission.strain, incident.bar
     distance = incident.position + transmission.position
-    return _fit(
-        incident.strain, transmission.strain, incident.bar, distance, incident_window, transmitted_window
-    )
-
-
-def _fit(
-    first: Signal,
-    later: Signal,
-    bar: Bar,
-    distance: float,
-    first_window: tuple[float, float],
-    later_window: tuple[float, float],
-) -> BarsTogether:
     if abs(first.interval / later.interval - 1.0) > 1e-9:
         raise ValueError(f"sampling intervals must be equal, got {first.interval:g} and {later.interval:g} s")
-    if not distance > 0.0:
-        raise ValueError(f"the way between the stations must be > 0 m, got {distance}")
-    a, b = later_window
+    a, b = transmitted_window
     if not (later.start <= a < b <= later.end + later.interval):
         raise ValueError(
             f"the later window must be ascending and within [{later.start:.6g}, {later.end:.6g}] s, "
@@ -315,26 +293,15 @@ def _fit(
     peak = float(np.abs(measured).max())
     # Noise of the first pulse above that frequency would steepen the model's slopes. The uncertainty of the
     # speed would then be too small.
-    band = _above_noise(windowed(first, first_window))
+    band = _above_noise(windowed(first, incident_window))
 
     def model(speed: float, poisson: float | None) -> FloatArray:
         """The later pulse with gain 1; a plain shift without Poisson's ratio."""
-        trial = replace(
-            bar,
-            youngs_modulus=bar.density * speed**2,
-            poisson=bar.poisson if poisson is None else poisson,
-        )
+        nu = bar.poisson if poisson is None else poisson
+        trial = replace(bar, youngs_modulus=bar.density * speed**2, poisson=nu)
         guide = ElasticWaveguide(trial, dispersive=poisson is not None)
-        carried = propagation(
-            first,
-            guide,
-            distance,
-            window=first_window,
-            band=band,
-            start=float(time[0]),
-            samples=time.size,
-        )
-        return carried.signal.value
+        span = {"start": float(time[0]), "samples": time.size}
+        return propagation(first, guide, distance, window=incident_window, band=band, **span).signal.value
 
     def solve(poisson: float | None, start: float) -> tuple[float, float, FloatArray, FloatArray]:
         """Speed, gain, residual divided by the peak, and its Jacobian by c0 / declared and gain."""
@@ -356,17 +323,13 @@ def _fit(
     best = int(np.argmax(overlap))
     if best in (0, trials.size - 1):
         raise ValueError(
-            f"no wave speed within {100 * _SEARCH:g} % of {stated:.0f} m/s fits. Cure: check the "
-            f"distances of "
-            "the gauges, the modulus and density of the bar, and both windows"
+            f"no wave speed within {100 * _SEARCH:g} % of {stated:.0f} m/s fits. Cure: check the distances "
+            "of the gauges, the modulus and density of the bar, and both windows"
         )
     plain = solve(None, float(trials[best]))
     speed, gain, residual, jacobian = solve(bar.poisson, plain[0])
-    low, high = (
-        solve(nu, speed)
-        for nu in (max(bar.poisson - _POISSON_STEP, 0.0), min(bar.poisson + _POISSON_STEP, 0.499))
-    )
-    width = min(bar.poisson + _POISSON_STEP, 0.499) - max(bar.poisson - _POISSON_STEP, 0.0)
+    ends = max(bar.poisson - _POISSON_STEP, 0.0), min(bar.poisson + _POISSON_STEP, 0.499)
+    low, high = (solve(nu, speed) for nu in ends)
     alike = _correlated_samples(residual)
     # Only slow noise changes speed and gain. All slow noise of the first pulse is in the band.
     noise = (gain * first.sigma) ** 2 * first.memory + later.sigma**2 * later.memory
@@ -388,7 +351,7 @@ def _fit(
         plain_wave_speed=plain[0],
         band=np.inf if band is None else band,
         alike=alike,
-        by_poisson=(high[0] - low[0]) / width,
+        by_poisson=(high[0] - low[0]) / (ends[1] - ends[0]),
         rms_by_poisson=(_rms(low[2]), _rms(high[2])),
     )
 

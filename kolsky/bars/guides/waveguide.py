@@ -2,14 +2,14 @@
 
 Elastic bars follow the first mode of a solid round bar with a free surface, after Pochhammer (1876) and Chree
 (1889). The frequency equation is solved once for each Poisson's ratio and tabulated; Newton steps refine the
-solution. Polymer bars have a complex modulus or a measured propagation coefficient.
+solution. Polymer bars have a complex modulus.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from math import inf, pi
-from typing import Any, Protocol
+from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -266,27 +266,6 @@ def _polished(k: Array, w: Array, poisson: float) -> Array:
     )
 
 
-class Waveguide(Protocol):
-    """Properties of a bar that propagation, separation and forces need."""
-
-    @property
-    def wave_speed(self) -> float:
-        """Speed used for arrival times [m/s]. Dispersion is the difference from a shift at this speed."""
-
-    @property
-    def largest_frequency(self) -> float:
-        """Frequency up to which the properties are known [Hz]; inf without a limit."""
-
-    def wavenumber(self, omega: ArrayLike) -> ComplexArray:
-        """Wavenumber k [rad/m] at angular frequencies omega [rad/s], real or with a small imaginary part."""
-
-    def stiffness(self, omega: ArrayLike) -> ComplexArray:
-        """Force through the section per strain of a gauge [N]."""
-
-    def impedance(self, omega: ArrayLike) -> ComplexArray:
-        """Force through the section per mean particle velocity of one wave [N s/m]."""
-
-
 @dataclass(frozen=True)
 class ElasticWaveguide:
     """A linear elastic bar in its first longitudinal mode.
@@ -302,11 +281,6 @@ class ElasticWaveguide:
     def wave_speed(self) -> float:
         """Bar wave speed c0 [m/s]."""
         return self.bar.wave_speed
-
-    @property
-    def largest_frequency(self) -> float:
-        """No limit: infinity [Hz]."""
-        return inf
 
     def wavenumber(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.3): k a of the first mode at omega a / c0 [rad/m]."""
@@ -380,15 +354,12 @@ class PronyModulus:
 
 @dataclass(frozen=True)
 class ViscoelasticWaveguide:
-    """A polymer bar with a complex modulus.
-
-    Geometric dispersion follows by the correspondence principle.
+    """A polymer bar with a complex modulus. Geometric dispersion follows by the correspondence principle.
 
     Poisson's ratio is real and constant. Young's modulus of the bar is not used.
     """
 
     bar: Bar
-    """The bar: diameter, density, Poisson's ratio."""
     modulus: PronyModulus
     dispersive: bool = True
     """True if the finite radius of the bar also causes dispersion."""
@@ -397,11 +368,6 @@ class ViscoelasticWaveguide:
     def wave_speed(self) -> float:
         """Speed of the first arrival [m/s], with the instantaneous modulus."""
         return float(np.sqrt(self.modulus.instantaneous / self.bar.density))
-
-    @property
-    def largest_frequency(self) -> float:
-        """No limit: infinity [Hz]."""
-        return inf
 
     def wavenumber(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.8): the first mode at the complex omega a (rho / E*)^(1/2) [rad/m]."""
@@ -424,3 +390,6 @@ class ViscoelasticWaveguide:
         return _speed_of(
             omega, self.wavenumber(omega), float(np.sqrt(self.modulus.long_term / self.bar.density))
         )
+
+
+Waveguide = ElasticWaveguide | ViscoelasticWaveguide

@@ -49,9 +49,7 @@ def correct_radial_inertia(
     *,
     apply: bool = True,
 ) -> tuple[History, Correction]:
-    """Nominal stress without the share of radial inertia.
-
-    The share is Eq. of `radial_pressure` over 1 - e.
+    """Nominal stress without the share of radial inertia. The share is Eq. of `radial_pressure` over 1 - e.
 
     The force of the pressure is ``p A0 / (1 - e)``, because the face has grown. Its nominal stress is ``p /
     (1 - e)``. The uncertainties of strain, rate and second derivative are taken as independent.
@@ -84,9 +82,7 @@ def correct_radial_inertia(
 def axial_stress(
     second: ArrayLike, *, density: float, length: float, back_acceleration: ArrayLike = 0.0
 ) -> FloatArray:
-    """Mean nominal stress along a specimen minus that at its back face [Pa].
-
-    The difference is due to axial inertia.
+    """Mean nominal stress along a specimen minus that at its back face, by axial inertia [Pa].
 
     A specimen of length L is compressed homogeneously by e, and its back face has the acceleration a_b. At
     the height Y above that face, the material has the acceleration ``a_b + e'' Y``. The force there is the
@@ -100,9 +96,7 @@ def axial_stress(
 
 
 def axial_by_analysis(second: ArrayLike, specimen: Specimen, back: ArrayLike) -> dict[str, FloatArray]:
-    """Mean nominal stress along a specimen minus the stress of each analysis [Pa].
-
-    The differences are due to axial inertia.
+    """Mean nominal stress along a specimen minus the stress of each analysis, by axial inertia [Pa].
 
     One wave gives the stress at the back face, two waves that at the front, three waves the mean of both. Let
     s be `axial_stress`. The front stress exceeds the back stress by ``d = rho L (a_b + L e'' / 2)``. The
@@ -132,12 +126,16 @@ def correct_axial_inertia(
     rho, length = specimen.density, specimen.length
     change = axial_stress(second.value, density=rho, length=length)
     sigma = np.sqrt(back_stress.sigma**2 + (rho * length**2 / 6.0 * second.sigma) ** 2)
-    reason = (
-        f"{1e3 * length:.4g} mm of {rho:.4g} kg/m^3, second derivative of the strain up to"
-        f" {np.abs(second.value).max():.3g} 1/s^2"
-    )
-    log = correction_of("axial inertia", "axial inertia", change, applied=apply, unit="Pa", reason=reason)
+    log = _axial_entry(change, second, specimen, applied=apply)
     return (History(back_stress.value + change, sigma, "Pa") if apply else back_stress), log
+
+
+def _axial_entry(change: FloatArray, second: History, specimen: Specimen, *, applied: bool) -> Correction:
+    reason = (
+        f"{1e3 * specimen.length:.4g} mm of {specimen.density:.4g} kg/m^3, second derivative of the strain up"
+        f" to {np.abs(second.value).max():.3g} 1/s^2"
+    )
+    return correction_of("axial inertia", "axial inertia", change, applied=applied, unit="Pa", reason=reason)
 
 
 WAY = "three waves"
@@ -187,9 +185,8 @@ def specimen_motion(reduction: Reduction, bars: Mapping[str, Bar]) -> SpecimenMo
 def inertial_share(reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar]) -> float:
     """Largest stress of radial and axial inertia divided by the largest stress, by three waves [-]."""
     added = inertial_stress(reduction, specimen, specimen_motion(reduction, bars))
-    largest = float(
-        np.abs(moving_mean(reduction.stress[WAY].value, _averaged_samples(reduction, bars))).max()
-    )
+    width = _averaged_samples(reduction, bars)
+    largest = float(np.abs(moving_mean(reduction.stress[WAY].value, width)).max())
     return float(np.abs(added).max()) / largest if largest > 0.0 else np.inf
 
 
@@ -240,13 +237,7 @@ def correct_inertia(
         radial.append(entry)
     change = axial_by_analysis(motion.second.value, specimen, motion.back.value)
     noise = axial_by_analysis(motion.second.sigma, specimen, motion.back.sigma)
-    reason = (
-        f"{1e3 * specimen.length:.4g} mm of {specimen.density:.4g} kg/m^3, second derivative of the strain "
-        f"up to {np.abs(motion.second.value).max():.3g} 1/s^2"
-    )
-    axial = correction_of(
-        "axial inertia", "axial inertia", change[WAY], applied=on["axial inertia"], unit="Pa", reason=reason
-    )
+    axial = _axial_entry(change[WAY], motion.second, specimen, applied=on["axial inertia"])
     if on["axial inertia"]:
         stress = {
             way: History(h.value + change[way], np.hypot(h.sigma, noise[way]), h.unit)
@@ -293,34 +284,24 @@ def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
 
 
 def compensate_mass(
-    time: ArrayLike,
     force: History,
     acceleration: History,
     mass: Quantity,
     *,
-    sigma_time: float = 0.0,
     apply: bool = True,
     source: str = "the face's motion",
 ) -> tuple[History, Correction]:
     """Force on the specimen from that at a gauge, with a moving mass between: ``F = F_gauge - m a``.
 
-    ``time``: times on one clock [s], shape [n]. ``acceleration``: of the mass in the direction of the
-    incident wave [m/s^2]. ``sigma_time``: standard uncertainty of its clock against the force's [s].
+    ``acceleration``: of the mass in the direction of the incident wave [m/s^2], at the force's times.
     ``apply``: False returns the force unchanged. The correction is still measured.
     """
-    t = np.asarray(time, dtype=np.float64)
     a = acceleration.value
     change = -mass.value * a
-    jerk = np.gradient(a, t)
-    sigma = np.sqrt(
-        force.sigma**2
-        + (mass.value * acceleration.sigma) ** 2
-        + (mass.sigma * a) ** 2
-        + (mass.value * jerk * sigma_time) ** 2
-    )
+    sigma = np.sqrt(force.sigma**2 + (mass.value * acceleration.sigma) ** 2 + (mass.sigma * a) ** 2)
     reason = (
         f"{1e3 * mass.value:.4g} g between the incident gauge and the specimen, acceleration from {source} up"
-        f" to {np.abs(a).max():.3g} m/s^2, clocks known to {1e6 * sigma_time:.2g} us"
+        f" to {np.abs(a).max():.3g} m/s^2"
     )
     log = correction_of(
         "mass compensation, incident", "mass", change, applied=apply, unit=force.unit, reason=reason

@@ -1,48 +1,30 @@
-"""Repeated tests on one axis.
+"""Repeated tests on one axis: mean, scatter, confidence band (Type A), uncertainty common to all tests."""
 
-Mean, scatter, confidence band (Type A), and uncertainty common to all tests.
-"""
-
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
 
 from dic.views import ResultViews
-from kolsky.bars.records import History, Reduction
+from kolsky.bars.records import Reduction
 from kolsky.base.arrays import FloatArray
 
-
-@dataclass(frozen=True)
-class Curve:
-    """One test: a quantity over strain or time."""
-
-    name: str
-    """Name of the test, for messages."""
-    axis: FloatArray
-    """Strain or time, increasing, shape [n]."""
-    value: FloatArray
-    """The quantity, shape [n]."""
-    sigma: FloatArray | None = None
-    """Standard uncertainty that is independent between tests, e.g. from noise; None if unknown."""
+Curve = tuple[FloatArray, FloatArray, FloatArray]
+"""Strain, increasing, stress [Pa], and its uncertainty that all tests have in common [Pa], shape [n] each."""
 
 
 @dataclass(frozen=True)
-class Repeats:
-    """Mean of tests with its uncertainty from their scatter."""
+class RepeatedTests(ResultViews):
+    """Nominal stress of repeated tests over their strain, with the uncertainty of its mean."""
 
     axis: FloatArray
-    """Common axis, shape [n]."""
+    """Common strains [-], shape [n]."""
     values: FloatArray
-    """Every test on it, shape [n_tests, n]."""
-    mean: FloatArray
-    """Mean over the tests, shape [n]."""
-    scatter: FloatArray
-    """Experimental standard deviation between tests, n - 1, Eq. (U.14), shape [n]."""
-    within: FloatArray | None
-    """Root mean square of the tests' sigmas, shape [n]; None if one is unknown. If the scatter is not larger
-    than this, the tests differ only by noise."""
+    """Stress of every test at them [Pa], shape [n_tests, n]."""
+    shared: FloatArray
+    """Standard uncertainty of all that the tests have in common: moduli, gauge factors, ... [Pa], shape [n].
+    Repetition does not reduce it."""
     remarks: tuple[str, ...]
     """Parts that were cut off, in words."""
 
@@ -52,127 +34,66 @@ class Repeats:
         return len(self.values)
 
     @property
-    def freedom(self) -> int:
-        """Degrees of freedom of the scatter."""
-        return self.count - 1
+    def mean(self) -> FloatArray:
+        """Mean over the tests [Pa], shape [n]."""
+        return np.asarray(self.values.mean(axis=0))
+
+    @property
+    def scatter(self) -> FloatArray:
+        """Experimental standard deviation between tests, n - 1, Eq. (U.14) [Pa], shape [n]."""
+        return np.asarray(self.values.std(axis=0, ddof=1))
 
     @property
     def sigma(self) -> FloatArray:
-        """Type A standard uncertainty of the mean, Eq. (U.15), shape [n]."""
+        """Type A standard uncertainty of the mean, Eq. (U.15) [Pa], shape [n]."""
         return self.scatter / np.sqrt(self.count)
 
-    def combined(self, shared: FloatArray | float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Standard uncertainty of the mean and its degrees of freedom.
+    def combined(self) -> tuple[FloatArray, FloatArray]:
+        """Standard uncertainty of the mean with the shared part, Eq. (U.16) [Pa], and its degrees of freedom.
 
-        The part common to all tests is included.
-
-        ``shared``: standard uncertainty of all that the tests have in common: moduli, gauge factors, ...,
-        shape [n]. Repetition does not reduce it. Its degrees of freedom are infinite. Returns: Eq. (U.16) and
-        the effective degrees of freedom by Welch and Satterthwaite, shape [n] both.
+        The shared part has infinitely many of them. The effective number is by Welch and Satterthwaite, shape
+        [n] both.
         """
-        u = np.hypot(self.sigma, shared)
+        u = np.hypot(self.sigma, self.shared)
         with np.errstate(divide="ignore", invalid="ignore"):
-            nu = np.where(self.sigma > 0.0, self.freedom * (u / self.sigma) ** 4, np.inf)
-        return u, nu
+            return u, np.where(self.sigma > 0.0, (self.count - 1) * (u / self.sigma) ** 4, np.inf)
 
-    def band(
-        self, probability: float = 0.95, *, shared: FloatArray | float = 0.0
-    ) -> tuple[FloatArray, FloatArray]:
-        """Confidence band of the mean, pointwise: mean -+ t u, shape [n] both ends.
-
-        Raises ValueError if the probability is not inside (0, 1).
-        """
-        if not 0.0 < probability < 1.0:
-            raise ValueError(f"a confidence must be inside (0, 1), got {probability}")
-        u, nu = self.combined(shared)
-        half = student.ppf(0.5 + 0.5 * probability, nu) * u
+    def band(self) -> tuple[FloatArray, FloatArray]:
+        """Confidence band of the mean, 95 %, pointwise: mean -+ t u [Pa], shape [n] both ends."""
+        u, nu = self.combined()
+        half = student.ppf(0.975, nu) * u
         return self.mean - half, self.mean + half
 
 
-def average(curves: Sequence[Curve], *, points: int | None = None) -> Repeats:
-    """Mean and scatter of repeated tests over their common range.
+def average(curves: Mapping[str, Curve]) -> RepeatedTests:
+    """Mean and scatter of repeated tests over their common range, by the names of the tests.
 
-    Curves are interpolated linearly to a uniform axis, from the latest start to the earliest end. Parts
-    outside are cut off and reported in a remark.
-
-    ``curves``: the tests, at least two. ``points``: points of the common axis, at least 2; by default the
-    smallest number of points of any test in that range. Raises ValueError if there are fewer than two tests,
-    or if the tests have no range in common. The same error is raised if an axis does not increase, lengths
-    differ, or a value is not finite.
+    Curves are interpolated linearly to a uniform axis, from the latest start to the earliest end, with as
+    many points as the test with the fewest has there. Parts outside are cut off and reported in a remark.
+    Raises ValueError if there are fewer than two tests, or if they have no range in common.
     """
     if len(curves) < 2:
         raise ValueError(f"a scatter needs at least 2 tests, got {len(curves)}")
-    for curve in curves:
-        _check(curve)
-    low, high = max(c.axis[0] for c in curves), min(c.axis[-1] for c in curves)
+    axes = {name: x for name, (x, _, _) in curves.items()}
+    first, last = max(axes, key=lambda name: axes[name][0]), min(axes, key=lambda name: axes[name][-1])
+    low, high = axes[first][0], axes[last][-1]
     if not low < high:
-        first = max(curves, key=lambda c: c.axis[0]).name
-        last = min(curves, key=lambda c: c.axis[-1]).name
         raise ValueError(
             f"the tests have no range in common: {first} starts at {low:.6g}, {last} ends at {high:.6g}"
         )
-    count = points or max(2, min(int(((c.axis >= low) & (c.axis <= high)).sum()) for c in curves))
-    if count < 2:
-        raise ValueError(f"a common axis needs at least 2 points, got {count}")
-    axis = np.linspace(low, high, count)
-    values = np.stack([np.interp(axis, c.axis, c.value) for c in curves])
-    within = None
-    if all(c.sigma is not None for c in curves):
-        sigmas = [np.interp(axis, c.axis, c.sigma) for c in curves if c.sigma is not None]
-        within = np.sqrt(np.mean(np.square(sigmas), axis=0))
+    axis = np.linspace(low, high, max(2, min(int(((x >= low) & (x <= high)).sum()) for x in axes.values())))
+    sigmas = [np.interp(axis, x, sigma) for x, _, sigma in curves.values()]
     remarks = [
-        f"{c.name}: {c.axis[0]:.4g} to {c.axis[-1]:.4g} cut to the common range {low:.4g} to {high:.4g}"
-        for c in curves
-        if c.axis[0] < low or c.axis[-1] > high
+        f"{name}: {x[0]:.4g} to {x[-1]:.4g} cut to the common range {low:.4g} to {high:.4g}"
+        for name, x in axes.items()
+        if x[0] < low or x[-1] > high
     ]
-    return Repeats(
-        axis=axis,
-        values=values,
-        mean=values.mean(axis=0),
-        scatter=values.std(axis=0, ddof=1),
-        within=within,
-        remarks=tuple(remarks),
-    )
-
-
-def _check(curve: Curve) -> None:
-    x, y, sigma = curve.axis, curve.value, curve.sigma
-    if x.ndim != 1 or x.size < 2 or x.shape != y.shape or (sigma is not None and sigma.shape != x.shape):
-        raise ValueError(
-            f"{curve.name}: axis, value and sigma need one length of 2 or more, got {x.shape}, {y.shape}"
-        )
-    if not (np.isfinite(x).all() and np.isfinite(y).all() and (sigma is None or np.isfinite(sigma).all())):
-        raise ValueError(f"{curve.name}: every axis value, value and sigma must be finite")
-    back = np.flatnonzero(~(np.diff(x) > 0.0))
-    if back.size:
-        raise ValueError(
-            f"{curve.name}: the axis must increase, it goes from {x[back[0]]:.6g} to {x[back[0] + 1]:.6g} at"
-            f" point {back[0] + 1}; cut the curve there (a strain falls after its largest value)"
-        )
+    values = np.stack([np.interp(axis, x, y) for x, y, _ in curves.values()])
+    return RepeatedTests(axis, values, np.sqrt(np.mean(np.square(sigmas), axis=0)), tuple(remarks))
 
 
 WAY = "three waves"
 """The analysis used for the average."""
-
-
-@dataclass(frozen=True)
-class RepeatedTests(ResultViews):
-    """The mean of repeated tests, its scatter, and the uncertainty common to the tests."""
-
-    unit: str
-    """Unit of the stress."""
-    repeats: Repeats
-    """Mean, scatter and single tests on the common axis."""
-    shared: FloatArray
-    """Standard uncertainty that repeated tests do not reduce, shape [n]."""
-
-    def history(self) -> History:
-        """The mean with its combined standard uncertainty, Eq. (U.16)."""
-        return History(self.repeats.mean, self.repeats.combined(self.shared)[0], self.unit)
-
-    def band(self, probability: float = 0.95) -> tuple[FloatArray, FloatArray]:
-        """Confidence band of the mean, with scatter and shared parts, shape [n] both ends."""
-        return self.repeats.band(probability, shared=self.shared)
 
 
 def repeated_tests(reductions: Mapping[str, Reduction]) -> RepeatedTests:
@@ -185,28 +106,16 @@ def repeated_tests(reductions: Mapping[str, Reduction]) -> RepeatedTests:
     ``reductions``: reductions by the names of the tests, with their full bands
     (`kolsky.bars.reduction.analyse`). Raises ValueError for the reasons of `average`.
     """
-    curves, remarks, unit = [], [], ""
+    curves, remarks = {}, []
     for name, reduction in reductions.items():
         history, axis = reduction.stress[WAY], reduction.strain[WAY].value
-        unit, inside = history.unit, rising(axis)
+        inside = rising(axis)
         first, last = axis[inside][0], axis[inside][-1]
         if inside.start or inside.stop < axis.size:
             remarks.append(f"{name}: loading from strain {first:.4g} to {last:.4g}, the rest is cut off")
-        curves.append(Curve(name, axis[inside], history.value[inside], history.sigma[inside]))
+        curves[name] = axis[inside], history.value[inside], history.sigma[inside]
     found = average(curves)
-    assert found.within is not None  # every curve has its sigma
-    return RepeatedTests(
-        unit=unit,
-        repeats=Repeats(
-            axis=found.axis,
-            values=found.values,
-            mean=found.mean,
-            scatter=found.scatter,
-            within=None,  # the uncertainty is common here and does not differ between tests
-            remarks=(*remarks, *found.remarks),
-        ),
-        shared=found.within,
-    )
+    return replace(found, remarks=(*remarks, *found.remarks))
 
 
 def rising(value: FloatArray) -> slice:

@@ -284,7 +284,7 @@ def separate(
     decay = -log(_WRAPPED) / (length * interval)
     falling = np.exp(-decay * interval * (np.arange(length) - lead))
     frequency = rfftfreq(length, interval)
-    limit = min(waveguide.largest_frequency, np.inf if band is None else band)
+    limit = np.inf if band is None else band
     kept = frequency <= limit
     omega = 2.0 * pi * frequency[kept] - 1j * decay
     k = waveguide.wavenumber(omega)

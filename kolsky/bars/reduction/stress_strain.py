@@ -62,23 +62,10 @@ class BarWaves:
         # The memory of a viscoelastic bar decays over the padding and does not wrap around.
         self._length = next_fast_len(6 * n + 2 * self._fade, real=True)
         frequency = rfftfreq(self._length, float(faces.time[1] - faces.time[0]))
-        limit = min(guide.largest_frequency for guide in guides)
-        kept = frequency <= limit
-        omega = 2.0 * pi * frequency[kept]
-        self._edge = np.zeros(frequency.size)
-        self._edge[kept] = edge_filter(frequency[kept], limit)
-
-        heard = frequency <= min(limit, faces.band)  # frequencies at which the waves have noise
-        self._heard = np.zeros(frequency.size)
-        self._heard[heard] = edge_filter(frequency[heard], min(limit, faces.band))
-
-        def whole(factor: NDArray[np.complex128]) -> NDArray[np.complex128]:
-            spread = np.ones(frequency.size, dtype=complex)  # beyond the band the edge makes it 0
-            spread[kept] = factor
-            return spread
-
-        self.stiffness_1, self.stiffness_2 = (whole(guide.stiffness(omega)) for guide in guides)
-        self.impedance_1, self.impedance_2 = (whole(guide.impedance(omega)) for guide in guides)
+        omega = 2.0 * pi * frequency
+        self._heard = edge_filter(frequency, faces.band)  # frequencies at which the waves have noise
+        self.stiffness_1, self.stiffness_2 = (guide.stiffness(omega) for guide in guides)
+        self.impedance_1, self.impedance_2 = (guide.impedance(omega) for guide in guides)
         padded = [fade_ends(wave, self._fade, self._length, fade=self._fade) for wave in self._waves]
         self._spectra = np.asarray(rfft(np.stack(padded), axis=1))
 
@@ -90,8 +77,8 @@ class BarWaves:
             value: FloatArray = factor @ self._waves
             noise = np.abs(factor) * self._noise
         else:
-            factors = np.stack([self._edge * weight for weight in weights])
-            total = irfft((factors * self._spectra).sum(axis=0), self._length)
+            parts = [weight * wave for weight, wave in zip(weights, self._spectra, strict=True)]
+            total = irfft(np.sum(parts, axis=0), self._length)
             value = np.asarray(total[self._fade : self._fade + n], dtype=np.float64)
             noise = np.array([self._gain(self._heard * weight) for weight in weights]) * self._white
         return History(value, np.full(n, float(np.linalg.norm(noise))), unit)

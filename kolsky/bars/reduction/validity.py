@@ -148,9 +148,7 @@ def find_span(
     width: int = 1,
     shift: tuple[float, float] = (0.0, 0.0),
 ) -> Span | None:
-    """The part of the loading with nearly constant stress.
-
-    Each sample is weighted by its balance.
+    """The part of the loading with nearly constant stress. Each sample is weighted by its balance.
 
     This part begins when the stress, averaged over `width` samples, first exceeds `LEVEL` of its typical
     value. It ends when the stress last exceeds it, and no later than at the largest strain. `INSET` of its

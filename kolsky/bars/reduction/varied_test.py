@@ -154,7 +154,6 @@ class VariedTest:
     """One test with fixed windows. Every result is a function of the `values` of its quantities, by name."""
 
     given: WavesInput
-    """The test as declared."""
     windows: Windows
     arrival: float
     """Time at which the incident wave arrives at its gauge [s]."""
@@ -162,7 +161,6 @@ class VariedTest:
     """Active corrections of the specimen's inertia, with their reasons; empty if none is active."""
 
     aligned: Mapping[str, Alignment] = field(default_factory=dict)
-    """Active alignments, by wave."""
 
     ends: FreeEnds | None = None
     """Subtraction of echoes from free far ends. None: the windows end before the echoes."""

@@ -39,7 +39,6 @@ class StationInput:
     recordings: tuple[Recording, ...]
     """One channel, or two of opposed gauges."""
     calibration: Calibration
-    """Calibration from recorded values to strain."""
     position: float
     """Distance from the bar's specimen end [m]."""
     baseline: tuple[float, float]
@@ -56,7 +55,6 @@ class WavesInput:
 
     name: str
     specimen: Specimen
-    """The specimen before the test."""
     bars: Mapping[str, Bar]
     """Bars by side, "incident" and "transmission"."""
     stations: Mapping[str, StationInput]
@@ -87,7 +85,6 @@ class WavesInput:
     notes: tuple[str, ...] = ()
     """Remarks on the files with remedies: contradicting units, interpolated samples."""
     settings: Mapping[str, str] = field(default_factory=dict)
-    """Declared settings, and the versions."""
 
 
 _TAIL = 0.25

@@ -78,9 +78,7 @@ class Bridge:
         return 4.0 / ((s[0] - s[1] + s[2] - s[3]) * self.arm_factor * self.excitation * self.gain)
 
     def strain(self, volts: ArrayLike) -> FloatArray:
-        """Strain of the bar, tension positive, Eq. (U.2).
-
-        The recorded volts must increase in tension.
+        """Strain of the bar, tension positive, Eq. (U.2). The recorded volts must increase in tension.
 
         ``volts``: recorded volts above rest [V], any shape. Raises ValueError if no strain gives such an
         output.

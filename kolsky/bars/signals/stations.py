@@ -60,7 +60,6 @@ class Station(NamedTuple):
 
     signal: BarSignal
     corrections: list[Correction]
-    """Corrections, applied or not."""
     quantities: list[Quantity]
     """Inputs of its budget: calibration, zero, and a significant drift."""
 
@@ -116,30 +115,18 @@ def bar_signal(
         strains.append(_strain(recording, known, rest, sign, name=name, log=log, after=after))
     axial, bending = _axial(strains, gauge, log, after)
     if not given:
-        rest_time = time[(time >= baseline[0]) & (time <= baseline[1])]
-        check_rest(
-            axial[(time >= baseline[0]) & (time <= baseline[1])],
-            max(1, round(bar.diameter / bar.wave_speed / interval)),
-            name=gauge,
-            times=(float(rest_time[0]), float(rest_time[-1])),
-        )
+        at_rest = (time >= baseline[0]) & (time <= baseline[1])
+        width = max(1, round(bar.diameter / bar.wave_speed / interval))
+        times = (float(time[at_rest][0]), float(time[at_rest][-1]))
+        check_rest(axial[at_rest], width, name=gauge, times=times)
     until = float(time[-1]) if drift_until is None else max(drift_until, baseline[1] + interval)
     axial, zero = _zeroed(axial, time, baseline, gauge, log, after, given, until)
     if not given:
         check_elastic(axial[after], bar, interval, gauge)
-    return Station(
-        signal=BarSignal(
-            strain=Signal(
-                start, interval, axial, zero[0].noise.sigma, "1", gauge, memory=zero[0].noise.memory
-            ),
-            bar=bar,
-            position=position,
-            side=side,
-            bending=bending,
-        ),
-        corrections=list(log.corrections),
-        quantities=quantities + zero[1],
-    )
+    rest, more = zero
+    strain = Signal(start, interval, axial, rest.noise.sigma, "1", gauge, memory=rest.noise.memory)
+    signal = BarSignal(strain, bar, position, side, bending)
+    return Station(signal, list(log.corrections), quantities + more)
 
 
 def _strain(

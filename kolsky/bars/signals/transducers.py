@@ -134,9 +134,7 @@ def noise_correlation(force: ForceHistory, baseline: tuple[float, float]) -> flo
 
 
 def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float = CAMERA_FRAME) -> ForceBins:
-    """Average a force over bins of nearly equal width.
-
-    The bins cover all samples inside a window.
+    """Average a force over bins of nearly equal width. The bins cover all samples inside a window.
 
     Edges are recorded sample times, the nearest to an even division of the window's samples. The mean
     therefore needs no interpolation. It is the trapezoid rule over the samples between the edges, and its
@@ -203,7 +201,6 @@ class ForceSignal(NamedTuple):
     signal: Signal
     """Force, compression positive [N], on the shot's clock."""
     corrections: list[Correction]
-    """Corrections, applied or not."""
     quantities: list[Quantity]
     """Inputs of its budget: sensitivity, time constant, zero."""
 

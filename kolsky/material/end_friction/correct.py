@@ -1,6 +1,4 @@
-"""End friction removed from a compression test.
-
-Constants of chosen laws can also be fitted with friction (inverse finite elements).
+"""End friction removed from a compression test, and constants of laws fitted with friction.
 
 Faces that do not slide freely make a cylinder barrel. Its apparent nominal stress then exceeds the
 material's: by 31 to 33 % at small strain for a bonded cylinder of 9.5 x 6.5 mm. A law is fitted by simulated
@@ -240,20 +238,11 @@ def _correction(
     modes.append(("mesh", by_mesh * mesh_share(test.numerics)))
     modes.append(("elements", response[:, :n].sum(axis=1) * COMMON_STRESS))
     modes += [("law", np.sqrt(w) * (row - mean)) for w, row in zip(weights, logs, strict=True) if w > 1e-6]
-    made = CurveBand(
-        strain,
-        stress,
-        np.zeros_like(stress),
-        np.stack([row for _, row in modes]) * stress,
-        tuple(name for name, _ in modes),
-    )
-    criteria = bic(found, test)
+    names, rows = zip(*modes, strict=True)
+    made = CurveBand(strain, stress, np.zeros_like(stress), np.stack(rows) * stress, names)
+    each = zip(found, weights, bic(found, test), strict=True)
     models = sorted(
-        (
-            model_fit(one, test, strain, float(w), float(c))
-            for one, w, c in zip(found, weights, criteria, strict=True)
-        ),
-        key=lambda one: -one.weight,
+        (model_fit(one, test, strain, float(w), float(c)) for one, w, c in each), key=lambda m: -m.weight
     )
     return FrictionCorrection(
         band=made,
@@ -310,9 +299,7 @@ def fit_specimen(
     *,
     numerics: CorrectionNumerics | None = None,
 ) -> tuple[ModelFit, ...]:
-    """Fit laws to a compressed cylinder, with intervals and correlations.
-
-    The law of the greatest weight is first.
+    """Fit laws to a compressed cylinder, with intervals and correlations; the greatest weight first.
 
     The method is that of Levenberg and Marquardt (a trust region if a law has bounds), with the derivatives
     of the simulated test on a coarse mesh. The optimum is then moved to the refined mesh. A share of this

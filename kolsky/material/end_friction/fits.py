@@ -1,10 +1,8 @@
-"""Laws fitted to a compression test with end friction, on the coarse and the refined mesh.
-
-The method is inverse finite elements.
-"""
+"""Laws fitted by inverse finite elements to a compression test with end friction, on two meshes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -57,8 +55,6 @@ class ModelOptimum:
     """Derivatives of residuals and prior by the unknowns, shape [n_rows, n]."""
     chi2: float
     """Sum of squared residuals of the test [-]."""
-    evaluations: int
-    """Number of simulated tests."""
     off: FloatArray
     """ln of simulated over measured stress [-], shape [n]."""
     mesh: MeshError | None = None
@@ -114,20 +110,18 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> M
         low, high = np.append(low, np.log(1e-3)), np.append(high, np.log(10.0))
     if run(start) is None:
         raise FitFailedError(f"its start has no equilibrium: {why}")
-    end = least_squares(
-        residual,
-        start,
-        jac=jacobian,
-        bounds=(low, high),
-        xtol=TOLERANCE,
-        ftol=TOLERANCE,
-        max_nfev=_EVALUATIONS,
-    )
+    limits: dict[str, Any] = {
+        "bounds": (low, high),
+        "xtol": TOLERANCE,
+        "ftol": TOLERANCE,
+        "max_nfev": _EVALUATIONS,
+    }
+    end = least_squares(residual, start, jac=jacobian, **limits)
     made = run(end.x)
     assert made is not None
     chi2 = float(np.sum(test.residual(made) ** 2))
     off = np.log(made.stress / test.stress)
-    return ModelOptimum(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs), off)
+    return ModelOptimum(model, np.asarray(end.x), made, jacobian(end.x), chi2, off)
 
 
 def fit_nodes(
@@ -169,14 +163,8 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptim
     why = ""
     for bounded in (False, True):
         try:
-            first = fit_law(
-                candidate.law,
-                [homogeneous],
-                weighting=Weighting.RELATIVE,
-                bounded=bounded,
-                held=candidate.held,
-                starts=4,
-            )
+            choices: dict[str, Any] = {"weighting": Weighting.RELATIVE, "held": candidate.held, "starts": 4}
+            first = fit_law(candidate.law, [homogeneous], bounded=bounded, **choices)
             start = np.array([first.values[name] for name in model.names]) / model.units
             if test.free:
                 start = np.append(start, near.theta[-1])
@@ -239,7 +227,6 @@ def model_fit(
         misfit=one.misfit,
         bic=criterion,
         weight=weight,
-        evaluations=one.evaluations,
     )
 
 
@@ -272,10 +259,7 @@ def on_refined_mesh(
             errors.append(None)
     changes = [error.stress for error in errors if error is not None]
     finer = test.refined(mesh_share(test.numerics) * local_rms(changes)) if changes else test
-    return [
-        _coarse_fit(one, finer) if error is None else _refined_fit(one, test, finer, error)
-        for one, error in zip(found, errors, strict=True)
-    ], finer
+    return [_refined_fit(*pair, test, finer) for pair in zip(found, errors, strict=True)], finer
 
 
 def mesh_share(numerics: CorrectionNumerics) -> float:
@@ -297,42 +281,31 @@ def local_rms(changes: Sequence[FloatArray]) -> FloatArray:
 
 
 def _refined_fit(
-    one: ModelOptimum, test: MeasuredSpecimen, finer: MeasuredSpecimen, error: MeshError
+    one: ModelOptimum, error: MeshError | None, test: MeasuredSpecimen, finer: MeasuredSpecimen
 ) -> ModelOptimum:
-    """One fit moved to the refined mesh. Its simulated test changes by `error`."""
+    """One fit moved to the refined mesh. Its simulated test changes by `error`; None: it is not moved."""
     n = test.strain.size
+    coarse = replace(one, chi2=float(np.sum(finer.residual(one.made) ** 2)))
+    if error is None:
+        return coarse
     rows = [(one.off + error.stress) / finer.noise]
     if test.bulge is not None:
         rows.append((one.made.bulge + error.bulge - test.bulge) / test.bulge_scale)
     residual = np.concatenate(rows)
-    jacobian = _refined_derivatives(one, test, finer)
+    jacobian = one.jacobian.copy()
+    jacobian[:n] *= (test.noise / finer.noise)[:, None]
     prior = one.model.prior(test.own(one.theta))[0]
     theta = one.theta - np.linalg.pinv(jacobian, rcond=LEAST_SINGULAR_VALUE) @ np.append(residual, prior)
     m = test.own(theta).size
     theta[:m] = np.clip(theta[:m], *one.model.bounds)
     if not (one.model.stress(test.own(theta), test.strain) > 0.0).all():
-        return _coarse_fit(one, finer)
+        return coarse
     residual = residual + jacobian[: residual.size] @ (theta - one.theta)
     return replace(
         one,
         theta=theta,
         jacobian=jacobian,
         chi2=float(np.sum(residual**2)),
-        evaluations=one.evaluations + 1,
         off=residual[:n] * finer.noise,
         mesh=error,
     )
-
-
-def _coarse_fit(one: ModelOptimum, finer: MeasuredSpecimen) -> ModelOptimum:
-    """A fit that remains on the coarse mesh, with the same weights of its stresses as the others."""
-    rows = finer.residual(one.made)
-    return replace(one, chi2=float(np.sum(rows**2)))
-
-
-def _refined_derivatives(one: ModelOptimum, test: MeasuredSpecimen, finer: MeasuredSpecimen) -> FloatArray:
-    """Derivatives of residuals and prior with the noise of the refined mesh, shape [n_rows, n]."""
-    jacobian = one.jacobian.copy()
-    n = test.strain.size
-    jacobian[:n] *= (test.noise / finer.noise)[:, None]
-    return jacobian

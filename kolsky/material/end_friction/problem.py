@@ -1,7 +1,4 @@
-"""End friction of a compression test: declared ends, measured specimen, curve models, the correction.
-
-A curve model is a first-invariant law by nodes or a law of the library.
-"""
+"""End friction of a compression test: declared ends, measured specimen, curve models, the correction."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -130,10 +127,7 @@ class NodesModel:
         return self.law(theta).two_u_prime(measure(strain))[0] * gaussian_strain(strain, compression=True)
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals of the prior, and their derivatives by the unknowns.
-
-        They are second differences divided by `SMOOTH` times the square of the distance.
-        """
+        """Residuals of the prior, second differences by `SMOOTH` and the distance; their derivatives."""
         h = self.nodes[1] - self.nodes[0]
         second = np.diff(np.eye(theta.size), 2, axis=0) / (SMOOTH * h**0.5)
         return second @ theta, second
@@ -144,7 +138,6 @@ class LibraryModel:
     """A law of the library; the members are those of `NodesModel`."""
 
     name: str
-    """The law's name."""
     residuals: Residuals
     """The law with its fixed constants. The moduli are in units of the largest stress."""
 
@@ -237,7 +230,6 @@ class CorrectionNumerics:
     mesh: tuple[int, int] = (8, 7)
     """Elements in the fits across the radius and along the half length, biquadratic."""
     refined_mesh: tuple[int, int] = (12, 10)
-    """The refined mesh of the final result."""
     poisson: float = 0.499
     """Poisson's ratio at rest [-]; that of the shot for which the curve is used."""
     poisson_sigma: float = 0.0
@@ -279,15 +271,11 @@ class ModelFit:
     misfit: float
     """Root mean square of (simulated over measured stress) minus 1 [-]."""
     bic: float
-    """Schwarz's criterion."""
     weight: float
     """Weight in the average of the laws [-]."""
-    evaluations: int
-    """Number of simulated tests in the fit."""
     reason: str = ""
     """Reason why it has no weight; None if it has a weight."""
     remark: str = ""
-    """Remarks on the constants."""
 
     @property
     def not_determined(self) -> tuple[str, ...]:
@@ -303,7 +291,7 @@ class ModelFit:
     def without(cls, name: str, reason: str) -> "ModelFit":
         """A law that could not be fitted."""
         none = np.zeros(0)
-        return cls(name, {}, {}, np.zeros((0, 0)), none, np.inf, np.inf, 0.0, 0, reason)
+        return cls(name, {}, {}, np.zeros((0, 0)), none, np.inf, np.inf, 0.0, reason)
 
 
 @dataclass(frozen=True)
@@ -327,7 +315,6 @@ class FrictionCorrection:
     snaps: int = 0
     """Jumps to another equilibrium in the simulated test."""
     remarks: tuple[str, ...] = ()
-    """Remarks for the user."""
 
 
 @dataclass(frozen=True)
@@ -355,11 +342,8 @@ class MeasuredSpecimen:
     noise: FloatArray
     """Relative standard deviation of the stress with the mesh error [-], shape [n]."""
     specimen: Specimen
-    """Undeformed size."""
     ends: EndFriction
-    """Contact at the ends."""
     numerics: CorrectionNumerics
-    """Meshes and Poisson's ratio."""
     bulge: FloatArray | None = None
     """Radius at mid-height [m], shape [n]; None if it was not measured."""
     bulge_scale: float = 1.0
@@ -383,9 +367,7 @@ class MeasuredSpecimen:
     def simulate(
         self, model: CurveModel, theta: FloatArray, *, refined: bool = False, derivatives: bool = True
     ) -> Compression:
-        """The test with a law, and its derivatives by the unknowns.
-
-        Under Coulomb's law, also by the coefficient.
+        """The test with a law, and its derivatives by the unknowns and, under Coulomb's law, the coefficient.
 
         Raises ValueError if the unknowns give no valid law, or if there is no equilibrium.
         """
@@ -408,18 +390,12 @@ class MeasuredSpecimen:
         )
 
     def mesh_error(self, model: CurveModel, theta: FloatArray, made: Compression) -> "MeshError":
-        """Change of a test simulated on the coarse mesh when the refined mesh is used.
-
-        Raises ValueError if there is no equilibrium on the refined mesh.
-        """
+        """Change of a test by the refined mesh. Raises ValueError if there is no equilibrium on it."""
         fine = self.simulate(model, theta, refined=True, derivatives=False)
         return MeshError(np.log(fine.stress / made.stress), fine.bulge - made.bulge, fine.past, fine.snaps)
 
     def refined(self, left: FloatArray) -> "MeasuredSpecimen":
-        """The test with the refined mesh's error in its noise.
-
-        The error is at least `REFINED_STRESS`, and `left` [-].
-        """
+        """The test with the refined mesh's error in its noise: `REFINED_STRESS`, and `left` [-]."""
         own = self.noise**2 - MODEL_STRESS**2
         return replace(self, noise=np.sqrt(own + REFINED_STRESS**2 + left**2))
 

@@ -126,11 +126,7 @@ def drucker(
 def stable_over(
     law: Stretches, tests: Sequence[HomogeneousTest], *, volume: VolumetricLaw | None = None
 ) -> tuple[PathStability, ...]:
-    """Stability of a law from rest to the ends of tests.
-
-    There is a path for each test and direction. With a volumetric law the paths are those of the compressible
-    solid.
-    """
+    """Stability of a law, or of the compressible solid, from rest to the ends of tests in each direction."""
     paths = []
     for test in tests:
         rest = test.mode.at_rest
@@ -181,7 +177,6 @@ class Candidate:
     """A law to be fitted."""
 
     name: str
-    """Name in tables."""
     law: type[AnyLaw]
     held: Mapping[str, float] = field(default_factory=dict)
     """Constants that are not fitted, SI."""
@@ -192,7 +187,6 @@ class Row:
     """One law of a comparison."""
 
     candidate: Candidate
-    """Law and held constants."""
     fit: Fit | None
     """The fit; None if there is none."""
     stability: tuple[PathStability, ...]
@@ -200,7 +194,6 @@ class Row:
     over_data: tuple[PathStability, ...]
     """Drucker's criterion from rest to the ends of the tests."""
     reason: str = ""
-    """Reason why there is no fit."""
 
     @property
     def stable(self) -> bool:
@@ -220,7 +213,6 @@ class Comparison(ResultViews):
 
     tests: tuple[HomogeneousTest, ...]
     weighting: Weighting
-    """Divisor of the residuals."""
     bounded: bool
     """True if the constants were kept in the range of positive energy at any deformation."""
     poisson: float | None
@@ -230,15 +222,9 @@ class Comparison(ResultViews):
 
     @property
     def best(self) -> Row | None:
-        """Smallest BIC of a stable law with constants that the data determine.
-
-        The law must be stable over the data.
-
-        None if there is none.
-        """
-        usable = [row for row in self.rows if row.stable and row.fit is not None]
+        """Smallest BIC of a law stable over the data with constants that the data determine, or None."""
         doubtful = (FitOutcome.NOT_DETERMINED, FitOutcome.UNCONFIRMED)
-        usable = [row for row in usable if row.fit and row.fit.outcome not in doubtful]
+        usable = [row for row in self.rows if row.stable and row.fit and row.fit.outcome not in doubtful]
         return min(usable, key=lambda row: row.fit.bic if row.fit else np.inf, default=None)
 
 
@@ -251,7 +237,10 @@ def candidates(names: Sequence[str] = ()) -> tuple[Candidate, ...]:
 
     Raises ValueError if a name is unknown.
     """
-    known = _known()
+    known = {name: Candidate(name, law) for name, law in LAWS.items()}
+    known["mooney_rivlin_2"] = Candidate("mooney_rivlin_2", LAWS["mooney_rivlin"], {"C11": 0.0})
+    squares = {"C11": 0.0, "C02": 0.0}
+    known["mooney_rivlin_c20"] = Candidate("mooney_rivlin_c20", LAWS["polynomial"], squares)
     for name in names:
         if name not in known:
             raise ValueError(f"law {name!r} is not one of {', '.join(known)}")
@@ -270,20 +259,10 @@ def compare_laws(
     seed: int = 1,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Comparison:
-    """Fit every law and check its stability.
+    """Fit every law, as `kolsky.material.fits.fit.fit_law`, and check its stability.
 
-    The row of a law that cannot be fitted gives the reason.
-
-    Raises ValueError if there is no law or no test.
-
-    Parameters
-    ----------
-    laws
-        The laws to fit, see `candidates`.
-    tests, weighting, bounded, poisson, free_poisson, starts, seed
-        See `kolsky.material.fits.fit.fit_law`.
-    progress
-        Called with the number of laws done.
+    The row of a law that cannot be fitted gives the reason. ``progress``: called with the number of laws
+    done. Raises ValueError if there is no law or no test.
     """
     if not laws or not tests:
         raise ValueError(f"a comparison needs laws and tests, got {len(laws)} and {len(tests)}")
@@ -308,14 +287,8 @@ def compare_laws(
             continue
         reach = max(FARTHEST, *(_farthest(test) for test in tests))
         volume = None if found.poisson is None else VolumetricLaw(found.bulk_modulus)
-        rows.append(
-            Row(
-                candidate,
-                found,
-                drucker(found.law, most=reach, volume=volume),
-                stable_over(found.law, tests, volume=volume),
-            )
-        )
+        everywhere = drucker(found.law, most=reach, volume=volume)
+        rows.append(Row(candidate, found, everywhere, stable_over(found.law, tests, volume=volume)))
     progress(len(laws))
     rows.sort(key=lambda row: np.inf if row.fit is None else row.fit.aic)
     return Comparison(tuple(tests), weighting, bounded, poisson, tuple(rows))
@@ -324,14 +297,6 @@ def compare_laws(
 def _farthest(test: HomogeneousTest) -> float:
     lam = np.stack(test.mode.principal_stretches(test.deformation))
     return float(max(lam.max(), 1.0 / lam.min()))
-
-
-def _known() -> dict[str, Candidate]:
-    made = {name: Candidate(name, law) for name, law in LAWS.items()}
-    made["mooney_rivlin_2"] = Candidate("mooney_rivlin_2", LAWS["mooney_rivlin"], {"C11": 0.0})
-    squares = {"C11": 0.0, "C02": 0.0}
-    made["mooney_rivlin_c20"] = Candidate("mooney_rivlin_c20", LAWS["polynomial"], squares)
-    return made
 
 
 def _remoteness(path: PathStability) -> float:

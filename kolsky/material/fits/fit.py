@@ -1,6 +1,4 @@
-"""A law fitted to homogeneous tests by weighted least squares in nominal stress.
-
-Its goodness of fit is given too.
+"""A law fitted to homogeneous tests by weighted least squares in nominal stress, and its goodness of fit.
 
 With n residuals r_i, k free constants and S = sum r_i^2,
 
@@ -23,14 +21,7 @@ from explicit.materials import AnyLaw
 from explicit.materials import bulk_modulus as bulk
 from kolsky.base.arrays import FloatArray
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.search import (
-    EQUAL_MINIMA,
-    EXACT,
-    Residuals,
-    SearchResult,
-    Weighting,
-    search,
-)
+from kolsky.material.fits.search import EQUAL_MINIMA, EXACT, Residuals, SearchResult, Weighting, search
 
 
 def rmse(residual: FloatArray) -> float:
@@ -147,13 +138,10 @@ class Fit:
     name: str
     """The law and its fixed constants."""
     law: AnyLaw
-    """The law with its constants."""
     free: tuple[str, ...]
     """Names of the fitted constants."""
     parts: tuple[PartFit, ...]
-    """Fit of each test."""
     weighting: Weighting
-    """Divisor of the residuals."""
     poisson: float | None
     """Poisson's ratio at rest; None for the incompressible solution."""
     chi2: float
@@ -164,7 +152,6 @@ class Fit:
     """Covariance of the fitted constants, SI, shape [n_free, n_free], for independent residuals. Rows of
     constants at a bound are zero. All entries are NaN if the constants are not determined."""
     outcome: FitOutcome
-    """Outcome of the fit: whether the data determine the constants."""
     at_bound: tuple[str, ...]
     """Constants at a bound."""
     ends: tuple[float, ...]
@@ -226,10 +213,9 @@ class Fit:
 
     @property
     def durbin_watson(self) -> float:
-        """Smallest Durbin-Watson number of the tests.
+        """Smallest Durbin-Watson number of the tests [-].
 
-        If it is far below 2, the law does not follow the curve's shape. `covariance` takes all points as
-        independent and is then too small.
+        Far below 2, the law misses the curve's shape, and `covariance` (of independent points) is too small.
         """
         return min(durbin_watson(part.residual) for part in self.parts)
 
@@ -254,33 +240,15 @@ def fit_law(
 ) -> Fit:
     """Fit a law to one or several homogeneous tests at once.
 
-    Raises ValueError if the tests and the law do not fit together. The message gives the reason.
+    Returns: the best minimum of all starts. `outcome` states whether the data determine it. Raises ValueError
+    if the tests and the law do not fit together. The message gives the reason.
 
-    Returns: the best minimum of all starts. `outcome` states whether the data determine it.
-
-    Parameters
-    ----------
-    law
-        One of `explicit.materials.LAWS`.
-    tests
-        The tests; each may carry a weight.
-    weighting
-        What residuals are divided by.
-    bounded
-        True to keep the constants within the bounds in which the energy is positive at any deformation.
-        Otherwise, only the bounds in which the law exists are used.
-    held
-        Constants that are not fitted, in SI.
-    poisson
-        Poisson's ratio at rest for the compressible solution with K/2 (J - 1)^2. Default: incompressible.
-    free_poisson
-        True to fit this ratio too, to the tests' lateral stretches. It is among `free` as "poisson".
-    starts
-        Number of starts that are refined.
-    seed
-        Seed of the starts.
-    name
-        Name of the fit. Default: the law's name with the fixed constants.
+    ``law``: one of `explicit.materials.LAWS`. ``bounded``: True to keep the constants within the bounds in
+    which the energy is positive at any deformation. Otherwise, only the bounds in which the law exists are
+    used. ``held``: constants that are not fitted, in SI. ``poisson``: Poisson's ratio at rest for the
+    compressible solution with K/2 (J - 1)^2. Default: incompressible. ``free_poisson``: True to fit this
+    ratio too, to the tests' lateral stretches. It is among `free` as "poisson". ``starts``, ``seed``: number
+    of starts that are refined, and their seed. ``name``: default: the law's with the fixed constants.
     """
     if starts < 1:
         raise ValueError(f"starts must be >= 1, got {starts}")

@@ -1,6 +1,4 @@
-"""Nominal stress of a hyperelastic law in homogeneous deformations, incompressible and compressible.
-
-Tension is positive. The modes are also defined here.
+"""Modes and nominal stress of a hyperelastic law in homogeneous deformations, tension positive.
 
 With beta_i = lam_i dW/dlam_i, the Kirchhoff stress of an incompressible solid is tau_i = beta_i - p. The free
 face 3 has tau_3 = 0. Therefore p = beta_3, and the nominal stress is
@@ -32,10 +30,7 @@ from kolsky.base.arrays import FloatArray
 
 
 class Mode(Enum):
-    """A homogeneous test.
-
-    Its single variable is the stretch along the load, or the amount of simple shear.
-    """
+    """A homogeneous test, with one variable: the stretch along the load, or the amount of simple shear."""
 
     UNIAXIAL = "uniaxial"
     """Tension or compression along 1; the sides 2 and 3 are free."""
@@ -81,10 +76,11 @@ class Mode(Enum):
 
 def mode_named(text: str) -> Mode:
     """The mode of a name, with blanks or hyphens."""
-    for mode in Mode:
-        if text.strip().lower().replace("-", " ") == mode.value:
-            return mode
-    raise ValueError(f"mode {text!r} is not one of {', '.join(mode.value for mode in Mode)}")
+    modes = {mode.value: mode for mode in Mode}
+    found = modes.get(text.strip().lower().replace("-", " "))
+    if found is None:
+        raise ValueError(f"mode {text!r} is not one of {', '.join(modes)}")
+    return found
 
 
 def check_deformation(mode: Mode, deformation: FloatArray) -> None:
@@ -123,8 +119,7 @@ def compressible_stress(
     if mode is Mode.SIMPLE_SHEAR:
         return incompressible_stress(law, mode, deformation)
     d = np.asarray(deformation, dtype=float)
-    lam = _stretches(mode, d, free_stretch(law, volume, mode, d))
-    return np.asarray(_kirchhoff(law, volume, lam)[0] / d)
+    return np.asarray(_kirchhoff(law, volume, free_stretches(law, volume, mode, d))[0] / d)
 
 
 def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:

@@ -1,12 +1,9 @@
-"""A homogeneous test for a fit: one mode, one curve, tension-positive.
-
-It is read from files, and repeats are averaged.
-"""
+"""A homogeneous test for a fit: one mode, one curve, tension-positive. Its files and means of repeats."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -22,17 +19,13 @@ class HomogeneousTest:
     """Nominal stress over stretch, or over the amount of shear."""
 
     name: str
-    """Name of the test, for messages and tables."""
     mode: Mode
-    """Deformation mode: loaded, fixed and free directions."""
     deformation: FloatArray
     """Stretch along the load, or amount of shear [-], shape [n]."""
     stress: FloatArray
     """Nominal stress, tension-positive [Pa], shape [n]."""
     sigma: FloatArray | None = None
     """Standard uncertainty of each stress [Pa], shape [n]; None if unknown."""
-    weight: float = 1.0
-    """Factor on the squared residuals of this test in a fit [-]."""
     lateral: FloatArray | None = None
     """Measured stretch of the free direction [-], shape [n]; None if not measured."""
 
@@ -62,34 +55,15 @@ class HomogeneousTest:
                 raise ValueError(f"{self.name}: simple shear has no free direction")
             if not (self.lateral.shape == d.shape and (self.lateral > 0.0).all()):
                 raise ValueError(f"{self.name}: lateral stretches must be > 0, shape {d.shape}")
-        if not 0.0 < self.weight < float("inf"):
-            raise ValueError(f"{self.name}: weight must be > 0 and finite, got {self.weight}")
 
     @property
     def strain(self) -> FloatArray:
         """Nominal strain, or amount of shear [-], shape [n]."""
         return self.mode.strain(self.deformation)
 
-    def within(self, low: float, high: float) -> Self:
-        """The part between two nominal strains (or amounts of shear).
-
-        Raises ValueError if it has fewer than 3 points.
-        """
-        kept = (self.strain >= low) & (self.strain <= high)
-        return replace(
-            self,
-            deformation=self.deformation[kept],
-            stress=self.stress[kept],
-            sigma=None if self.sigma is None else self.sigma[kept],
-            lateral=None if self.lateral is None else self.lateral[kept],
-        )
-
 
 def mean_test(tests: Sequence[HomogeneousTest], *, points: int = 200, name: str = "mean") -> HomogeneousTest:
-    """The mean of repeats of one test at equally spaced strains.
-
-    The strains go from rest to the largest common strain.
-    """
+    """The mean of repeats of one test at equal steps from rest to the largest common strain."""
     if not tests:
         raise ValueError("no tests to average")
     modes = {test.mode for test in tests}
@@ -143,15 +117,6 @@ def read_homogeneous_test(
     """Read a homogeneous test, positive in tension, and the SHA-256 of its file.
 
     Raises InputError if the file cannot be read, or if its columns are not a test of this mode.
-
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        Columns of stress and deformation, their units and signs.
-    mode
-        Deformation of the test.
     """
     path, by_force = Path(path), bool(columns.force)
     deformation = columns.displacement if by_force else columns.stretch or columns.strain

@@ -1,7 +1,4 @@
-"""Properties of a tensile curve that standards require, and their recovery by healing.
-
-Young's modulus, Poisson's ratio, fracture and recovery. Undamaged specimens are compared with healed ones.
-"""
+"""Young's modulus, Poisson's ratio and fracture of a tensile curve, and their recovery by healing."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +27,6 @@ class Measured:
     """A number with its standard uncertainty."""
 
     value: float
-    """The number."""
     sigma: float
     """Its standard uncertainty; NaN if unknown."""
 
@@ -89,9 +85,7 @@ def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
 
 
 def fracture(strain: FloatArray, stress: FloatArray) -> Fracture | None:
-    """Largest stress and its strain, if the stress then falls by the share `DROP`.
-
-    None if it never does.
+    """Largest stress and its strain, if the stress then falls by the share `DROP`; otherwise None.
 
     The fall counts only if the strain has not decreased by more than `BACK`, because unloading is no
     fracture. Stress and strain are positive along the load, in the order of the test, shape [n].
@@ -104,10 +98,7 @@ def fracture(strain: FloatArray, stress: FloatArray) -> Fracture | None:
 
 
 def mean_of(values: Sequence[float]) -> Measured:
-    """Mean of specimens and its standard uncertainty by their scatter.
-
-    The uncertainty of one specimen is NaN.
-    """
+    """Mean of specimens and its standard uncertainty by their scatter; NaN for one specimen."""
     x = np.asarray(values, dtype=float)
     sigma = float(x.std(ddof=1) / np.sqrt(x.size)) if x.size > 1 else float("nan")
     return Measured(float(x.mean()), sigma)
@@ -118,8 +109,6 @@ def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
 
     The uncertainty is NaN if a group has a single specimen and therefore no scatter.
     """
-    if not undamaged or not healed:
-        raise ValueError("a healing efficiency needs undamaged and healed specimens")
     before, after = mean_of(undamaged), mean_of(healed)
     if not before.value > 0.0:
         raise ValueError(f"the undamaged specimens' mean must be > 0, got {before.value:g}")
@@ -133,7 +122,6 @@ class SpecimenProperties:
     """Properties of one specimen."""
 
     name: str
-    """Its test."""
     values: dict[str, float]
     """Property -> value in SI. Properties that a test does not determine are missing."""
 
@@ -151,7 +139,6 @@ class Healing:
     rows: dict[str, Recovery]
     """Property -> means and efficiency, for properties of both groups."""
     remarks: tuple[str, ...]
-    """Remarks for the user."""
 
 
 def _reason(name: str) -> str:

@@ -52,17 +52,13 @@ class Weighting(Enum):
 class Residuals:
     """Weighted residuals of a law as a function of its free constants.
 
-    Raises ValueError if the tests and the law do not fit together.
-
     Its unknowns are the free constants, with moduli in units of the largest measured stress. All unknowns are
-    then of one size.
+    then of one size. Raises ValueError if the tests and the law do not fit together.
     """
 
     law: type[AnyLaw]
     tests: tuple[HomogeneousTest, ...]
-    """The tests of one common fit."""
     weighting: Weighting = Weighting.ABSOLUTE
-    """Divisor of the residuals."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Constants that are not free, in SI."""
     poisson: float | None = None
@@ -128,7 +124,7 @@ class Residuals:
                 divisor = np.where(test.strain == 0.0, np.inf, np.abs(test.stress))
             else:
                 divisor = np.full(len(test.stress), self.stress_scale)
-            factors.append(np.sqrt(test.weight) / divisor)
+            factors.append(1.0 / divisor)
         return tuple(factors)
 
     @cached_property
@@ -149,9 +145,7 @@ class Residuals:
         return float(unknowns[-1]) if self.free_poisson else self.poisson
 
     def stress(self, law: AnyLaw, poisson: float | None) -> tuple[FloatArray, ...]:
-        """Nominal stress of a law at the points of each test [Pa].
-
-        Without a ratio, the solid is incompressible.
+        """Nominal stress of a law at the points of each test [Pa]; incompressible without a ratio.
 
         Raises ValueError if the compressible solution does not exist at some point.
         """
@@ -166,9 +160,7 @@ class Residuals:
             return []
         volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, poisson)))
         return [
-            np.sqrt(test.weight)
-            * (free_stretch(law, volume, test.mode, test.deformation) - test.lateral)
-            / _LATERAL_SCALE
+            (free_stretch(law, volume, test.mode, test.deformation) - test.lateral) / _LATERAL_SCALE
             for test in self.tests
             if test.lateral is not None
         ]
@@ -282,18 +274,10 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
     jacobian = least_squares(residuals, x, jac="3-point", max_nfev=1, x_scale="jac").jac
     unbounded = np.nan
     if bounded and at.any():
-        unbounded = min(
-            chi2, _refined(residuals, x, *bounds_of(residuals, bounded=False), FINE, "3-point")[0]
-        )
-    return SearchResult(
-        x,
-        chi2,
-        np.asarray(jacobian),
-        tuple(bool(a) for a in at),
-        tuple(end[0] for end in ends),
-        agreeing,
-        unbounded,
-    )
+        wide = bounds_of(residuals, bounded=False)
+        unbounded = min(chi2, _refined(residuals, x, *wide, FINE, "3-point")[0])
+    sums = tuple(end[0] for end in ends)
+    return SearchResult(x, chi2, np.asarray(jacobian), tuple(map(bool, at)), sums, agreeing, unbounded)
 
 
 def _linear(residuals: Residuals) -> bool:
@@ -383,16 +367,9 @@ def _refined(
     inside = np.clip(x, np.where(np.isfinite(lower), lower + 1e-9 * size, lower), upper - 1e-9 * size)
     with np.errstate(over="ignore", invalid="ignore"):
         end = least_squares(
-            residuals,
-            inside,
-            jac=jac,
-            bounds=(lower, upper),
-            x_scale="jac",
-            ftol=TIGHT,
-            xtol=TIGHT,
-            gtol=TIGHT,
-            max_nfev=most,
-        )
+            residuals, inside, jac=jac, bounds=(lower, upper), x_scale="jac",
+            ftol=TIGHT, xtol=TIGHT, gtol=TIGHT, max_nfev=most,
+        )  # fmt: skip
     return float(2.0 * end.cost), np.asarray(end.x)
 
 

@@ -43,13 +43,7 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
     best = comparison.best
     whole = {
         "tests": [
-            {
-                "name": t.name,
-                "mode": t.mode.value,
-                "points": len(t.stress),
-                "weight": t.weight,
-                **_properties(t),
-            }
+            {"name": t.name, "mode": t.mode.value, "points": len(t.stress)} | _properties(t)
             for t in comparison.tests
         ],
         "weighting": comparison.weighting.value,
@@ -232,9 +226,8 @@ def remarks(found: Comparison) -> list[str]:
 def _fracture(test: HomogeneousTest) -> tuple[Fracture | None, int]:
     """A test's fracture, if there is one, and the number of its points after the largest stress."""
     sign = 1.0 if test.strain[np.argmax(np.abs(test.strain))] > 0.0 else -1.0
-    return fracture(sign * test.strain, sign * test.stress), test.stress.size - 1 - int(
-        np.argmax(sign * test.stress)
-    )
+    after = test.stress.size - 1 - int(np.argmax(sign * test.stress))
+    return fracture(sign * test.strain, sign * test.stress), after
 
 
 def _broken(test: HomogeneousTest) -> str:

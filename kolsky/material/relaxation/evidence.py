@@ -5,7 +5,7 @@ call. A fit therefore does not depend on the kind of test.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,17 +23,14 @@ class RateModel:
     factor: float
     """Factor on the long-term law [-]. It is the m of a shot."""
     series: PronySeries
-    """The branches."""
 
 
 @dataclass(frozen=True)
 class ScaledLaw:
-    """A law times a factor, with the interface needed for a homogeneous test."""
+    """An `explicit.materials.MaterialLaw` times a factor, for a homogeneous test."""
 
     law: Any
-    """The law: an `explicit.materials.MaterialLaw`."""
     factor: float
-    """The factor on all its stresses [-]."""
 
     def stress(self, b_bar: FloatArray) -> FloatArray:
         """Isochoric Kirchhoff stress of the law [Pa]."""
@@ -46,26 +43,21 @@ class Evidence(Protocol):
     @property
     def label(self) -> str:
         """Name for tables."""
-        ...
 
     @property
     def values(self) -> FloatArray:
         """Measured values, shape [n]."""
-        ...
 
     @property
     def sigma(self) -> FloatArray:
         """Its standard uncertainty, same unit and shape, > 0."""
-        ...
 
     @property
     def time_scales(self) -> tuple[float, float]:
         """The shortest and the longest relaxation time that the test can resolve [s]."""
-        ...
 
     def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
         """The predicted values of each model, shape [n_models, n]."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -81,7 +73,6 @@ class HistoryTest:
     sigma: FloatArray
     """Its standard uncertainty [Pa], shape [n]. It is infinite for samples that only define the history."""
     label: str = "history"
-    """Name for tables."""
 
     def __post_init__(self) -> None:
         checked_history(self.time, self.stretch)
@@ -109,8 +100,7 @@ class HistoryTest:
         """A stretch that is reached within `rise` [s] at a constant rate and then held.
 
         ``time``: times after the beginning of the rise, ascending, all >= `rise` [s]. ``stress``, ``sigma``:
-        nominal stress and its standard uncertainty [Pa]. ``stretch``: the stretch held [-]. ``rise``: time of
-        the rise [s]; 0 for a step. Raises ValueError if a time lies within the rise.
+        nominal stress and its standard uncertainty [Pa]. Raises ValueError if a time lies within the rise.
         """
         t = np.asarray(time, dtype=float)
         if not rise >= 0.0 or not (t >= rise).all():
@@ -143,8 +133,7 @@ class DynamicTest:
     """Standard uncertainty of E' [Pa], shape [n]."""
     sigma_loss: FloatArray
     """Standard uncertainty of E'' [Pa], shape [n]."""
-    label: str = field(default="oscillation")
-    """Name for tables."""
+    label: str = "oscillation"
 
     def __post_init__(self) -> None:
         n = len(self.angular_frequency)
@@ -171,20 +160,14 @@ class DynamicTest:
     def predict(self, law: Any, models: Sequence[RateModel]) -> FloatArray:
         """E' and E'' of each model [Pa], shape [n_models, 2 n]."""
         young, omega = 3.0 * float(law.initial_shear_modulus), self.angular_frequency
-        return np.stack(
-            [
-                m.factor * young * np.concatenate([m.series.storage(omega), m.series.loss(omega)])
-                for m in models
-            ]
-        )
+        rows = (np.concatenate([m.series.storage(omega), m.series.loss(omega)]) for m in models)
+        return np.stack([m.factor * young * row for m, row in zip(models, rows, strict=True)])
 
 
 def _checked(name: str, values: FloatArray, sigma: FloatArray, n: int) -> None:
-    if np.shape(values) != (n,) or np.shape(sigma) != (n,):
-        raise ValueError(
-            f"{name} and its sigma need one value per sample, {n}, got {np.shape(values)} and "
-            f"{np.shape(sigma)}"
-        )
+    shapes = np.shape(values), np.shape(sigma)
+    if shapes != ((n,), (n,)):
+        raise ValueError(f"{name} and its sigma need {n} values, one per sample, got {shapes}")
     if not np.isfinite(values).all():
         raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
     if not (np.asarray(sigma) > 0.0).all():

@@ -1,11 +1,8 @@
-"""Prony series fitted to relaxation, oscillation, rates and shots together; required branches; apparent
-moduli.
+"""Prony series fitted to relaxation, oscillation, rates and shots together, and the branches they need.
 
-Apparent moduli put slow tests, relaxation, oscillation and shots on one axis of time.
-
-The apparent modulus is that of rubber elasticity, E_a = 3 P / (lam - lam^-2) with the nominal stress P, Eq.
-(M.9). For a neo-Hookean solid it does not depend on strain (Fig. 11 of Mates et al. 2012). The time is the
-mean age of the strain,
+Apparent moduli put all these tests on one axis of time. The apparent modulus is that of rubber elasticity,
+E_a = 3 P / (lam - lam^-2) with the nominal stress P, Eq. (M.9). For a neo-Hookean solid it does not depend on
+strain (Fig. 11 of Mates et al. 2012). The time is the mean age of the strain,
 
     age(t) = (1 / ln lam(t)) int_0^t (t - s) d ln lam(s),                                              (V.4)
 
@@ -68,15 +65,15 @@ class RateFit:
         """Bayesian criterion, chi_square + n_parameters log(n_data) [-]."""
         return self.chi_square + len(self.values) * float(np.log(self.n_data))
 
-    def interval(self, name: str, *, coverage_factor: float = 2.0) -> tuple[float, float]:
-        """Interval of a parameter, from the covariance of the logarithms.
+    def interval(self, name: str) -> tuple[float, float]:
+        """Interval of a parameter, k = 2, from the covariance of the logarithms.
 
         Raises ValueError if the fit has no such parameter.
         """
         if name not in self.names:
             raise ValueError(f"parameter must be one of {', '.join(self.names)}, got {name!r}")
         k = self.names.index(name)
-        spread = float(np.exp(coverage_factor * np.sqrt(self.covariance[k, k])))
+        spread = float(np.exp(2.0 * np.sqrt(self.covariance[k, k])))
         return float(self.values[k] / spread), float(self.values[k] * spread)
 
 
@@ -155,7 +152,6 @@ class PronyProblem:
     law: Any
     """The long-term law: an `explicit.materials.MaterialLaw`."""
     evidence: tuple[Evidence, ...]
-    """Measured tests."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -202,10 +198,7 @@ class PronyProblem:
         return model_of(grid[self.best(grid)])
 
     def best(self, points: FloatArray) -> int:
-        """Index of the row of logarithms with the smallest sum of squares.
-
-        Rows that cannot be simulated are left out.
-        """
+        """Index of the row of logarithms with the smallest sum of squares; failed runs are left out."""
         squares = (self.of_many(points) ** 2).sum(axis=1)
         return int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
 
@@ -213,16 +206,15 @@ class PronyProblem:
         """Start with one more branch: the best of a grid."""
         n = len(x) // 2
         lower, upper = self.bounds(n + 1)
-        times = np.linspace(
-            lower[-1] + np.log(TIME_SCALE_MARGIN), upper[-1] - np.log(TIME_SCALE_MARGIN), _GRID_TIMES
+        margin = np.log(TIME_SCALE_MARGIN)
+        # The long-term law is reduced by the branch, and their mean stays the same.
+        grid = np.array(
+            [
+                [x[0] - 0.5 * np.log1p(strength), *x[1 : n + 1], np.log(strength), *x[n + 1 :], time]
+                for strength in GRID
+                for time in np.linspace(lower[-1] + margin, upper[-1] - margin, _GRID_TIMES)
+            ]
         )
-        points = []
-        for strength in GRID:
-            for time in times:
-                # the long-term law is reduced by the branch, and their mean stays the same
-                factor = x[0] - 0.5 * np.log1p(strength)
-                points.append([factor, *x[1 : n + 1], np.log(strength), *x[n + 1 :], time])
-        grid = np.array(points)
         return np.asarray(grid[self.best(grid)])
 
     def idle(self, x: FloatArray, n_branches: int) -> FloatArray:
@@ -289,12 +281,10 @@ def fit_prony(
     n_data, n_free = int(problem.known.sum()), 1 + 2 * n_branches
     if n_data <= n_free:
         raise ValueError(f"{n_free} parameters need more than {n_free} measured values, got {n_data}")
-    if start is None:
-        start = (
-            problem.scaled()
-            if n_branches == 0
-            else fit_prony(law, evidence, n_branches - 1, max_evaluations=max_evaluations).model
-        )
+    if start is None and n_branches == 0:
+        start = problem.scaled()
+    elif start is None:
+        start = fit_prony(law, evidence, n_branches - 1, max_evaluations=max_evaluations).model
     if len(start.series) > n_branches:
         raise ValueError(f"the start has {len(start.series)} branches, {n_branches} are requested")
     x = _logs_of(start)
@@ -343,7 +333,6 @@ class ApparentModuli:
     """Moduli of one test."""
 
     label: str
-    """Name of the test."""
     age: FloatArray
     """Mean age of the strain, Eq. (V.4) [s], shape [n]."""
     strain: FloatArray
@@ -363,13 +352,8 @@ def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
     same error is raised if no sample has enough strain.
     """
     if isinstance(test, DynamicTest):
-        return ApparentModuli(
-            label=test.label,
-            age=1.0 / test.angular_frequency,
-            strain=np.zeros(len(test.angular_frequency)),
-            modulus=test.storage.copy(),
-            sigma=test.sigma_storage.copy(),
-        )
+        age = 1.0 / test.angular_frequency
+        return ApparentModuli(test.label, age, np.zeros(len(age)), test.storage, test.sigma_storage)
     strain = np.log(test.stretch)
     side = 1.0 if strain[np.argmax(np.abs(strain))] > 0.0 else -1.0
     most = side * np.maximum.accumulate(side * strain)
@@ -385,52 +369,26 @@ def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
     middle = 0.5 * (test.time + np.concatenate([test.time[:1], test.time[:-1]]))
     shown = np.isfinite(test.sigma) & (np.abs(test.stretch - 1.0) >= LEAST_STRAIN)
     if not shown.any():
-        raise ValueError(
-            f"{test.label}: no sample has a measured stress and a strain of {LEAST_STRAIN:g} or more"
-        )
+        least = f"{LEAST_STRAIN:g}"
+        raise ValueError(f"{test.label}: no sample has a measured stress and a strain of {least} or more")
     age = test.time - np.cumsum(rise * middle) / np.where(strain == 0.0, 1.0, strain)
     shown &= age > 0.0
     if not shown.any():
         raise ValueError(f"{test.label}: every sample was taken at the moment of a step, where age is 0")
     lam = test.stretch[shown]
     gauss = 3.0 / (lam - lam**-2)
-    return ApparentModuli(
-        label=test.label,
-        age=age[shown],
-        strain=lam - 1.0,
-        modulus=gauss * test.stress[shown],
-        sigma=np.abs(gauss) * test.sigma[shown],
-    )
+    stress, sigma = test.stress[shown], test.sigma[shown]
+    return ApparentModuli(test.label, age[shown], lam - 1.0, gauss * stress, np.abs(gauss) * sigma)
 
 
-def dynamic_modulus(
-    *, factor: float, sigma_factor: float, young: float, strain: float, duration: float, label: str
-) -> ApparentModuli:
-    """The point of a shot: E_a,dyn = m E_a,qs [Pa], Eq. (M.1).
+def fitted_modulus(fit: RateFit, young: float, age: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """E(t) of a fit over the same axis, and its standard uncertainty by the fit's covariance [Pa].
 
-    ``strain``: largest nominal strain in the window, tension-positive [-]. ``duration``: length of the window
-    [s]. The age of the strain is half of it.
+    ``young``: initial modulus of the long-term law, 3 mu_0 [Pa]. ``age``: times after a step of strain [s].
     """
-    for name, value in (("duration", duration), ("young", young), ("factor", factor)):
-        if not 0.0 < value < np.inf:
-            raise ValueError(f"{name} must be > 0 and finite, got {value}")
-    row = (0.5 * duration, strain, factor * young, sigma_factor * young)
-    return ApparentModuli(label, *(np.array([value]) for value in row))
-
-
-def fitted_modulus(
-    fit: RateFit, young: float, age: Sequence[float] | FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """E(t) of a fit over the same axis, with its standard uncertainty [Pa].
-
-    ``fit``: from `kolsky.material.relaxation.rate_fit`. ``young``: initial modulus of the long-term law, 3
-    mu_0 [Pa]. ``age``: times after a step of strain [s]. Returns: modulus and standard uncertainty, by the
-    covariance of the logarithms.
-    """
-    t = np.asarray(age, dtype=float)
     n = len(fit.values) // 2
     factor, c, tau = fit.values[0], fit.values[1 : n + 1], fit.values[n + 1 :]
-    x = t[:, None] / tau
+    x = age[:, None] / tau
     parts = c * np.exp(-x)
     modulus = factor * young * (1.0 + parts.sum(axis=1))
     slopes = np.column_stack([modulus, factor * young * parts, factor * young * parts * x])

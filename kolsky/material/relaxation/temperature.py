@@ -68,9 +68,8 @@ class TemperatureSweep:
     def levels(self) -> FloatArray:
         """The different temperatures, ascending [K], shape [n_levels]."""
         ordered = np.sort(self.temperature)
-        return np.array(
-            [g.mean() for g in np.split(ordered, np.flatnonzero(np.diff(ordered) > EQUAL_TEMPERATURES) + 1)]
-        )
+        steps = np.flatnonzero(np.diff(ordered) > EQUAL_TEMPERATURES)
+        return np.array([group.mean() for group in np.split(ordered, steps + 1)])
 
     @property
     def level(self) -> NDArray[np.int64]:
@@ -83,7 +82,6 @@ class Superposition:
     """Shift factors of a sweep, and the law behind them."""
 
     sweep: TemperatureSweep
-    """The measured data."""
     shifts: FloatArray
     """lg a_T of each level [-], shape [n_levels]. All are free except that of the reference, which is 0."""
     sigma: FloatArray
@@ -161,13 +159,10 @@ def superpose(sweep: TemperatureSweep) -> Superposition:
         shifts[free] = s
         return shifts
 
-    found = least_squares(
-        lambda s: problem.residual(full(s)),
-        start[free],
-        diff_step=1e-4,
-        bounds=(-LARGEST_SHIFT, LARGEST_SHIFT),
-    )
-    rest, used = problem.residual(full(found.x)), problem.used(full(found.x))
+    limits = (-LARGEST_SHIFT, LARGEST_SHIFT)
+    found = least_squares(lambda s: problem.residual(full(s)), start[free], diff_step=1e-4, bounds=limits)
+    rest = problem.residual(full(found.x))
+    used = int((problem.strengths(full(found.x))[0] > 0.0).sum())
     freedom = max(1, rest.size - used - free.size)
     square = float(rest @ rest)
     scatter = square / freedom
@@ -228,24 +223,14 @@ class _Problem:
         strength, A = self.strengths(shifts)
         return np.asarray(A @ strength - self.data / self.sigma)
 
-    def used(self, shifts: FloatArray) -> int:
-        """Number of strengths above zero."""
-        return int((self.strengths(shifts)[0] > 0.0).sum())
-
 
 def _begin(sweep: TemperatureSweep, held: int) -> FloatArray:
     """Shifts between neighbours by a scan, summed from the reference."""
     levels = sweep.levels.size
     steps = np.zeros(levels)
     for k in range(1, levels):
-        trials = np.zeros((SCAN.size, levels))
-        trials[:, k] = SCAN
-        problem = _Problem(sweep, np.zeros(levels), [k - 1, k])
-        costs = []
-        for row in trials:
-            rest = problem.residual(row)
-            costs.append(float(rest @ rest))
-        steps[k] = SCAN[int(np.argmin(costs))]
+        problem, unit = _Problem(sweep, np.zeros(levels), [k - 1, k]), np.eye(levels)[k]
+        steps[k] = min(SCAN, key=lambda shift: float((problem.residual(shift * unit) ** 2).sum()))
     total = np.cumsum(steps)
     return np.asarray(total - total[held])
 

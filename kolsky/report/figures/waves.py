@@ -216,17 +216,17 @@ def bars_together(result: BarsTogether, panels: Panels) -> str:
 
 @figure(COLUMN, 70.0, [["curve"]])
 def repeats(mean: RepeatedTests, panels: Panels) -> str:
-    ax, together = panels["curve"], mean.repeats
-    factor, unit = stress_scale(together.mean)
-    for number, row in enumerate(together.values):
-        ax.plot(together.axis, factor * row, color=GREY, lw=0.5, label="" if number else "tests")
+    ax = panels["curve"]
+    factor, unit = stress_scale(mean.mean)
+    for number, row in enumerate(mean.values):
+        ax.plot(mean.axis, factor * row, color=GREY, lw=0.5, label="" if number else "tests")
     low, high = mean.band()
-    ax.fill_between(together.axis, factor * low, factor * high, color=BAND, alpha=0.4, lw=0.0, label="95 %")
-    ax.plot(together.axis, factor * together.mean, color=MEASURED, lw=1.0, label="mean")
+    ax.fill_between(mean.axis, factor * low, factor * high, color=BAND, alpha=0.4, lw=0.0, label="95 %")
+    ax.plot(mean.axis, factor * mean.mean, color=MEASURED, lw=1.0, label="mean")
     ax.set(xlabel="Nominal strain (–)", ylabel=f"Nominal stress ({unit})")
     ax.legend(loc="best")
     return (
-        f"Nominal stress against nominal strain of {mean.repeats.count} tests (grey), their mean and its 95 "
+        f"Nominal stress against nominal strain of {mean.count} tests (grey), their mean and its 95 "
         "% confidence band, with the scatter between tests and what they have in common."
     )
 

@@ -61,13 +61,12 @@ def test_acceleration_and_its_sigma(paths):
     assert 0.5 < np.sqrt(np.mean(score**2)) < 1.5
 
 
-def test_scale_and_zero_are_common_to_all_samples():
+def test_the_scale_is_common_to_all_samples():
     plain = front_path(measured(0))
-    scaled = front_path(measured(0, sigma_gain=0.01, sigma_zero=0.05))
+    scaled = front_path(measured(0, sigma_gain=0.01))
     t = 250e-6
-    own = np.hypot(0.01 * plain.position(t), 0.05 * t)
-    # The zero acts through the fit, which starts at rest a little earlier: 1 % of 250 us.
-    assert scaled.sigma_position(t) == pytest.approx(np.hypot(plain.sigma_position(t), own), rel=0.03)
+    own = 0.01 * plain.position(t)
+    assert scaled.sigma_position(t) == pytest.approx(np.hypot(plain.sigma_position(t), own), rel=1e-6)
     assert np.array_equal(scaled.jerk, plain.jerk)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kolsky.bars.records import FaceWaves, History, Reduction
-from kolsky.bars.reduction.repeated_tests import Curve, average, repeated_tests, rising
+from kolsky.bars.reduction.repeated_tests import average, repeated_tests, rising
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.reduction.summary import summarise
 from kolsky.bars.reduction.validity import (
@@ -266,50 +266,48 @@ def test_too_few_intervals_are_refused():
 X = np.linspace(0.0, 0.4, 81)
 
 
-def curve(name, value, axis=X, sigma=None):
-    return Curve(name, np.asarray(axis, dtype=float), np.asarray(value, dtype=float), sigma)
+def averaged(*values, axis=X, shared=0.0):
+    """Tests t0, t1, ... of these values, each over one axis or (axis, value)."""
+    pairs = [value if isinstance(value, tuple) else (axis, value) for value in values]
+    return average({f"t{k}": (x, y, shared + 0.0 * x) for k, (x, y) in enumerate(pairs)})
 
 
 def test_three_straight_lines_by_hand():
-    made = average([curve(f"t{k}", (10.0 + k) * X, sigma=np.full(X.size, 0.1 * k)) for k in (-1, 0, 1)])
+    made = average({f"t{k}": (X, (10.0 + k) * X, np.full(X.size, 0.1 * k)) for k in (-1, 0, 1)})
     np.testing.assert_allclose(made.axis, X, atol=1e-16)
     np.testing.assert_allclose(made.mean, 10.0 * X, rtol=1e-13)
     np.testing.assert_allclose(made.scatter, X, rtol=1e-12)  # of 9, 10, 11: 1
     np.testing.assert_allclose(made.sigma, X / np.sqrt(3.0), rtol=1e-12)
-    low, high = made.band()
+    np.testing.assert_allclose(made.shared, 0.1 * np.sqrt(2.0 / 3.0), rtol=1e-12)
+    low, high = replace(made, shared=0.0 * X).band()
     np.testing.assert_allclose(high - made.mean, 4.3027 * X / np.sqrt(3.0), rtol=2e-5)  # t_95(2), printed
     np.testing.assert_allclose(made.mean - low, high - made.mean, rtol=1e-12)
-    np.testing.assert_allclose(made.within, 0.1 * np.sqrt(2.0 / 3.0), rtol=1e-12)
-    assert (made.count, made.freedom, made.remarks) == (3, 2, ())
+    assert (made.count, made.remarks) == (3, ())
 
 
 def test_what_all_tests_share_is_not_averaged_away():
-    made = average([curve(f"t{k}", 5.0 + k + 0.0 * X) for k in (-1.0, 1.0)])
+    made = averaged(4.0 + 0.0 * X, 6.0 + 0.0 * X, shared=2.0)
     # Scatter sqrt(2), of the mean 1, and 2 that is shared.
-    u, nu = made.combined(2.0)
+    u, nu = made.combined()
     np.testing.assert_allclose(u, np.sqrt(5.0))
     np.testing.assert_allclose(nu, 25.0)  # Welch and Satterthwaite: 1 * (sqrt 5 / 1)^4
-    np.testing.assert_allclose(made.band(shared=2.0)[1] - 5.0, 2.0595 * np.sqrt(5.0), rtol=1e-4)  # t_95(25)
-    same = average([curve("a", X), curve("b", X)])
-    np.testing.assert_allclose(same.band(shared=1.0)[1] - X, 1.95996, rtol=1e-5)  # no scatter: normal
+    np.testing.assert_allclose(made.band()[1] - 5.0, 2.0595 * np.sqrt(5.0), rtol=1e-4)  # t_95(25)
+    same = averaged(X, X, shared=1.0)
+    np.testing.assert_allclose(same.band()[1] - X, 1.95996, rtol=1e-5)  # no scatter: normal
 
 
 def test_unequal_ranges_are_cut_and_said():
-    long = curve("long", 2.0 * X)
-    short = curve("short", 2.0 * X[10:51], X[10:51])
-    made = average([long, short])
+    made = averaged(2.0 * X, (X[10:51], 2.0 * X[10:51]))
     assert (made.axis[0], made.axis[-1]) == (X[10], X[50])
     assert made.axis.size == 41
-    assert made.remarks == ("long: 0 to 0.4 cut to the common range 0.05 to 0.25",)
+    assert made.remarks == ("t0: 0 to 0.4 cut to the common range 0.05 to 0.25",)
     np.testing.assert_allclose(made.mean, 2.0 * made.axis, rtol=1e-13)
-    assert average([long, short], points=5).axis.size == 5
 
 
 def test_interpolation_is_linear():
-    coarse = curve("coarse", X[::8] ** 2, X[::8])
-    made = average([coarse, coarse], points=81)
-    # h^2 / 8 times the second derivative, 2, at most.
-    off = made.mean - X**2
+    made = averaged((X[::8], X[::8] ** 2), (X[::10], X[::10] ** 2))  # steps of 0.04 and of 0.05
+    off = made.values[0] - made.axis**2
+    # h^2 / 8 times the second derivative, 2, at most: in the middle of a step, at 0.1.
     assert off.min() > -1e-15
     assert off.max() == pytest.approx(0.04**2 / 4.0, rel=1e-9)
 
@@ -320,33 +318,14 @@ def test_the_band_holds_the_truth_as_often_as_it_says(tests):
     x = np.linspace(0.0, 1.0, 3)
     held = 0
     for _ in range(2000):
-        made = average([curve(f"t{k}", x + rng.standard_normal(), x) for k in range(tests)])
-        low, high = made.band()
+        low, high = averaged(*(x + rng.standard_normal() for _ in range(tests)), axis=x).band()
         held += bool(low[1] <= 0.5 <= high[1])
     assert held / 2000 == pytest.approx(0.95, abs=0.02)  # 0.5 %, four of them
 
 
-@pytest.mark.parametrize(
-    ("curves", "message"),
-    [
-        ([curve("a", X)], "at least 2 tests, got 1"),
-        ([curve("a", X), curve("b", X, X + 1.0)], "no range in common: b starts at 1, a ends at 0.4"),
-        ([curve("a", X), curve("b", X[:-1])], "b: axis, value and sigma need one length"),
-        ([curve("a", X), curve("b", X, np.minimum(X, 0.3))], r"b: the axis must increase, .* at point 61"),
-        ([curve("a", X), curve("b", np.where(X > 0.2, np.nan, X))], "b: every axis value"),
-    ],
-)
-def test_impossible_repeats_are_refused(curves, message):
-    with pytest.raises(ValueError, match=message):
-        average(curves)
-
-
-def test_impossible_options_are_refused():
-    pair = [curve("a", X), curve("b", X)]
-    with pytest.raises(ValueError, match="at least 2 points, got 1"):
-        average(pair, points=1)
-    with pytest.raises(ValueError, match=r"inside \(0, 1\), got 95"):
-        average(pair).band(95)
+def test_tests_without_a_common_range_are_refused():
+    with pytest.raises(ValueError, match=r"no range in common: t1 starts at 1, t0 ends at 0\.4"):
+        averaged(X, (X + 1.0, X))
 
 
 @pytest.mark.parametrize(
@@ -390,20 +369,17 @@ def repeats_reduction(strength, rate):
 
 def test_reductions_of_repeated_tests():
     made = repeated_tests({"a": repeats_reduction(100e6, 1000.0), "b": repeats_reduction(120e6, 1200.0)})
-    assert made.unit == "Pa"
-    flat = (made.repeats.axis > 0.05) & (made.repeats.axis < 0.11)
-    np.testing.assert_allclose(made.repeats.mean[flat], 110e6, rtol=1e-9)
-    np.testing.assert_allclose(made.repeats.scatter[flat], 20e6 / np.sqrt(2.0), rtol=1e-9)
+    flat = (made.axis > 0.05) & (made.axis < 0.11)
+    np.testing.assert_allclose(made.mean[flat], 110e6, rtol=1e-9)
+    np.testing.assert_allclose(made.scatter[flat], 20e6 / np.sqrt(2.0), rtol=1e-9)
     single = repeats_reduction(100e6, 1000.0).stress["three waves"].sigma[0]
     np.testing.assert_allclose(made.shared, single, rtol=1e-12)
-    np.testing.assert_allclose(made.history().sigma[flat], np.hypot(10e6, single), rtol=1e-9)
+    np.testing.assert_allclose(made.combined()[0][flat], np.hypot(10e6, single), rtol=1e-9)
     # t_95 = 12.706 with one degree of freedom; what is shared raises the degrees by 1e-6 here.
     np.testing.assert_allclose(made.band()[1][flat] - 110e6, 12.706 * 10e6, rtol=1e-3)
     # Constant rate from 30 to 150 us, ramps half of 20 us: 0.130 and 0.156; the strain falls behind 168 us.
-    assert made.repeats.axis[-1] == pytest.approx(
-        0.5 * 1000 * 20e-6 + 1000 * 120e-6 + 0.5 * 1000 * 18.2e-6, rel=2e-3
-    )
-    assert [remark[:20] for remark in made.repeats.remarks] == [
+    assert made.axis[-1] == pytest.approx(0.5 * 1000 * 20e-6 + 1000 * 120e-6 + 0.5 * 1000 * 18.2e-6, rel=2e-3)
+    assert [remark[:20] for remark in made.remarks] == [
         "a: loading from stra",
         "b: loading from stra",
         "b: 0 to 0.1669 cut t",

@@ -72,7 +72,7 @@ def found(test, off=0.0, theta=0.0, refined=True):
     J = np.ones((N, 1)) / test.noise[:, None]
     missed = np.log(made.stress / test.stress)
     mesh = test.mesh_error(model, x, made) if refined else None
-    return ModelOptimum(model, x, made, J, float(np.sum((missed / test.noise) ** 2)), 3, missed, mesh)
+    return ModelOptimum(model, x, made, J, float(np.sum((missed / test.noise) ** 2)), missed, mesh)
 
 
 def band(noise=0.0, mode=None):
@@ -169,7 +169,6 @@ def test_a_fit_moves_to_its_own_refined_mesh():
     np.testing.assert_allclose(moved.theta, [FINER], rtol=1e-12)
     np.testing.assert_allclose(moved.jacobian, 1.0 / noise)
     np.testing.assert_allclose(moved.mesh.stress, -FINER)
-    assert moved.evaluations == one.evaluations + 1
     assert (moved.chi2, moved.misfit) == (pytest.approx(0.0, abs=1e-20), pytest.approx(0.0, abs=1e-12))
 
 
@@ -266,7 +265,7 @@ def test_constants_move_with_the_mesh():
 def test_a_constant_whose_interval_reaches_zero_is_not_determined():
     none = np.zeros(0)
     constants, sigma = {"a": 2.1, "b": -2.1, "c": 1.9, "d": -1.9}, dict.fromkeys("abcd", 1.0)
-    law = ModelFit("law", constants, sigma, np.eye(4), none, 0.0, 0.0, 1.0, 1)
+    law = ModelFit("law", constants, sigma, np.eye(4), none, 0.0, 0.0, 1.0)
     assert law.not_determined == ("c", "d")
     assert model_summary(law)["not_determined"] == ["c", "d"]
 
@@ -275,7 +274,7 @@ def test_a_limit_beyond_every_strain_is_not_determined():
     none = np.zeros(0)
     for Jm, determined in ((99e3, True), (101e3, False)):
         constants, sigma = {"mu": 2e6, "Jm": Jm}, {"mu": 1.0, "Jm": 1.0}
-        law = ModelFit("gent", constants, sigma, np.eye(2), none, 0.0, 0.0, 1.0, 1)
+        law = ModelFit("gent", constants, sigma, np.eye(2), none, 0.0, 0.0, 1.0)
         assert law.not_determined == (() if determined else ("Jm",))
 
 
@@ -411,9 +410,7 @@ def test_more_nodes_are_tried_until_the_residual_is_noise(monkeypatch):
     def fitted(test, model, start):
         counts.append(model.nodes.size)
         chi2 = {5: 40.0, 7: 23.0, 10: 1.0}[model.nodes.size]  # 16 points: 24 is the limit
-        return ModelOptimum(
-            model, np.zeros(model.nodes.size), None, np.zeros((N + 3, 1)), chi2, 1, np.zeros(N)
-        )
+        return ModelOptimum(model, np.zeros(model.nodes.size), None, np.zeros((N + 3, 1)), chi2, np.zeros(N))
 
     monkeypatch.setattr(fits, "fit_model", fitted)
     fits.fit_nodes(made_test(), continuations=("tangent",))

@@ -1,5 +1,7 @@
 """Fits: known constants, normal equations, covariance and draws, weights, outcomes, criteria by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -108,17 +110,13 @@ def test_known_noise_and_its_weights():
     assert found.aic == pytest.approx(chi2 + 2.0)
 
 
-def test_relative_and_weighted_fits_by_hand():
+def test_absolute_and_relative_fits_by_hand():
     rng = np.random.default_rng(5)
     tests = planted(LAWS["neo_hookean"](1e4), (Mode.UNIAXIAL, Mode.PLANAR), noise=500.0, rng=rng)
-    heavy = HomogeneousTest("h", tests[1].mode, tests[1].deformation, tests[1].stress, weight=9.0)
     g = [STRETCH - STRETCH**-2, STRETCH - STRETCH**-3]
-    found = fit_law(LAWS["neo_hookean"], [tests[0], heavy])
-    w = (1.0, 9.0)
-    top = sum(k * (a @ t.stress) for k, a, t in zip(w, g, tests, strict=True))
-    assert found.values["mu"] == pytest.approx(
-        top / sum(k * (a @ a) for k, a in zip(w, g, strict=True)), rel=1e-9
-    )
+    found = fit_law(LAWS["neo_hookean"], tests)
+    top = sum(a @ t.stress for a, t in zip(g, tests, strict=True))
+    assert found.values["mu"] == pytest.approx(top / sum(a @ a for a in g), rel=1e-9)
     found = fit_law(LAWS["neo_hookean"], tests, weighting=Weighting.RELATIVE)
     ratio = np.concatenate([a / t.stress for a, t in zip(g, tests, strict=True)])
     assert found.values["mu"] == pytest.approx(ratio.sum() / (ratio @ ratio), rel=1e-9)
@@ -238,7 +236,7 @@ def test_repeats_by_hand():
     np.testing.assert_allclose(made.deformation, np.linspace(1.0, 0.5, 11))
     np.testing.assert_allclose(made.stress, made.deformation - 1.0, atol=1e-15)
     assert made.sigma is None  # at rest all tests agree: a sigma of zero weights nothing
-    inner = mean_test([t.within(-0.5, -0.1) for t in tests], points=5)
+    inner = mean_test([replace(t, deformation=t.deformation[5:], stress=t.stress[5:]) for t in tests])
     np.testing.assert_allclose(inner.sigma, 0.1 * np.abs(inner.stress) / np.sqrt(3.0))
     with pytest.raises(ValueError, match="opposite directions"):
         mean_test([tests[0], HomogeneousTest("pull", Mode.UNIAXIAL, 2.0 - lam, 1.0 - lam)])
@@ -255,7 +253,6 @@ def test_repeats_by_hand():
         ({"deformation": np.linspace(-0.1, 0.9, 5)}, "t: uniaxial: stretch must be > 0"),
         ({"deformation": np.linspace(0.5, 0.9, 4)}, "must have one shape"),
         ({"sigma": np.zeros(5)}, "sigma must be > 0 Pa"),
-        ({"weight": 0.0}, "weight must be > 0"),
     ],
 )
 def test_a_test_that_cannot_be_is_refused(change, message):

@@ -165,9 +165,6 @@ def test_criteria_of_a_rate_fit_by_hand():
     assert fit.aic == pytest.approx(42.0)
     assert fit.bic == pytest.approx(36.0 + 3 * np.log(21))
     assert fit.interval("time 1") == pytest.approx((2.0 * np.exp(-0.6), 2.0 * np.exp(0.6)))
-    assert fit.interval("time 1", coverage_factor=1.0) == pytest.approx(
-        (2.0 * np.exp(-0.3), 2.0 * np.exp(0.3))
-    )
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_few_readings_are_compared_where_they_are_and_what_they_leave_open_is_na
     def fitted(band, *_, **__):
         bands.append(band)
         constants, sigma = {"C10": 1000.0, "C20": 90.0}, {"C10": 2.0, "C20": 100.0}
-        return (ModelFit("yeoh", constants, sigma, np.eye(2), band.stress, 0.0, 0.0, 1.0, 1),)
+        return (ModelFit("yeoh", constants, sigma, np.eye(2), band.stress, 0.0, 0.0, 1.0),)
 
     monkeypatch.setattr(correct, "fit_specimen", fitted)
     words = ["material", "fit", tmp_path / "push.csv", "--displacement", "Travel", "--force", "Load"]

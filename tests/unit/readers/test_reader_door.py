@@ -26,7 +26,6 @@ import numpy as np
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Contents, file_hash, head_of, stated_clock
 
-BINARY = True
 HEAD = struct.Struct("<4sddI")
 
 
@@ -113,10 +112,3 @@ def test_commands_and_recordings_know_a_new_reader(
     assert "format: madeup" in run.stdout
     refused = run_kolsky("channels", path, "--format", "wav", code=2)
     assert "madeup" in refused.output  # among the formats that may be said
-
-
-def test_every_format_says_whether_it_is_binary() -> None:
-    assert {name: form.BINARY for name, form in FORMATS.items()} == {
-        "excel": True, "excel 97": True, "tdms": True, "matlab": True, "hdf5": True, "lvm": False,
-        "tektronix": False, "lanl": False, "scope": True, "delimited": False,
-    }  # fmt: skip
