@@ -16,34 +16,11 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom, binomtest
 
+from kolsky.base.arrays import FloatArray
 from kolsky.identification import identify
 from kolsky.inverse.result import Verdict
-from populations.coverage_problem import (
-    BONDED,
-    GROUP,
-    SLIDING,
-    SURFACES,
-    TRUTH_ELEMENTS,
-    TRUTH_GRADING,
-    FloatArray,
-    drawn,
-    experiment,
-    middle,
-    simulate,
-)
-from populations.driver import (
-    TruthStudy,
-    about,
-    add_meshes,
-    answers,
-    command,
-    hold,
-    markdown,
-    numbers,
-    results,
-    settings,
-    write,
-)
+from populations import coverage_problem as problem
+from populations import driver
 
 PARAMETERS = {
     "m": "stiffness_factor",
@@ -55,7 +32,7 @@ PARAMETERS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(TruthStudy):
+class Study(driver.TruthStudy):
     """Settings of a study. A truth is the mean of both elements on its mesh, see `TRUTH_GRADING`."""
 
     free: tuple[str, ...]
@@ -75,7 +52,7 @@ class Study(TruthStudy):
     @property
     def interface(self) -> str:
         """Contact law of faces and side."""
-        return self.surface or (SLIDING if "friction" in self.free else BONDED)
+        return self.surface or (problem.SLIDING if "friction" in self.free else problem.BONDED)
 
 
 @dataclass(frozen=True)
@@ -107,10 +84,10 @@ class Found:
 def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> Found:
     """Identify one experiment."""
     started = time.perf_counter()
-    setup, truth = drawn(number, study.seed)
+    setup, truth = problem.drawn(number, study.seed)
     rng = np.random.default_rng([study.seed, 1, number])
-    shot = experiment(number, setup, truth, (force, Z), study.interface, rng)
-    asked = settings(study, free=dict.fromkeys(study.free), seed=study.seed + number)
+    shot = problem.experiment(number, setup, truth, (force, Z), study.interface, rng)
+    asked = driver.settings(study, free=dict.fromkeys(study.free), seed=study.seed + number)
     true = {name: float(getattr(truth, name)) for name in study.free}
     nothing = dict.fromkeys(study.free, float("nan"))
     try:
@@ -143,20 +120,20 @@ def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> F
 def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
     """Simulate and store the exact force and outline of some experiments of one group."""
     started = time.perf_counter()
-    pairs = [drawn(number, study.seed) for number in numbers]
+    pairs = [problem.drawn(number, study.seed) for number in numbers]
     one, other = (
-        simulate(
+        problem.simulate(
             pairs[0][0],
             [truth for _, truth in pairs],
             mesh=study.truth_mesh,
             device=study.truth_device,
             element=element,
             interface=study.interface,
-            grading=TRUTH_GRADING,
+            grading=problem.TRUTH_GRADING,
         )
-        for element in TRUTH_ELEMENTS
+        for element in problem.TRUTH_ELEMENTS
     )
-    seen = [middle(*both) for both in zip(one, other, strict=True)]
+    seen = [problem.middle(*both) for both in zip(one, other, strict=True)]
     for number, (force, Z) in zip(numbers, seen, strict=True):
         place = truth_file(study, folder, number)
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -198,18 +175,20 @@ def run(
 ) -> list[dict[str, Any]]:
     """Answers of the experiments in order. With `truths_only` only the missing truths are made, and no answer
     is returned."""
-    hold(study, folder)
+    driver.hold(study, folder)
     missing = [
         n for n in numbers
         if not (answer_file(folder, n).exists() or truth_file(study, folder, n).exists())
     ]  # fmt: skip
-    groups = [(study, folder, list(group)) for _, group in groupby(sorted(missing), lambda n: n // GROUP)]
-    for words in results(make_truths, groups, workers):
+    groups = [
+        (study, folder, list(group)) for _, group in groupby(sorted(missing), lambda n: n // problem.GROUP)
+    ]
+    for words in driver.results(make_truths, groups, workers):
         print(words, flush=True)
     if truths_only:
         return []
     jobs = {answer_file(folder, n): (study, folder, n) for n in numbers}
-    return answers(answer, jobs, workers=workers, line=line)
+    return driver.answers(answer, jobs, workers=workers, line=line)
 
 
 NOMINAL = 0.9545
@@ -348,7 +327,7 @@ def table(said: dict[str, Any]) -> str:
         (f"covered by the {words} alone", [_route(said[p], route) for p in names])
         for words, route in (("force", "force only"), ("outline", "shape only"))
     ]
-    return markdown(["", *heads], ([words, *cells] for words, cells in rows))
+    return driver.markdown(["", *heads], ([words, *cells] for words, cells in rows))
 
 
 def _answered(one: dict[str, Any]) -> str:
@@ -380,15 +359,15 @@ def _shown(name: str, value: float | None) -> str:
 
 def main() -> None:
     """Run or continue a study and write its summary."""
-    parser = command(__doc__, seed=1, table=table)
-    add_meshes(parser, truth=Study.truth_mesh)
+    parser = driver.command(__doc__, seed=1, table=table)
+    driver.add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument(
         "--free", type=_free, default=("stiffness_factor",), help="m, or m,beta or m,poisson,beta or m,f,beta"
     )
     words = "contact law of faces and side; coulomb where the friction is free, else bonded"
-    parser.add_argument("--surface", choices=SURFACES, default="", help=words)
+    parser.add_argument("--surface", choices=problem.SURFACES, default="", help=words)
     parser.add_argument("--experiments", type=int, default=200)
-    parser.add_argument("--rows", type=numbers, help="FIRST:STOP, a part of the experiments")
+    parser.add_argument("--rows", type=driver.numbers, help="FIRST:STOP, a part of the experiments")
     parser.add_argument("--truths", action="store_true", help="make the truths, identify nothing")
     given = parser.parse_args()
     study = Study.of(given)
@@ -401,9 +380,9 @@ def main() -> None:
         "this call": time.perf_counter() - started,
         "each": float(np.mean([e["seconds"] for e in each])),
     }
-    whole = {**about(study, given), "seconds": seconds, **summary(each)}
+    whole = {**driver.about(study, given), "seconds": seconds, **summary(each)}
     print(json.dumps(whole, indent=2))
-    write(given.out / "summary.json", {**whole, "each": each}, indent=1)
+    driver.write(given.out / "summary.json", {**whole, "each": each}, indent=1)
 
 
 def _free(text: str) -> tuple[str, ...]:
