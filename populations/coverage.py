@@ -8,7 +8,7 @@ one file for each answer; a folder next to it stores the truths.
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom, binomtest
 
-from kolsky.base.arrays import FloatArray
 from kolsky.identification import identify
 from kolsky.inverse.result import Verdict
 from populations import coverage_problem as problem
@@ -55,66 +54,54 @@ class Study(driver.TruthStudy):
         return self.surface or (problem.SLIDING if "friction" in self.free else problem.BONDED)
 
 
-@dataclass(frozen=True)
-class Found:
-    """One experiment and its answer; NaN where there is none."""
+def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
+    """Identify one experiment whose truth is stored.
 
-    number: int
-    truth: dict[str, float]
-    value: dict[str, float]
-    sigma: dict[str, float]
-    """Combined standard uncertainty."""
-    correction: dict[str, float]
-    """Correction of the value by extrapolation to an infinitely fine mesh."""
-    parts: dict[str, dict[str, float]]
-    """Standard uncertainties of each parameter by source, of the noise and of the numerics."""
-    routes: dict[str, dict[str, list[float]]]
-    """Value and standard uncertainty of each parameter from the force only and from the outline only."""
-    profile: dict[str, list[float]]
-    """95 % interval of the profile likelihood, on the refined mesh."""
-    outcome: str
-    """Verdicts, or the reason for a missing answer."""
-    warnings: list[str]
-    figures: dict[str, float]
-    """Results of the search from `Identification.surrogate`: shift of the flyer's path, next local
-    minimum."""
-    seconds: float
-
-
-def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> Found:
-    """Identify one experiment."""
+    `sigma` is the combined standard uncertainty, `correction` the extrapolation to an infinitely fine mesh,
+    `parts` the standard uncertainties by source, `routes` value and standard uncertainty from the force only
+    and from the outline only, `profile` the 95 % interval of the profile likelihood on the refined mesh,
+    `outcome` the verdicts or the reason for a missing answer, whose numbers are NaN, and `figures` the
+    results of the search.
+    """
     started = time.perf_counter()
     setup, truth = problem.drawn(number, study.seed)
+    with np.load(truth_file(study, folder, number)) as stored:
+        seen = stored["force"], stored["Z"]
     rng = np.random.default_rng([study.seed, 1, number])
-    shot = problem.experiment(number, setup, truth, (force, Z), study.interface, rng)
+    shot = problem.experiment(number, setup, truth, seen, study.interface, rng)
     asked = driver.settings(study, free=dict.fromkeys(study.free), seed=study.seed + number)
-    true = {name: float(getattr(truth, name)) for name in study.free}
-    nothing = dict.fromkeys(study.free, float("nan"))
+    said: dict[str, Any] = {
+        "number": number,
+        "truth": {name: float(getattr(truth, name)) for name in study.free},
+        **{key: dict.fromkeys(study.free, float("nan")) for key in ("value", "sigma", "correction")},
+        "parts": {name: {} for name in study.free},
+        "routes": {},
+        "profile": {},
+        "warnings": [],
+        "figures": {},
+    }
     try:
         result = identify(shot, asked)
     except ValueError as error:
-        parts: dict[str, dict[str, float]] = {name: {} for name in study.free}
-        spent = time.perf_counter() - started
-        return Found(number, true, nothing, nothing, nothing, parts, {}, {}, str(error), [], {}, spent)
+        return {**said, "outcome": str(error), "seconds": time.perf_counter() - started}
     e = result.estimates
-    return Found(
-        number=number,
-        truth=true,
-        value={name: e[name].value for name in study.free},
-        sigma={name: e[name].sigma for name in study.free},
-        correction={name: e[name].mesh_correction for name in study.free},
-        parts={name: {**e[name].noise_parts, **e[name].numerical_parts} for name in study.free},
-        routes={
+    return {
+        **said,
+        "value": {name: e[name].value for name in study.free},
+        "sigma": {name: e[name].sigma for name in study.free},
+        "correction": {name: e[name].mesh_correction for name in study.free},
+        "parts": {name: {**e[name].noise_parts, **e[name].numerical_parts} for name in study.free},
+        "routes": {
             route.name: {name: [route.parameters[name], route.sigma[name]] for name in study.free}
             for route in result.routes
             if route.sigma
         },
-        profile={profile.name: list(profile.interval) for profile in result.profiles},
-        outcome="; ".join(sorted({estimate.outcome.value for estimate in e.values()})),
-        warnings=list(result.warnings),
-        figures=dict(result.surrogate),
-        seconds=time.perf_counter() - started,
-    )
+        "profile": {profile.name: list(profile.interval) for profile in result.profiles},
+        "outcome": "; ".join(sorted({estimate.outcome.value for estimate in e.values()})),
+        "warnings": list(result.warnings),
+        "figures": dict(result.surrogate),
+        "seconds": time.perf_counter() - started,
+    }
 
 
 def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
@@ -141,12 +128,6 @@ def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
         np.savez_compressed(partial, force=force, Z=Z)
         partial.replace(place)
     return f"truths {numbers[0]} to {numbers[-1]}: {time.perf_counter() - started:.0f} s"
-
-
-def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
-    """Identify one experiment whose truth is stored; returns the fields of `Found`."""
-    with np.load(truth_file(study, folder, number)) as stored:
-        return asdict(identified(study, number, stored["force"], stored["Z"]))
 
 
 def line(one: dict[str, Any]) -> str:
@@ -206,7 +187,7 @@ UNITS = {"damping": (1e6, "µs")}
 SYMBOLS = {"stiffness_factor": "$m$", "poisson": "$\\nu$", "damping": "$\\beta$", "friction": "$f$"}
 
 Each = list[dict[str, Any]]
-"""Experiments, each the fields of `populations.coverage.Found`."""
+"""Answers, see `answer`."""
 
 
 def summary(each: Each) -> dict[str, Any]:
