@@ -278,7 +278,7 @@ def table(said: dict[str, Any]) -> str:
     """One study as a Markdown table with one column for each parameter."""
     names = said["study"]["free"]
     n, (low, high) = said["experiments"], said["exact interval, 95 % of studies"]
-    exact = f"{100 * low:.1f} to {100 * high:.1f} %"
+    exact, misses = f"{100 * low:.1f} to {100 * high:.1f} %", "misses: too high, too low"
     heads = [SYMBOLS[name] + (f" ({UNITS[name][1]})" if name in UNITS else "") for name in names]
     rows: list[tuple[str, list[str]]] = [
         (f"intervals that hold the truth, of {n}", [f"{100 * said[p]['covered']:.1f} %" for p in names]),
@@ -287,7 +287,7 @@ def table(said: dict[str, Any]) -> str:
             f"of the {said.get('called identified', '–')} that are called identified",
             [_answered(said[p]) for p in names],
         ),
-        ("misses: too high, too low", [_misses(said[p]) for p in names]),
+        (misses, ["{above}, {below}".format(**said[p]["misses, value too high and too low"]) for p in names]),
     ]
     rows += [
         (words, [_shown(p, said[p][key]) for p in names])
@@ -319,11 +319,6 @@ def _answered(one: dict[str, Any]) -> str:
         return "–"
     low, high = one["exact interval of those, 95 % of studies"]
     return f"{100 * share:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
-
-
-def _misses(one: dict[str, Any]) -> str:
-    misses = one["misses, value too high and too low"]
-    return f"{misses['above']}, {misses['below']}"
 
 
 def _route(one: dict[str, Any], route: str) -> str:

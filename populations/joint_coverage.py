@@ -183,13 +183,14 @@ def summary(each: Each) -> dict[str, Any]:
     rejected draw counts as not covering and without relaxation."""
     answered = [one for one in each if one["found"] is not None]
     choices = [one["found"]["model_choice"] for one in answered]
+    verdicts = [{e["outcome"] for e in one["found"]["estimates"].values()} for one in answered]
     return {
         "draws": len(each),
         "answered": len(answered),
         "relaxation asked for": driver.share(sum(choice["asked_for"] for choice in choices), len(each)),
         "not decided": sum(choice["sentence"].startswith("not decided") for choice in choices),
         "pairs within 2 sigma": driver.share(sum(pair_found(one) for one in answered), len(each)),
-        "called identified": sum(all_identified(one) for one in answered),
+        "called identified": sum(said <= ANSWERS for said in verdicts),
         **{name: _parameter(name, answered, len(each)) for name in NAMES},
         "each": [_short(one) for one in each],
     }
@@ -217,11 +218,6 @@ def pair_found(one: dict[str, Any]) -> bool:
     """Whether strength and time are both within two standard uncertainties of the truth."""
     found, true = one["found"]["estimates"], one["truth"]
     return all(abs(found[name]["value"] - true[name]) <= 2.0 * found[name]["sigma"] for name in PAIR)
-
-
-def all_identified(one: dict[str, Any]) -> bool:
-    """Whether every verdict of a draw is an answer."""
-    return all(e["outcome"] in ANSWERS for e in one["found"]["estimates"].values())
 
 
 def _short(one: dict[str, Any]) -> dict[str, Any]:
