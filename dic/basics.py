@@ -33,6 +33,14 @@ def median(values: FloatArray, axis: int = 0) -> FloatArray:
     return np.asarray(ordered[half] if len(ordered) % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
 
 
+def check_fields(record: object, **checks: tuple[bool, str]) -> None:
+    """Raise ValueError for the first field of a record that is not right; ``checks``: whether it is, and its
+    range in words."""
+    for name, (right, allowed) in checks.items():
+        if not right:
+            raise ValueError(f"{name} must be {allowed}, got {getattr(record, name)}")
+
+
 def zncc(f: FloatArray, g: FloatArray) -> float:
     """Zero-normalised cross-correlation of two samples [-], shape [n] each; -1 if one of them is constant."""
     f, g = f - f.mean(), g - g.mean()

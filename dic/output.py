@@ -41,8 +41,13 @@ class Row:
 
 def reporting_table(result: StereoResult) -> tuple[Row, ...]:
     """The reporting table of a result, in the order of the guide."""
-    facts = result.facts
-    return (*_hardware(result, facts), *_pattern(result, facts), *_analysis(result, facts), *_noise(result))
+    parts = {
+        "hardware": _hardware(result, result.facts),
+        "pattern": _pattern(result, result.facts),
+        "analysis": _analysis(result, result.facts),
+        "noise floor": _noise(result),
+    }
+    return tuple(Row(part, name, value) for part, rows in parts.items() for name, value in rows.items())
 
 
 def geometry(result: StereoResult) -> dict[str, float]:
@@ -67,125 +72,99 @@ def geometry(result: StereoResult) -> dict[str, float]:
     }
 
 
-def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> dict[str, str]:
     stated = {name: facts.get("reporting", {}).get(name) or NOT_STATED for name in STATED}
     pictures, geometry_facts = facts["pictures"], geometry(result)
     rows, columns = pictures["shape"]
     per_mm = (1e-3 * geometry_facts["scale_x"], 1e-3 * geometry_facts["scale_y"])
     sensors = [camera.sensor for camera in result.rig.cameras]
     sensor = "; ".join(f"{s[0]} x {s[1]} px" for s in sensors if s is not None)
+    rate = 1.0 / np.median(np.diff(result.t))
     crops = "; ".join(f"({x:g}, {y:g})" for x, y in pictures["crop_offset"])
-    entries = [
-        ("camera", stated["camera"]),
-        ("sensor", sensor or NOT_STATED),
-        ("image resolution", f"{columns} x {rows} px at {crops} px of the sensors, {pictures['bits']} bits"),
-        ("lens", stated["lens"]),
-        ("aperture", stated["aperture"]),
-        ("exposure", stated["exposure"]),
-        ("lighting", stated["lighting"]),
-        ("field of view", f"{columns / per_mm[0]:.3g} x {rows / per_mm[1]:.3g} mm"),
-        ("image scale", f"{per_mm[0]:.4g} px/mm across, {per_mm[1]:.4g} px/mm along the axis"),
-        ("stereo angle", f"{np.degrees(geometry_facts['stereo_angle']):.4g} degrees"),
-        ("stand-off distance", f"{1e3 * geometry_facts['distance']:.4g} mm"),
-        (
-            "image acquisition rate",
-            f"{1.0 / np.median(np.diff(result.t)):.6g} frames/s, {len(result.t)} frames",
-        ),
-        ("patterning technique", stated["pattern"]),
-    ]
-    return [Row("hardware", name, value) for name, value in entries]
+    return {
+        "camera": stated["camera"],
+        "sensor": sensor or NOT_STATED,
+        "image resolution": f"{columns} x {rows} px at {crops} px of the sensors, {pictures['bits']} bits",
+        "lens": stated["lens"],
+        "aperture": stated["aperture"],
+        "exposure": stated["exposure"],
+        "lighting": stated["lighting"],
+        "field of view": f"{columns / per_mm[0]:.3g} x {rows / per_mm[1]:.3g} mm",
+        "image scale": f"{per_mm[0]:.4g} px/mm across, {per_mm[1]:.4g} px/mm along the axis",
+        "stereo angle": f"{np.degrees(geometry_facts['stereo_angle']):.4g} degrees",
+        "stand-off distance": f"{1e3 * geometry_facts['distance']:.4g} mm",
+        "image acquisition rate": f"{rate:.6g} frames/s, {len(result.t)} frames",
+        "patterning technique": stated["pattern"],
+    }
 
 
-def _pattern(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+def _pattern(result: StereoResult, facts: Mapping[str, Any]) -> dict[str, str]:
     """The speckle report, camera by camera."""
     geometry_facts = geometry(result)
     per_mm = 1e-3 * float(np.sqrt(geometry_facts["scale_x"] * geometry_facts["scale_y"]))
-    subset, rows = facts["settings"]["subset"], []
+    subset, rows = facts["settings"]["subset"], {}
     for camera, speckle in enumerate(facts.get("speckle", ())):
         if "problem" in speckle:
-            rows.append(Row("pattern", f"camera {camera}", f"{NOT_STATED}: {speckle['problem']}"))
+            rows[f"camera {camera}"] = f"{NOT_STATED}: {speckle['problem']}"
             continue
         (x, y), edges = speckle["size"], speckle["size_by_edges"]
-        entries = [
-            (
-                "feature size",
-                f"{x:.3g} x {y:.3g} px by autocorrelation, {edges:.3g} px by edges; "
-                f"{0.5 * (x + y) / per_mm:.3g} mm",
-            ),
-            ("coverage", f"{100.0 * speckle['coverage']:.3g} % dark"),
-            ("mean intensity gradient", f"{speckle['mean_gradient']:.4g} grey/px"),
-            ("grey noise", f"{speckle['noise']:.3g} grey"),
-        ]
+        entries = {
+            "feature size": f"{x:.3g} x {y:.3g} px by autocorrelation, {edges:.3g} px by edges; "
+            f"{0.5 * (x + y) / per_mm:.3g} mm",
+            "coverage": f"{100.0 * speckle['coverage']:.3g} % dark",
+            "mean intensity gradient": f"{speckle['mean_gradient']:.4g} grey/px",
+            "grey noise": f"{speckle['noise']:.3g} grey",
+        }
         if speckle["floor"] is not None:
-            entries.append(
-                ("predicted noise floor", f"{speckle['floor']:.2g} px, median over subsets of {subset} px")
+            floor, needed = f"{speckle['floor']:.2g} px", speckle["needed"]
+            entries["predicted noise floor"] = f"{floor}, median over subsets of {subset} px"
+            enough = "no subset tried" if needed is None else f"one of {needed} px"
+            entries["subset too small"] = (
+                f"at {100.0 * speckle['too_small']:.2g} % of the places for {speckle['wanted']:g} px; "
+                f"{enough} would be enough at 95 %"
             )
-            subset_text = "no subset tried" if speckle["needed"] is None else f"one of {speckle['needed']} px"
-            entries.append(
-                (
-                    "subset too small",
-                    f"at {100.0 * speckle['too_small']:.2g} % of the places for {speckle['wanted']:g} px; "
-                    f"{subset_text} would be enough at 95 %",
-                )
-            )
-        rows += [Row("pattern", f"{name}, camera {camera}", value) for name, value in entries]
-    return rows or [Row("pattern", "feature size", NOT_STATED)]
+        rows |= {f"{name}, camera {camera}": value for name, value in entries.items()}
+    return rows or {"feature size": NOT_STATED}
 
 
-def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> dict[str, str]:
     settings = facts["settings"]
     subset, step, window = settings["subset"], settings["step"], settings["strain_window"]
     gauge = result.strain.gauge
     per_mm = 1e-3 * geometry(result)["scale_x"]
     prefilter = settings["prefilter"]
-    entries = [
-        ("software", str(facts.get("software", NOT_STATED))),
-        ("image filtering", f"Gaussian, standard deviation {prefilter:g} px" if prefilter > 0.0 else "none"),
-        ("subset size", f"{subset} px, {subset / per_mm:.3g} mm"),
-        ("step size", f"{step} px, {step / per_mm:.3g} mm"),
-        (
-            "subset shape function",
-            f"{settings['shape']} in time, {settings['stereo_shape']} between the cameras",
-        ),
-        ("matching criterion", str(settings["criterion"])),
-        ("interpolant", str(settings["interpolant"])),
-        ("reference", str(settings["reference"])),
-        ("strain window", f"{window} x {window} points"),
-        ("virtual strain gauge", f"{gauge:g} px, {gauge / per_mm:.3g} mm"),
-        (
-            "strain formulation",
-            "Green-Lagrange, from linear fits of the places at rest and now over the window",
-        ),
-        ("post-processing filter", "none"),
-        ("calibration", str(facts.get("calibration", NOT_STATED))),
-        ("epipolar distance, rms", f"{result.specimen.epipolar_rms:.3g} px"),
-    ]
-    return [Row("analysis", name, value) for name, value in entries]
+    return {
+        "software": str(facts.get("software", NOT_STATED)),
+        "image filtering": f"Gaussian, standard deviation {prefilter:g} px" if prefilter > 0.0 else "none",
+        "subset size": f"{subset} px, {subset / per_mm:.3g} mm",
+        "step size": f"{step} px, {step / per_mm:.3g} mm",
+        "subset shape function": f"{settings['shape']} in time, {settings['stereo_shape']} between "
+        "the cameras",
+        "matching criterion": str(settings["criterion"]),
+        "interpolant": str(settings["interpolant"]),
+        "reference": str(settings["reference"]),
+        "strain window": f"{window} x {window} points",
+        "virtual strain gauge": f"{gauge:g} px, {gauge / per_mm:.3g} mm",
+        "strain formulation": "Green-Lagrange, from linear fits of the places at rest and now over "
+        "the window",
+        "post-processing filter": "none",
+        "calibration": str(facts.get("calibration", NOT_STATED)),
+        "epipolar distance, rms": f"{result.specimen.epipolar_rms:.3g} px",
+    }
 
 
-def _noise(result: StereoResult) -> list[Row]:
+def _noise(result: StereoResult) -> dict[str, str]:
     noise = result.noise
     axes = ("x, across", "y, along the axis", "Z, out of plane")
-    rows = [
-        Row(
-            "noise floor",
-            f"displacement {axis}",
-            f"{1e6 * noise.time[k]:.3g} µm in time, {1e6 * noise.space[k]:.3g} µm in space "
-            f"(predicted {1e6 * noise.sigma[k]:.3g} µm)",
-        )
-        for k, axis in enumerate(axes)
-    ]
+    each = zip(axes, 1e6 * noise.time, 1e6 * noise.space, 1e6 * noise.sigma, strict=True)
+    rows = {
+        f"displacement {axis}": f"{time:.3g} µm in time, {space:.3g} µm in space (predicted {sigma:.3g} µm)"
+        for axis, time, space, sigma in each
+    }
     for name, value in zip(("around the axis", "along the axis", "shear"), result.strain_noise, strict=True):
         text = NOT_STATED if not np.isfinite(value) else f"{1e6 * value:.3g} µm/m in time"
-        rows.append(Row("noise floor", f"strain {name}", text))
-    rows.append(
-        Row(
-            "noise floor",
-            "taken from",
-            f"{noise.n_frames} static frames, {noise.n_points} points valid in all",
-        )
-    )
-    return rows
+        rows[f"strain {name}"] = text
+    return rows | {"taken from": f"{noise.n_frames} static frames, {noise.n_points} points valid in all"}
 
 
 def as_csv(rows: tuple[Row, ...]) -> str:

@@ -188,12 +188,9 @@ def _run_claimed(works: Sequence[Callable[[], Result]], counter: Any) -> dict[in
 
 
 def _fork(work: Callable[[], Any], sender: Any) -> int:
-    """Fork this process, do the work there and send its result; returns the fork's process number.
-
-    `multiprocessing.Process` is not used, because the workers of a pool may not start one.
-    """
+    """Fork this process, do the work there and send its result; returns the fork's process number."""
     parent = os.getpid()
-    number = os.fork()
+    number = os.fork()  # the workers of a pool may not start a `multiprocessing.Process`
     if number:
         return number
     try:

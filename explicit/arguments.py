@@ -103,9 +103,7 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
 def _corners_on_chips(
     corners: IntArray, slots: int, place: IntArray, first_boundary: int, blocks: int, numbers: Precision
 ) -> IntArray:
-    """The table of corner forces for blocks with the forces in their shared memories. The zero entries are in
-    the block of the node.
-    """
+    """The table of corner forces in the shared memories of blocks, with the zeros in the node's own block."""
     spread = spread_corners(corners % slots, corners // slots, numbers)
     mine = (
         spread_nodes(place, first_boundary, blocks, numbers)
@@ -158,11 +156,9 @@ def node_kinds(mesh: Mesh) -> IntArray:
 def _corner_table(mesh: Mesh, slots: int, place: IntArray, zeros: int) -> IntArray:
     """Indices of each node's corner forces, shape [VALENCE, n_nodes].
 
-    The forces are stored corner by corner. Each corner has the same number of slots for the elements. Entries
-    after the last one are zero; nodes with fewer elements refer to them.
-
-    The k-th entry of a node is the element whose k-th corner it is, if this entry is free. Neighbouring nodes
-    then read neighbouring elements.
+    The forces are stored corner by corner, in `slots` for the elements; `zeros` entries after them are for
+    nodes with fewer elements. The k-th entry of a node is the element whose k-th corner it is, if this entry
+    is free: neighbouring nodes then read neighbouring elements.
     """
     start, corner = mesh.corners_of_node
     count = np.diff(start)

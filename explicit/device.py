@@ -77,10 +77,7 @@ def _start() -> None:
 
 @contextmanager
 def _without(expected: str) -> Iterator[None]:
-    """Suppress one expected line of native code on stderr; other lines are passed on.
-
-    On a machine without a GPU, Warp's library reports this on every start. The user does not need it.
-    """
+    """Suppress one line of native code on stderr, which Warp writes at every start without a GPU."""
     try:
         saved = os.dup(2)
     except OSError:  # some services have no stderr: suppression is unnecessary

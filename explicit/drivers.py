@@ -347,11 +347,6 @@ def histories_of(batch: PreparedBatch) -> dict[str, FloatArray]:
     return {name: getattr(batch.output, name).numpy().copy() for name in HISTORIES}
 
 
-def constants_of(batch: PreparedBatch) -> Any:
-    """The constants of a batch's mesh on the CPU; made once."""
-    return body_of(batch.kernel, batch.model, batch.numbers, batch.where, False)
-
-
 def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[SharedRun]:
     """The launches of a batch on a CPU. Their order is arbitrary.
 
@@ -371,7 +366,7 @@ def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[SharedRun]:
         width = lanes if mapping == "simulation" else 1
         state = state_of(kernel, model, numbers, batch.where, 1, width)
         with once:
-            body = constants_of(batch)
+            body = body_of(kernel, model, numbers, batch.where, False)
 
         def launch(team: Any) -> None:
             inputs = [body, batch.parameters, state, batch.output, first, count, team]

@@ -12,8 +12,8 @@ cause. A mechanism is unnecessary if no result is significantly worse without it
 
 import argparse
 import json
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -41,20 +41,16 @@ class Switch:
 
     words: str
     """Description of the missing mechanism."""
-    patches: tuple[tuple[str, Any], ...] = ()
-    """Replacements, by the full names of the replaced objects."""
+    target: str = ""
+    """Name within kolsky of the object that is replaced."""
+    value: Any = None
+    """Its replacement."""
     settings: Callable[[Settings], Settings] = lambda settings: settings
     """Function that changes the settings, for correct shots."""
-    diagnosis: bool = False
-    """True if it is tested on wrong inputs, False if on correct shots."""
 
-    @contextmanager
-    def off(self) -> Iterator[None]:
+    def off(self) -> AbstractContextManager[Any]:
         """Context in which the mechanism is off."""
-        with ExitStack() as stack:
-            for target, value in self.patches:
-                stack.enter_context(patch(target, value))
-            yield
+        return patch(f"kolsky.{self.target}", self.value) if self.target else nullcontext()
 
 
 def _unmoved(runner: Any, objective: Any, slope: Any, last: Any, search: Any) -> Any:
@@ -90,50 +86,54 @@ def _meshes(mesh: Mesh | None = None, refined: Mesh | None = None) -> Callable[[
     return changed
 
 
-INVERSE, DIAGNOSIS = "kolsky.inverse", "kolsky.diagnosis"
-STEPS = f"{INVERSE}.gauss_newton"
-SWITCHES: dict[str, Switch] = {
+OF_SEARCH = {
     "all": Switch("nothing"),
     "one_floor": Switch(
-        "all valley floors but the likeliest", ((f"{INVERSE}.valleys.LIKELY", {"balanced": 1, "force": 0}),)
+        "all valley floors but the likeliest", "inverse.valleys.LIKELY", {"balanced": 1, "force": 0}
     ),
     "balanced": Switch(
         "a frame's points as one value on coarse meshes",
-        ((f"{INVERSE}.surrogate_mesh_search.starts", _with_every_point),),
+        "inverse.surrogate_mesh_search.starts",
+        _with_every_point,
     ),
     "path_noise_of_valleys": Switch(
         "the flyer's noise when valleys are compared",
-        ((f"{INVERSE}.valleys.deviance_with_path_noise", _without_path_noise),),
+        "inverse.valleys.deviance_with_path_noise",
+        _without_path_noise,
     ),
     "path_on_coarse": Switch(
         "the path's correction on the surrogate's mesh",
-        ((f"{INVERSE}.surrogate_mesh_search.credible", lambda amplitudes: False),),
+        "inverse.surrogate_mesh_search.credible",
+        lambda amplitudes: False,
     ),
     "path_on_refined": Switch(
-        "the path's correction on the mesh of the steps", ((f"{STEPS}.follow_on_refined", _unmoved),)
+        "the path's correction on the mesh of the steps", "inverse.gauss_newton.follow_on_refined", _unmoved
     ),
-    "half_patterns": Switch("half of the patterns of the path's noise", ((f"{INVERSE}.runner.PATTERNS", 8),)),
+    "half_patterns": Switch("half of the patterns of the path's noise", "inverse.runner.PATTERNS", 8),
     "single_precision": Switch(
         "single precision on coarse meshes",
         settings=lambda one: replace(one, numerics=replace(one.numerics, precision="fp64")),
     ),
     "discrepancy": Switch(
         "the discrepancies in the weights",
-        ((f"{INVERSE}.objective.Objective.with_discrepancy", lambda self, vector: self),),
+        "inverse.objective.Objective.with_discrepancy",
+        lambda self, vector: self,
     ),
     "halfway": Switch(
         "the coarser graded mesh: all steps on the refined one",
-        ((f"{INVERSE}.problem.InverseProblem.halfway", property(lambda self: self.refined)),),
+        "inverse.problem.InverseProblem.halfway",
+        property(lambda self: self.refined),
     ),
     "half_surrogate": Switch(
-        "half of the runs of the surrogate about the answer", ((f"{STEPS}.RUNS_PER_PARAMETER", 3),)
+        "half of the runs of the surrogate about the answer", "inverse.gauss_newton.RUNS_PER_PARAMETER", 3
     ),
     "half_replicates": Switch(
         "half of the curve's draws", settings=lambda settings: replace(settings, replicates=16)
     ),
     "mesh_correction": Switch(
         "the mesh's correction of the answer",
-        (("kolsky.uncertainty.mesh_error.MeshChange.correction", lambda self, gain: np.zeros(len(gain))),),
+        "uncertainty.mesh_error.MeshChange.correction",
+        lambda self, gain: np.zeros(len(gain)),
     ),
     "coarser_refined": Switch("a refined mesh of 48 x 64: 40 x 54", settings=_meshes(refined=(40, 54))),
     "finer_refined": Switch("nothing; a refined mesh of 64 x 86", settings=_meshes(refined=(64, 86))),
@@ -143,49 +143,46 @@ SWITCHES: dict[str, Switch] = {
         "nothing; the stiffness factor alone is free",
         settings=lambda settings: replace(settings, free={"stiffness_factor": None}),
     ),
-    "nothing_of_diagnosis": Switch("nothing", diagnosis=True),
+}
+"""Switches that are tested on correct shots."""
+OF_DIAGNOSIS = {
+    "nothing_of_diagnosis": Switch("nothing"),
     "screen": Switch(
         "the coarser mesh for large changes",
-        ((f"{DIAGNOSIS}.cause_model.CauseModel.screen", property(lambda self: self)),),
-        diagnosis=True,
+        "diagnosis.cause_model.CauseModel.screen",
+        property(lambda self: self),
     ),
-    "large_changes": Switch(
-        "large changes of an input", ((f"{DIAGNOSIS}.causes.scan_inputs", lambda *_: []),), diagnosis=True
-    ),
+    "large_changes": Switch("large changes of an input", "diagnosis.causes.scan_inputs", lambda *_: []),
     "same_force": Switch(
-        "a density for each gain of the force",
-        ((f"{DIAGNOSIS}.causes._same_force_starts", lambda *_: []),),
-        diagnosis=True,
+        "a density for each gain of the force", "diagnosis.causes._same_force_starts", lambda *_: []
     ),
     "stretched": Switch(
         "the answer's run, stretched, for the camera's rate",
-        ((f"{DIAGNOSIS}.causes._stretched_runs", lambda *_: []),),
-        diagnosis=True,
+        "diagnosis.causes._stretched_runs",
+        lambda *_: [],
     ),
     "contenders": Switch(
-        "runs on the refined mesh for inputs that are alike",
-        ((f"{DIAGNOSIS}.causes._contenders", lambda *_: []),),
-        diagnosis=True,
+        "runs on the refined mesh for inputs that are alike", "diagnosis.causes._contenders", lambda *_: []
     ),
-    "second_start": Switch(
-        "the second start", ((f"{INVERSE}.search.Search.held_run", lambda self: None),), diagnosis=True
-    ),
+    "second_start": Switch("the second start", "inverse.search.Search.held_run", lambda self: None),
     "beside_leading": Switch(
         "a second wrong input beside the first",
-        ((f"{DIAGNOSIS}.causes._search_beside_leading", lambda first, judge, findings, rest: findings),),
-        diagnosis=True,
+        "diagnosis.causes._search_beside_leading",
+        lambda first, judge, findings, rest: findings,
     ),
     "suspects": Switch(
         "suspects of an explained answer",
-        ((f"{DIAGNOSIS}.judgement.with_suspects", lambda causes, unchanged, sigma: tuple(causes)),),
-        diagnosis=True,
+        "diagnosis.judgement.with_suspects",
+        lambda causes, unchanged, sigma: tuple(causes),
     ),
     "leading": Switch(
         "leading inputs of a withheld answer",
-        ((f"{DIAGNOSIS}.judgement.with_leading", lambda causes, at_bound: tuple(causes)),),
-        diagnosis=True,
+        "diagnosis.judgement.with_leading",
+        lambda causes, at_bound: tuple(causes),
     ),
 }
+"""Switches that are tested on wrong inputs."""
+SWITCHES = OF_SEARCH | OF_DIAGNOSIS
 
 
 def answer(shot: Path, name: str, device: str, mesh: Mesh, refined: Mesh) -> dict[str, Any]:
@@ -238,8 +235,8 @@ def table(rows: list[dict[str, Any]]) -> str:
     heads = ("off", "shots", "updates", "error over u: m, nu, beta", "error of m", "U of m", "larger error")
     lines: list[tuple[Any, ...]] = []
     errors: dict[str, dict[str, float]] = {}
-    for name, switch in SWITCHES.items():
-        mine = [row for row in rows if row["switch"] == name and not switch.diagnosis]
+    for name, switch in OF_SEARCH.items():
+        mine = [row for row in rows if row["switch"] == name]
         whole = [row for row in mine if "broke" not in row]
         if not whole:
             continue
@@ -271,8 +268,8 @@ def diagnosis_table(rows: list[dict[str, Any]]) -> str:
     """Markdown table with one row for each switch that is tested on wrong inputs."""
     lines = []
     ends: dict[str, dict[str, str]] = {}
-    for name, switch in SWITCHES.items():
-        mine = [row for row in rows if row["switch"] == name and switch.diagnosis and "end" in row]
+    for name, switch in OF_DIAGNOSIS.items():
+        mine = [row for row in rows if row["switch"] == name and "end" in row]
         if not mine:
             continue
         ends[name] = {row["row"]: row["end"] for row in mine}
@@ -314,11 +311,11 @@ def main() -> None:
         place / f"{shot.name}_{name}.json": (shot, name, given.device, *meshes)
         for name in given.switches
         for shot in shots
-        if not SWITCHES[name].diagnosis
+        if name in OF_SEARCH
     }
     others = {}
     for name in given.switches:
-        for i, row in enumerate(wrong if SWITCHES[name].diagnosis else ()):
+        for i, row in enumerate(wrong if name in OF_DIAGNOSIS else ()):
             job = Job(row.name, shots[i % len(shots)], given.device, 1, meshes)
             others[place / f"{job.file(given.out).stem}_{name}.json"] = (job, name)
     rows = answers(answer, right, workers=given.workers) + answers(diagnose, others, workers=given.workers)

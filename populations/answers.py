@@ -5,14 +5,16 @@ shots. `--made 10 --seed N` gives the random shots, the population of the study 
 identified with the default free parameters. In addition open-01, open-03 and open-04 are identified with
 Poisson's ratio and damping fixed at the shot file's values. Open-01 is also identified with its flyer's
 record delayed by 20 us. Each answer is a file; existing files are not recomputed. `--against OTHER` compares
-two folders in standard uncertainties. It shows the effect of a change of the program.
+two folders in standard uncertainties. It shows the effect of a change of the program. `--show FILE.json ...`
+prints the errors of stored answers over their standard uncertainties.
 """
 
 import argparse
 import json
 import shutil
+import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,6 @@ from kolsky.inverse.result import Identification
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 from populations import driver
-from populations.scatter import table as scatter
 
 ROOT = Path(__file__).resolve().parents[1]
 RUNS = ROOT / "runs"
@@ -124,6 +125,29 @@ def table(answers: dict[str, dict[str, Any]]) -> str:
     return f"{driver.markdown(heads, rows)}\n\n{driver.markdown(causes_heads, ranks)}"
 
 
+def errors(answers: Sequence[dict[str, Any]], name: str) -> list[float]:
+    """(Value - truth) / sigma of every answer that has the parameter [-]."""
+    return [
+        (one["values"][name] - one["truths"][name]) / one["sigmas"][name]
+        for one in answers
+        if name in one["values"] and name in one["truths"]
+    ]
+
+
+def scatter(answers: Sequence[dict[str, Any]]) -> str:
+    """Mean, scatter and maximum of the errors, and the number within k = 2, with one row for each
+    parameter."""
+    names = dict.fromkeys(name for one in answers for name in one["values"])
+    rows = []
+    for name in names:
+        z = errors(answers, name)
+        if z:
+            inside = sum(abs(one) <= 2.0 for one in z)
+            moments = (f"{statistics.mean(z):+.2f}", f"{statistics.pstdev(z):.2f}", f"{max(map(abs, z)):.2f}")
+            rows.append((name, len(z), *moments, inside))
+    return driver.markdown(("parameter", "shots", "mean", "scatter", "largest", "inside k = 2"), rows)
+
+
 def changes(now: dict[str, dict[str, Any]], before: dict[str, dict[str, Any]]) -> str:
     """Comparison of values, uncertainties and verdicts with those of another folder."""
     rows = []
@@ -140,7 +164,7 @@ def changes(now: dict[str, dict[str, Any]], before: dict[str, dict[str, Any]]) -
 
 def main() -> None:
     """Run the missing identifications and print the tables."""
-    parser = driver.command(__doc__, seed=90417)
+    parser = driver.command(__doc__, seed=90417, table=lambda content: scatter(content["answers"]))
     driver.add_meshes(parser)
     parser.add_argument("--only", default="", help="cases whose names hold this")
     parser.add_argument("--made", type=int, default=0, help="drawn shots beside the open ones")

@@ -127,13 +127,10 @@ def compression_force(
     the half length."""
     import felupe as fem
 
-    r, z = (_graded(side, n) for side, n in ((radius, mesh[0]), (0.5 * length, mesh[1])))
-    row = r.size
-    along, across = np.meshgrid(z, r, indexing="ij")
-    corner = (row * np.arange(z.size - 1)[:, None] + np.arange(row - 1)).ravel()
-    cells = np.column_stack([corner, corner + row, corner + row + 1, corner + 1])
-    points = np.column_stack([along.ravel(), across.ravel()])
-    linear = fem.Mesh(points, cells, "quad")
+    from populations.felupe_impact import bilinear_mesh, graded
+
+    # An element at the edge is a fifth as long as one in the middle.
+    linear = bilinear_mesh(graded(0.5 * length, mesh[1], 5.0), graded(radius, mesh[0], 5.0))
     fine = fem.mesh.convert(linear, order=2, calc_points=True, calc_midfaces=True)
     fine.update(points=np.vstack([fine.points, [[0.5 * length, 1.5 * radius]]]))
     fine.points_without_cells = fine.points_without_cells[:-1]  # this point of the platen may move
@@ -174,12 +171,6 @@ def compression_force(
         inner = body.assemble.vector(field).toarray().ravel()[: 2 * len(x)].reshape(-1, 2)
         force.append(float(inner[middle, 0].sum()))
     return np.array(force)
-
-
-def _graded(length: float, n: int) -> FloatArray:
-    """Corners of n elements whose length decreases to a fifth toward the end [m]."""
-    size = 5.0 ** (-np.arange(n) / (n - 1))
-    return np.concatenate([[0.0], np.cumsum(size)]) * length / size.sum()
 
 
 @dataclass(frozen=True)
@@ -297,7 +288,7 @@ def judged(one: Cylinder, found: dict[str, Any]) -> dict[str, Any]:
     return {"right": not outside, "outside": outside, "determined": determined}
 
 
-def experiment(seed: int, number: int, folder: Path, *, refit: bool = False) -> dict[str, Any]:
+def experiment(seed: int, number: int, folder: Path, refit: bool = False) -> dict[str, Any]:
     """Simulate, fit and evaluate one specimen of a seed."""
     one, path = drawn(seed)[number], folder / f"{number:02d}.json"
     if path.exists():
@@ -349,18 +340,14 @@ def main() -> None:
     parser = command(__doc__, seed=61803)
     parser.add_argument("--refit", action="store_true", help="answer again with the forces that are kept")
     given = parser.parse_args()
-    jobs = [(given.seed, number, given.out) for number in range(SPECIMENS)]
+    jobs = [(given.seed, number, given.out, given.refit) for number in range(SPECIMENS)]
     rows = []
-    for row in results(_again if given.refit else experiment, jobs, given.workers):
+    for row in results(experiment, jobs, given.workers):
         print(line(row), flush=True)
         rows.append(row)
     rows.sort(key=lambda row: LAWS.index(row["cylinder"]["law"]))
     print(f"{sum(row['judged']['right'] for row in rows)} of {len(rows)} right")
     write(FILE, {"seed": given.seed, "rows": rows}, indent=1)
-
-
-def _again(seed: int, number: int, folder: Path) -> dict[str, Any]:
-    return experiment(seed, number, folder, refit=True)
 
 
 if __name__ == "__main__":

@@ -18,21 +18,8 @@ from kolsky.identification import identify
 from kolsky.material.relaxation.rate_fit import SIGNIFICANT
 from kolsky.shot.load import load_shot
 from kolsky.virtual.make import Place, make_places
+from populations import driver
 from populations.coverage import ANSWERS, Each
-from populations.driver import (
-    about,
-    add_meshes,
-    answers,
-    command,
-    counted,
-    hold,
-    markdown,
-    numbers,
-    on_meshes,
-    settings,
-    share,
-    write,
-)
 from populations.joint_coverage import Study, specified, truth
 
 ADVICE = "--relaxation prony"
@@ -57,7 +44,7 @@ def place_of(study: Study, folder: Path, kind: str, number: int) -> Place:
 def answer(study: Study, folder: Path, kind: str, number: int) -> dict[str, Any]:
     """Identify a shot as elastic; returns the statements of the output on a branch."""
     started = time.perf_counter()
-    asked = settings(study, seed=study.seed + number)
+    asked = driver.settings(study, seed=study.seed + number)
     shot, place = place_of(study, folder, kind, number)
     said: dict[str, Any] = {"number": number, "kind": kind, "truth": truth(study, number)}
     said["speed"] = shot.quantities.motion.speed
@@ -92,7 +79,7 @@ def run(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> lis
     places = [place_of(*job) for path, job in jobs.items() if not path.exists()]
     threads = 1 if study.truth_device == "cpu" else None
     make_places(places, device=study.truth_device, threads=threads, workers=workers)
-    return answers(answer, jobs, workers=workers, line=line)
+    return driver.answers(answer, jobs, workers=workers, line=line)
 
 
 def summary(each: Each) -> dict[str, Any]:
@@ -113,7 +100,7 @@ def _kind(each: Each) -> dict[str, Any]:
         "withheld": len(silent) - identified,
         "refused": sum(bool(one["error"]) for one in each),
     }
-    return {"shots": len(each), **{name: share(count, len(each)) for name, count in counts.items()}}
+    return {"shots": len(each), **{name: driver.share(count, len(each)) for name, count in counts.items()}}
 
 
 def by_linear_test(one: dict[str, Any]) -> bool:
@@ -125,24 +112,25 @@ def table(said: dict[str, Any]) -> str:
     """A study's `summary.json` as a Markdown table with one column for each kind of shot."""
     study = said["study"]
     shots = ", ".join(f"{said['kinds'][kind]['shots']} {kind}" for kind in TWINS)
-    rows = ([words, *(counted(said["kinds"][kind][key]) for kind in TWINS)] for words, key in ROWS)
-    return f"{shots} shots of seed {study['seed']} ({on_meshes(study)}).\n\n{markdown(['', *TWINS], rows)}"
+    rows = ([words, *(driver.counted(said["kinds"][kind][key]) for kind in TWINS)] for words, key in ROWS)
+    made = f"{shots} shots of seed {study['seed']} ({driver.on_meshes(study)})."
+    return f"{made}\n\n{driver.markdown(['', *TWINS], rows)}"
 
 
 def main() -> None:
     """Run or continue the study and write its summary."""
-    parser = command(__doc__, seed=1, table=table)
-    add_meshes(parser, truth=Study.truth_mesh)
+    parser = driver.command(__doc__, seed=1, table=table)
+    driver.add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument("--draws", type=int, default=20, help="two shots each")
-    parser.add_argument("--rows", type=numbers, help="FIRST:STOP, a part of the draws")
+    parser.add_argument("--rows", type=driver.numbers, help="FIRST:STOP, a part of the draws")
     given = parser.parse_args()
     study = Study.of(given)
-    hold(study, given.out)
+    driver.hold(study, given.out)
     started = time.perf_counter()
     each = run(study, given.out, given.rows or range(given.draws), given.workers)
-    said = about(study, given) | {"seconds": time.perf_counter() - started} | summary(each)
+    said = driver.about(study, given) | {"seconds": time.perf_counter() - started} | summary(each)
     print(table(said))
-    write(given.out / "summary.json", said, indent=1)
+    driver.write(given.out / "summary.json", said, indent=1)
 
 
 if __name__ == "__main__":

@@ -14,10 +14,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from kolsky.base.arrays import FloatArray
-from populations.answers import RUNS, Case, answer, file_of, read, table
+from populations.answers import RUNS, Case, answer, file_of, read, scatter, table
 from populations.driver import ShotStudy, add_meshes, answers, command, write
 from populations.open_courses import FINE, SHOTS, Course
-from populations.scatter import table as scatter
 
 FLAT = 1e-7
 """Successive points of a surface lie on a platen if their distance along the axis is smaller than this

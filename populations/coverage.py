@@ -8,7 +8,7 @@ one file for each answer; a folder next to it stores the truths.
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -18,32 +18,8 @@ from scipy.stats import binom, binomtest
 
 from kolsky.identification import identify
 from kolsky.inverse.result import Verdict
-from populations.coverage_problem import (
-    BONDED,
-    GROUP,
-    SLIDING,
-    SURFACES,
-    TRUTH_ELEMENTS,
-    TRUTH_GRADING,
-    FloatArray,
-    drawn,
-    experiment,
-    middle,
-    simulate,
-)
-from populations.driver import (
-    TruthStudy,
-    about,
-    add_meshes,
-    answers,
-    command,
-    hold,
-    markdown,
-    numbers,
-    results,
-    settings,
-    write,
-)
+from populations import coverage_problem as problem
+from populations import driver
 
 PARAMETERS = {
     "m": "stiffness_factor",
@@ -55,7 +31,7 @@ PARAMETERS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(TruthStudy):
+class Study(driver.TruthStudy):
     """Settings of a study. A truth is the mean of both elements on its mesh, see `TRUTH_GRADING`."""
 
     free: tuple[str, ...]
@@ -75,88 +51,76 @@ class Study(TruthStudy):
     @property
     def interface(self) -> str:
         """Contact law of faces and side."""
-        return self.surface or (SLIDING if "friction" in self.free else BONDED)
+        return self.surface or (problem.SLIDING if "friction" in self.free else problem.BONDED)
 
 
-@dataclass(frozen=True)
-class Found:
-    """One experiment and its answer; NaN where there is none."""
+def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
+    """Identify one experiment whose truth is stored.
 
-    number: int
-    truth: dict[str, float]
-    value: dict[str, float]
-    sigma: dict[str, float]
-    """Combined standard uncertainty."""
-    correction: dict[str, float]
-    """Correction of the value by extrapolation to an infinitely fine mesh."""
-    parts: dict[str, dict[str, float]]
-    """Standard uncertainties of each parameter by source, of the noise and of the numerics."""
-    routes: dict[str, dict[str, list[float]]]
-    """Value and standard uncertainty of each parameter from the force only and from the outline only."""
-    profile: dict[str, list[float]]
-    """95 % interval of the profile likelihood, on the refined mesh."""
-    outcome: str
-    """Verdicts, or the reason for a missing answer."""
-    warnings: list[str]
-    figures: dict[str, float]
-    """Results of the search from `Identification.surrogate`: shift of the flyer's path, next local
-    minimum."""
-    seconds: float
-
-
-def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> Found:
-    """Identify one experiment."""
+    `sigma` is the combined standard uncertainty, `correction` the extrapolation to an infinitely fine mesh,
+    `parts` the standard uncertainties by source, `routes` value and standard uncertainty from the force only
+    and from the outline only, `profile` the 95 % interval of the profile likelihood on the refined mesh,
+    `outcome` the verdicts or the reason for a missing answer, whose numbers are NaN, and `figures` the
+    results of the search.
+    """
     started = time.perf_counter()
-    setup, truth = drawn(number, study.seed)
+    setup, truth = problem.drawn(number, study.seed)
+    with np.load(truth_file(study, folder, number)) as stored:
+        seen = stored["force"], stored["Z"]
     rng = np.random.default_rng([study.seed, 1, number])
-    shot = experiment(number, setup, truth, (force, Z), study.interface, rng)
-    asked = settings(study, free=dict.fromkeys(study.free), seed=study.seed + number)
-    true = {name: float(getattr(truth, name)) for name in study.free}
-    nothing = dict.fromkeys(study.free, float("nan"))
+    shot = problem.experiment(number, setup, truth, seen, study.interface, rng)
+    asked = driver.settings(study, free=dict.fromkeys(study.free), seed=study.seed + number)
+    said: dict[str, Any] = {
+        "number": number,
+        "truth": {name: float(getattr(truth, name)) for name in study.free},
+        **{key: dict.fromkeys(study.free, float("nan")) for key in ("value", "sigma", "correction")},
+        "parts": {name: {} for name in study.free},
+        "routes": {},
+        "profile": {},
+        "warnings": [],
+        "figures": {},
+    }
     try:
         result = identify(shot, asked)
     except ValueError as error:
-        parts: dict[str, dict[str, float]] = {name: {} for name in study.free}
-        spent = time.perf_counter() - started
-        return Found(number, true, nothing, nothing, nothing, parts, {}, {}, str(error), [], {}, spent)
+        return {**said, "outcome": str(error), "seconds": time.perf_counter() - started}
     e = result.estimates
-    return Found(
-        number=number,
-        truth=true,
-        value={name: e[name].value for name in study.free},
-        sigma={name: e[name].sigma for name in study.free},
-        correction={name: e[name].mesh_correction for name in study.free},
-        parts={name: {**e[name].noise_parts, **e[name].numerical_parts} for name in study.free},
-        routes={
+    return {
+        **said,
+        "value": {name: e[name].value for name in study.free},
+        "sigma": {name: e[name].sigma for name in study.free},
+        "correction": {name: e[name].mesh_correction for name in study.free},
+        "parts": {name: {**e[name].noise_parts, **e[name].numerical_parts} for name in study.free},
+        "routes": {
             route.name: {name: [route.parameters[name], route.sigma[name]] for name in study.free}
             for route in result.routes
             if route.sigma
         },
-        profile={profile.name: list(profile.interval) for profile in result.profiles},
-        outcome="; ".join(sorted({estimate.outcome.value for estimate in e.values()})),
-        warnings=list(result.warnings),
-        figures=dict(result.surrogate),
-        seconds=time.perf_counter() - started,
-    )
+        "profile": {profile.name: list(profile.interval) for profile in result.profiles},
+        "outcome": "; ".join(sorted({estimate.outcome.value for estimate in e.values()})),
+        "warnings": list(result.warnings),
+        "figures": dict(result.surrogate),
+        "seconds": time.perf_counter() - started,
+    }
 
 
 def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
     """Simulate and store the exact force and outline of some experiments of one group."""
     started = time.perf_counter()
-    pairs = [drawn(number, study.seed) for number in numbers]
+    pairs = [problem.drawn(number, study.seed) for number in numbers]
     one, other = (
-        simulate(
+        problem.simulate(
             pairs[0][0],
             [truth for _, truth in pairs],
             mesh=study.truth_mesh,
             device=study.truth_device,
             element=element,
             interface=study.interface,
-            grading=TRUTH_GRADING,
+            grading=problem.TRUTH_GRADING,
         )
-        for element in TRUTH_ELEMENTS
+        for element in problem.TRUTH_ELEMENTS
     )
-    seen = [middle(*both) for both in zip(one, other, strict=True)]
+    seen = [problem.middle(*both) for both in zip(one, other, strict=True)]
     for number, (force, Z) in zip(numbers, seen, strict=True):
         place = truth_file(study, folder, number)
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -164,12 +128,6 @@ def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
         np.savez_compressed(partial, force=force, Z=Z)
         partial.replace(place)
     return f"truths {numbers[0]} to {numbers[-1]}: {time.perf_counter() - started:.0f} s"
-
-
-def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
-    """Identify one experiment whose truth is stored; returns the fields of `Found`."""
-    with np.load(truth_file(study, folder, number)) as stored:
-        return asdict(identified(study, number, stored["force"], stored["Z"]))
 
 
 def line(one: dict[str, Any]) -> str:
@@ -198,18 +156,20 @@ def run(
 ) -> list[dict[str, Any]]:
     """Answers of the experiments in order. With `truths_only` only the missing truths are made, and no answer
     is returned."""
-    hold(study, folder)
+    driver.hold(study, folder)
     missing = [
         n for n in numbers
         if not (answer_file(folder, n).exists() or truth_file(study, folder, n).exists())
     ]  # fmt: skip
-    groups = [(study, folder, list(group)) for _, group in groupby(sorted(missing), lambda n: n // GROUP)]
-    for words in results(make_truths, groups, workers):
+    groups = [
+        (study, folder, list(group)) for _, group in groupby(sorted(missing), lambda n: n // problem.GROUP)
+    ]
+    for words in driver.results(make_truths, groups, workers):
         print(words, flush=True)
     if truths_only:
         return []
     jobs = {answer_file(folder, n): (study, folder, n) for n in numbers}
-    return answers(answer, jobs, workers=workers, line=line)
+    return driver.answers(answer, jobs, workers=workers, line=line)
 
 
 NOMINAL = 0.9545
@@ -227,7 +187,7 @@ UNITS = {"damping": (1e6, "µs")}
 SYMBOLS = {"stiffness_factor": "$m$", "poisson": "$\\nu$", "damping": "$\\beta$", "friction": "$f$"}
 
 Each = list[dict[str, Any]]
-"""Experiments, each the fields of `populations.coverage.Found`."""
+"""Answers, see `answer`."""
 
 
 def summary(each: Each) -> dict[str, Any]:
@@ -318,7 +278,7 @@ def table(said: dict[str, Any]) -> str:
     """One study as a Markdown table with one column for each parameter."""
     names = said["study"]["free"]
     n, (low, high) = said["experiments"], said["exact interval, 95 % of studies"]
-    exact = f"{100 * low:.1f} to {100 * high:.1f} %"
+    exact, misses = f"{100 * low:.1f} to {100 * high:.1f} %", "misses: too high, too low"
     heads = [SYMBOLS[name] + (f" ({UNITS[name][1]})" if name in UNITS else "") for name in names]
     rows: list[tuple[str, list[str]]] = [
         (f"intervals that hold the truth, of {n}", [f"{100 * said[p]['covered']:.1f} %" for p in names]),
@@ -327,7 +287,7 @@ def table(said: dict[str, Any]) -> str:
             f"of the {said.get('called identified', '–')} that are called identified",
             [_answered(said[p]) for p in names],
         ),
-        ("misses: too high, too low", [_misses(said[p]) for p in names]),
+        (misses, ["{above}, {below}".format(**said[p]["misses, value too high and too low"]) for p in names]),
     ]
     rows += [
         (words, [_shown(p, said[p][key]) for p in names])
@@ -348,7 +308,7 @@ def table(said: dict[str, Any]) -> str:
         (f"covered by the {words} alone", [_route(said[p], route) for p in names])
         for words, route in (("force", "force only"), ("outline", "shape only"))
     ]
-    return markdown(["", *heads], ([words, *cells] for words, cells in rows))
+    return driver.markdown(["", *heads], ([words, *cells] for words, cells in rows))
 
 
 def _answered(one: dict[str, Any]) -> str:
@@ -359,11 +319,6 @@ def _answered(one: dict[str, Any]) -> str:
         return "–"
     low, high = one["exact interval of those, 95 % of studies"]
     return f"{100 * share:.1f} % ({100 * low:.1f} to {100 * high:.1f} %)"
-
-
-def _misses(one: dict[str, Any]) -> str:
-    misses = one["misses, value too high and too low"]
-    return f"{misses['above']}, {misses['below']}"
 
 
 def _route(one: dict[str, Any], route: str) -> str:
@@ -380,15 +335,15 @@ def _shown(name: str, value: float | None) -> str:
 
 def main() -> None:
     """Run or continue a study and write its summary."""
-    parser = command(__doc__, seed=1, table=table)
-    add_meshes(parser, truth=Study.truth_mesh)
+    parser = driver.command(__doc__, seed=1, table=table)
+    driver.add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument(
         "--free", type=_free, default=("stiffness_factor",), help="m, or m,beta or m,poisson,beta or m,f,beta"
     )
     words = "contact law of faces and side; coulomb where the friction is free, else bonded"
-    parser.add_argument("--surface", choices=SURFACES, default="", help=words)
+    parser.add_argument("--surface", choices=problem.SURFACES, default="", help=words)
     parser.add_argument("--experiments", type=int, default=200)
-    parser.add_argument("--rows", type=numbers, help="FIRST:STOP, a part of the experiments")
+    parser.add_argument("--rows", type=driver.numbers, help="FIRST:STOP, a part of the experiments")
     parser.add_argument("--truths", action="store_true", help="make the truths, identify nothing")
     given = parser.parse_args()
     study = Study.of(given)
@@ -401,9 +356,9 @@ def main() -> None:
         "this call": time.perf_counter() - started,
         "each": float(np.mean([e["seconds"] for e in each])),
     }
-    whole = {**about(study, given), "seconds": seconds, **summary(each)}
+    whole = {**driver.about(study, given), "seconds": seconds, **summary(each)}
     print(json.dumps(whole, indent=2))
-    write(given.out / "summary.json", {**whole, "each": each}, indent=1)
+    driver.write(given.out / "summary.json", {**whole, "each": each}, indent=1)
 
 
 def _free(text: str) -> tuple[str, ...]:

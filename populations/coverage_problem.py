@@ -12,18 +12,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betainc
 
 import explicit
 from explicit.materials import marlow_from_curve
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.apparatus import Interface, Specimen
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, MaterialCurve
 from kolsky.inverse.observations import Observations, observe, predict
 from kolsky.shot.records import ModelSettings, Shot
-
-FloatArray = NDArray[np.float64]
 
 GROUP = 10
 """Number of experiments in a group. They share specimen size, density and frame rate and are one batch."""

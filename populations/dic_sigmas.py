@@ -19,8 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.basics import BoolArray, FloatArray
-from dic.bodies.follow import follow_bodies, match_body
-from dic.bodies.region import Region
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Shape
 from dic.full_field.measure import FullFieldSettings, measure_plane, noise_at_rest
@@ -31,14 +29,13 @@ from dic.surfaces.outline import outline
 from dic.surfaces.surface_history import to_surface
 from dic.tracking import Tracking
 from populations.driver import markdown, picture_study
-from populations.outlier_scenes import PIXEL, RADIUS, SHAPE, rig
+from populations.outlier_scenes import PIXEL, RADIUS, SHAPE, rig, track_body
 from tests.helpers.speckle_pictures import RenderedCylinder, Speckles, render, speckle_pattern
 
 QUANTITIES = ("x", "y", "Z", "outline")
 STATES = ("rest", "moved")
 LEAST, MOST = 0.8, 1.25
 """Allowed range of a ratio [-]."""
-RIM = 8.0
 STRIP = 1.2e-3
 """Half width of the strip of an outline [m]."""
 
@@ -214,20 +211,8 @@ def _cylinder(scene: SigmaScene, device: str) -> Off:
     first, second = (noise_at_rest(one, fine, STATIC, None) for one in series)
     if first is None or second is None:
         raise ValueError("the frames at rest give no noise")
-    corners = ((RIM, RIM), (111 - RIM, RIM), (111 - RIM, 111 - RIM), (RIM, 111 - RIM))
-    matched = match_body(
-        (series[0], series[1]),
-        scene.rig,
-        Region(corners, 0),
-        step=5,
-        margin=2.0,
-        tracking=Tracking(correlation=scene.match),
-        stereo=scene.stereo,
-        noise=(first[0], second[0]),
-        health=(fine, fine),
-        device=device,
-    )
-    body = follow_bodies([matched], scene.rig, scene.stereo)[0]
+    pair, noise = (series[0], series[1]), (first[0], second[0])
+    body = track_body(pair, scene.rig, scene.match, scene.stereo, noise, step=5, device=device)
     r = body.reconstruction
     cylinder = RenderedCylinder(RADIUS)
     X = cylinder.hit(scene.rig.cameras[0], body.points)

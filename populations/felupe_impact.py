@@ -195,10 +195,18 @@ def _deviator(a: FloatArray) -> FloatArray:
     return _plus(0.5 * (a + a.swapaxes(0, 1)), -np.einsum("ii...->...", a) / 3.0)
 
 
-def graded(length: float, n: int) -> FloatArray:
+def graded(length: float, n: int, grading: float = GRADING) -> FloatArray:
     """Corners of n elements whose sizes shrink geometrically towards the end [m]."""
-    size = GRADING ** (-np.arange(n) / max(n - 1, 1))
+    size = grading ** (-np.arange(n) / max(n - 1, 1))
     return np.concatenate([[0.0], np.cumsum(size)]) * length / size.sum()
+
+
+def bilinear_mesh(z: FloatArray, r: FloatArray) -> fem.Mesh:
+    """Mesh with these corners along the axis and across it [m]."""
+    along, across = np.meshgrid(z, r, indexing="ij")
+    corner = (r.size * np.arange(z.size - 1)[:, None] + np.arange(r.size - 1)).ravel()
+    cells = np.column_stack([corner, corner + r.size, corner + r.size + 1, corner + 1])
+    return fem.Mesh(np.column_stack([along.ravel(), across.ravel()]), cells, "quad")
 
 
 class Cylinder:
@@ -208,14 +216,8 @@ class Cylinder:
         self.solid, self.length = solid, length
         half = graded(0.5 * length, elements[1])
         z = np.concatenate([0.5 * length - half[::-1], 0.5 * length + half[1:]])
-        along, across = np.meshgrid(z, graded(radius, elements[0]), indexing="ij")
-        row = elements[0] + 1
-        corner = (row * np.arange(len(z) - 1)[:, None] + np.arange(row - 1)).ravel()
-        cells = np.column_stack([corner, corner + row, corner + row + 1, corner + 1])
-        points = np.column_stack([along.ravel(), across.ravel()])
-        mesh = fem.mesh.convert(
-            fem.Mesh(points, cells, "quad"), order=2, calc_points=True, calc_midfaces=True
-        )
+        linear = bilinear_mesh(z, graded(radius, elements[0]))
+        mesh = fem.mesh.convert(linear, order=2, calc_points=True, calc_midfaces=True)
         region = fem.RegionBiQuadraticQuad(mesh)
         self.motion = fem.FieldAxisymmetric(region, dim=2)
         self.field = fem.FieldContainer([self.motion])

@@ -269,31 +269,27 @@ def main() -> None:
 
 
 def scatter(results: list[Experiment]) -> dict[str, float | int]:
-    """Root mean square of the errors over their stated standard deviations. It is 1 if these are correct."""
+    """Root mean square of the errors over their stated standard deviations, which is 1 if these are correct,
+    and of the lengths' errors."""
+
+    def rms(values: Any, scale: float = 1.0) -> float:
+        return round(scale * float(np.sqrt(np.mean(np.square(values)))), 3) if len(values) else 0.0
+
     zero = [e.error / e.sigma for e in results if e.error is not None and e.sigma]
-    lengths = [e for e in results if e.length_seen is not None and e.length_used is not None]
-    seen, used = np.array([e.length_seen for e in lengths]), np.array([e.length_used for e in lengths])
     lower = [e.lower_error / e.lower_sigma for e in results if e.lower_error is not None and e.lower_sigma]
-    return {
+    lengths = [e for e in results if e.length_seen is not None and e.length_used is not None]
+    said: dict[str, float | int] = {
         "experiments": len(results),
         "with a zero": len(zero),
-        "zero over sigma": round(float(np.sqrt(np.mean(np.square(zero)))), 3) if zero else 0.0,
-        "lower end over sigma": round(float(np.sqrt(np.mean(np.square(lower)))), 3) if lower else 0.0,
+        "zero over sigma": rms(zero),
+        "lower end over sigma": rms(lower),
         "with a length": len(lengths),
-        **(_of_lengths(np.array([e.length_error for e in lengths]), seen, used) if lengths else {}),
     }
-
-
-def _of_lengths(
-    declared: NDArray[np.float64], seen: NDArray[np.float64], used: NDArray[np.float64]
-) -> dict[str, float]:
-    """Root mean squares of the lengths' errors, in micrometres and over their standard deviations."""
-
-    def rms(values: NDArray[np.float64], scale: float = 1.0) -> float:
-        return round(scale * float(np.sqrt(np.mean(np.square(values)))), 3)
-
-    return {
-        "declared length, um": rms(declared, 1e6),
+    if not lengths:
+        return said
+    seen, used = np.array([e.length_seen for e in lengths]), np.array([e.length_used for e in lengths])
+    return said | {
+        "declared length, um": rms([e.length_error for e in lengths], 1e6),
         "length in the pictures, um": rms(seen[:, 0], 1e6),
         "length in the pictures over sigma": rms(seen[:, 0] / seen[:, 1]),
         "length used, um": rms(used[:, 0], 1e6),

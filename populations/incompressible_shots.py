@@ -17,18 +17,7 @@ import numpy as np
 
 from kolsky.base.apparatus import INCOMPRESSIBLE
 from kolsky.identification import identify
-from populations.coverage_problem import (
-    BONDED,
-    GROUP,
-    TRUTH_ELEMENTS,
-    TRUTH_GRADING,
-    Setup,
-    Truth,
-    drawn,
-    experiment,
-    middle,
-    simulate,
-)
+from populations import coverage_problem as problem
 from populations.driver import Study, add_meshes, answers, command, hold, numbers, settings, write
 from populations.other_program import simulate_elsewhere
 
@@ -51,10 +40,10 @@ OWN_MESH = (36, 49)
 """Elements of this package's truths."""
 
 
-def described(study: LimitStudy, number: int) -> tuple[Setup, Truth]:
+def described(study: LimitStudy, number: int) -> tuple[problem.Setup, problem.Truth]:
     """Setup and truth of a shot: those of the first experiment of a group, with the limit's ratio or the
     drawn ratio."""
-    setup, truth = drawn(GROUP * number, study.seed)
+    setup, truth = problem.drawn(problem.GROUP * number, study.seed)
     return setup, truth if study.drawn else replace(truth, poisson=INCOMPRESSIBLE)
 
 
@@ -65,10 +54,12 @@ def make_truth(study: LimitStudy, number: int, place: Path, python: str) -> None
         simulate_elsewhere(place, setup, truth, python)
         return
     runs = [
-        simulate(setup, [truth], mesh=OWN_MESH, device="cpu", element=element, grading=TRUTH_GRADING)[0]
-        for element in TRUTH_ELEMENTS
+        problem.simulate(
+            setup, [truth], mesh=OWN_MESH, device="cpu", element=element, grading=problem.TRUTH_GRADING
+        )[0]
+        for element in problem.TRUTH_ELEMENTS
     ]
-    force, Z = middle(runs[0], runs[1])
+    force, Z = problem.middle(runs[0], runs[1])
     np.savez_compressed(place, force=force, Z=Z)
 
 
@@ -78,7 +69,7 @@ def answer(study: LimitStudy, truth_file: Path, number: int, asked: str) -> dict
     with np.load(truth_file) as stored:
         exact = stored["force"], stored["Z"]
     rng = np.random.default_rng([study.seed, 1, number])
-    shot = experiment(number, setup, replace(truth, poisson=DECLARED), exact, BONDED, rng)
+    shot = problem.experiment(number, setup, replace(truth, poisson=DECLARED), exact, problem.BONDED, rng)
     ratio = HELD[asked]
     held = {} if ratio is None else {"poisson": ratio}
     options = settings(study, held=held, seed=study.seed + number)

@@ -33,22 +33,8 @@ from kolsky.virtual.make import Place, make_places, place_of
 from kolsky.virtual.material import law_of
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
+from populations import driver
 from populations.coverage import ANSWERS, Each
-from populations.driver import (
-    TruthStudy,
-    about,
-    add_meshes,
-    answers,
-    command,
-    counted,
-    hold,
-    markdown,
-    numbers,
-    on_meshes,
-    settings,
-    share,
-    write,
-)
 
 SHOTS = 3
 SLOW_SIGMA = 50.0
@@ -81,7 +67,7 @@ times = ["{prony_time_1:.9g} s"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(TruthStudy):
+class Study(driver.TruthStudy):
     """Settings of a study. Studies with equal settings have the same draws and the same answers."""
 
     elastic: bool = False
@@ -149,7 +135,7 @@ def answer(study: Study, folder: Path, number: int) -> dict[str, Any]:
     folders = sorted((place / "shots").glob("*/shot.toml"))
     # The start of the search does not depend on the truth.
     shots = [replace(with_relaxation(load_shot(one), "prony"), name=one.parent.name) for one in folders]
-    asked = settings(study, JointSettings, seed=study.seed + number)
+    asked = driver.settings(study, JointSettings, seed=study.seed + number)
     said: dict[str, Any] = {"number": number, "truth": true, "elastic": study.elastic}
     try:
         slow = (relaxation_test(study, true, number),) if study.slow else ()
@@ -197,13 +183,14 @@ def summary(each: Each) -> dict[str, Any]:
     rejected draw counts as not covering and without relaxation."""
     answered = [one for one in each if one["found"] is not None]
     choices = [one["found"]["model_choice"] for one in answered]
+    verdicts = [{e["outcome"] for e in one["found"]["estimates"].values()} for one in answered]
     return {
         "draws": len(each),
         "answered": len(answered),
-        "relaxation asked for": share(sum(choice["asked_for"] for choice in choices), len(each)),
+        "relaxation asked for": driver.share(sum(choice["asked_for"] for choice in choices), len(each)),
         "not decided": sum(choice["sentence"].startswith("not decided") for choice in choices),
-        "pairs within 2 sigma": share(sum(pair_found(one) for one in answered), len(each)),
-        "called identified": sum(all_identified(one) for one in answered),
+        "pairs within 2 sigma": driver.share(sum(pair_found(one) for one in answered), len(each)),
+        "called identified": sum(said <= ANSWERS for said in verdicts),
         **{name: _parameter(name, answered, len(each)) for name in NAMES},
         "each": [_short(one) for one in each],
     }
@@ -215,7 +202,7 @@ def _parameter(name: str, answered: Each, of: int) -> dict[str, Any]:
     errors = np.array([(e["value"] - true) / e["sigma"] for true, e in rows])
     widths = [0.5 * (e["interval_95"][1] - e["interval_95"][0]) / true for true, e in rows]
     return {
-        "held": share(inside, of),
+        "held": driver.share(inside, of),
         "misses, value too high and too low": [
             sum(true < e["interval_95"][0] for true, e in rows),
             sum(true > e["interval_95"][1] for true, e in rows),
@@ -231,11 +218,6 @@ def pair_found(one: dict[str, Any]) -> bool:
     """Whether strength and time are both within two standard uncertainties of the truth."""
     found, true = one["found"]["estimates"], one["truth"]
     return all(abs(found[name]["value"] - true[name]) <= 2.0 * found[name]["sigma"] for name in PAIR)
-
-
-def all_identified(one: dict[str, Any]) -> bool:
-    """Whether every verdict of a draw is an answer."""
-    return all(e["outcome"] in ANSWERS for e in one["found"]["estimates"].values())
 
 
 def _short(one: dict[str, Any]) -> dict[str, Any]:
@@ -257,18 +239,18 @@ def table(said: dict[str, Any]) -> str:
     """A study's `summary.json` as Markdown: the counts, and one column for each parameter."""
     study, asked = said["study"], said["relaxation asked for"]
     head = (
-        f"{said['draws']} draws of seed {study['seed']} ({on_meshes(study)}), "
+        f"{said['draws']} draws of seed {study['seed']} ({driver.on_meshes(study)}), "
         f"{said['answered']} answered. Relaxation asked for: "
-        f"{counted(asked)}; not decided: {said['not decided']}."
+        f"{driver.counted(asked)}; not decided: {said['not decided']}."
     )
     names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # elastic materials have no pair
     if not study["elastic"]:
         head += (
             " Strength and time both within two standard uncertainties: "
-            f"{counted(said['pairs within 2 sigma'])}. Called identified: {said['called identified']}."
+            f"{driver.counted(said['pairs within 2 sigma'])}. Called identified: {said['called identified']}."
         )
     rows = [
-        ("95 % intervals that hold the truth", [counted(said[name]["held"]) for name in names]),
+        ("95 % intervals that hold the truth", [driver.counted(said[name]["held"]) for name in names]),
         (
             "misses: too high, too low",
             [", ".join(map(str, said[name]["misses, value too high and too low"])) for name in names],
@@ -277,7 +259,7 @@ def table(said: dict[str, Any]) -> str:
         ("median half width of the interval", [_width(said[name]) for name in names]),
     ]
     heads = ["", *(SYMBOLS[name] for name in names)]
-    return f"{head}\n\n{markdown(heads, ([words, *cells] for words, cells in rows))}"
+    return f"{head}\n\n{driver.markdown(heads, ([words, *cells] for words, cells in rows))}"
 
 
 def _errors(one: dict[str, Any]) -> str:
@@ -292,26 +274,26 @@ def _width(one: dict[str, Any]) -> str:
 
 def main() -> None:
     """Run or continue a study and write its summary."""
-    parser = command(__doc__, seed=1, table=table)
-    add_meshes(parser, truth=Study.truth_mesh)
+    parser = driver.command(__doc__, seed=1, table=table)
+    driver.add_meshes(parser, truth=Study.truth_mesh)
     parser.add_argument("--draws", type=int, default=50)
-    parser.add_argument("--rows", type=numbers, help="FIRST:STOP, a part of the draws")
+    parser.add_argument("--rows", type=driver.numbers, help="FIRST:STOP, a part of the draws")
     parser.add_argument("--elastic", action="store_true", help="nothing relaxes: the control")
     parser.add_argument("--without-slow", action="store_true", help="the shots alone")
     parser.add_argument("--truth-grading", type=float, default=5.0, help="its largest over smallest element")
     parser.add_argument("--truth-element", default="middle", choices=("fbar", "one_point", "middle"))
     given = parser.parse_args()
     study = Study.of(given, slow=not given.without_slow)
-    hold(study, given.out)
+    driver.hold(study, given.out)
     jobs = {given.out / f"{n:03d}.json": (study, given.out, n) for n in given.rows or range(given.draws)}
     missing = [job[-1] for path, job in jobs.items() if not path.exists()]
     started = time.perf_counter()
     make_truths(study, given.out, missing, given.workers)
     print(f"{SHOTS * len(missing)} shots: {time.perf_counter() - started:.0f} s", flush=True)
-    each = answers(answer, jobs, workers=given.workers, line=line)
-    said = about(study, given) | {"seconds": time.perf_counter() - started} | summary(each)
+    each = driver.answers(answer, jobs, workers=given.workers, line=line)
+    said = driver.about(study, given) | {"seconds": time.perf_counter() - started} | summary(each)
     print(table(said))
-    write(given.out / "summary.json", said, indent=1)
+    driver.write(given.out / "summary.json", said, indent=1)
 
 
 if __name__ == "__main__":

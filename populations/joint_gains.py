@@ -70,11 +70,6 @@ def short(found: JointResult) -> dict[str, Any]:
     }
 
 
-def is_named(one: dict[str, Any]) -> bool:
-    """True if the agreement names the shot with the wrong sensitivity, and no other."""
-    return one["found"]["agreement"]["shots"] == [one["wrong"]]
-
-
 def counts(each: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """For each case: answers, withheld answers, and answers that name the shot."""
     cases = {}
@@ -85,7 +80,7 @@ def counts(each: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
             cases[case] = {
                 "answers": len(rows),
                 "withheld": withheld,
-                "shot named": sum(map(is_named, rows)),
+                "shot named": sum(one["found"]["agreement"]["shots"] == [one["wrong"]] for one in rows),
                 "error, median": float(np.median([abs(one["error"]) for one in rows])),
             }
     return cases

@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.work import Work
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, MeshChange, mesh_change
 from populations.coverage import Study, truth_file
-from populations.coverage_problem import FloatArray, drawn, experiment
+from populations.coverage_problem import drawn, experiment
 from populations.driver import answers, command, markdown, mesh, numbers, settings, write
 
 NAMES = ("stiffness_factor", "poisson", "damping")

@@ -16,18 +16,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from kolsky.base.arrays import FloatArray
 from kolsky.uncertainty.mesh_error import MeshChange
-from populations.coverage_problem import (
-    GROUP,
-    FloatArray,
-    Setup,
-    Truth,
-    differences,
-    drawn,
-    moved,
-    simulate,
-    template,
-)
+from populations import coverage_problem as problem
 from populations.driver import command, write
 
 MESHES = ((24, 32), (32, 43), (48, 64), (64, 86), (96, 129), (128, 172))
@@ -63,7 +54,7 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     series = []
     for seed, group in product(given.seed, range(given.setups)):
-        pairs = [drawn(GROUP * group + i, seed) for i in range(given.each)]
+        pairs = [problem.drawn(problem.GROUP * group + i, seed) for i in range(given.each)]
         setup, truths = pairs[0][0], [truth for _, truth in pairs]
         head = given.out / f"{seed}-{group}"
         slopes = np.array([slope_of(setup, truth, head, i, given.device) for i, truth in enumerate(truths)])
@@ -158,17 +149,19 @@ def judged(series: list[Series]) -> dict[str, Any]:
     }
 
 
-def slope_of(setup: Setup, truth: Truth, head: Path, number: int, device: str) -> FloatArray:
+def slope_of(setup: problem.Setup, truth: problem.Truth, head: Path, number: int, device: str) -> FloatArray:
     """Jacobian of the data vector by the parameters on the coarsest mesh, shape [k, 3]."""
     place = head.parent / f"{head.name}-slope-{number}"
-    vectors = kept_vectors(setup, moved(truth, STEPS), MESHES[0], "one_point", place, device)
-    return differences(list(vectors), STEPS)
+    vectors = kept_vectors(setup, problem.moved(truth, STEPS), MESHES[0], "one_point", place, device)
+    return problem.differences(list(vectors), STEPS)
 
 
-def _gain(slope: FloatArray, setup: Setup, truth: Truth, *, outline_alone: bool = False) -> FloatArray:
+def _gain(
+    slope: FloatArray, setup: problem.Setup, truth: problem.Truth, *, outline_alone: bool = False
+) -> FloatArray:
     """Least-squares map to m as the only parameter, then to the other parameters with m free, shape [3,
     k]."""
-    seen = template(setup, truth)
+    seen = problem.template(setup, truth)
     force = np.hypot(seen.bins.sigma, DISCREPANCY)
     weight = np.concatenate([force, seen.centre_line.sigma]) ** -2
     weight[: len(force) if outline_alone else 0] = 0.0
@@ -179,13 +172,18 @@ def _gain(slope: FloatArray, setup: Setup, truth: Truth, *, outline_alone: bool 
 
 
 def kept_vectors(
-    setup: Setup, truths: list[Truth], mesh: tuple[int, int], element: str, head: Path, device: str
+    setup: problem.Setup,
+    truths: list[problem.Truth],
+    mesh: tuple[int, int],
+    element: str,
+    head: Path,
+    device: str,
 ) -> FloatArray:
     """Data vectors on a mesh, read from the folder or simulated, shape [n, k]."""
     place = head.parent / f"{head.name}-{mesh[0]}-{element}.npz"
     if not place.exists():
         started = time.perf_counter()
-        seen = simulate(setup, truths, mesh=mesh, device=device, element=element)
+        seen = problem.simulate(setup, truths, mesh=mesh, device=device, element=element)
         vectors = [data_vector(setup, truth, *one) for truth, one in zip(truths, seen, strict=True)]
         np.savez(place, vectors=np.array(vectors))
         print(f"{place.name}: {time.perf_counter() - started:.1f} s", flush=True)
@@ -193,9 +191,9 @@ def kept_vectors(
         return np.asarray(stored["vectors"])
 
 
-def data_vector(setup: Setup, truth: Truth, force: FloatArray, Z: FloatArray) -> FloatArray:
+def data_vector(setup: problem.Setup, truth: problem.Truth, force: FloatArray, Z: FloatArray) -> FloatArray:
     """Bin means of the force [N], followed by the radii [m]."""
-    edges, t = template(setup, truth).bins.edges, setup.samples
+    edges, t = problem.template(setup, truth).bins.edges, setup.samples
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(t))])
     return np.concatenate([np.diff(np.interp(edges, t, impulse)) / np.diff(edges), Z])
 

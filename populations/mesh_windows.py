@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.uncertainty.mesh_error import MeshChange
-from populations.coverage_problem import GROUP, FloatArray, drawn, middle, template
+from populations.coverage_problem import GROUP, drawn, middle, template
 from populations.driver import markdown, write
 from populations.mesh_order import DISCREPANCY, MESHES, STEPS, data_vector, kept_vectors, slope_of
 from populations.truth_meshes import TRUTH, Variant, keep, options, read

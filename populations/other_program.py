@@ -17,21 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
+from populations import coverage_problem as problem
 from populations.coverage import Study, answer, answer_file, line, summary, truth_file
-from populations.coverage_problem import (
-    GROUP,
-    HEIGHTS,
-    TRUTH_ELEMENTS,
-    TRUTH_GRADING,
-    FloatArray,
-    Setup,
-    Truth,
-    differences,
-    drawn,
-    middle,
-    moved,
-    simulate,
-)
 from populations.driver import add_meshes, answers, command, hold, write
 from populations.truth_meshes import COARSE, STEPS
 
@@ -55,17 +43,17 @@ UNUSED = ("friction", "force_sigma", "flyer_sigma", "outline_sigma", "curve_sigm
 def numbers_of(groups: int) -> list[int]:
     """Numbers of the experiments: the first of every group, then the second. An incomplete study then has all
     groups."""
-    return [GROUP * group + i for i in range(EACH) for group in range(groups)]
+    return [problem.GROUP * group + i for i in range(EACH) for group in range(groups)]
 
 
-def described(setup: Setup, truth: Truth) -> dict[str, Any]:
+def described(setup: problem.Setup, truth: problem.Truth) -> dict[str, Any]:
     """Input of the other program, in SI units."""
     return {
         **{key: value for key, value in asdict(truth).items() if key not in UNUSED},
         "diameter": setup.diameter,
         "length": setup.length,
         "density": setup.density,
-        "heights": HEIGHTS.tolist(),
+        "heights": problem.HEIGHTS.tolist(),
         "frames": setup.frames[setup.frames > 0.0].tolist(),
         "samples": setup.samples.tolist(),
     }
@@ -75,11 +63,11 @@ def make_truth(study: Study, folder: Path, number: int, python: str) -> None:
     """Simulate one experiment with the other program, unless its truth exists."""
     place = truth_file(study, folder, number)
     if not place.exists():
-        simulate_elsewhere(place, *drawn(number, study.seed), python)
+        simulate_elsewhere(place, *problem.drawn(number, study.seed), python)
         print(f"truth {number}", flush=True)
 
 
-def simulate_elsewhere(place: Path, setup: Setup, truth: Truth, python: str) -> None:
+def simulate_elsewhere(place: Path, setup: problem.Setup, truth: problem.Truth, python: str) -> None:
     """Write the file of an experiment's exact force and outline by the other program."""
     place.parent.mkdir(parents=True, exist_ok=True)
     asked, partial = place.with_suffix(".json"), place.with_suffix(".part.npz")
@@ -92,10 +80,12 @@ def simulate_elsewhere(place: Path, setup: Setup, truth: Truth, python: str) -> 
 
 def slopes(number: int, seed: int) -> tuple[FloatArray, FloatArray]:
     """Derivatives of force and outline by m, nu and beta on a coarse mesh, each of shape [k, 3]."""
-    setup, truth = drawn(number, seed)
-    seen = simulate(setup, moved(truth, STEPS), mesh=COARSE, device="cpu", element="one_point")
+    setup, truth = problem.drawn(number, seed)
+    seen = problem.simulate(
+        setup, problem.moved(truth, STEPS), mesh=COARSE, device="cpu", element="one_point"
+    )
     force, outline = ([part.ravel() for part in parts] for parts in zip(*seen, strict=True))
-    return differences(force, STEPS), differences(outline, STEPS)
+    return problem.differences(force, STEPS), problem.differences(outline, STEPS)
 
 
 def binned(force: FloatArray) -> FloatArray:
@@ -108,7 +98,7 @@ def apart(
     one: tuple[FloatArray, FloatArray],
     other: tuple[FloatArray, FloatArray],
     slope: tuple[FloatArray, FloatArray],
-    truth: Truth,
+    truth: problem.Truth,
 ) -> dict[str, float]:
     """Differences of force [N] at the samples and radii [m], and their equivalent in m, nu and beta by
     weighted least squares.
@@ -131,7 +121,7 @@ def apart(
 
 def thinned(force: FloatArray, Z: FloatArray) -> FloatArray:
     """A truth at every eighth frame: mean force since the previous row [N], radii at `HEIGHTS` [m]."""
-    radii = Z.reshape(-1, len(HEIGHTS))[EVERY - 1 :: EVERY]
+    radii = Z.reshape(-1, len(problem.HEIGHTS))[EVERY - 1 :: EVERY]
     means = force[1:].reshape(len(radii), -1).mean(1)
     return np.column_stack([means, radii])
 
@@ -140,9 +130,11 @@ def compare(study: Study, folder: Path, number: int) -> dict[str, float]:
     """Difference between a truth and that of this package's solver; the result is stored."""
     place = folder / f"compared-{number:04d}.json"
     if not place.exists():
-        setup, truth = drawn(number, study.seed)
-        options: dict[str, Any] = {"mesh": OWN_MESH, "device": "cpu", "grading": TRUTH_GRADING}
-        own = middle(*(simulate(setup, [truth], element=e, **options)[0] for e in TRUTH_ELEMENTS))
+        setup, truth = problem.drawn(number, study.seed)
+        options: dict[str, Any] = {"mesh": OWN_MESH, "device": "cpu", "grading": problem.TRUTH_GRADING}
+        own = problem.middle(
+            *(problem.simulate(setup, [truth], element=e, **options)[0] for e in problem.TRUTH_ELEMENTS)
+        )
         with np.load(truth_file(study, folder, number)) as stored:
             said = apart((stored["force"], stored["Z"]), own, slopes(number, study.seed), truth)
         write(place, {"number": number, "speed": truth.speed, **said})

@@ -27,6 +27,8 @@ RADIUS = 4.75e-3
 DISTANCE = 0.305
 PIXEL = 56e-6
 """Length of a pixel on the specimen [m]."""
+RIM = 8.0
+"""Distance of the tracked region from the border of the picture [px]."""
 WHITE = 4095.0
 """Largest grey value."""
 
@@ -168,20 +170,34 @@ def drawn(population: str, seed: int) -> OutlierScene:
 
 def followed(scene: OutlierScene, *, device: str = "cpu") -> TrackedBody:
     """The specimen of a scene tracked through both series, in the cameras' frame, which is the test frame."""
-    pictures = scene.pictures()
-    corners = ((8.0, 8.0), (103.0, 8.0), (103.0, 103.0), (8.0, 103.0))
-    cameras = rig(scene.angle)
-    fine = np.full(scene.n_frames, int(FrameOutcome.VALID), dtype=np.int64)
-    stereo = Correlation(subset=21, shape=Shape.QUADRATIC)
+    first, second = (PicturesInMemory(grey, bits=12) for grey in scene.pictures())
+    match, stereo = Correlation(subset=21), Correlation(subset=21, shape=Shape.QUADRATIC)
+    noise = Noise(scene.noise), Noise(scene.noise)
+    return track_body((first, second), rig(scene.angle), match, stereo, noise, step=4, device=device)
+
+
+def track_body(
+    series: tuple[PicturesInMemory, PicturesInMemory],
+    cameras: StereoRig,
+    match: Correlation,
+    stereo: Correlation,
+    noise: tuple[Noise, Noise],
+    *,
+    step: int,
+    device: str,
+) -> TrackedBody:
+    """The body in the pictures inside `RIM`, a point every `step` pixels, tracked through both series."""
+    last = SHAPE[0] - 1 - RIM
+    fine = np.full(series[0].n_frames, int(FrameOutcome.VALID), dtype=np.int64)
     matched = match_body(
-        (PicturesInMemory(pictures[0], bits=12), PicturesInMemory(pictures[1], bits=12)),
+        series,
         cameras,
-        Region(corners, 0),
-        step=4,
+        Region(((RIM, RIM), (last, RIM), (last, last), (RIM, last)), 0),
+        step=step,
         margin=2.0,
-        tracking=Tracking(correlation=Correlation(subset=21)),
+        tracking=Tracking(correlation=match),
         stereo=stereo,
-        noise=(Noise(scene.noise), Noise(scene.noise)),
+        noise=noise,
         health=(fine, fine),
         device=device,
     )

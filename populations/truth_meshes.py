@@ -14,17 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from populations.coverage_problem import (
-    GROUP,
-    TRUTH_ELEMENTS,
-    TRUTH_GRADING,
-    FloatArray,
-    differences,
-    drawn,
-    middle,
-    moved,
-    simulate,
-)
+from kolsky.base.arrays import FloatArray
+from populations import coverage_problem as problem
 from populations.driver import command, markdown, write
 
 STEPS = {"stiffness_factor": 0.01, "poisson": 2e-5, "damping": 1e-6}
@@ -47,10 +38,10 @@ class Variant:
         return f"{self.mesh[0]}-{self.element}-{self.grading:g}"
 
 
-TRUTH = tuple(Variant((128, 172), element, TRUTH_GRADING) for element in TRUTH_ELEMENTS)
+TRUTH = tuple(Variant((128, 172), element, problem.TRUTH_GRADING) for element in problem.TRUTH_ELEMENTS)
 """The study's truth is the mean of these variants."""
 VARIANTS = (
-    *(Variant(mesh, e) for e in TRUTH_ELEMENTS for mesh in ((64, 86), (128, 172), (192, 258))),
+    *(Variant(mesh, e) for e in problem.TRUTH_ELEMENTS for mesh in ((64, 86), (128, 172), (192, 258))),
     *TRUTH,
 )
 
@@ -63,7 +54,7 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
     for group in given.groups:
-        numbers = [GROUP * group + i for i in range(given.each)]
+        numbers = [problem.GROUP * group + i for i in range(given.each)]
         if not given.only_kept:
             for variant in VARIANTS:
                 keep(variant, numbers, given.seed, given.out, given.device)
@@ -89,8 +80,8 @@ def keep(variant: Variant, numbers: list[int], seed: int, folder: Path, device: 
     """Simulate a group in one batch, unless its file exists."""
     if all(_place(folder, number, variant).exists() for number in numbers):
         return
-    pairs = [drawn(number, seed) for number in numbers]
-    seen = simulate(
+    pairs = [problem.drawn(number, seed) for number in numbers]
+    seen = problem.simulate(
         pairs[0][0],
         [truth for _, truth in pairs],
         mesh=variant.mesh,
@@ -100,7 +91,7 @@ def keep(variant: Variant, numbers: list[int], seed: int, folder: Path, device: 
     )
     for number, (force, Z) in zip(numbers, seen, strict=True):
         np.savez_compressed(_place(folder, number, variant), force=force, Z=Z)
-    print(f"group {numbers[0] // GROUP}: {variant.name}", flush=True)
+    print(f"group {numbers[0] // problem.GROUP}: {variant.name}", flush=True)
 
 
 def _compared(group: int, numbers: list[int], seed: int, folder: Path) -> list[dict[str, Any]]:
@@ -112,7 +103,7 @@ def _compared(group: int, numbers: list[int], seed: int, folder: Path) -> list[d
             continue
         shifts = []
         for number, slope in zip(numbers, slopes, strict=True):
-            truth = middle(*(read(folder, number, one) for one in TRUTH))[1]
+            truth = problem.middle(*(read(folder, number, one) for one in TRUTH))[1]
             apart = (read(folder, number, variant)[1] - truth).ravel()
             alone = np.linalg.lstsq(slope[:, :1], apart, rcond=None)[0]
             together = np.linalg.lstsq(slope, apart, rcond=None)[0]
@@ -121,7 +112,7 @@ def _compared(group: int, numbers: list[int], seed: int, folder: Path) -> list[d
         found.append(
             {
                 "group": group,
-                "speed": float(np.mean([drawn(number, seed)[1].speed for number in numbers])),
+                "speed": float(np.mean([problem.drawn(number, seed)[1].speed for number in numbers])),
                 **asdict(variant),
                 "m_alone": m_alone,
                 "stiffness_factor": m,
@@ -135,10 +126,12 @@ def _compared(group: int, numbers: list[int], seed: int, folder: Path) -> list[d
 
 def _slopes(numbers: list[int], seed: int) -> list[FloatArray]:
     """Derivatives of the outline by the parameters on a coarse mesh, each of shape [points, 3]."""
-    truths = [one for number in numbers for one in moved(drawn(number, seed)[1], STEPS)]
-    setup, n = drawn(numbers[0], seed)[0], 2 * len(STEPS)
-    radii = [Z.ravel() for _, Z in simulate(setup, truths, mesh=COARSE, device="cpu", element="one_point")]
-    return [differences(radii[i : i + n], STEPS) for i in range(0, len(radii), n)]
+    truths = [one for number in numbers for one in problem.moved(problem.drawn(number, seed)[1], STEPS)]
+    setup, n = problem.drawn(numbers[0], seed)[0], 2 * len(STEPS)
+    radii = [
+        Z.ravel() for _, Z in problem.simulate(setup, truths, mesh=COARSE, device="cpu", element="one_point")
+    ]
+    return [problem.differences(radii[i : i + n], STEPS) for i in range(0, len(radii), n)]
 
 
 def _place(folder: Path, number: int, variant: Variant) -> Path:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -61,7 +62,7 @@ def _model(**values: Callable[[float], float]) -> Wrong:
 
     def wrong(folder: Path) -> Shot:
         shot = load_shot(folder)
-        changed = {name: change(getattr(shot.model, name)) for name, change in values.items()}
+        changed: Any = {name: change(getattr(shot.model, name)) for name, change in values.items()}
         return replace(shot, model=replace(shot.model, **changed))
 
     return wrong

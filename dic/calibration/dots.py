@@ -123,11 +123,8 @@ class _Window:
 
 
 def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, BoolArray]:
-    """Columns at which each row of a mask is true, shape [n, m], with padding, and a mask of the valid
-    entries.
-
-    Of row i only every ``every[i]``-th one is listed.
-    """
+    """Columns at which each row of a mask is true (of row i only every ``every[i]``-th one), padded to shape
+    [n, m], and a mask of the valid entries."""
     n, flat = len(mask), np.flatnonzero(mask)
     count = mask.sum(axis=1)
     row = np.repeat(np.arange(n), count)
@@ -156,8 +153,7 @@ def _quantile(values: FloatArray, used: BoolArray, share: float) -> FloatArray:
 
 
 def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
-    """Brightness a + b x + c y around the dots, shape [n, 3], and whether enough pixels are left. Pixels of
-    other objects are left out."""
+    """Brightness a + b x + c y around the dots without other objects, [n, 3], and whether pixels suffice."""
     basis = np.stack([np.ones_like(part.ring_x), part.ring_x, part.ring_y], axis=1)
     used, fine = part.ring, np.ones(len(basis), dtype=bool)
     for _ in range(3):
@@ -289,11 +285,8 @@ def _model(p: FloatArray, xx: Single, yy: Single, J: Single) -> Single:
 
 
 def _upper(x: Single, bell: Single) -> Single:
-    """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2).
-
-    Hastings' approximation (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26) takes a tenth
-    of the time of SciPy's function.
-    """
+    """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2), by Hastings (Abramowitz and Stegun 7.1.26) in a
+    tenth of SciPy's time."""
     t = 1.0 / (1.0 + HASTINGS[0] / np.sqrt(2.0, dtype=x.dtype) * np.abs(x))
     total = np.zeros_like(t)
     for a in HASTINGS[:0:-1]:
@@ -458,8 +451,7 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
 
 
 def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArray, bool]], float]:
-    """The outlines of one size, and the sum of their radii. In this sum many dots have more weight than
-    specks and a few patches."""
+    """The outlines of one size, and the sum of their radii, which many dots make larger than a few specks."""
     radius = np.array([0.5 * np.sqrt(ellipse[2] * ellipse[3]) for ellipse, _ in outlines])
     if not radius.size:
         return [], 0.0

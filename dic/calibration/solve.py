@@ -400,12 +400,8 @@ def _solve(rig: Rig, pairs: dict[int, list[View]], bad: dict[int, str], columns:
 def _robust(
     fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], columns: FloatArray
 ) -> tuple[Fit, dict[int, str]]:
-    """Cameras from a robust fit, and the pairs that do not fit. Bad pairs have little effect on the fit.
-
-    The method is iteratively reweighted least squares with Cauchy's weights. Each pair has the weight 1 / (1
-    + (e / m)²), with its rms residual e and the median m of all pairs. The weight of bad pairs decreases from
-    round to round.
-    """
+    """Cameras, and the pairs that do not fit, by iteratively reweighted least squares with Cauchy's weights
+    1 / (1 + (e / m)²) of a pair with the rms residual e, m the median of all pairs."""
     weights = dict.fromkeys(pairs, 1.0)
     for _ in range(REWEIGHTINGS):
         views = [

@@ -18,26 +18,16 @@ from dic.camera_files.vic3d import Vic3D
 class CameraFormat(Protocol):
     """Protocol of camera file formats."""
 
-    @property
-    def name(self) -> str:
-        """Name of the format, for `write_rig`."""
-
-    @property
-    def about(self) -> str:
-        """Program and kind of file, for messages."""
-
-    @property
-    def suffix(self) -> str:
-        """Usual ending of a file's name."""
-
-    @property
-    def absolute_pose(self) -> bool:
-        """True if a file stores the poses of both cameras; False if it stores only their relative pose."""
-
-    @property
-    def tangential(self) -> bool:
-        """True if a file stores tangential distortion; if False, `write` rejects a rig with tangential
-        distortion."""
+    name: str
+    """Name of the format, for `write_rig`."""
+    about: str
+    """Program and kind of file, for messages."""
+    suffix: str
+    """Usual ending of a file's name."""
+    absolute_pose: bool
+    """True if a file stores the poses of both cameras; False if it stores only their relative pose."""
+    tangential: bool
+    """True if a file stores tangential distortion; if False, `write` rejects a rig with it."""
 
     def sniff(self, text: str) -> bool:
         """True if a file's text is of this format."""

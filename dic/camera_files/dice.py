@@ -12,7 +12,7 @@ import numpy as np
 
 from dic.basics import FloatArray
 from dic.camera import Camera, StereoRig
-from dic.camera_files.source import CameraFileError, Element, Source, parse, printed, rotation_of
+from dic.camera_files.source import Element, Source, parse, printed, rotation_of
 
 MARK = "DICe_xml_camera_system_file"
 BROWN = {"OPENCV_LENS_DISTORTION", "OPENCV_DIS", "K1R3_K2R5_K3R7"}
@@ -41,8 +41,7 @@ class DiceXml:
         lists = {child.attributes.get("name", ""): child for child in system.with_tag("ParameterList")}
         cameras = sorted(name for name in lists if name.startswith("CAMERA"))
         if cameras != ["CAMERA 0", "CAMERA 1"]:
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 f"has {len(cameras)} cameras ({', '.join(cameras) or 'none'}), must have CAMERA 0 "
                 "and CAMERA 1",
                 line=system.line,
@@ -53,9 +52,7 @@ class DiceXml:
         relative = top.get("extrinsics_relative_camera_to_camera", ("false", 0))[0].lower() == "true"
         for name in ("user_4x4_param_transform", "user_6_param_transform"):
             if name in lists or name in top:
-                raise CameraFileError(
-                    source.path, f"has a {name}, which is not used here", cure="take it out of the file"
-                )
+                raise source.error(f"has a {name}, which is not used here", cure="take it out of the file")
         first, second = (
             _camera(source, lists[f"CAMERA {k}"], k, length_unit, from_vic3d=kind == "VIC3D") for k in (0, 1)
         )
@@ -117,19 +114,15 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
 
     def value(name: str, *, must: bool = False) -> float:
         if name not in parameters and must:
-            raise CameraFileError(
-                source.path,
-                f"camera {index} has no {name}",
-                line=element.line,
-                cure="write the calibration again",
+            raise source.error(
+                f"camera {index} has no {name}", line=element.line, cure="write the calibration again"
             )
         word, line = parameters.get(name, ("0", element.line))
         return source.number(word, f"camera {index}: {name}", line)
 
     for name in BEYOND:
         if value(name) != 0.0:
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 f"camera {index}: {name} = {value(name)}, but only k1, k2, k3, p1 and p2 are known here",
                 line=parameters[name][1],
                 cure="calibrate with Brown's five coefficients",
@@ -139,8 +132,7 @@ def _camera(source: Source, element: Element, index: int, length_unit: float, *,
     if model in NONE:
         k1 = k2 = p1 = p2 = k3 = 0.0
     elif model not in BROWN and not (model in OTHER and (from_vic3d or not any((k1, k2, k3)))):
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             f"camera {index}: the lens model {model} is not one of {', '.join(sorted(BROWN | NONE))}",
             line=line,
             cure="calibrate with the model of OpenCV; coefficients that came from VIC-3D or OpenCV are "
@@ -172,18 +164,15 @@ def _rotation(source: Source, element: Element, angles: list[float]) -> FloatArr
     if not matrices:
         return rotation_of(*angles)
     if any(angles):
-        raise CameraFileError(
-            source.path, "gives angles and a rotation matrix", line=matrices[0].line, cure="keep one of them"
+        raise source.error(
+            "gives angles and a rotation matrix", line=matrices[0].line, cure="keep one of them"
         )
     rows = _parameters(matrices[0])
     matrix = []
     for i in range(3):
         if f"ROW {i}" not in rows:
-            raise CameraFileError(
-                source.path,
-                f"the rotation has no ROW {i}",
-                line=matrices[0].line,
-                cure="write the calibration again",
+            raise source.error(
+                f"the rotation has no ROW {i}", line=matrices[0].line, cure="write the calibration again"
             )
         matrix.append(_braces(source, *rows[f"ROW {i}"], f"ROW {i}", 3))
     return np.array(matrix)
@@ -193,8 +182,7 @@ def _braces(source: Source, text: str, line: int, name: str, count: int) -> list
     """Numbers of a list ``{ a, b }``."""
     words = text.strip().strip("{}").split(",")
     if len(words) != count:
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             f"{name} is {text[:60]!r}, must hold {count} numbers",
             line=line,
             cure="write the calibration again",
@@ -237,12 +225,11 @@ class DiceText:
                 continue
             if len(words) > 1:
                 cure = "a line holds one number; comments follow a #"
-                raise CameraFileError(source.path, f"holds {len(words)} words", line=line, cure=cure)
+                raise source.error(f"holds {len(words)} words", line=line, cure=cure)
             numbers.append(source.number(words[0], f"number {len(numbers) + 1}", line))
             lines.append(line)
         if len(numbers) not in (ANGLES, MATRIX):
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 f"has {len(numbers)} numbers, must have {ANGLES} (with angles) or {MATRIX} (with R)",
                 cure="2 × 8 of the cameras, the rotation, tx ty tz, then height and width of the pictures",
             )

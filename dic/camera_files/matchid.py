@@ -10,7 +10,7 @@ import re
 import numpy as np
 
 from dic.camera import StereoRig
-from dic.camera_files.source import CameraFileError, Source, angles_of, printed, rotation_of
+from dic.camera_files.source import Source, angles_of, printed, rotation_of
 
 NUMBERS = ("Fx", "Fy", "Fs", "Kappa 1", "Kappa 2", "Kappa 3", "P1", "P2", "Cx", "Cy")
 MUST = ("Fx", "Fy", "Cx", "Cy")
@@ -40,17 +40,14 @@ class MatchID:
         """The rig; its lengths have the unit stated in the file, if there is one."""
         cameras = sorted({int(number) for number in CAMERA.findall(source.text)})
         if cameras != [0, 1]:
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 f"has the cameras {cameras}, must have 0 and 1",
                 cure="export the calibration of one stereo pair",
             )
         entries = _entries(source)
         for name in [f"Cam{k}_{name}" for k in (0, 1) for name in MUST] + list(POSE):
             if name.replace(" ", "") not in entries:
-                raise CameraFileError(
-                    source.path, f"has no {name}", cure="the file may be cut short: export it again"
-                )
+                raise source.error(f"has no {name}", cure="the file may be cut short: export it again")
 
         def value(name: str, units: dict[str, float] | None = None) -> float:
             number, line, unit = entries.get(name.replace(" ", ""), (0.0, None, ""))
@@ -58,7 +55,7 @@ class MatchID:
                 return number
             if unit not in units:
                 cure = f"it must be in one of {', '.join(name for name in units if name)}"
-                raise CameraFileError(source.path, f"{name} is in {unit!r}", line=line, cure=cure)
+                raise source.error(f"{name} is in {unit!r}", line=line, cure=cure)
             return number * units[unit]
 
         lengths, degrees = UNITS | {"": length_unit}, {"deg": 1.0, "°": 1.0, "": 1.0}
@@ -110,6 +107,6 @@ def _entries(source: Source) -> dict[str, tuple[float, int, str]]:
         name = match[1].replace(" ", "")
         if name in {k.replace(" ", "") for k in allowed}:
             if name in entries:
-                raise CameraFileError(source.path, f"gives {match[1]} twice", line=line, cure="keep one")
+                raise source.error(f"gives {match[1]} twice", line=line, cure="keep one")
             entries[name] = (source.number(match[3], match[1], line), line, (match[2] or "").strip())
     return entries

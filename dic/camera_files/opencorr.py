@@ -12,7 +12,7 @@ import numpy as np
 
 from dic.basics import cv2
 from dic.camera import StereoRig
-from dic.camera_files.source import CameraFileError, Source, printed
+from dic.camera_files.source import Source, printed
 
 INTRINSIC = ("fx", "fy", "fs", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 POSE = ("tx", "ty", "tz", "rx", "ry", "rz")
@@ -45,23 +45,18 @@ class OpenCorr:
             entries[view, name] = (source.number(word, f"view {view}: {name}", line), line)
         views = sorted({view for view, _ in entries})
         if views != [1, 2]:
-            raise CameraFileError(
-                source.path,
-                f"has the views {views}, must have 1 and 2",
-                cure="write the parameters of one pair",
+            raise source.error(
+                f"has the views {views}, must have 1 and 2", cure="write the parameters of one pair"
             )
         cameras = []
         for view in (1, 2):
             for name in (*INTRINSIC[:5], *POSE):
                 if (view, name) not in entries:
-                    raise CameraFileError(
-                        source.path, f"view {view} has no {name}", cure="the file may be cut short"
-                    )
+                    raise source.error(f"view {view} has no {name}", cure="the file may be cut short")
             values = {name: entries.get((view, name), (0.0, None))[0] for name in (*INTRINSIC, *POSE)}
             for name in ("k4", "k5", "k6"):
                 if values[name] != 0.0:
-                    raise CameraFileError(
-                        source.path,
+                    raise source.error(
                         f"view {view}: {name} = {values[name]}, but only k1 k2 k3 p1 p2 are known here",
                         line=entries[view, name][1],
                         cure="calibrate with Brown's five coefficients",

@@ -12,7 +12,7 @@ import numpy as np
 
 from dic.basics import FloatArray, cv2
 from dic.camera import Camera, StereoRig
-from dic.camera_files.source import CameraFileError, Source
+from dic.camera_files.source import Source
 
 NAMES = {
     "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "camera_matrix1", "camera_matrix_left"),
@@ -55,10 +55,9 @@ class OpenCV:
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig."""
         if "<!ENTITY" in source.text:
-            raise CameraFileError(source.path, "declares an XML entity", cure="export the calibration again")
+            raise source.error("declares an XML entity", cure="export the calibration again")
         if _depth(source.text) > DEEPEST:
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 f"nests its entries more than {DEEPEST} levels deep, too deep for a calibration",
                 cure="write the calibration again",
             )
@@ -66,8 +65,8 @@ class OpenCV:
             storage = cv2.FileStorage(source.text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         except (cv2.error, SystemError) as error:
             reason = str(error.__cause__ or error).strip().splitlines()[-1][:120]
-            raise CameraFileError(
-                source.path, f"OpenCV cannot parse it ({reason})", cure="it may be cut short: write it again"
+            raise source.error(
+                f"OpenCV cannot parse it ({reason})", cure="it may be cut short: write it again"
             ) from None
         root = storage.root()
         keys = list(root.keys()) if root.isMap() else []
@@ -109,19 +108,15 @@ def _camera(
 ) -> Camera:
     matrix = _must(source, root, keys, f"M{k + 1}", (3, 3))
     if np.any(matrix[[1, 2, 2], [0, 0, 1]]) or matrix[2, 2] != 1.0:
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             f"M{k + 1} is {matrix.tolist()}",
             cure="it must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]: transpose it if it came from MATLAB",
         )
     lens = _must(source, root, keys, f"D{k + 1}", None).ravel()
     if len(lens) not in (4, 5, 8, 12, 14):
-        raise CameraFileError(
-            source.path, f"D{k + 1} has {len(lens)} numbers", cure="OpenCV's models have 4, 5, 8, 12 or 14"
-        )
+        raise source.error(f"D{k + 1} has {len(lens)} numbers", cure="OpenCV's models have 4, 5, 8, 12 or 14")
     if np.any(lens[5:]):
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             f"D{k + 1} has {lens[5:].tolist()} beyond k1 k2 p1 p2 k3",
             cure="calibrate without the rational, thin prism and tilted models",
         )
@@ -146,8 +141,7 @@ def _must(
     """An entry under any of its names."""
     values = _entry(source, root, list(NAMES[name]), shape)
     if values is None:
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             f"has no {name} (nor {', '.join(NAMES[name][1:])}) among {', '.join(keys[:20]) or 'no entries'}",
             cure="write the results of cv2.stereoCalibrate into one file: M1 D1 M2 D2 R T",
         )
@@ -167,12 +161,11 @@ def _entry(
         _collect(source, name, node.getNode("data") if node.isMap() else node, numbers)
         values = np.array(numbers)
         if not np.all(np.isfinite(values)):
-            raise CameraFileError(source.path, f"{name} is {values.tolist()}", cure="it must be finite")
+            raise source.error(f"{name} is {values.tolist()}", cure="it must be finite")
         if shape is None:
             return values[None]
         if values.size != shape[0] * shape[1]:
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 f"{name} holds {values.size} numbers, must hold {shape[0]} × {shape[1]}",
                 cure="write the calibration again",
             )
@@ -188,14 +181,12 @@ def _collect(source: Source, name: str, node: cv2.FileNode, into: list[float]) -
         for i in range(node.size()):
             _collect(source, name, node.at(i), into)
             if len(into) > MOST:
-                raise CameraFileError(
-                    source.path,
-                    f"{name} holds more than {MOST} numbers",
-                    cure="name the calibration of one pair",
+                raise source.error(
+                    f"{name} holds more than {MOST} numbers", cure="name the calibration of one pair"
                 )
     else:
-        raise CameraFileError(
-            source.path, f"{name} contains a value that is not a number", cure="write the calibration again"
+        raise source.error(
+            f"{name} contains a value that is not a number", cure="write the calibration again"
         )
 
 

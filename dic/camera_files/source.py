@@ -73,6 +73,10 @@ class Source:
         except UnicodeDecodeError:
             return cls(path, data.decode("latin-1"))
 
+    def error(self, fault: str, *, line: int | None = None, cure: str = "") -> CameraFileError:
+        """A fault of this file."""
+        return CameraFileError(self.path, fault, line=line, cure=cure)
+
     def line_of(self, position: int) -> int:
         """Line number of a character, counted from 1."""
         return self.text.count("\n", 0, position) + 1
@@ -87,8 +91,7 @@ class Source:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise CameraFileError(
-                self.path,
+            raise self.error(
                 f"{quantity} is {word.strip()[:40]!r}",
                 line=line,
                 cure="write the decimal sign as a point"
@@ -124,8 +127,7 @@ class Source:
         if sensor is not None:
             size = (int(sensor[0]), int(sensor[1]))
             if size != sensor or not all(1 <= side <= LONGEST for side in size):
-                raise CameraFileError(
-                    self.path,
+                raise self.error(
                     f"camera {index}: pictures of {sensor[0]:g} x {sensor[1]:g} px",
                     line=line,
                     cure=f"columns and rows must be whole numbers from 1 to {LONGEST}",
@@ -135,7 +137,7 @@ class Source:
             return Camera(fx, fy, cx, cy, skew, distortion, rotation, translation, size)
         except ValueError as error:
             cure = "check the order of the numbers, or export the calibration again"
-            raise CameraFileError(self.path, f"camera {index}: {error}", line=line, cure=cure) from None
+            raise self.error(f"camera {index}: {error}", line=line, cure=cure) from None
 
 
 def printed(value: float) -> str:
@@ -205,8 +207,7 @@ def parse(source: Source, *, start: int = 0, end: int | None = None) -> Element:
     def begin(name: str, attributes: dict[str, str]) -> None:
         element = Element(name, attributes, parser.CurrentLineNumber + before)
         if len(open_) > DEEPEST:
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 f"nests more than {DEEPEST} elements",
                 line=element.line,
                 cure="name the calibration of one pair",
@@ -219,8 +220,7 @@ def parse(source: Source, *, start: int = 0, end: int | None = None) -> Element:
             open_[-1].text += text
 
     def entity(*_: object) -> None:
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             "declares an XML entity, which is not allowed in a calibration",
             line=parser.CurrentLineNumber + before,
             cure="export the calibration again from its program",
@@ -235,8 +235,7 @@ def parse(source: Source, *, start: int = 0, end: int | None = None) -> Element:
     try:
         parser.Parse(source.text[start:end].encode(), True)
     except expat.ExpatError as error:
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             f"is not well-formed XML ({expat.ErrorString(error.code)})",
             line=error.lineno + before,
             cure="it may be cut short: export it again",

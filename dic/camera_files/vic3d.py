@@ -11,7 +11,7 @@ import re
 import numpy as np
 
 from dic.camera import Camera, StereoRig
-from dic.camera_files.source import CameraFileError, Element, Source, angles_of, parse, printed, rotation_of
+from dic.camera_files.source import Element, Source, angles_of, parse, printed, rotation_of
 
 OPENS = re.compile(r"<calibration(?=[\s>])")
 NUMBERS = ("cx", "cy", "fx", "fy", "skew", "k1", "k2", "k3")
@@ -38,15 +38,13 @@ class Vic3D:
         start = opens.start() if opens else 0
         end = source.text.find("</calibration>", start)
         if end < 0:
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 "the calibration element is not closed",
                 line=source.line_of(start),
                 cure="the file is cut short: save the project again",
             )
         if "<!ENTITY" in source.text:
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 "declares an XML entity, which is not allowed in a project",
                 line=source.line_of(source.text.index("<!ENTITY")),
                 cure="save the project again",
@@ -58,8 +56,7 @@ class Vic3D:
             cure = "export a two-camera project"
             if names in (["0"], ["1"]):
                 cure = "the project is of one camera, or cut short: save the stereo project again"
-            raise CameraFileError(
-                source.path,
+            raise source.error(
                 f"has {len(cameras)} cameras ({', '.join(names) or 'none'}), must have 0 and 1",
                 line=calibration.line,
                 cure=cure,
@@ -104,8 +101,7 @@ def _camera(
     values = _values(source, element, f"camera {index}", NUMBERS)
     orientations = element.with_tag("orientation")
     if len(orientations) != 1:
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             f"camera {index} has {len(orientations)} orientations, must have one",
             line=element.line,
             cure="save the project after its stereo calibration",
@@ -126,8 +122,7 @@ def _values(source: Source, element: Element, quantity: str, names: tuple[str, .
     """The numbers in an element's text, by name."""
     words = element.text.split()
     if len(words) != len(names):
-        raise CameraFileError(
-            source.path,
+        raise source.error(
             f"{quantity} has {len(words)} numbers, must have {len(names)}: {' '.join(names)}",
             line=element.line,
             cure="save the project again",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.basics import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray, check_fields
 from dic.bodies.region import grid_points
 from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import Shape, apply, overlap_correlation
@@ -70,19 +70,17 @@ class FullFieldSettings:
         return float((self.strain_window - 1) * self.step + self.subset)
 
     def __post_init__(self) -> None:
-        checks = (
-            ("step", self.step >= 1, "at least 1 px"),
-            ("margin", self.margin >= 0.0, "not negative"),
-            ("strain_window", self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),
-            ("strain_order", self.strain_order in (1, 2), "1 or 2"),
-            ("reference", self.reference >= 0, "a frame number from 0"),
-            ("static", self.static >= 1, "at least 1 frame"),
-            ("noise", self.noise is None or self.noise > 0.0, "positive, or None"),
-            ("stereo_shape", self.stereo_shape >= Shape.AFFINE, "AFFINE or QUADRATIC"),
+        check_fields(
+            self,
+            step=(self.step >= 1, "at least 1 px"),
+            margin=(self.margin >= 0.0, "not negative"),
+            strain_window=(self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),
+            strain_order=(self.strain_order in (1, 2), "1 or 2"),
+            reference=(self.reference >= 0, "a frame number from 0"),
+            static=(self.static >= 1, "at least 1 frame"),
+            noise=(self.noise is None or self.noise > 0.0, "positive, or None"),
+            stereo_shape=(self.stereo_shape >= Shape.AFFINE, "AFFINE or QUADRATIC"),
         )
-        for name, fine, allowed in checks:
-            if not fine:
-                raise ValueError(f"{name} must be {allowed}, got {getattr(self, name)}")
 
 
 FEWEST = 4

@@ -41,6 +41,7 @@ from dic.images import Pictures, check_series, frame_health
 from dic.outcome import PointOutcome
 from dic.result import FittedCylinder, FullField
 from dic.stereo.diagnose import check_setup
+from dic.stereo.epipolar_search import in_mask
 from dic.stereo.match import match_stereo
 from dic.stereo.reconstruction import Reconstruction, reconstruct
 from dic.surfaces.cylinder import Cylinder, SpecimenFrame, fit_cylinder, test_frame
@@ -125,11 +126,8 @@ def match_bias(
     """Bias of the positions in camera 1 of points matched from camera 0 [px], shape [n, 2]."""
     pixels = points[:, None] + subset_nodes(float(subset))
     X = on_cylinder(rig.cameras[0], pixels, cylinder)
-    rows, columns = mask.shape
-    x, y = np.round(np.moveaxis(pixels, -1, 0)).astype(np.int64)
-    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    inside &= mask[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)]
-    return polynomial_bias(np.where(inside[..., None], rig.cameras[1].project(X), np.nan), shape)
+    inside = in_mask(pixels, mask)[..., None]
+    return polynomial_bias(np.where(inside, rig.cameras[1].project(X), np.nan), shape)
 
 
 def without_bias(track: Track, bias: FloatArray, material: int) -> Track:
@@ -149,6 +147,10 @@ def without_bias(track: Track, bias: FloatArray, material: int) -> Track:
     return replace(track, warp=warp)
 
 
+NO_MATCH = (
+    "no point was matched between the cameras: check the order of the cameras, the calibration, the crop "
+    "offsets and the region"
+)
 CORRECTIONS = 2
 """Number of corrections for the curvature bias: the second one starts from a nearly correct cylinder."""
 
@@ -158,10 +160,7 @@ def _apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest_frames: Sequenc
     epipolar = body.reconstruction.epipolar[list(rest_frames)]
     distances = epipolar[np.isfinite(epipolar)]
     if not distances.size:
-        raise ValueError(
-            "no point was matched between the cameras: check the order of the cameras, the calibration, the "
-            "crop offsets and the region"
-        )
+        raise ValueError(NO_MATCH)
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(distances))) / 0.6745)
     gated = reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common)
     return replace(body, reconstruction=gated)
@@ -369,9 +368,8 @@ def _measured(
     r = body.reconstruction
     used = referenced(r, rest_frames)
     surface = to_surface(r, frame, time, reference=rest_frames, points=used)
-    variance = np.einsum("...ii->...i", frame.covariances(static_mean(r, rest_frames)[1][used]))
-    reference_sigma = np.sqrt(variance)
-    points = body.points[used]
+    covariances = frame.covariances(static_mean(r, rest_frames)[1][used])
+    sigmas, points = np.sqrt(np.einsum("...ii->...i", covariances)), body.points[used]
     cylinder = cylinders(r, frame, body.points, settings, correction, plain) if kind == "cylinder" else None
     return FullField(
         kind=kind,
@@ -379,7 +377,7 @@ def _measured(
         timed=timed,
         frame_outcome=frame_outcomes(health, surface),
         surface=surface,
-        strain=strains_of(surface, points, settings, reference_sigma),
+        strain=strains_of(surface, points, settings, sigmas),
         points=points,
         cell=body.cell[used],
         pixels=np.stack([r.pixels[0][:, used], r.pixels[1][:, used]]),
@@ -387,12 +385,7 @@ def _measured(
         epipolar=r.epipolar[:, used],
         noise=np.array(sigma),
         extensions=extensions(
-            surface,
-            points,
-            extensometers,
-            step=settings.step,
-            subset=settings.subset,
-            reference_sigma=reference_sigma,
+            surface, points, extensometers, step=settings.step, subset=settings.subset, reference_sigma=sigmas
         ),
         cylinder=cylinder,
         remarks=tuple(of_findings(check_setup(rig, *r.pixels))),
@@ -413,12 +406,10 @@ def _noise(
     settings: FullFieldSettings,
 ) -> tuple[tuple[Noise, Noise], list[float], bool]:
     """Noise of both cameras, its size [grey], and whether it was declared or measured at rest."""
-    rest_noises = [
-        known_noise(pictures, outcome, mask if camera == 0 else None, settings)
-        for camera, (pictures, outcome) in enumerate(zip(series, health, strict=True))
-    ]
-    if rest_noises[0] is not None and rest_noises[1] is not None:
-        return (rest_noises[0][0], rest_noises[1][0]), [rest_noises[0][1], rest_noises[1][1]], True
+    first = known_noise(series[0], health[0], mask, settings)
+    second = known_noise(series[1], health[1], None, settings)
+    if first is not None and second is not None:
+        return (first[0], second[0]), [first[1], second[1]], True
     points, _ = grid_points(mask, settings.step, margin=settings.margin)
     points = points[np.unique(np.linspace(0, len(points) - 1, TRIED).astype(int))]
     pair = [pictures.frame(settings.reference) for pictures in series]
@@ -427,13 +418,8 @@ def _noise(
         pair[0], pair[1], points, rig, settings.stereo, noise=rough, mask=mask, device=settings.device
     )
     if not match.valid.any():
-        raise ValueError(
-            "no point was matched between the cameras: check the order of the cameras, the calibration, the "
-            "crop offsets and the region"
-        )
-    places = (points[match.valid], points[match.valid] + match.warp[match.valid, :2])
-    sigma = [
-        noise_from_matches(picture, where, match.zncc[match.valid], settings.subset)
-        for picture, where in zip(pair, places, strict=True)
-    ]
+        raise ValueError(NO_MATCH)
+    found, zncc = points[match.valid], match.zncc[match.valid]
+    places = (found, found + match.warp[match.valid, :2])
+    sigma = [noise_from_matches(*one, zncc, settings.subset) for one in zip(pair, places, strict=True)]
     return (Noise(sigma[0]), Noise(sigma[1])), sigma, False

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.basics import BoolArray, FloatArray, IntArray, cv2
+from dic.basics import BoolArray, FloatArray, IntArray, check_fields, cv2
 from dic.camera import Camera, StereoRig
 from dic.correlation import correlate
 from dic.correlation import subsets as warps
@@ -69,23 +69,22 @@ class StereoSearch:
 
     def __post_init__(self) -> None:
         near, far = self.distances if self.distances is not None else (1.0, 2.0)
-        turns = (*self.stretching_turns, *self.shearing_turns)
-        enough = bool(self.stretching_turns) and bool(self.shearing_turns)
+        stretching, shearing = (
+            (bool(turns) and all(abs(turn) < 80.0 for turn in turns), "at least one, below 80°")
+            for turns in (self.stretching_turns, self.shearing_turns)
+        )
         subset = 31 if self.subset is None else self.subset
-        _check(
-            ("distances", self.distances, 0.0 < near < far < np.inf, "two positive lengths [m], near < far"),
-            (
-                "turns",
-                turns,
-                enough and all(abs(turn) < 80.0 for turn in turns),
-                "at least one of each, below 80°",
-            ),
-            ("seeds", self.seeds, self.seeds >= 1, "at least 1"),
-            ("subset", self.subset, subset % 2 == 1 and 5 <= subset <= 201, "odd, from 5 to 201 px"),
-            ("least_zncc", self.least_zncc, 0.0 <= self.least_zncc < 1.0, "from 0 to below 1"),
-            ("distinct", self.distinct, 0.0 < self.distinct < 1.0, "between 0 and 1"),
-            ("neighbours", self.neighbours, self.neighbours >= 1, "at least 1"),
-            ("attempts", self.attempts, self.attempts >= 1, "at least 1"),
+        check_fields(
+            self,
+            distances=(0.0 < near < far < np.inf, "two positive lengths [m], near < far"),
+            stretching_turns=stretching,
+            shearing_turns=shearing,
+            seeds=(self.seeds >= 1, "at least 1"),
+            subset=(subset % 2 == 1 and 5 <= subset <= 201, "odd, from 5 to 201 px"),
+            least_zncc=(0.0 <= self.least_zncc < 1.0, "from 0 to below 1"),
+            distinct=(0.0 < self.distinct < 1.0, "between 0 and 1"),
+            neighbours=(self.neighbours >= 1, "at least 1"),
+            attempts=(self.attempts >= 1, "at least 1"),
         )
 
 
@@ -116,22 +115,17 @@ class StereoGates:
     """Largest angle between a ray and the surface's normal, for both cameras [°]."""
 
     def __post_init__(self) -> None:
-        _check(
-            ("sigmas", self.sigmas, 0.0 <= self.sigmas < np.inf, "finite, not negative"),
-            ("epipolar", self.epipolar, self.epipolar > 0.0, "a positive distance [px]"),
-            ("facet", self.facet, self.facet > 0.0, "a positive distance [px]"),
-            ("back_match", self.back_match, self.back_match > 0.0, "a positive distance [px]"),
-            ("neighbours", self.neighbours, self.neighbours > 0.0, "a positive distance [px]"),
-            ("distinct", self.distinct, 0.0 < self.distinct <= 1.0, "above 0, at most 1"),
-            ("unseen", self.unseen, 0.0 <= self.unseen < 1.0, "from 0 to below 1"),
-            ("incidence", self.incidence, 0.0 < self.incidence <= 90.0, "above 0, at most 90°"),
+        check_fields(
+            self,
+            sigmas=(0.0 <= self.sigmas < np.inf, "finite, not negative"),
+            epipolar=(self.epipolar > 0.0, "a positive distance [px]"),
+            facet=(self.facet > 0.0, "a positive distance [px]"),
+            back_match=(self.back_match > 0.0, "a positive distance [px]"),
+            neighbours=(self.neighbours > 0.0, "a positive distance [px]"),
+            distinct=(0.0 < self.distinct <= 1.0, "above 0, at most 1"),
+            unseen=(0.0 <= self.unseen < 1.0, "from 0 to below 1"),
+            incidence=(0.0 < self.incidence <= 90.0, "above 0, at most 90°"),
         )
-
-
-def _check(*checks: tuple[str, object, bool, str]) -> None:
-    for name, value, fine, allowed in checks:
-        if not fine:
-            raise ValueError(f"{name} must be {allowed}, got {value}")
 
 
 class FacetGeometry(NamedTuple):

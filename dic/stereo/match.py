@@ -366,26 +366,20 @@ def failed_gates(
     gate_values: GateValues, gates: StereoGates, distances: tuple[float, float] | None = None
 ) -> IntArray:
     """Gates that each match fails, as a sum of `Gate` members, shape [n]."""
-    near, far = distances if distances is not None else (0.0, np.inf)
+    v, (near, far) = gate_values, distances or (0.0, np.inf)
     with np.errstate(invalid="ignore"):  # inf (no value) fails every comparison
-        noise = np.where(np.isfinite(gate_values.sigma), gates.sigmas * gate_values.sigma, 0.0)
-        passes = (
-            (
-                Gate.EPIPOLAR,
-                np.abs(gate_values.epipolar) <= gates.epipolar + gates.sigmas * gate_values.epipolar_sigma,
-            ),
-            (
-                Gate.FACET,
-                (gate_values.facet <= gates.facet + noise)
-                & (gate_values.incidence <= np.radians(gates.incidence)),
-            ),
-            (Gate.BACK_MATCH, gate_values.back_match <= gates.back_match + noise),
-            (Gate.NEIGHBOURS, gate_values.neighbours <= gates.neighbours + noise),
-            (Gate.UNIQUENESS, gate_values.distinct <= gates.distinct),
-            (Gate.DISTANCE, (gate_values.distance >= near) & (gate_values.distance < far)),
-            (Gate.VIEW, gate_values.unseen <= gates.unseen),
-        )
-    return np.asarray(sum(np.where(passed, 0, int(gate)) for gate, passed in passes), dtype=np.int64)
+        noise = np.where(np.isfinite(v.sigma), gates.sigmas * v.sigma, 0.0)
+        passes = {
+            Gate.EPIPOLAR: np.abs(v.epipolar) <= gates.epipolar + gates.sigmas * v.epipolar_sigma,
+            Gate.FACET: (v.facet <= gates.facet + noise) & (v.incidence <= np.radians(gates.incidence)),
+            Gate.BACK_MATCH: v.back_match <= gates.back_match + noise,
+            Gate.NEIGHBOURS: v.neighbours <= gates.neighbours + noise,
+            Gate.UNIQUENESS: v.distinct <= gates.distinct,
+            Gate.DISTANCE: (v.distance >= near) & (v.distance < far),
+            Gate.VIEW: v.unseen <= gates.unseen,
+        }
+    failed = sum(np.where(passed, 0, int(gate)) for gate, passed in passes.items())
+    return np.asarray(failed, dtype=np.int64)
 
 
 @dataclass(frozen=True)

@@ -130,11 +130,8 @@ class ElementMatrices:
 
 
 def _element_matrices(mesh: ElasticMesh) -> ElementMatrices:
-    """Integrate stiffness with 2 x 2 and mass with the same Gauss points (Hughes 2000, 2.9 and 3.11).
-
-    The mass is exact: N r det j is of degree 2 in each local coordinate. The hoop term N^2 / r is not a
-    polynomial; no point lies on the axis.
-    """
+    """Stiffness and mass by 2 x 2 Gauss points, none on the axis (Hughes 2000, 2.9 and 3.11); the mass is
+    exact, because N r det j is of degree 2 in each local coordinate."""
     corners = mesh.nodes[mesh.quads]
     n = len(corners)
     stiffness, mass = np.zeros((n, 8, 8)), np.zeros((n, 4))

@@ -6,9 +6,7 @@ One line with file, line, key, value, allowed range and remedy.
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 from dic.files import one_line
 
@@ -18,22 +16,10 @@ _LONGEST_VALUE = 80
 class InputError(Exception):
     """Invalid input of the user. Its `str()` is one line.
 
-    Parameters
-    ----------
-    path
-        The file or folder at fault.
-    message
-        What is wrong, e.g. "is not allowed".
-    line
-        Line in the file, counted from 1.
-    key
-        Dotted key of the shot file, e.g. "specimen.density".
-    value
-        The value of this key, as written.
-    allowed
-        The allowed range or choice; printed after "it must be".
-    cure
-        How to correct the input; printed after "Cure:".
+    ``path``: the file or folder at fault. ``message``: what is wrong, e.g. "is not allowed". ``line``: line
+    in the file, counted from 1. ``key``: dotted key of the shot file, e.g. "specimen.density". ``value``: the
+    value of this key, as written. ``allowed``: the allowed range or choice, printed after "it must be".
+    ``cure``: how to correct the input, printed after "Cure:".
     """
 
     def __init__(
@@ -47,7 +33,7 @@ class InputError(Exception):
         allowed: str | None = None,
         cure: str | None = None,
     ) -> None:
-        super().__init__(message)
+        super().__init__(path, message)  # the other attributes are pickled with it
         self.path = Path(path)
         self.message = message
         self.line = line
@@ -68,16 +54,6 @@ class InputError(Exception):
             text += f". Cure: {self.cure}"
         return one_line(text)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle with all attributes, because workers send it to the parent process."""
-        said: dict[str, Any] = {
-            "line": self.line,
-            "key": self.key,
-            "value": self.value,
-            "allowed": self.allowed,
-        }
-        return partial(type(self), self.path, self.message, **said, cure=self.cure), ()
-
     @property
     def problems(self) -> tuple["InputError", ...]:
         """The single problems, at least one."""
@@ -88,29 +64,17 @@ class InputErrors(InputError):
     """Several problems in one error. `str()` gives one line for each."""
 
     def __init__(self, problems: Iterable[InputError]) -> None:
-        self._problems = tuple(problems)
-        first = self._problems[0]
-        super().__init__(
-            first.path,
-            first.message,
-            line=first.line,
-            key=first.key,
-            value=first.value,
-            allowed=first.allowed,
-            cure=first.cure,
-        )
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle with every problem."""
-        return InputErrors, (self._problems,)
+        self.args = (tuple(problems),)
+        vars(self).update(vars(self.problems[0]))
 
     def __str__(self) -> str:
-        return "\n".join(str(problem) for problem in self._problems)
+        return "\n".join(str(problem) for problem in self.problems)
 
     @property
     def problems(self) -> tuple[InputError, ...]:
         """The single problems, in the order in which they were found."""
-        return self._problems
+        problems: tuple[InputError, ...] = self.args[0]
+        return problems
 
 
 @contextmanager

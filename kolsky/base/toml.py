@@ -54,10 +54,7 @@ _CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-str
 def _translate(
     details: Any, model: type[BaseModel], path: Path, lines: dict[str, int], empty: set[str]
 ) -> InputError:
-    """One error of `pydantic.ValidationError.errors` as an `InputError`.
-
-    `lines` are those of `key_lines`, `empty` the keys that are not filled in.
-    """
+    """One error of Pydantic as an `InputError`; `lines` as of `key_lines`, `empty`: keys without a value."""
     location = [str(part) for part in details["loc"] if not _CHOICE.match(str(part))]
     context = details.get("ctx", {})
     kind, value = details["type"], details["input"]

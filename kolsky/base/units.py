@@ -127,10 +127,7 @@ def unit_factor(text: str, unit: str) -> float:
 
 
 def _pint_text(text: str) -> str:
-    """A unit as machines print it, in the notation that Pint reads.
-
-    Examples: "kgf/cm2", "N·mm⁻²", "kgf.cm-2", "PSI".
-    """
+    """A unit as machines print it, e.g. "kgf/cm2", "N·mm⁻²", "kgf.cm-2", "PSI", as Pint reads it."""
 
     def spelled(match: re.Match[str]) -> str:
         word = match[0]

@@ -209,8 +209,8 @@ def flyer_covers(table: FrameTable, frames: FrameTable, toml: ShotToml) -> None:
     what = f"frame {number} has no displacement in {table.path.name}"
     cure = "export the flyer for every frame, or remove the frame from all files"
     if number > table.frame[-1]:
-        end = f"which ends with frame {table.frame[-1]} in {table.path.name}"
-        what = f"frame {number} is beyond the flyer record, {end}"
+        last = f"which ends with frame {table.frame[-1]} in {table.path.name}"
+        what = f"frame {number} is beyond the flyer record, {last}"
         cure = "export the flyer for all frames, or declare window.end inside its record"
     raise InputError(frames.path, f"{what} ({missing.size} such frames)", line=line, cure=cure)
 

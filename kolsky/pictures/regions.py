@@ -291,8 +291,10 @@ def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     for axis, most in ((0, columns), (1, rows)):
         for value in range(0, most, step):
             at = value * factor + factor // 2
-            ends = ((at, 0), (at, drawn.shape[0] - 1)) if axis == 0 else ((0, at), (drawn.shape[1] - 1, at))
-            cv2.line(drawn, *ends, (0, 160, 230), 1)
+            first, last = (at, 0), (at, int(drawn.shape[0]) - 1)
+            if axis == 1:
+                first, last = (0, at), (int(drawn.shape[1]) - 1, at)
+            cv2.line(drawn, first, last, (0, 160, 230), 1)
             place = (at + 3, 14) if axis == 0 else (3, at - 3 if at > 20 else at + 30)
             text = partial(cv2.putText, drawn, str(value), place, cv2.FONT_HERSHEY_SIMPLEX, 0.5)
             for colour, width in (((0, 0, 0), 3), ((0, 220, 255), 1)):

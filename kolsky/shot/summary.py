@@ -208,7 +208,7 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
         stated = {k: v for k in REDUCTION_KEYS if (v := shot.given.uncertainty.get(k, 0.0)) > 0.0}
         other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}  # one of them is enough
         exact = [key for key in REDUCTION_KEYS if key not in stated and other.get(key) not in stated]
-        uncertainty = {**stated, **dict.fromkeys(exact, EXACT)}
+        uncertainty: dict[str, float | str] = {**stated, **dict.fromkeys(exact, EXACT)}
         return [
             *(Entry(*row) for row in bar_rows(shot)),
             *(Entry("uncertainty", key, value) for key, value in uncertainty.items()),

@@ -3,7 +3,7 @@ them."""
 
 import json
 import sys
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import binom, chi2
 
 from populations import other_program
-from populations.coverage import NOMINAL, Found, Study, _free, run, summary, table, truth_file
+from populations.coverage import NOMINAL, Study, _free, run, summary, table, truth_file
 from populations.coverage_problem import (
     FORCE_SIGMA,
     GROUP,
@@ -33,22 +33,20 @@ M = "stiffness_factor"
 def _found(error: float, sigma: float, number: int = 0) -> dict[str, Any]:
     one = {M: sigma}
     routes = {"force only": {M: [1.1 + 1.9 * error, sigma]}}
-    return asdict(
-        Found(
-            number=number,
-            truth={M: 1.1},
-            value={M: 1.1 + error},
-            sigma=one,
-            correction={M: -0.004},
-            parts={M: {"mesh": sigma}},
-            routes=routes,
-            profile={M: [1.1 + error - sigma, 1.1 + error + sigma]},
-            outcome="identified",
-            warnings=[],
-            figures={},
-            seconds=0.0,
-        )
-    )
+    return {
+        "number": number,
+        "truth": {M: 1.1},
+        "value": {M: 1.1 + error},
+        "sigma": one,
+        "correction": {M: -0.004},
+        "parts": {M: {"mesh": sigma}},
+        "routes": routes,
+        "profile": {M: [1.1 + error - sigma, 1.1 + error + sigma]},
+        "outcome": "identified",
+        "warnings": [],
+        "figures": {},
+        "seconds": 0.0,
+    }
 
 
 def _five() -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from module_files import module_at
 from page_values import evaluated, stored
 
 from benchmarks import equilibrium_table
-from populations import answers, incompressible_shots, scatter
+from populations import answers, incompressible_shots
 
 ROOT = Path(__file__).parents[3]
 TABLES = ROOT / "docs" / "_ext" / "made_tables.py"
@@ -52,7 +52,7 @@ def test_every_committed_result_is_read(tables: ModuleType) -> None:
     elsewhere: dict[str, Callable[[Any], str]] = {
         "bar_signals": lambda _: "\n".join(map(str, stored(bars.DOCS / "bars.md")["made"])),
         "incompressible_shots": lambda made: incompressible_shots.table(made["each"]),
-        "right_second": lambda made: scatter.table(made["answers"]),
+        "right_second": lambda made: answers.scatter(made["answers"]),
     }
     kinds = {"coverage": "coverage", "forty": "drawn"}  # files of a kind that no page requests
     in_words = {"mesh_windows", "truth_meshes"}  # their pages quote single numbers
@@ -145,7 +145,7 @@ def test_changes_are_in_standard_uncertainties_of_the_earlier_answer() -> None:
 def test_scatter_of_errors_over_their_uncertainties() -> None:
     """Errors of +1, -1, +3 and -3 standard uncertainties: mean 0, scatter sqrt(5), half of them inside."""
     drawn = [answer(1.12 + z * 0.004, 0.004) for z in (1.0, -1.0, 3.0, -3.0)]
-    (row,) = scatter.table(drawn).splitlines()[2:]
+    (row,) = answers.scatter(drawn).splitlines()[2:]
     assert [cell.strip() for cell in row.split("|")[2:-1]] == ["4", "+0.00", "2.24", "3.00", "2"]
 
 
