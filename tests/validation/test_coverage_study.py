@@ -35,20 +35,12 @@ def _found(error: float, sigma: float, number: int = 0) -> dict[str, Any]:
     routes = {"force only": {M: [1.1 + 1.9 * error, sigma]}}
     return asdict(
         Found(
-            number=number,
-            truth={M: 1.1},
-            value={M: 1.1 + error},
-            sigma=one,
-            correction={M: -0.004},
-            parts={M: {"mesh": sigma}},
-            routes=routes,
-            profile={M: [1.1 + error - sigma, 1.1 + error + sigma]},
-            outcome="identified",
-            warnings=[],
-            figures={},
-            seconds=0.0,
+            number=number, truth={M: 1.1}, value={M: 1.1 + error}, sigma=one, correction={M: -0.004},
+            parts={M: {"mesh": sigma}}, routes=routes,
+            profile={M: [1.1 + error - sigma, 1.1 + error + sigma]}, outcome="identified", warnings=[],
+            figures={}, seconds=0.0,
         )
-    )
+    )  # fmt: skip
 
 
 def _five() -> list[dict[str, Any]]:

@@ -82,14 +82,9 @@ def case() -> Case:
 
 def run(case: Case, series=None, rig=None, **options):
     return measure(
-        series or case.series,
-        rig or case.rig,
-        options.pop("settings", SETTINGS),
-        t=case.t,
-        static=case.static,
-        specimen=SPECIMEN,
-        **options,
-    )
+        series or case.series, rig or case.rig, options.pop("settings", SETTINGS), t=case.t,
+        static=case.static, specimen=SPECIMEN, **options,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

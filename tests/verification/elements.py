@@ -112,10 +112,6 @@ def evaluate(
     wp.launch(kernel, dim=mesh.n_elements, inputs=inputs, device=device)
     found = answers.numpy().astype(float)
     return Evaluated(
-        forces=corner.numpy().astype(float).transpose(0, 2, 1),
-        omega_squared=found[:, 0],
-        power=found[:, 1],
-        elastic=found[:, 2],
-        hourglass=found[:, 3],
-        artificial=found[:, 4],
-    )
+        forces=corner.numpy().astype(float).transpose(0, 2, 1), omega_squared=found[:, 0], power=found[:, 1],
+        elastic=found[:, 2], hourglass=found[:, 3], artificial=found[:, 4],
+    )  # fmt: skip

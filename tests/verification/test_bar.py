@@ -172,13 +172,9 @@ def shown(result: Result) -> dict[str, object]:
         for name in BARS
     ]
     header = [
-        "bar",
-        "force differs from a rigid support [%]",
-        *(f"force error, {n} [%]" for n in MESHES),
-        *(f"path error, {n} [%]" for n in MESHES),
-        "fitted order of the path",
-        "work into the bar [%]",
-    ]
+        "bar", "force differs from a rigid support [%]", *(f"force error, {n} [%]" for n in MESHES),
+        *(f"path error, {n} [%]" for n in MESHES), "fitted order of the path", "work into the bar [%]",
+    ]  # fmt: skip
     return locals()
 
 

@@ -24,13 +24,9 @@ TIMES = np.linspace(0.0, END, 301)[1:]
 STEP, N_STEPS = 0.5e-6, 3000
 """Step of the runs for the ledgers [s], below the stable one throughout, and how many there are."""
 LAWS: dict[str, dict[str, float]] = {
-    "frictionless": {},
-    "coulomb": {"friction": 0.2},
-    "penalty": {"friction": 0.2},
-    "rough": {},
-    "bonded_release": {"release_stress": 10e3},
-    "bonded": {},
-}
+    "frictionless": {}, "coulomb": {"friction": 0.2}, "penalty": {"friction": 0.2}, "rough": {},
+    "bonded_release": {"release_stress": 10e3}, "bonded": {},
+}  # fmt: skip
 """The laws, with parameters that make faces stick and slip, or let go."""
 STIFFNESS = 10.0 ** np.arange(10.0, 15.1, 0.5)  # penalty stiffnesses [Pa/m]
 FRICTION = 2.0 ** np.arange(-1, 13)  # coefficients on the way to infinity [-]

@@ -186,14 +186,10 @@ def measure_pair(
     stacks = [stack(picture, seed, settings.prefilter) for seed, picture in enumerate((first, second))]
     error, covariance, found = repeated(stacks[0], stacks[1], true, settings, points)
     return Pair(
-        motion=name,
-        settings=settings,
-        bias=float(error[:, 0].mean()),
-        spread=float(error[:, 0].std()),
+        motion=name, settings=settings, bias=float(error[:, 0].mean()), spread=float(error[:, 0].std()),
         promised=float(np.sqrt(covariance[:, 0, 0].mean())),
-        normalised=float(normalised(error, covariance).std()),
-        found=found,
-    )
+        normalised=float(normalised(error, covariance).std()), found=found,
+    )  # fmt: skip
 
 
 @cache
@@ -228,15 +224,11 @@ def case() -> Result:
         for declared in (NOISE, 0.0)
     ]
     return Result(
-        floor=float(floors[SUBSETS.index(21)]),
-        pairs=tuple(pairs),
+        floor=float(floors[SUBSETS.index(21)]), pairs=tuple(pairs),
         s_curve={size: measure_s_curve(size) for size in SIZES},
-        subset_spread=np.array([pair.spread for pair in sizes]),
-        subset_floor=floors,
-        stretch_normalised=measure_stretches(),
-        update_bias=between[0],
-        update_bias_untold=between[1],
-    )
+        subset_spread=np.array([pair.spread for pair in sizes]), subset_floor=floors,
+        stretch_normalised=measure_stretches(), update_bias=between[0], update_bias_untold=between[1],
+    )  # fmt: skip
 
 
 def draw(result: Result, figure: Figure) -> None:

@@ -186,17 +186,11 @@ def shown(result: Result) -> dict[str, object]:
     """What the page and the index show beside the fields of the result."""
     lines = [
         [
-            f"{angle:g}",
-            shape.name.lower(),
-            str(n),
-            f"{100 * e.accepted:.0f}",
-            f"{1e6 * e.bias:+.2f}",
-            f"{-1e6 * sagitta(e.width):.2f}",
-            f"{1e6 * e.scatter:.2f}",
-            f"{e.scaled:.2f}",
+            f"{angle:g}", shape.name.lower(), str(n), f"{100 * e.accepted:.0f}", f"{1e6 * e.bias:+.2f}",
+            f"{-1e6 * sagitta(e.width):.2f}", f"{1e6 * e.scatter:.2f}", f"{e.scaled:.2f}",
         ]
         for (angle, shape, n), e in result.errors.items()
-    ]
+    ]  # fmt: skip
     gates = [
         [f"{angle:g}", gate.name.lower().replace("_", " "), str(false.caught[gate]), str(false.without[gate])]
         for angle, false in result.false.items()

@@ -39,13 +39,9 @@ def rectangles(mesh: Mesh, density: float) -> Rectangles:
     volume = 2.0 * np.pi * mean * width * height
     share = 0.5 * np.stack([left, right, right, left], axis=1)
     return Rectangles(
-        quads=mesh.quads,
-        volume=volume,
-        gradient_r=across,
-        gradient_y=along,
-        hoop=np.repeat(0.25 / mean[:, None], 4, axis=1),
-        corner_mass=density * volume[:, None] * share,
-    )
+        quads=mesh.quads, volume=volume, gradient_r=across, gradient_y=along,
+        hoop=np.repeat(0.25 / mean[:, None], 4, axis=1), corner_mass=density * volume[:, None] * share,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -367,16 +363,11 @@ def shown(result: Result) -> dict[str, object]:
     ]
     seen = [
         [
-            str(i),
-            str(w.named),
-            str(w.found),
-            MEASURED[batch.outcomes[i]],
-            f"{w.before:.4g}",
-            f"{w.value:.4g}",
-            "yes" if w.same_history else "NO",
+            str(i), str(w.named), str(w.found), MEASURED[batch.outcomes[i]], f"{w.before:.4g}",
+            f"{w.value:.4g}", "yes" if w.same_history else "NO",
         ]
         for i, w in result.witnesses.items()
-    ]
+    ]  # fmt: skip
     good = result.bits
     named = result.witnesses.values()
     same = all(result.bits.values()) and all(w.same_history for w in named)

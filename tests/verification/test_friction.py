@@ -295,14 +295,9 @@ def draw(result: Result, figure: Figure) -> None:
         n = len(reference.compression)
         left.plot(percent[:n], (one.force / whole)[:n], color=f"C{i}")
         left.errorbar(
-            percent[:n],
-            reference.force / whole[:n],
-            reference.force_error / whole[:n],
-            color=f"C{i}",
-            fmt="o",
-            markersize=2.5,
-            capsize=2.0,
-        )
+            percent[:n], reference.force / whole[:n], reference.force_error / whole[:n], color=f"C{i}",
+            fmt="o", markersize=2.5, capsize=2.0,
+        )  # fmt: skip
         start = 1e3 * reference.face_start
         right.plot(start, 1e3 * reference.face[2] - start, color=f"C{i}", label=f"f = {friction:g}")
         start = 1e3 * one.face_start

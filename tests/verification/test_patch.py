@@ -57,15 +57,9 @@ def corner_forces(
     """Corner forces [N], shape [n_elements, 4, 2], and dissipated powers [W] of the solver's own element."""
     law = neo_hookean(shear_modulus(POISSON))
     found = evaluate(
-        element,
-        mesh,
-        law,
-        motion[mesh.quads],
-        poisson=POISSON,
-        velocity=velocity[mesh.quads],
-        beta=beta,
+        element, mesh, law, motion[mesh.quads], poisson=POISSON, velocity=velocity[mesh.quads], beta=beta,
         precision_name=name,
-    )
+    )  # fmt: skip
     return found.forces, found.power
 
 

@@ -87,13 +87,9 @@ def cosines() -> tuple[FloatArray, float]:
     reach = 60.0 * PIXEL
     pitch, height = PIXEL / 8.0, 0.03
     texture = waves(
-        Area((-reach, reach), (-reach, reach)),
-        pitch,
-        vectors=vectors,
-        phases=phases,
-        level=0.5,
+        Area((-reach, reach), (-reach, reach)), pitch, vectors=vectors, phases=phases, level=0.5,
         height=height,
-    )
+    )  # fmt: skip
     pictures = shifted(texture)
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]] - 0.5 * (SHAPE[0] - 1)
     found, worst = [], 0.0

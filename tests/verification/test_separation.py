@@ -153,13 +153,9 @@ def draw(result: Result, figure: Figure) -> None:
             (line,) = middle.plot(1e6 * found.time, wave.value, label=label)
             every = slice(None, None, max(1, found.time.size // 60))
             middle.plot(
-                1e6 * found.time[every],
-                true[every],
-                "o",
-                color=line.get_color(),
-                markersize=2.2,
+                1e6 * found.time[every], true[every], "o", color=line.get_color(), markersize=2.2,
                 fillstyle="none",
-            )
+            )  # fmt: skip
         middle.legend(loc="lower left" if column == 0 else "upper right")
         for panel in (top, middle):
             panel.set_xlim(0.0, 1e6 * bar.time[-1])

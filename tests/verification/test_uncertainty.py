@@ -162,15 +162,11 @@ BRIDGE = Bridge("half, opposed", gauge_factor=2.1, excitation=5.0, gain=100.0)
 NOISE = 1e-6  # of a sample of strain
 TIME = 0.5e-6 * np.arange(400)
 INPUTS = (
-    quantity("Young's modulus", 210e9, 2.1e9, unit="Pa"),
-    quantity("density", 7800.0, 15.6, unit="kg/m^3"),
-    quantity("bar, diameter", 20e-3, 10e-6, unit="m"),
-    quantity("specimen, diameter", 10e-3, 50e-6, unit="m"),
-    quantity("specimen, length", 4e-3, 10e-6, unit="m"),
-    quantity("gauge factor", 2.1, 0.021, 10.0),
-    quantity("excitation", 5.0, 0.01, unit="V"),
-    quantity("zero", 0.0, 0.5e-6, 50.0),
-)
+    quantity("Young's modulus", 210e9, 2.1e9, unit="Pa"), quantity("density", 7800.0, 15.6, unit="kg/m^3"),
+    quantity("bar, diameter", 20e-3, 10e-6, unit="m"), quantity("specimen, diameter", 10e-3, 50e-6, unit="m"),
+    quantity("specimen, length", 4e-3, 10e-6, unit="m"), quantity("gauge factor", 2.1, 0.021, 10.0),
+    quantity("excitation", 5.0, 0.01, unit="V"), quantity("zero", 0.0, 0.5e-6, 50.0),
+)  # fmt: skip
 OUTPUTS = ("stress", "strain", "rate")
 
 

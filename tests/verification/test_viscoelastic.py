@@ -69,14 +69,10 @@ def clean(truth: RateModel) -> tuple[Evidence, ...]:
             (speed_after_rise(speed, 80e-6, end=end),),
         )
         blank = ShotEvidence(
-            model=model,
-            edges=np.linspace(0.0, end, BINS + 1),
-            force=np.zeros(BINS),
-            sigma=np.full(BINS, NOISE),
-            held={"poisson": 0.49, "damping": 2.5e-5},
-            threads=1,
+            model=model, edges=np.linspace(0.0, end, BINS + 1), force=np.zeros(BINS),
+            sigma=np.full(BINS, NOISE), held={"poisson": 0.49, "damping": 2.5e-5}, threads=1,
             label=f"{speed:g} m/s",
-        )
+        )  # fmt: skip
         found.append(replace(blank, force=blank.predict(SHOT_LAW, [truth])[0]))
     held = HistoryTest.relaxation(np.geomspace(1e-2, 20.0, 30), np.zeros(30), 50.0, stretch=0.8, rise=5e-3)
     slow = HistoryTest(
@@ -187,15 +183,9 @@ def _frictionless(
     motion: PlatenMotion, branches: RateDependence, element: str, *, density: float, mesh: tuple[int, int]
 ) -> Model:
     return Model(
-        cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1]),
-        density,
-        (LAW,),
-        (motion,),
-        faces="frictionless",
-        side="frictionless",
-        element=element,
-        relaxation=(branches,),
-    )
+        cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1]), density, (LAW,), (motion,),
+        faces="frictionless", side="frictionless", element=element, relaxation=(branches,),
+    )  # fmt: skip
 
 
 @cache
@@ -265,15 +255,10 @@ def impact(name: str, element: str) -> float:
     """2.6 m/s to 60 %, rough faces and side, damping."""
     end = 1.5e-3
     model = Model(
-        cylinder(RADIUS, LENGTH, n_radial=8, n_axial=11),
-        DENSITY,
-        (LAW,),
-        (speed_after_rise(2.6, 50e-6, end=end),),
-        faces="rough",
-        side="rough",
-        element=element,
+        cylinder(RADIUS, LENGTH, n_radial=8, n_axial=11), DENSITY, (LAW,),
+        (speed_after_rise(2.6, 50e-6, end=end),), faces="rough", side="rough", element=element,
         relaxation=(BRANCHES[name],),
-    )
+    )  # fmt: skip
     times = np.linspace(0.0, end, 31)[1:]
     response = run(model, Samples.of(poisson=0.495, damping=2.5e-5), Sampling(times, times))
     assert (_completed(response).energy.viscous[0] > 0.0).all()

@@ -69,13 +69,9 @@ def _standing_waves(mesh: tuple[int, int]) -> FloatArray:
         velocity=first.velocity + size * length / quick * ninth_slope(s),
     )
     model = Model(
-        cylinder(RADIUS, length, n_radial=mesh[0], n_axial=mesh[1]),
-        DENSITY,
-        (neo_hookean(shear_modulus(poisson)),),
-        (motion,),
-        faces="frictionless",
-        side="frictionless",
-    )
+        cylinder(RADIUS, length, n_radial=mesh[0], n_axial=mesh[1]), DENSITY,
+        (neo_hookean(shear_modulus(poisson)),), (motion,), faces="frictionless", side="frictionless",
+    )  # fmt: skip
     times = np.linspace(slow + quick, end - 1e-4, 217)
     response = run(model, Samples.of(poisson=poisson), Sampling(times, times))
     bulge = (response.surface_r[0] - RADIUS) / (size * length)
