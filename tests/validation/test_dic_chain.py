@@ -4,7 +4,8 @@ The pictures are a part of open-01, a shot with a known surface at every time. T
 so the tests need no calibration. `test_dic_shot.py` tests the whole chain.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -49,15 +50,7 @@ def recorded(frames) -> Memory:
     return Memory(tuple(frames), bits=12, crop_offset=CROP)
 
 
-@dataclass(frozen=True)
-class Case:
-    """The shot's part that is measured."""
-
-    series: tuple[Memory, Memory]
-    rig: StereoRig
-    t: np.ndarray
-    static: np.ndarray
-    truth: dict[str, np.ndarray]
+Case = SimpleNamespace
 
 
 def chosen() -> np.ndarray:

@@ -1,7 +1,7 @@
 """Contact laws at their limits, penetration, and the ledgers of momentum and energy."""
 
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -55,20 +55,7 @@ def impact(law: str, **parameters: tuple[float, ...]) -> Response:
     return run(model(law, motion), samples, Sampling(TIMES, TIMES, all_nodes=True))
 
 
-@dataclass(frozen=True)
-class Ledger:
-    """Every step of an impact with one law."""
-
-    penetration: float  # deepest place of any node beyond a platen [m]
-    rolled: int  # side nodes within 1 um of the transmission platen at the end, corner included
-    momentum: float
-    """Largest difference between the platens' impulses and the specimen's momentum, over the largest
-    momentum [-]."""
-    energy: float  # largest |external work minus its parts| over external work [-]
-    friction: float  # lost to friction over external work at the end [-]
-    impact: float  # lost in landing, or held by the penalty's springs, over external work at the end [-]
-    tension: float  # smallest force on the transmission platen [N]
-    step: float  # smallest step [s]
+Ledger = Distance = Result = SimpleNamespace
 
 
 @cache
@@ -95,33 +82,31 @@ def ledger(law: str) -> Ledger:
     energy = response.energy
     work = energy.external[0, -1]
     return Ledger(
+        # deepest place of any node beyond a platen [m]
         penetration=float(max(-y.min(), (y - flyer[:, None]).max())),
+        # side nodes within 1 um of the transmission platen at the end, corner included
         rolled=int((np.abs(response.surface_y[0, -1]) < 1e-6).sum()),
+        # Largest difference between the platens' impulses and the specimen's momentum, over the largest
+        # momentum [-].
         momentum=float(np.abs(gained - momentum).max() / np.abs(momentum).max()),
-        energy=float(energy.imbalance()[0]),
-        friction=float(energy.friction[0, -1] / work),
+        energy=float(energy.imbalance()[0]),  # largest |external work minus its parts| over external work [-]
+        friction=float(energy.friction[0, -1] / work),  # lost to friction over external work at the end [-]
+        # lost in landing, or held by the penalty's springs, over external work at the end [-]
         impact=float(energy.impact[0, -1] / work),
-        tension=float(response.force_transmission.min()),
-        step=float(response.smallest_step[0]),
+        tension=float(response.force_transmission.min()),  # smallest force on the transmission platen [N]
+        step=float(response.smallest_step[0]),  # smallest step [s]
     )
-
-
-@dataclass(frozen=True)
-class Distance:
-    """How far the simulations of a sweep are from their limit; shape [n] each."""
-
-    outline: FloatArray  # radii of the side nodes, rms over nodes and times [m]
-    force: FloatArray  # force on the transmission platen, rms over times, over its rms [-]
-    impulse: FloatArray  # its impulse at the end [-]
 
 
 def distance(sweep: Response, limit: Response) -> Distance:
     """Distance of every row from a response of one row."""
     force, impulse = limit.force_transmission[0], limit.impulse_transmission[0, -1]
     return Distance(
+        # radii of the side nodes, rms over nodes and times [m]
         outline=np.array([rms(radius - limit.surface_r[0]) for radius in sweep.surface_r]),
+        # force on the transmission platen, rms over times, over its rms [-]
         force=np.array([rms(row - force) for row in sweep.force_transmission]) / rms(force),
-        impulse=np.abs(sweep.impulse_transmission[:, -1] / impulse - 1.0),
+        impulse=np.abs(sweep.impulse_transmission[:, -1] / impulse - 1.0),  # its impulse at the end [-]
     )
 
 
@@ -234,36 +219,23 @@ STATIC_TOLERANCE = 1e-4
 0.05 um on each side shortens 2.6 mm by 4e-5."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """Everything the page shows."""
-
-    ledgers: dict[str, Ledger]  # every step of an impact, by law
-    penalty: Distance  # from the kinematic Coulomb law with the same coefficient, by `STIFFNESS`
-    depth: FloatArray  # penetration [m], by `STIFFNESS`
-    friction: Distance  # from the rough law, by `FRICTION`
-    release: Response  # Impacts, by `RELEASE`
-    rough: Response  # the law that release stress 0 must be
-    bonded: Response  # the law that an infinite release stress must be
-    pull: FloatArray  # force at release over its closed form [-], rows `PULLED`
-    press: FloatArray  # penetration over its closed form [-], rows `STIFFNESS`
-
-
 @cache
 def case() -> Result:
     """All impacts, the pull and the static compression (some seconds)."""
     rough = impact("rough")
     penalty = impact("penalty", friction=(0.3,), contact_stiffness=tuple(STIFFNESS))
     return Result(
-        ledgers={law: ledger(law) for law in LAWS},
+        ledgers={law: ledger(law) for law in LAWS},  # every step of an impact, by law
+        # from the kinematic Coulomb law with the same coefficient, by `STIFFNESS`
         penalty=distance(penalty, impact("coulomb", friction=(0.3,))),
-        depth=depth(penalty),
+        depth=depth(penalty),  # penetration [m], by `STIFFNESS`
+        # from the rough law, by `FRICTION`
         friction=distance(impact("coulomb", friction=tuple(FRICTION)), rough),
-        release=impact("bonded_release", release_stress=tuple(RELEASE)),
-        rough=rough,
-        bonded=impact("bonded"),
-        pull=pull(),
-        press=press(),
+        release=impact("bonded_release", release_stress=tuple(RELEASE)),  # Impacts, by `RELEASE`
+        rough=rough,  # the law that release stress 0 must be
+        bonded=impact("bonded"),  # the law that an infinite release stress must be
+        pull=pull(),  # force at release over its closed form [-], rows `PULLED`
+        press=press(),  # penetration over its closed form [-], rows `STIFFNESS`
     )
 
 
