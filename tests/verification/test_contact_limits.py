@@ -11,7 +11,7 @@ from order import FittedOrder, assert_order, fitted_order
 from scene import DENSITY, LENGTH, RADIUS, YOUNG, rms, shear_modulus, smooth_stroke, speed_after_rise, table
 from test_friction import COARSE, FORCE_TOLERANCE, compress, force_excess
 
-from explicit import Model, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
+from explicit import Mesh, Model, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 from explicit.mesh import element_geometry
 
@@ -149,16 +149,19 @@ def pull() -> FloatArray:
 def stuck() -> FloatArray:
     """Largest radial displacement of a face that sticks on springs after a slow compression to 20 % [m], rows
     `STIFFNESS`."""
+    mesh, response = _pushed(friction=1e3)
+    face = mesh.lower_face
+    return np.asarray(np.abs(response.nodes[:, -1, face, 0] - mesh.nodes[face, 0]).max(axis=1))
+
+
+def _pushed(**parameters: float) -> tuple[Mesh, Response]:
+    """A slow compression to 20 % on springs, rows `STIFFNESS`."""
     end = np.array([SLOW])
-    push = smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW)
+    made = model("penalty", smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW), (6, 8))
     samples = Samples.of(
-        poisson=POISSON, damping=DAMPING, mass_damping=DRAG, friction=1e3, contact_stiffness=STIFFNESS
+        poisson=POISSON, damping=DAMPING, mass_damping=DRAG, contact_stiffness=STIFFNESS, **parameters
     )
-    made = model("penalty", push, (6, 8))
-    response = run(made, samples, Sampling(end, end, all_nodes=True))
-    assert response.nodes is not None
-    face = made.mesh.lower_face
-    return np.asarray(np.abs(response.nodes[:, -1, face, 0] - made.mesh.nodes[face, 0]).max(axis=1))
+    return made.mesh, run(made, samples, Sampling(end, end, all_nodes=True))
 
 
 @cache
@@ -186,14 +189,9 @@ def twice() -> tuple[FloatArray, FloatArray]:
 def press() -> FloatArray:
     """Penetration of a face's nodes times stiffness over pressure after a slow frictionless compression to
     20 % [-], rows `STIFFNESS`, columns nodes of the face on the transmission platen."""
-    end = np.array([SLOW])
-    push = smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW)
-    samples = Samples.of(poisson=POISSON, damping=DAMPING, mass_damping=DRAG, contact_stiffness=STIFFNESS)
-    made = model("penalty", push, (6, 8))
-    response = run(made, samples, Sampling(end, end, all_nodes=True))
-    assert response.nodes is not None
+    mesh, response = _pushed()
     pressure = response.force_transmission[:, -1] / AREA
-    return np.asarray(-response.nodes[:, -1, made.mesh.lower_face, 1] * (STIFFNESS / pressure)[:, None])
+    return np.asarray(-response.nodes[:, -1, mesh.lower_face, 1] * (STIFFNESS / pressure)[:, None])
 
 
 FIGURE_SIZE = (6.7, 4.8)
@@ -369,8 +367,7 @@ def test_gap_momentum_and_energy_of_every_step(law: str) -> None:
 @pytest.mark.parametrize("measure", ["outline", "force", "impulse", "penetration"])
 def test_the_penalty_converges_to_the_kinematic_law(measure: str) -> None:
     errors = {**vars(case().penalty), "penetration": case().depth}
-    chosen = FITTED
-    assert_order(1.0 / STIFFNESS[chosen], errors[measure][chosen], 1.0, ORDER_TOLERANCE)
+    assert_order(1.0 / STIFFNESS[FITTED], errors[measure][FITTED], 1.0, ORDER_TOLERANCE)
 
 
 def test_the_penalty_penetrates_by_pressure_over_stiffness() -> None:
@@ -378,9 +375,8 @@ def test_the_penalty_penetrates_by_pressure_over_stiffness() -> None:
 
 
 def test_a_sticking_face_moves_by_shear_over_stiffness_and_does_not_creep() -> None:
-    shear = (
-        stuck() * STIFFNESS
-    )  # some of the modulus at 20 %; a face that creeps would move a hundred times more
+    # some of the modulus at 20 %; a face that creeps would move a hundred times more
+    shear = stuck() * STIFFNESS
     assert (shear > 0.05 * YOUNG).all()
     assert (shear < 0.5 * YOUNG).all()
     np.testing.assert_allclose(shear, shear[-1], rtol=0.02)  # 1.5 um of 4.75 mm at the softest: other terms

@@ -384,47 +384,26 @@ NAMES = {"one_point": "one-point", "fbar": "F-bar"}  # elements as the page call
 
 def single_table(result: Result) -> str:
     """Checks of one element by itself."""
-    rows = []
-    for name in patch.TOLERANCE:
-        allowed = f"{patch.TOLERANCE[name]:.0e}"
-        both = [result.single[element] for element in ELEMENTS]
-        rows.append(
-            [f"interior force of the patch test / corner force, {name}"]
-            + [f"{one.interior[name]:.0e}" for one in both]
-            + [allowed]
-        )
-        rows.append(
-            [f"face force of the patch test against the closed form, {name}"]
-            + [f"{one.face[name]:.0e}" for one in both]
-            + [allowed]
-        )
-        rows.append(
-            [f"force of a rigid shift with a rigid velocity / (mu R^2), {name}"]
-            + [f"{one.rigid[name]:.0e}" for one in both]
-            + [allowed]
-        )
-    both = [result.single[element] for element in ELEMENTS]
-    rows.append(
-        ["power of the damping stress in uniform stretching, minus 1"]
-        + [f"{one.rate_power:.0e}" for one in both]
-        + ["1e-13"]
+    both, rows = [result.single[element] for element in ELEMENTS], []
+    for name, allowed in patch.TOLERANCE.items():
+        for what, of in (
+            ("interior force of the patch test / corner force", "interior"),
+            ("face force of the patch test against the closed form", "face"),
+            ("force of a rigid shift with a rigid velocity / (mu R^2)", "rigid"),
+        ):
+            found = (f"{getattr(one, of)[name]:.0e}" for one in both)
+            rows.append([f"{what}, {name}", *found, f"{allowed:.0e}"])
+    power, gradient = (
+        [f"{one.rate_power:.0e}" for one in both],
+        [f"{one.gradient.min():.0e}" for one in both],
     )
-    rows.append(
-        ["corner force against the central difference of the energy, best step"]
-        + [f"{one.gradient.min():.0e}" for one in both]
-        + ["1e-8"]
-    )
+    rows.append(["power of the damping stress in uniform stretching, minus 1", *power, "1e-13"])
+    rows.append(["corner force against the central difference of the energy, best step", *gradient, "1e-8"])
     for kind in ("deviatoric", "full"):
-        rows.append(
-            [f"energy imbalance, impact with friction, bar and {kind} damping [%]"]
-            + [f"{100 * one.imbalance[kind]:.4f}" for one in both]
-            + ["0.1"]
-        )
-    rows.append(
-        ["frictionless compression, force against the closed form [%]"]
-        + [f"{100 * one.frictionless:.2f}" for one in both]
-        + ["0.3"]
-    )
+        lost = (f"{100 * one.imbalance[kind]:.4f}" for one in both)
+        rows.append([f"energy imbalance, impact with friction, bar and {kind} damping [%]", *lost, "0.1"])
+    force = (f"{100 * one.frictionless:.2f}" for one in both)
+    rows.append(["frictionless compression, force against the closed form [%]", *force, "0.3"])
     return table(["quantity", *NAMES.values(), "allowed"], rows)
 
 
