@@ -155,15 +155,11 @@ def _stated(rng: random.Random, key: str, value: float, unit: str, delimiter: st
     column = DELIMITERS[delimiter] if delimiter != "blanks" else "\t"
     return rng.choice(
         (
-            f"{key}: {text} {unit}",
-            f"{key}: {text}{unit}",
-            f"{key} = {text} {unit}",
-            f"{key} [{unit}]: {text}",
-            f"{key} ({unit}) = {text}",
-            f"{key}{column}{text}{column}{unit}",
+            f"{key}: {text} {unit}", f"{key}: {text}{unit}", f"{key} = {text} {unit}",
+            f"{key} [{unit}]: {text}", f"{key} ({unit}) = {text}", f"{key}{column}{text}{column}{unit}",
             f"{key} ({unit}){column}{text}",
         )
-    )
+    )  # fmt: skip
 
 
 def difference(drawn: Drawn, path: Path) -> str:

@@ -140,14 +140,9 @@ def _run(line: str, work: Path, source: Path) -> dict[str, str | int]:
     first = {"kolsky": program(source), "python": [sys.executable]}[words[0]]
     try:
         done = subprocess.run(
-            [*first, *words[1:]],
-            cwd=work,
-            env=environment(source),
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=LIMIT_S,
-        )
+            [*first, *words[1:]], cwd=work, env=environment(source), stdin=subprocess.DEVNULL,
+            capture_output=True, text=True, timeout=LIMIT_S,
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         return {"line": line, "code": -1, "stdout": "", "stderr": f"ended after {LIMIT_S:.0f} s"}
     return {"line": line, "code": done.returncode, "stdout": done.stdout, "stderr": done.stderr}

@@ -17,20 +17,13 @@ MATCHID = "\n".join(
         f"Cam{k}_{name};{value}"
         for k in (0, 1)
         for name, value in (
-            ("Fx [pixels]", 2898.5 + k),
-            ("Fy [pixels]", 2899.5),
-            ("Fs [pixels]", 0.5),
-            ("Kappa 1", -0.1),
-            ("Kappa 2", 0.2),
-            ("Kappa 3", 0),
-            ("P1", 1e-3),
-            ("P2", -2e-3),
-            ("Cx [pixels]", 640),
+            ("Fx [pixels]", 2898.5 + k), ("Fy [pixels]", 2899.5), ("Fs [pixels]", 0.5), ("Kappa 1", -0.1),
+            ("Kappa 2", 0.2), ("Kappa 3", 0), ("P1", 1e-3), ("P2", -2e-3), ("Cx [pixels]", 640),
             ("Cy [pixels]", 511.5),
         )
     ]
     + ["Tx [mm]; -180.5", "Ty [mm];1.5", "Tz [mm];48.25", "Theta [deg];0.5", "Phi [deg];15", "Psi [deg];-1"]
-)
+)  # fmt: skip
 
 DICE = """<ParameterList>
   <Parameter name="xml_file_format" type="string" value="DICe_xml_camera_system_file"/>
@@ -66,24 +59,13 @@ OPENCORR = "\n".join(
     f"\tview{view}_cam_{kind}trinsics.{name} = {value};"
     for view in (1, 2)
     for kind, name, value in (
-        ("in", "fx", "6673.25f"),
-        ("in", "fy", "6669.5f"),
-        ("in", "fs", "0.f"),
-        ("in", "cx", "872.5f"),
-        ("in", "cy", "580.f"),
-        ("in", "k1", "0.03f"),
-        ("in", "k2", "-1.f"),
-        ("in", "k3", "29.75f"),
-        ("in", "k4", "0"),
-        ("in", "p1", "1e-3f"),
-        ("ex", "tx", f"{122 * view - 122}"),
-        ("ex", "ty", "1.5"),
-        ("ex", "tz", "17.5"),
-        ("ex", "rx", "0.003"),
-        ("ex", "ry", f"{-0.33 * (view - 1)}"),
+        ("in", "fx", "6673.25f"), ("in", "fy", "6669.5f"), ("in", "fs", "0.f"), ("in", "cx", "872.5f"),
+        ("in", "cy", "580.f"), ("in", "k1", "0.03f"), ("in", "k2", "-1.f"), ("in", "k3", "29.75f"),
+        ("in", "k4", "0"), ("in", "p1", "1e-3f"), ("ex", "tx", f"{122 * view - 122}"), ("ex", "ty", "1.5"),
+        ("ex", "tz", "17.5"), ("ex", "rx", "0.003"), ("ex", "ry", f"{-0.33 * (view - 1)}"),
         ("ex", "rz", "0.005f"),
     )
-)
+)  # fmt: skip
 
 TEXT = "\n".join(
     [f"{v} # a comment" for v in (638.9, 407.3, 2468.5, 2468.25, -0.17, 0.064, 0, 0)]

@@ -94,11 +94,7 @@ class Layer:
         return tuple(
             BarSignal(
                 Signal(
-                    start,
-                    interval,
-                    force / elastic(bar) + noise * rng.normal(size=time.size),
-                    noise,
-                    "1",
+                    start, interval, force / elastic(bar) + noise * rng.normal(size=time.size), noise, "1",
                     f"{side} gauge",
                 ),
                 bar,
@@ -106,7 +102,7 @@ class Layer:
                 side,
             )
             for force, (bar, x), side in zip(forces, self.stations, ("incident", "transmission"), strict=True)
-        )
+        )  # fmt: skip
 
     @property
     def stations(self) -> tuple[tuple[Bar, float], tuple[Bar, float]]:

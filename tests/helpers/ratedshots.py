@@ -25,14 +25,9 @@ def found(name: str, m: float, *, parts: dict[str, float], numerical: float = 0.
     result = synthetic(shot=name)
     noise = float(np.sqrt(sum(s**2 for s in parts.values())))
     estimate = replace(
-        result.estimates["stiffness_factor"],
-        value=m,
-        sigma_noise=noise,
-        sigma_numerical=numerical,
-        mesh_shift=-numerical,
-        noise_parts=parts,
-        numerical_parts={"mesh": numerical},
-    )
+        result.estimates["stiffness_factor"], value=m, sigma_noise=noise, sigma_numerical=numerical,
+        mesh_shift=-numerical, noise_parts=parts, numerical_parts={"mesh": numerical},
+    )  # fmt: skip
     return replace(result, estimates={"stiffness_factor": estimate})
 
 
@@ -40,14 +35,9 @@ def history(rate: float, *, spread: float = 0.05) -> StrainHistory:
     """The motion of the synthetic result with another declared rate."""
     time = np.linspace(0.0, 1.5e-3, 301)
     return StrainHistory(
-        time=time,
-        strain=displacement(time) / LENGTH,
-        span=(3e-5, 1.5e-3),
-        nominal_rate=rate,
-        sigma_rate=1e-3 * rate,
-        true_rate=(0.9 * rate, 1.3 * rate),
-        spread=spread,
-    )
+        time=time, strain=displacement(time) / LENGTH, span=(3e-5, 1.5e-3), nominal_rate=rate,
+        sigma_rate=1e-3 * rate, true_rate=(0.9 * rate, 1.3 * rate), spread=spread,
+    )  # fmt: skip
 
 
 def rated(

@@ -142,13 +142,8 @@ def synthetic(
         design=design,
         curves=curves,
         surrogate={
-            "loo_force": 0.041,
-            "loo_shape": 1.3e-6,
-            "check_force": 0.017,
-            "check_shape": 0.6e-6,
-            "counted_points": 2588.0,
-            "force_discrepancy": TAU_FORCE,
-            "shape_discrepancy": TAU_SHAPE,
+            "loo_force": 0.041, "loo_shape": 1.3e-6, "check_force": 0.017, "check_shape": 0.6e-6,
+            "counted_points": 2588.0, "force_discrepancy": TAU_FORCE, "shape_discrepancy": TAU_SHAPE,
         },
         warnings=("the made-up specimen does not exist (nominal strain -0.8)", "nor does its flyer"),
         fit=fit(names),
@@ -159,41 +154,21 @@ def synthetic(
         ),
         seconds={"design": 8.4, "refinement": 3.2, "check": 11.3, "noise": 4.9},
         provenance=_provenance(seed),
-    )
+    )  # fmt: skip
 
 
 def fit(names: tuple[str, ...]) -> tuple[FitQuality, FitQuality]:
     """The residual of a correct model: as large as predicted."""
     force = FitQuality(
-        channel="force",
-        unit="N",
-        values=130,
-        residual=0.2,
-        predicted={"noise": 0.12, "flyer motion": 0.16},
-        peak=70.0,
-        slow_residual=0.03,
-        slow_expected=0.04,
-        chi2=2.78,
-        discrepancy_share=0.64,
-        correlation=0.3,
-        whiteness=0.001,
-        weight=dict.fromkeys(names, 0.7),
-        limit=2.0,
-        slow_limit=2.5,
-    )
+        channel="force", unit="N", values=130, residual=0.2, predicted={"noise": 0.12, "flyer motion": 0.16},
+        peak=70.0, slow_residual=0.03, slow_expected=0.04, chi2=2.78, discrepancy_share=0.64, correlation=0.3,
+        whiteness=0.001, weight=dict.fromkeys(names, 0.7), limit=2.0, slow_limit=2.5,
+    )  # fmt: skip
     outline = replace(
-        force,
-        channel="outline",
-        unit="m",
-        values=2588,
-        residual=4.1e-6,
-        predicted={"noise": 4e-6, "mesh": 1e-6},
-        peak=2.4e-3,
-        slow_residual=1e-6,
-        slow_expected=1.1e-6,
-        chi2=1.05,
-        weight=dict.fromkeys(names, 0.3),
-    )
+        force, channel="outline", unit="m", values=2588, residual=4.1e-6,
+        predicted={"noise": 4e-6, "mesh": 1e-6}, peak=2.4e-3, slow_residual=1e-6, slow_expected=1.1e-6,
+        chi2=1.05, weight=dict.fromkeys(names, 0.3),
+    )  # fmt: skip
     return force, outline
 
 
@@ -203,14 +178,9 @@ def failed() -> Identification:
     count = len(good.design.outcomes)
     lost = np.full(count, np.nan)
     estimate = replace(
-        good.estimates["stiffness_factor"],
-        value=np.nan,
-        sigma_noise=np.nan,
-        sigma_numerical=np.nan,
-        mesh_shift=np.nan,
-        noise_parts={},
-        outcome=Verdict.FAILED,
-    )
+        good.estimates["stiffness_factor"], value=np.nan, sigma_noise=np.nan, sigma_numerical=np.nan,
+        mesh_shift=np.nan, noise_parts={}, outcome=Verdict.FAILED,
+    )  # fmt: skip
     response = good.response
     gone = {n: np.full_like(v, np.nan) for n, v in vars(response.energy).items()}
     nan = float("nan")

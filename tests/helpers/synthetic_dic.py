@@ -33,15 +33,10 @@ def rig() -> StereoRig:
         turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
         cameras.append(
             Camera(
-                fx=5400.0,
-                fy=5400.0,
-                cx=63.5,
-                cy=63.5,
-                rotation=flip @ turn,
-                translation=flip @ np.array([0.0, -0.5 * LENGTH, -0.305]),
-                sensor=(SIDE, SIDE),
+                fx=5400.0, fy=5400.0, cx=63.5, cy=63.5, rotation=flip @ turn,
+                translation=flip @ np.array([0.0, -0.5 * LENGTH, -0.305]), sensor=(SIDE, SIDE),
             )
-        )
+        )  # fmt: skip
     return StereoRig(cameras=(cameras[0], cameras[1]))
 
 
@@ -49,17 +44,11 @@ def true_rig(folder: Path) -> StereoRig:
     """The cameras of a shot's truth.json, in the true test frame."""
     first, second = (
         Camera(
-            fx=c["K"][0][0],
-            fy=c["K"][1][1],
-            cx=c["K"][0][2],
-            cy=c["K"][1][2],
-            skew=c["K"][0][1],
-            distortion=tuple(c["dist"]),
-            rotation=np.array(c["R"]),
-            translation=np.array(c["t"]),
+            fx=c["K"][0][0], fy=c["K"][1][1], cx=c["K"][0][2], cy=c["K"][1][2], skew=c["K"][0][1],
+            distortion=tuple(c["dist"]), rotation=np.array(c["R"]), translation=np.array(c["t"]),
         )
         for c in json.loads((folder / "truth.json").read_text())["cameras"]
-    )
+    )  # fmt: skip
     return StereoRig((first, second))
 
 

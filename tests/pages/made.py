@@ -74,12 +74,8 @@ def _report(which: str) -> str:
 
 
 RENDERED: dict[str, Callable[[], str]] = {
-    "budget": _budget,
-    "rates": lambda: _rates(5),
-    "rates-one": lambda: _rates(1),
-    "sweep": lambda: _sweep(one=False),
-    "sweep-one": lambda: _sweep(one=True),
-    "report": lambda: _report("one"),
-    "report-two": lambda: _report("two"),
-}
+    "budget": _budget, "rates": lambda: _rates(5), "rates-one": lambda: _rates(1),
+    "sweep": lambda: _sweep(one=False), "sweep-one": lambda: _sweep(one=True),
+    "report": lambda: _report("one"), "report-two": lambda: _report("two"),
+}  # fmt: skip
 """Name of a page made from results that are made up, and what renders it."""

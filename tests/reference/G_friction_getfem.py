@@ -52,13 +52,9 @@ class Cylinder:
         md.add_fem_variable("u", fem_u)
         md.add_filtered_fem_variable("l", fem_u, CONTACT)  # force on the body per reference area
         constants = {
-            "mu": YOUNG / (2 * (1 + POISSON)),
-            "K": YOUNG / (3 * (1 - 2 * POISSON)),
-            "f": friction,
-            "a": augmentation,
-            "h": HALF,
-            "drag": 0.0,
-        }
+            "mu": YOUNG / (2 * (1 + POISSON)), "K": YOUNG / (3 * (1 - 2 * POISSON)), "f": friction,
+            "a": augmentation, "h": HALF, "drag": 0.0,
+        }  # fmt: skip
         for name, value in constants.items():
             md.add_initialized_data(name, value)
         md.add_initialized_fem_data("u0", fem_u, np.zeros(fem_u.nbdof()))
@@ -207,14 +203,10 @@ def main():
             print(f"{done:.1f}", *(f"{v:.6g}" for v in history[-1][1:]), len(snaps), flush=True)
             target += 0.1
     np.savez(
-        a.out,
-        history=np.array(history),
-        face=np.array(faces),
-        side=np.array(sides),
-        face_r0=1e-3 * body.place[0, body.face],
-        side_z0=1e-3 * body.place[1, body.side],
+        a.out, history=np.array(history), face=np.array(faces), side=np.array(sides),
+        face_r0=1e-3 * body.place[0, body.face], side_z0=1e-3 * body.place[1, body.side],
         snaps=np.array(snaps),
-    )
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -6,14 +6,10 @@ from pathlib import Path
 import numpy as np
 
 RUNS = {
-    ("yeoh", "0.3"): ("n16", "n12"),
-    ("mooney_rivlin", "0.3"): ("n16",),
-    ("ogden2", "0.3"): ("n16",),
-    ("yeoh", "1000"): ("n12",),
-    ("mooney_rivlin", "1000"): ("n12",),
-    ("ogden2", "1000"): ("n12",),
+    ("yeoh", "0.3"): ("n16", "n12"), ("mooney_rivlin", "0.3"): ("n16",), ("ogden2", "0.3"): ("n16",),
+    ("yeoh", "1000"): ("n12",), ("mooney_rivlin", "1000"): ("n12",), ("ogden2", "1000"): ("n12",),
     ("reduced_polynomial", "0.7"): ("n12",),
-}
+}  # fmt: skip
 """Case -> meshes, the one in the tables first; where there are two, half of their difference is printed."""
 OUTLINES = (0.1, 0.2, 0.3, 0.4, 0.5)
 

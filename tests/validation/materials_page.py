@@ -158,14 +158,10 @@ def rubber_table(name: str, made: Comparison) -> str:
             ["*published:* Ogden 1972", "6", f"{3e-3 * OGDEN_1972.shear_modulus:.4g}", *cells, "", "stable"]
             if all(path.outcome is Stability.STABLE for path in drucker(OGDEN_1972))
             else [
-                "*published:* Ogden 1972",
-                "6",
-                f"{3e-3 * OGDEN_1972.shear_modulus:.4g}",
-                *cells,
-                "",
+                "*published:* Ogden 1972", "6", f"{3e-3 * OGDEN_1972.shear_modulus:.4g}", *cells, "",
                 "unstable",
             ]
-        )
+        )  # fmt: skip
     best = "none" if made.best is None else f"`{made.best.candidate.name}`"
     points = ", ".join(f"{len(t.stress)} {t.mode.value}" for t in made.tests)
     return f"**{name}** ({points} points; least BIC of those determined and stable: {best})\n\n{table(rows)}"

@@ -109,15 +109,9 @@ def test_epoxy_of_yao_steps_and_noise(shared, file, interval, steps):
         (("incident", 1.018), ("transmission", 0.741)), channels.values(), steps, strict=True
     ):
         made = bar_signal(
-            [recording],
-            Linear(0.000501),
-            STEEL,
-            position,
-            side,
-            baseline=(-1.9e-4, -2e-5),
-            clock_offset=0.0,
+            [recording], Linear(0.000501), STEEL, position, side, baseline=(-1.9e-4, -2e-5), clock_offset=0.0,
             compression=[-1],
-        ).signal.strain
+        ).signal.strain  # fmt: skip
         rest = measure_signal_zero(made.time, made.value, (-1.9e-4, -2e-5), name=side)
         assert rest.step == pytest.approx(1e-6 * step, rel=2e-3)  # printed with three digits
         # An 8-bit recorder whose noise is below its step; the rounding alone is step / sqrt(12).

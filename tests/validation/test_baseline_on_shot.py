@@ -1,8 +1,9 @@
 """A synthetic compression test with bonded ends for the shot open-01, and the values of m from its curves."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +15,10 @@ from kolsky.inverse.forward import material_law
 from kolsky.inverse.result import Estimate
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
-from kolsky.material.reference_curve import ReferenceCurve, Treatment, reference_curve
+from kolsky.material.reference_curve import Treatment, reference_curve
 from kolsky.material.slow_compression import SlowNumerics, slow_run
 from kolsky.material.uniaxial import CurveBand, UniaxialTest
 from kolsky.shot.load import load_shot
-from kolsky.shot.records import Shot
 
 OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 TRUE_M = 1.12  # the factor that the shot was made with (truth.json)
@@ -36,14 +36,7 @@ SETTINGS = Settings(
 """Coarser than the defaults: the difference between two curves needs no fine mesh."""
 
 
-@dataclass(frozen=True)
-class Compared:
-    """The curve analysed in two ways."""
-
-    shot: Shot
-    as_if_frictionless: ReferenceCurve
-    rightly: ReferenceCurve
-    truth: MaterialCurve
+Compared = SimpleNamespace
 
 
 @cache
@@ -71,7 +64,12 @@ def bonded_tests() -> Compared:
     numerics = CorrectionNumerics(poisson=shot.model.poisson)
     loose = Treatment(points=40)
     bonded = replace(loose, specimen=size, ends=EndFriction("bonded"), numerics=numerics)
-    return Compared(shot, reference_curve(tests, loose), reference_curve(tests, bonded), shot.curve)
+    return Compared(
+        shot=shot,
+        as_if_frictionless=reference_curve(tests, loose),
+        rightly=reference_curve(tests, bonded),
+        truth=shot.curve,
+    )
 
 
 def curve_of(band: CurveBand) -> MaterialCurve:

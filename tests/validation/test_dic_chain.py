@@ -4,7 +4,8 @@ The pictures are a part of open-01, a shot with a known surface at every time. T
 so the tests need no calibration. `test_dic_shot.py` tests the whole chain.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -49,15 +50,7 @@ def recorded(frames) -> Memory:
     return Memory(tuple(frames), bits=12, crop_offset=CROP)
 
 
-@dataclass(frozen=True)
-class Case:
-    """The shot's part that is measured."""
-
-    series: tuple[Memory, Memory]
-    rig: StereoRig
-    t: np.ndarray
-    static: np.ndarray
-    truth: dict[str, np.ndarray]
+Case = SimpleNamespace
 
 
 def chosen() -> np.ndarray:
@@ -82,14 +75,9 @@ def case() -> Case:
 
 def run(case: Case, series=None, rig=None, **options):
     return measure(
-        series or case.series,
-        rig or case.rig,
-        options.pop("settings", SETTINGS),
-        t=case.t,
-        static=case.static,
-        specimen=SPECIMEN,
-        **options,
-    )
+        series or case.series, rig or case.rig, options.pop("settings", SETTINGS), t=case.t,
+        static=case.static, specimen=SPECIMEN, **options,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -80,15 +80,9 @@ def flight_of(folder):
     assert not remarks
     truth = np.load(folder / "truth_surface.npz")
     return SimpleNamespace(
-        t=t,
-        free=free,
-        held=held,
-        frame=frame,
-        static=static,
-        axial_displacement=travel,
-        motion=motion,
+        t=t, free=free, held=held, frame=frame, static=static, axial_displacement=travel, motion=motion,
         displacement=np.interp(t, truth["t"], truth["d"]),
-    )
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=["open-01", pytest.param("open-02", marks=pytest.mark.long)])

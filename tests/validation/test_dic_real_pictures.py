@@ -112,14 +112,9 @@ def test_the_predicted_floor_is_nearly_that_of_the_match(shot):
     for k in range(1, STATIC):
         before, after = (np.full(len(points), frame) for frame in (k - 1, k))
         match = correlate(
-            stack,
-            stack,
-            points,
-            subsets.identity(len(points)),
-            Correlation(subset=21),
-            reference_picture=before,
-            deformed_picture=after,
-        )
+            stack, stack, points, subsets.identity(len(points)), Correlation(subset=21),
+            reference_picture=before, deformed_picture=after,
+        )  # fmt: skip
         assert np.all(match.outcome == PointOutcome.VALID)
         moved = match.warp[:, :2] - np.median(match.warp[:, :2], axis=0)
         normalised.append(moved / floor[points[:, 1].astype(int), points[:, 0].astype(int)])

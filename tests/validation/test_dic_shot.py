@@ -152,14 +152,8 @@ def test_dic_writes_what_it_says(short, correlated):
     assert told["epipolar_rms_px"] < 0.05  # the calibration's residual is 0.025 px
     names = {path.name for path in out.iterdir()}
     assert {
-        "dic.h5",
-        "dic.html",
-        "centreline.csv",
-        "flyer.csv",
-        "dic_reporting.md",
-        "surface",
-        "vtp",
-    } <= names
+        "dic.h5", "dic.html", "centreline.csv", "flyer.csv", "dic_reporting.md", "surface", "vtp",
+    } <= names  # fmt: skip
     assert len(list((out / "surface").glob("frame_*.csv"))) == FRAMES
     assert len(list((out / "vtp").glob("specimen_*.vtp"))) == FRAMES
     header, first = (out / "surface" / "frame_0000.csv").read_text().splitlines()[:2]

@@ -47,13 +47,9 @@ class Push:
 
 def solid(mu: float, nu: float, damping: float = 0.0) -> Solid:
     material = {
-        "law": "neo_hookean",
-        "parameters": {"mu": 1.0},
-        "shear_modulus": f"{mu} Pa",
-        "poisson": nu,
-        "damping": f"{damping} s",
-        "stiffness_factor": 1.0,
-    }
+        "law": "neo_hookean", "parameters": {"mu": 1.0}, "shear_modulus": f"{mu} Pa", "poisson": nu,
+        "damping": f"{damping} s", "stiffness_factor": 1.0,
+    }  # fmt: skip
     return Solid.of(Specification.model_validate({"material": material}))
 
 

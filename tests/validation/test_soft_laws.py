@@ -1,8 +1,8 @@
 """Published homogeneous tests of rubber, and published fits of laws to them."""
 
 import json
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,13 +32,7 @@ RUBBERS = {"Treloar 1944": "Treloar_1944", "Kawabata 1981": "Kawabata_1981", "Me
 MODES = {"UT": Mode.UNIAXIAL, "ET": Mode.EQUIBIAXIAL, "PS": Mode.PLANAR}
 
 
-@dataclass(frozen=True)
-class Published:
-    """A fit of the tissue phantom database."""
-
-    name: str  # its name there
-    parameters: tuple[float, ...]  # parameters as printed there, moduli in kPa
-    sse: float  # sum of squared residuals in engineering stress [kPa^2]
+Published = SimpleNamespace
 
 
 @cache
@@ -63,7 +57,14 @@ def published(name: str) -> tuple[Published, ...]:
         (SHARED / "tissue_phantom" / "hyperelastic_parameters.json").read_text(encoding="utf-8")
     )
     rows = whole["engineering"][name]
-    return tuple(Published(key, tuple(row["parameters"]), row["SSE"]) for key, row in rows.items())
+    return tuple(
+        Published(
+            name=key,  # its name there
+            parameters=tuple(row["parameters"]),  # parameters as printed there, moduli in kPa
+            sse=row["SSE"],  # sum of squared residuals in engineering stress [kPa^2]
+        )
+        for key, row in rows.items()
+    )
 
 
 def law_of(p: Published) -> AnyLaw:

@@ -157,13 +157,9 @@ def test_the_sigma_of_the_compensated_force_covers_its_error(shot, ramp):
 def test_clocks_agree_as_declared(shot):
     """Both are on one clock (facts.json); 10 % of the specimen's length is travelled meanwhile."""
     found = synchronise(
-        shot.motion,
-        shot.incident,
-        mass=shot.mass.value,
-        rest=0.0,
-        travel=0.1 * shot.specimen.length,
+        shot.motion, shot.incident, mass=shot.mass.value, rest=0.0, travel=0.1 * shot.specimen.length,
         sigma_zero=shot.sigma_zero,
-    )
+    )  # fmt: skip
     assert found.agreement is Agreement.AGREES
     assert abs(found.lag) < 2 * found.sigma < 1e-6
     assert found.gain == pytest.approx(1.0, abs=0.03)  # mass and sensitivity; a specimen of 0.4 g moves along
@@ -174,13 +170,9 @@ def test_clocks_agree_as_declared(shot):
 def test_planted_offsets_are_recovered(shot, planted):
     late = FlyerMotion(shot.motion.time - planted, shot.motion.displacement, shot.motion.sigma)
     found = synchronise(
-        late,
-        shot.incident,
-        mass=shot.mass.value,
-        rest=0.0,
-        travel=0.1 * shot.specimen.length,
+        late, shot.incident, mass=shot.mass.value, rest=0.0, travel=0.1 * shot.specimen.length,
         sigma_zero=shot.sigma_zero,
-    )
+    )  # fmt: skip
     assert found.lag == pytest.approx(planted, abs=2 * found.sigma)
     assert found.agreement is Agreement.DIFFERS
 

@@ -21,17 +21,9 @@ def said(row: str, *named: str, identified: bool = True, refused: str = "", **mo
         {"key": key, "alike": [], "named": True, "evidence": 50.0, "m": 1.1, "value": 0.5} for key in named
     ]
     return {
-        "row": row,
-        "refused": refused,
-        "identified": identified,
-        "causes": causes,
-        "truth": 1.0,
-        "value": 1.01,
-        "sigma": 0.01,
-        "curve_visible": 0.0,
-        "seconds": 3.0,
-        **more,
-    }
+        "row": row, "refused": refused, "identified": identified, "causes": causes, "truth": 1.0,
+        "value": 1.01, "sigma": 0.01, "curve_visible": 0.0, "seconds": 3.0, **more,
+    }  # fmt: skip
 
 
 def test_a_job_is_judged_by_the_place_of_the_right_cause() -> None:
@@ -71,15 +63,9 @@ def test_a_summary_has_shares_of_what_matters() -> None:
     ]
     right = [said(RIGHT), said(RIGHT, "specimen.length", value=1.021)]  # of 1 ± 0.02
     assert summary([*wrong, *right]) == {
-        "wrong": 4,
-        "first": 0.5,
-        "first two": 0.75,
-        "confident": 0,
-        "harmless": 1,
-        "right": 2,
-        "alarms": 1,
+        "wrong": 4, "first": 0.5, "first two": 0.75, "confident": 0, "harmless": 1, "right": 2, "alarms": 1,
         "inside": 1,
-    }
+    }  # fmt: skip
     assert summary([said(half.name, value=1.5, sigma=0.01)])["confident"] == 1
 
 

@@ -47,14 +47,9 @@ def rubber_shaper() -> PulseShaper:
 def apparatus() -> Apparatus:
     """The paper's test from the striker on; flyer and support are a transducer and a platen each."""
     return Apparatus(
-        striker=(STRIKER,),
-        speed=SPEED,
-        shaper=rubber_shaper(),
-        incident=(BAR,),
-        joint=Joint(strength=100.0, opening=20e-6),
-        flyer=(TRANSDUCER, PLATEN),
-        transmission=STACK,
-    )
+        striker=(STRIKER,), speed=SPEED, shaper=rubber_shaper(), incident=(BAR,),
+        joint=Joint(strength=100.0, opening=20e-6), flyer=(TRANSDUCER, PLATEN), transmission=STACK,
+    )  # fmt: skip
 
 
 @cache

@@ -1,7 +1,7 @@
 """Evaluate the solver's own element functions on every element of a mesh, outside the time loop."""
 
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,16 +17,7 @@ from explicit.precision import precision
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Evaluated:
-    """What an element answers, for every element of a mesh."""
-
-    forces: FloatArray  # corner forces [N], shape [n_elements, 4, 2]
-    omega_squared: FloatArray  # bound for the stable step [1/s^2], shape [n_elements]
-    power: FloatArray  # power of the damping stress [W], shape [n_elements]
-    elastic: FloatArray  # stored energy [J], shape [n_elements]
-    hourglass: FloatArray  # energy stored by hourglass control [J], shape [n_elements]
-    artificial: FloatArray  # power dissipated by hourglass control [W], shape [n_elements]
+Evaluated = SimpleNamespace
 
 
 @cache
@@ -112,10 +103,10 @@ def evaluate(
     wp.launch(kernel, dim=mesh.n_elements, inputs=inputs, device=device)
     found = answers.numpy().astype(float)
     return Evaluated(
-        forces=corner.numpy().astype(float).transpose(0, 2, 1),
-        omega_squared=found[:, 0],
-        power=found[:, 1],
-        elastic=found[:, 2],
-        hourglass=found[:, 3],
-        artificial=found[:, 4],
+        forces=corner.numpy().astype(float).transpose(0, 2, 1),  # corner forces [N], shape [n_elements, 4, 2]
+        omega_squared=found[:, 0],  # bound for the stable step [1/s^2], shape [n_elements]
+        power=found[:, 1],  # power of the damping stress [W], shape [n_elements]
+        elastic=found[:, 2],  # stored energy [J], shape [n_elements]
+        hourglass=found[:, 3],  # energy stored by hourglass control [J], shape [n_elements]
+        artificial=found[:, 4],  # power dissipated by hourglass control [W], shape [n_elements]
     )

@@ -1,11 +1,11 @@
 """The characteristic bar behind the transmission platen, with its echo, against closed forms."""
 
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from order import FittedOrder, assert_order, fitted_order
+from order import assert_order, fitted_order
 from scene import (
     DENSITY,
     LENGTH,
@@ -45,20 +45,7 @@ WORK_TOLERANCE = 5e-3
 that contains a time, and the power of a passing wave is large."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """Errors by bar; arrays run over the meshes."""
-
-    force: dict[str, FloatArray]  # largest force error over the largest force [-], shape [n_meshes]
-    platen: dict[str, FloatArray]  # largest error of the platen's path over its largest [-], shape [n_meshes]
-    platen_order: dict[str, FittedOrder]  # fit of `platen` against the element size (the step follows it)
-    rigid: dict[str, float]
-    """How much the force differs from that on a rigid support [-]: what the bar does at all."""
-    work: dict[str, float]
-    """Error of the energy that went into the bar, finest mesh, over the flyer's work [-]."""
-
-    steel: float  # the same error of the path for a large impact on the steel bar [-]
-    steel_travel: float  # largest travel of the platen there [m]
+Result = SimpleNamespace
 
 
 def closed_force(bar: CharacteristicBar, times: FloatArray) -> FloatArray:
@@ -148,13 +135,14 @@ def case() -> Result:
     steel, travel = _steel()
     sizes = [1.0 / n for n in MESHES]
     return Result(
-        force=force,
-        platen=platen,
+        force=force,  # largest force error over the largest force [-], shape [n_meshes]
+        platen=platen,  # largest error of the platen's path over its largest [-], shape [n_meshes]
+        # fit of `platen` against the element size (the step follows it)
         platen_order={name: fitted_order(sizes, values) for name, values in platen.items()},
-        rigid=rigid,
-        work=work,
-        steel=steel,
-        steel_travel=travel,
+        rigid=rigid,  # How much the force differs from that on a rigid support [-]: what the bar does at all.
+        work=work,  # Error of the energy that went into the bar, finest mesh, over the flyer's work [-].
+        steel=steel,  # the same error of the path for a large impact on the steel bar [-]
+        steel_travel=travel,  # largest travel of the platen there [m]
     )
 
 
@@ -172,13 +160,9 @@ def shown(result: Result) -> dict[str, object]:
         for name in BARS
     ]
     header = [
-        "bar",
-        "force differs from a rigid support [%]",
-        *(f"force error, {n} [%]" for n in MESHES),
-        *(f"path error, {n} [%]" for n in MESHES),
-        "fitted order of the path",
-        "work into the bar [%]",
-    ]
+        "bar", "force differs from a rigid support [%]", *(f"force error, {n} [%]" for n in MESHES),
+        *(f"path error, {n} [%]" for n in MESHES), "fitted order of the path", "work into the bar [%]",
+    ]  # fmt: skip
     return locals()
 
 

@@ -1,12 +1,13 @@
 """Batches, precision, and the effect of each kind of damping on the step."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache
+from types import SimpleNamespace
 from typing import Literal
 
 import numpy as np
 import pytest
-from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise
+from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 from explicit import Model, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import marlow_from_curve, neo_hookean
@@ -24,21 +25,7 @@ STEP_TOLERANCE = 1e-3
 stiffness, so only the solver's floor of the volumetric factor and rounding are left."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """Bits, outcomes, differences and steps."""
-
-    same: dict[str, bool]
-    """Whether every row of a batch of seven is the single simulation to the last bit, by precision and
-    threads."""
-
-    force_difference: float  # largest force difference of single from double precision [N]
-    place_difference: float  # largest position difference of the side surface [m]
-    largest_force: float  # largest force [N]
-
-    steps: dict[str, FloatArray]
-    """Step at rest undamped, with deviatoric and with full damping [s], shape [n_dampings]."""
-    predicted: FloatArray  # closed form of the step with full damping [s], shape [n_dampings]
+Result = SimpleNamespace
 
 
 def same_bits(a: Response, i: int, b: Response, j: int) -> bool:
@@ -119,15 +106,21 @@ def case() -> Result:
     undamped = first_step(0.0, "deviatoric")
     xi = np.array(DAMPING) / undamped  # beta omega / 2 with the bound's own omega = 2 / step
     return Result(
+        # Whether every row of a batch of seven is the single simulation to the last bit, by precision and
+        # threads.
         same=same,
+        # largest force difference of single from double precision [N]
         force_difference=max(float(np.abs(getattr(single, n) - getattr(double, n)).max()) for n in forces),
+        # largest position difference of the side surface [m]
         place_difference=max(float(np.abs(getattr(single, n) - getattr(double, n)).max()) for n in places),
-        largest_force=float(double.force_flyer.max()),
+        largest_force=float(double.force_flyer.max()),  # largest force [N]
+        # Step at rest undamped, with deviatoric and with full damping [s], shape [n_dampings].
         steps={
             "undamped": np.full(len(DAMPING), undamped),
             "deviatoric": np.array([first_step(beta, "deviatoric") for beta in DAMPING]),
             "full": np.array([first_step(beta, "full") for beta in DAMPING]),
         },
+        # closed form of the step with full damping [s], shape [n_dampings]
         predicted=undamped * (np.sqrt(1.0 + xi**2) - xi),
     )
 

@@ -1,7 +1,7 @@
 """Contact laws at their limits, penetration, and the ledgers of momentum and energy."""
 
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from order import FittedOrder, assert_order, fitted_order
 from scene import DENSITY, LENGTH, RADIUS, YOUNG, rms, shear_modulus, smooth_stroke, speed_after_rise, table
 from test_friction import COARSE, FORCE_TOLERANCE, compress, force_excess
 
-from explicit import Model, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
+from explicit import Mesh, Model, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 from explicit.mesh import element_geometry
 
@@ -24,13 +24,9 @@ TIMES = np.linspace(0.0, END, 301)[1:]
 STEP, N_STEPS = 0.5e-6, 3000
 """Step of the runs for the ledgers [s], below the stable one throughout, and how many there are."""
 LAWS: dict[str, dict[str, float]] = {
-    "frictionless": {},
-    "coulomb": {"friction": 0.2},
-    "penalty": {"friction": 0.2},
-    "rough": {},
-    "bonded_release": {"release_stress": 10e3},
-    "bonded": {},
-}
+    "frictionless": {}, "coulomb": {"friction": 0.2}, "penalty": {"friction": 0.2}, "rough": {},
+    "bonded_release": {"release_stress": 10e3}, "bonded": {},
+}  # fmt: skip
 """The laws, with parameters that make faces stick and slip, or let go."""
 STIFFNESS = 10.0 ** np.arange(10.0, 15.1, 0.5)  # penalty stiffnesses [Pa/m]
 FRICTION = 2.0 ** np.arange(-1, 13)  # coefficients on the way to infinity [-]
@@ -59,20 +55,7 @@ def impact(law: str, **parameters: tuple[float, ...]) -> Response:
     return run(model(law, motion), samples, Sampling(TIMES, TIMES, all_nodes=True))
 
 
-@dataclass(frozen=True)
-class Ledger:
-    """Every step of an impact with one law."""
-
-    penetration: float  # deepest place of any node beyond a platen [m]
-    rolled: int  # side nodes within 1 um of the transmission platen at the end, corner included
-    momentum: float
-    """Largest difference between the platens' impulses and the specimen's momentum, over the largest
-    momentum [-]."""
-    energy: float  # largest |external work minus its parts| over external work [-]
-    friction: float  # lost to friction over external work at the end [-]
-    impact: float  # lost in landing, or held by the penalty's springs, over external work at the end [-]
-    tension: float  # smallest force on the transmission platen [N]
-    step: float  # smallest step [s]
+Ledger = Distance = Result = SimpleNamespace
 
 
 @cache
@@ -99,33 +82,31 @@ def ledger(law: str) -> Ledger:
     energy = response.energy
     work = energy.external[0, -1]
     return Ledger(
+        # deepest place of any node beyond a platen [m]
         penetration=float(max(-y.min(), (y - flyer[:, None]).max())),
+        # side nodes within 1 um of the transmission platen at the end, corner included
         rolled=int((np.abs(response.surface_y[0, -1]) < 1e-6).sum()),
+        # Largest difference between the platens' impulses and the specimen's momentum, over the largest
+        # momentum [-].
         momentum=float(np.abs(gained - momentum).max() / np.abs(momentum).max()),
-        energy=float(energy.imbalance()[0]),
-        friction=float(energy.friction[0, -1] / work),
+        energy=float(energy.imbalance()[0]),  # largest |external work minus its parts| over external work [-]
+        friction=float(energy.friction[0, -1] / work),  # lost to friction over external work at the end [-]
+        # lost in landing, or held by the penalty's springs, over external work at the end [-]
         impact=float(energy.impact[0, -1] / work),
-        tension=float(response.force_transmission.min()),
-        step=float(response.smallest_step[0]),
+        tension=float(response.force_transmission.min()),  # smallest force on the transmission platen [N]
+        step=float(response.smallest_step[0]),  # smallest step [s]
     )
-
-
-@dataclass(frozen=True)
-class Distance:
-    """How far the simulations of a sweep are from their limit; shape [n] each."""
-
-    outline: FloatArray  # radii of the side nodes, rms over nodes and times [m]
-    force: FloatArray  # force on the transmission platen, rms over times, over its rms [-]
-    impulse: FloatArray  # its impulse at the end [-]
 
 
 def distance(sweep: Response, limit: Response) -> Distance:
     """Distance of every row from a response of one row."""
     force, impulse = limit.force_transmission[0], limit.impulse_transmission[0, -1]
     return Distance(
+        # radii of the side nodes, rms over nodes and times [m]
         outline=np.array([rms(radius - limit.surface_r[0]) for radius in sweep.surface_r]),
+        # force on the transmission platen, rms over times, over its rms [-]
         force=np.array([rms(row - force) for row in sweep.force_transmission]) / rms(force),
-        impulse=np.abs(sweep.impulse_transmission[:, -1] / impulse - 1.0),
+        impulse=np.abs(sweep.impulse_transmission[:, -1] / impulse - 1.0),  # its impulse at the end [-]
     )
 
 
@@ -168,16 +149,19 @@ def pull() -> FloatArray:
 def stuck() -> FloatArray:
     """Largest radial displacement of a face that sticks on springs after a slow compression to 20 % [m], rows
     `STIFFNESS`."""
+    mesh, response = _pushed(friction=1e3)
+    face = mesh.lower_face
+    return np.asarray(np.abs(response.nodes[:, -1, face, 0] - mesh.nodes[face, 0]).max(axis=1))
+
+
+def _pushed(**parameters: float) -> tuple[Mesh, Response]:
+    """A slow compression to 20 % on springs, rows `STIFFNESS`."""
     end = np.array([SLOW])
-    push = smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW)
+    made = model("penalty", smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW), (6, 8))
     samples = Samples.of(
-        poisson=POISSON, damping=DAMPING, mass_damping=DRAG, friction=1e3, contact_stiffness=STIFFNESS
+        poisson=POISSON, damping=DAMPING, mass_damping=DRAG, contact_stiffness=STIFFNESS, **parameters
     )
-    made = model("penalty", push, (6, 8))
-    response = run(made, samples, Sampling(end, end, all_nodes=True))
-    assert response.nodes is not None
-    face = made.mesh.lower_face
-    return np.asarray(np.abs(response.nodes[:, -1, face, 0] - made.mesh.nodes[face, 0]).max(axis=1))
+    return made.mesh, run(made, samples, Sampling(end, end, all_nodes=True))
 
 
 @cache
@@ -205,14 +189,9 @@ def twice() -> tuple[FloatArray, FloatArray]:
 def press() -> FloatArray:
     """Penetration of a face's nodes times stiffness over pressure after a slow frictionless compression to
     20 % [-], rows `STIFFNESS`, columns nodes of the face on the transmission platen."""
-    end = np.array([SLOW])
-    push = smooth_stroke(0.2 * LENGTH, SLOW, end=SLOW)
-    samples = Samples.of(poisson=POISSON, damping=DAMPING, mass_damping=DRAG, contact_stiffness=STIFFNESS)
-    made = model("penalty", push, (6, 8))
-    response = run(made, samples, Sampling(end, end, all_nodes=True))
-    assert response.nodes is not None
+    mesh, response = _pushed()
     pressure = response.force_transmission[:, -1] / AREA
-    return np.asarray(-response.nodes[:, -1, made.mesh.lower_face, 1] * (STIFFNESS / pressure)[:, None])
+    return np.asarray(-response.nodes[:, -1, mesh.lower_face, 1] * (STIFFNESS / pressure)[:, None])
 
 
 FIGURE_SIZE = (6.7, 4.8)
@@ -238,36 +217,23 @@ STATIC_TOLERANCE = 1e-4
 0.05 um on each side shortens 2.6 mm by 4e-5."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """Everything the page shows."""
-
-    ledgers: dict[str, Ledger]  # every step of an impact, by law
-    penalty: Distance  # from the kinematic Coulomb law with the same coefficient, by `STIFFNESS`
-    depth: FloatArray  # penetration [m], by `STIFFNESS`
-    friction: Distance  # from the rough law, by `FRICTION`
-    release: Response  # Impacts, by `RELEASE`
-    rough: Response  # the law that release stress 0 must be
-    bonded: Response  # the law that an infinite release stress must be
-    pull: FloatArray  # force at release over its closed form [-], rows `PULLED`
-    press: FloatArray  # penetration over its closed form [-], rows `STIFFNESS`
-
-
 @cache
 def case() -> Result:
     """All impacts, the pull and the static compression (some seconds)."""
     rough = impact("rough")
     penalty = impact("penalty", friction=(0.3,), contact_stiffness=tuple(STIFFNESS))
     return Result(
-        ledgers={law: ledger(law) for law in LAWS},
+        ledgers={law: ledger(law) for law in LAWS},  # every step of an impact, by law
+        # from the kinematic Coulomb law with the same coefficient, by `STIFFNESS`
         penalty=distance(penalty, impact("coulomb", friction=(0.3,))),
-        depth=depth(penalty),
+        depth=depth(penalty),  # penetration [m], by `STIFFNESS`
+        # from the rough law, by `FRICTION`
         friction=distance(impact("coulomb", friction=tuple(FRICTION)), rough),
-        release=impact("bonded_release", release_stress=tuple(RELEASE)),
-        rough=rough,
-        bonded=impact("bonded"),
-        pull=pull(),
-        press=press(),
+        release=impact("bonded_release", release_stress=tuple(RELEASE)),  # Impacts, by `RELEASE`
+        rough=rough,  # the law that release stress 0 must be
+        bonded=impact("bonded"),  # the law that an infinite release stress must be
+        pull=pull(),  # force at release over its closed form [-], rows `PULLED`
+        press=press(),  # penetration over its closed form [-], rows `STIFFNESS`
     )
 
 
@@ -401,8 +367,7 @@ def test_gap_momentum_and_energy_of_every_step(law: str) -> None:
 @pytest.mark.parametrize("measure", ["outline", "force", "impulse", "penetration"])
 def test_the_penalty_converges_to_the_kinematic_law(measure: str) -> None:
     errors = {**vars(case().penalty), "penetration": case().depth}
-    chosen = FITTED
-    assert_order(1.0 / STIFFNESS[chosen], errors[measure][chosen], 1.0, ORDER_TOLERANCE)
+    assert_order(1.0 / STIFFNESS[FITTED], errors[measure][FITTED], 1.0, ORDER_TOLERANCE)
 
 
 def test_the_penalty_penetrates_by_pressure_over_stiffness() -> None:
@@ -410,9 +375,8 @@ def test_the_penalty_penetrates_by_pressure_over_stiffness() -> None:
 
 
 def test_a_sticking_face_moves_by_shear_over_stiffness_and_does_not_creep() -> None:
-    shear = (
-        stuck() * STIFFNESS
-    )  # some of the modulus at 20 %; a face that creeps would move a hundred times more
+    # some of the modulus at 20 %; a face that creeps would move a hundred times more
+    shear = stuck() * STIFFNESS
     assert (shear > 0.05 * YOUNG).all()
     assert (shear < 0.5 * YOUNG).all()
     np.testing.assert_allclose(shear, shear[-1], rtol=0.02)  # 1.5 um of 4.75 mm at the softest: other terms

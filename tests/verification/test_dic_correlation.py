@@ -1,8 +1,8 @@
 """Match of subsets on pictures with exact motion: bias, noise, and check of the covariance."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,32 +32,7 @@ CALIBRATED, COMPRESSED = 0.06, 0.2
 """Largest distance of the standard deviation of normalised errors from 1; the same, compressed."""
 
 
-@dataclass(frozen=True)
-class Pair:
-    """A motion and a shape function; over all points and repeats, of the horizontal displacement."""
-
-    motion: str
-    settings: Correlation
-    bias: float  # mean error [px]
-    spread: float  # standard deviation of the error [px]
-    promised: float  # root mean square of the sigmas [px]
-    normalised: float  # standard deviation of error over sigma [-]
-    found: float  # share of the points that are VALID [-]
-
-
-@dataclass(frozen=True)
-class Result:
-    """Everything measured."""
-
-    floor: float  # sqrt(2 σ² / ΣG²) of a subset of 21 px without noise [px]
-    pairs: tuple[Pair, ...]  # of the picture pair
-    s_curve: dict[float, FloatArray]  # mean error at `SHIFTS`, by speckle size, without noise [px]
-    subset_spread: FloatArray  # standard deviation of the error for `SUBSETS` [px], affine, shift by 0.3 px
-    subset_floor: FloatArray  # the floor for each [px]
-    stretch_normalised: FloatArray
-    """Standard deviation of normalised errors at `STRETCHES`, by axis, shape [n, 2] [-]."""
-    update_bias: float  # mean error of a match whose template is read between pixels [px]
-    update_bias_untold: float  # the same where no noise is declared, so that nothing is taken out [px]
+Pair = Result = SimpleNamespace
 
 
 def grid(margin: float, side: int, step: float) -> FloatArray:
@@ -188,11 +163,11 @@ def measure_pair(
     return Pair(
         motion=name,
         settings=settings,
-        bias=float(error[:, 0].mean()),
-        spread=float(error[:, 0].std()),
-        promised=float(np.sqrt(covariance[:, 0, 0].mean())),
-        normalised=float(normalised(error, covariance).std()),
-        found=found,
+        bias=float(error[:, 0].mean()),  # mean error [px]
+        spread=float(error[:, 0].std()),  # standard deviation of the error [px]
+        promised=float(np.sqrt(covariance[:, 0, 0].mean())),  # root mean square of the sigmas [px]
+        normalised=float(normalised(error, covariance).std()),  # standard deviation of error over sigma [-]
+        found=found,  # share of the points that are VALID [-]
     )
 
 
@@ -228,13 +203,17 @@ def case() -> Result:
         for declared in (NOISE, 0.0)
     ]
     return Result(
-        floor=float(floors[SUBSETS.index(21)]),
-        pairs=tuple(pairs),
+        floor=float(floors[SUBSETS.index(21)]),  # sqrt(2 σ² / ΣG²) of a subset of 21 px without noise [px]
+        pairs=tuple(pairs),  # of the picture pair
+        # mean error at `SHIFTS`, by speckle size, without noise [px]
         s_curve={size: measure_s_curve(size) for size in SIZES},
+        # standard deviation of the error for `SUBSETS` [px], affine, shift by 0.3 px
         subset_spread=np.array([pair.spread for pair in sizes]),
-        subset_floor=floors,
+        subset_floor=floors,  # the floor for each [px]
+        # Standard deviation of normalised errors at `STRETCHES`, by axis, shape [n, 2] [-].
         stretch_normalised=measure_stretches(),
-        update_bias=between[0],
+        update_bias=between[0],  # mean error of a match whose template is read between pixels [px]
+        # the same where no noise is declared, so that nothing is taken out [px]
         update_bias_untold=between[1],
     )
 

@@ -1,7 +1,8 @@
 """Stereo match of a rendered cylinder: the page; its runs are in `dic_stereo_runs`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,37 +26,7 @@ JUDGED = (Gate.EPIPOLAR, Gate.FACET, Gate.BACK_MATCH, Gate.NEIGHBOURS, Gate.UNIQ
 """Gates that tell a false match from a true one."""
 
 
-@dataclass(frozen=True)
-class Errors:
-    """One subset and shape function against the truth."""
-
-    accepted: float  # share of the points whose whole subset both cameras see [-]
-    bias: float  # mean distance from the cylinder, outward positive [m]
-    scatter: float  # standard deviation of that distance [m]
-    scaled: float  # standard deviation of the match's error in its own sigmas, both components [-]
-    width: float
-    """Side of the subset on the surface, root mean square over the points: a flank spreads it [m]."""
-
-
-@dataclass(frozen=True)
-class False_:
-    """False matches, and which gates stop them."""
-
-    number: int  # converged more than 1 px from the truth
-    caught: dict[Gate, int]  # how many each gate stops by itself
-    without: dict[Gate, int]  # how many would pass if this gate were not there
-    passed: int  # how many pass all gates
-    true_rejected: int  # true matches of whole subsets that a gate stops
-    true: int  # true matches of whole subsets
-
-
-@dataclass(frozen=True)
-class Result:
-    """Errors by angle, shape function and subset; false matches by angle; matches of another surface."""
-
-    errors: dict[tuple[float, Shape, int], Errors]
-    false: dict[float, False_]
-    other_surface: tuple[int, int]  # points accepted, and points, when camera 1 looks at other speckles
+Errors = False_ = Result = SimpleNamespace
 
 
 def whole(points: FloatArray, angle: float, subset: int) -> NDArray[np.bool_]:
@@ -84,10 +55,13 @@ def errors(angle: float, shape: Shape, subset: int) -> Errors:
     pixel = np.linalg.norm(to, axis=1) / first.fx  # of camera 0 at the surface, seen straight on [m]
     scaled = (places - truth(points, angle))[used] / np.sqrt(np.einsum("nii->ni", match.covariance[used]))
     return Errors(
+        # share of the points whose whole subset both cameras see [-]
         accepted=float(match.valid[seen].mean()),
-        bias=float(off.mean()),
-        scatter=float(off.std()),
+        bias=float(off.mean()),  # mean distance from the cylinder, outward positive [m]
+        scatter=float(off.std()),  # standard deviation of that distance [m]
+        # standard deviation of the match's error in its own sigmas, both components [-]
         scaled=float(np.sqrt(np.mean(scaled**2))),
+        # Side of the subset on the surface, root mean square over the points: a flank spreads it [m].
         width=subset * float(np.sqrt(np.mean((pixel / facing) ** 2))),
     )
 
@@ -129,12 +103,14 @@ def false_matches(angle: float) -> False_:
     verdict = np.concatenate(verdicts)
     true = whole(points, angle, settings.subset)
     return False_(
-        number=len(verdict),
+        number=len(verdict),  # converged more than 1 px from the truth
+        # how many each gate stops by itself
         caught={gate: int(np.sum(verdict & int(gate) != 0)) for gate in JUDGED},
+        # how many would pass if this gate were not there
         without={gate: int(np.sum(verdict & ~int(gate) == 0)) for gate in JUDGED},
-        passed=int(np.sum(verdict == 0)),
-        true_rejected=int(np.sum(true & ~good)),
-        true=int(true.sum()),
+        passed=int(np.sum(verdict == 0)),  # how many pass all gates
+        true_rejected=int(np.sum(true & ~good)),  # true matches of whole subsets that a gate stops
+        true=int(true.sum()),  # true matches of whole subsets
     )
 
 
@@ -160,7 +136,7 @@ def case() -> Result:
             for subset in SUBSETS
         },
         false={angle: false_matches(angle) for angle in ANGLES},
-        other_surface=other_surface(),
+        other_surface=other_surface(),  # points accepted, and points, when camera 1 looks at other speckles
     )
 
 
@@ -186,17 +162,11 @@ def shown(result: Result) -> dict[str, object]:
     """What the page and the index show beside the fields of the result."""
     lines = [
         [
-            f"{angle:g}",
-            shape.name.lower(),
-            str(n),
-            f"{100 * e.accepted:.0f}",
-            f"{1e6 * e.bias:+.2f}",
-            f"{-1e6 * sagitta(e.width):.2f}",
-            f"{1e6 * e.scatter:.2f}",
-            f"{e.scaled:.2f}",
+            f"{angle:g}", shape.name.lower(), str(n), f"{100 * e.accepted:.0f}", f"{1e6 * e.bias:+.2f}",
+            f"{-1e6 * sagitta(e.width):.2f}", f"{1e6 * e.scatter:.2f}", f"{e.scaled:.2f}",
         ]
         for (angle, shape, n), e in result.errors.items()
-    ]
+    ]  # fmt: skip
     gates = [
         [f"{angle:g}", gate.name.lower().replace("_", " "), str(false.caught[gate]), str(false.without[gate])]
         for angle, false in result.false.items()

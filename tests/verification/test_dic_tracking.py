@@ -1,7 +1,7 @@
 """Tracking of points while the pattern is flattened to a quarter: error, drift, and check of sigma."""
 
-from dataclasses import dataclass
 from functools import cache, partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,25 +32,7 @@ DRIFT = 2.0  # largest ratio of the final errors of a chain with an update in ev
 SPARSE = 1.3  # the same of series with frames left out and of the whole one
 
 
-@dataclass(frozen=True)
-class Course:
-    """One way to follow one series, by frame."""
-
-    lam: FloatArray  # λ, shape [n]
-    spread: FloatArray  # standard deviation of the error, x and y, shape [n, 2] [px]
-    normalised: FloatArray  # the same of the error over its sigma, shape [n, 2] [-]
-    alive: float  # least share of the points that are VALID in a frame [-]
-    references: int
-    """Pictures that served as references for the last frame's chains: changes of the median point."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """Everything measured."""
-
-    series: dict[str, Course]  # speckles of 8 px, by the frames used
-    always: Course  # the same with a new reference in every frame
-    fine: Course  # speckles of 5 px
+Course = Result = SimpleNamespace
 
 
 def grid() -> FloatArray:
@@ -95,10 +77,12 @@ def follow(size: float, every: int, settings: Tracking) -> Course:
         references.append(np.median([len(np.unique(column)) for column in result.reference.T]))
     errors, sigmas = np.concatenate(off, axis=1)[1:], np.concatenate(sigma, axis=1)[1:]
     return Course(
-        lam=lam[1:],
-        spread=np.nanstd(errors, axis=1),
+        lam=lam[1:],  # λ, shape [n]
+        spread=np.nanstd(errors, axis=1),  # standard deviation of the error, x and y, shape [n, 2] [px]
+        # the same of the error over its sigma, shape [n, 2] [-]
         normalised=np.nanstd(errors / sigmas, axis=1),
-        alive=float(min(alive)),
+        alive=float(min(alive)),  # least share of the points that are VALID in a frame [-]
+        # Pictures that served as references for the last frame's chains: changes of the median point.
         references=int(np.median(references)) - 1,
     )
 
@@ -110,9 +94,10 @@ def case() -> Result:
     coarse, fine = SPECKLES
     always = Tracking(correlation=usual.correlation, update_stretch=1.001, return_every=0)
     return Result(
+        # speckles of 8 px, by the frames used
         series={name: follow(coarse, every, usual) for name, every in SERIES.items()},
-        always=follow(coarse, 1, always),
-        fine=follow(fine, 1, usual),
+        always=follow(coarse, 1, always),  # the same with a new reference in every frame
+        fine=follow(fine, 1, usual),  # speckles of 5 px
     )
 
 

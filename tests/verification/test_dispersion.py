@@ -1,15 +1,15 @@
 """Dispersion of bar waves: the first mode, pulses against Fourier integrals, a bar of finite elements."""
 
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber, printed_equation
 from bars_scene import POISSON, RADIUS, STEEL, YOUNG, part
 from matplotlib.figure import Figure
-from order import FittedOrder, assert_order, fitted_order
+from order import assert_order, fitted_order
 from scene import FloatArray
 from scipy.optimize import brentq
 
@@ -41,24 +41,7 @@ ORDER_TOLERANCE = 0.25
 the shortest wave of the pulse."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """Errors of the first mode and of what is carried by it."""
-
-    reference: FloatArray  # a / wavelength and c / c0 of the reference table, shape [n, 2]
-    reference_error: float  # largest difference from it [-]
-    roots: FloatArray  # relative error of the wavenumber [-], shape [n_ratios, n_frequencies]
-    forward: FloatArray  # largest error of the pulse sent along a way, over its peak [-], shape [n_ways]
-    back: FloatArray  # the same for the pulse that has come along it, sent back [-], shape [n_ways]
-    shift: FloatArray  # the same for a plain shift [-], shape [n_ways]
-    pulses: dict[float, tuple[FloatArray, FloatArray, FloatArray]]
-    """Time after arrival [s], Fourier integral and recovered start [-], by the way [m]."""
-    element: dict[float, tuple[FloatArray, FloatArray, FloatArray, FloatArray]]
-    """By element size [m]: times [s], force at the second section, carried there from the first, and a plain
-    shift [N]."""
-    element_error: FloatArray  # largest difference of the carried force over the peak [-], by size
-    element_shift: float  # the same for a plain shift on the finest mesh [-]
-    order: FittedOrder  # fit of `element_error` against the size
+Result = SimpleNamespace
 
 
 def _roots() -> FloatArray:
@@ -124,11 +107,22 @@ def case() -> Result:
     error = np.array([np.abs(sent - second).max() / peak for _, second, sent, _ in element.values()])
     _, second, _, plain = element[SIZES[-1]]
     return Result(
-        reference=data, reference_error=float(np.abs(found - data[:, 1]).max()), roots=_roots(),
-        forward=np.array(forward), back=np.array(back), shift=np.array(shift), pulses=pulses, element=element,
-        element_error=error, element_shift=float(np.abs(plain - second).max() / peak),
-        order=fitted_order(SIZES, error),
-    )  # fmt: skip
+        reference=data,  # a / wavelength and c / c0 of the reference table, shape [n, 2]
+        reference_error=float(np.abs(found - data[:, 1]).max()),  # largest difference from it [-]
+        roots=_roots(),  # relative error of the wavenumber [-], shape [n_ratios, n_frequencies]
+        # largest error of the pulse sent along a way, over its peak [-], shape [n_ways]
+        forward=np.array(forward),
+        back=np.array(back),  # the same for the pulse that has come along it, sent back [-], shape [n_ways]
+        shift=np.array(shift),  # the same for a plain shift [-], shape [n_ways]
+        pulses=pulses,  # Time after arrival [s], Fourier integral and recovered start [-], by the way [m].
+        # By element size [m]: times [s], force at the second section, carried there from the first, and a
+        # plain shift [N].
+        element=element,
+        element_error=error,  # largest difference of the carried force over the peak [-], by size
+        # the same for a plain shift on the finest mesh [-]
+        element_shift=float(np.abs(plain - second).max() / peak),
+        order=fitted_order(SIZES, error),  # fit of `element_error` against the size
+    )
 
 
 def draw(result: Result, figure: Figure) -> None:

@@ -1,9 +1,9 @@
 """Bonded dynamic compression at 2.6 m/s against two dynamic finite-element solutions."""
 
-from dataclasses import dataclass
 from functools import cache
 from math import asin, pi, sqrt
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -62,28 +62,7 @@ class Difference(NamedTuple):
     of_rms: float  # over the reference's rms low-passed force [-]
 
 
-@dataclass(frozen=True)
-class Reference:
-    """One dynamic reference solution."""
-
-    time: FloatArray  # times of the forces [s], shape [n]
-
-    transmission: FloatArray  # force on the fixed platen [N], shape [n]
-    outline_time: FloatArray  # times of the outlines [s], shape [n_outlines]
-    outline: FloatArray  # outlines (r, y) [m], shape [n_outlines, n_points, 2]
-    energy: FloatArray | None  # Elastic, kinetic and external energy at the end [J], if the file has them
-
-
-@dataclass(frozen=True)
-class Result:
-    """Everything the page tells."""
-
-    stick: dict[Grid, Response]  # side sticks, by mesh
-    slip: dict[Grid, Response]  # side slides without friction, by mesh
-    small: dict[Grid, Difference]
-    """Small strain: 5 kHz difference from the finest mesh up to `EARLY`, by mesh."""
-    damped: dict[Grid, Difference]  # with `BETA`: 5 kHz difference from the finest mesh, by mesh
-    half_step: Difference  # coarse mesh, 5 kHz: a third of the time step against the default one
+Reference = Result = SimpleNamespace
 
 
 @cache
@@ -92,10 +71,12 @@ def reference(side: str) -> Reference:
     name = {"stick": "D_48x66_stick.npz", "slip": "D_32x44_slip.npz"}[side]
     with np.load(REFERENCE / name, allow_pickle=False) as data:
         return Reference(
-            time=data["t"],
-            transmission=data["Fbot_raw"].astype(float),
-            outline_time=data["profile_t"],
+            time=data["t"],  # times of the forces [s], shape [n]
+            transmission=data["Fbot_raw"].astype(float),  # force on the fixed platen [N], shape [n]
+            outline_time=data["profile_t"],  # times of the outlines [s], shape [n_outlines]
+            # outlines (r, y) [m], shape [n_outlines, n_points, 2]
             outline=np.stack([data["profile_r"], data["profile_z"]], axis=-1),
+            # Elastic, kinetic and external energy at the end [J], if the file has them
             energy=data.get("energy"),
         )
 
@@ -203,11 +184,14 @@ def case() -> Result:
     """All meshes (half a minute) and the three studies of what the error is."""
     grids = (*UNIFORM, COARSE_GRADED)
     return Result(
-        stick={grid: simulate(grid) for grid in GRIDS},
+        stick={grid: simulate(grid) for grid in GRIDS},  # side sticks, by mesh
+        # side slides without friction, by mesh
         slip={grid: simulate(grid, "frictionless") for grid in GRIDS},
+        # Small strain: 5 kHz difference from the finest mesh up to `EARLY`, by mesh.
         small=against_finer(grids, FINEST, EARLY, scale=SMALL),
+        # with `BETA`: 5 kHz difference from the finest mesh, by mesh
         damped=against_finer(grids, FINEST, END, beta=BETA),
-        half_step=half_step(),
+        half_step=half_step(),  # coarse mesh, 5 kHz: a third of the time step against the default one
     )
 
 

@@ -1,16 +1,15 @@
 """Energy balance of dynamic runs with every term of the ledger switched on."""
 
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from order import FittedOrder, assert_order, fitted_order
+from order import assert_order, fitted_order
 from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise
 
 from explicit import (
     CharacteristicBar,
-    EnergyLedger,
     Model,
     Response,
     Samples,
@@ -31,17 +30,7 @@ TERMS = ("kinetic", "elastic", "hourglass", "hourglass_damping", "damping", "fri
 BAR = CharacteristicBar(impedance=6910.0, round_trip=617e-6)  # the steel bar of the paper's apparatus
 
 
-@dataclass(frozen=True)
-class Result:
-    """Ledgers at `TIMES`; one row a friction coefficient."""
-
-    ledgers: dict[str, EnergyLedger]  # ledger by kind of damping
-    work_error: float
-    """Largest difference of `external` from the platens' impulses and motions, over the work [-]."""
-    impact_share: dict[str, float]
-    """Energy lost by landing nodes over external work at the end, f = 0.3, by mesh [-]."""
-    refined: FloatArray  # imbalance by fixed step, f = 0.3 [-], shape [n_steps]
-    order: FittedOrder  # its fit against the step
+Result = SimpleNamespace
 
 
 def simulate(
@@ -100,11 +89,13 @@ def case() -> Result:
     model, response = fixed[-1]
     work = np.abs(external_work(model, response) - response.energy.external).max()
     return Result(
-        ledgers=ledgers,
+        ledgers=ledgers,  # ledger by kind of damping
+        # Largest difference of `external` from the platens' impulses and motions, over the work [-].
         work_error=float(work / response.energy.external.max()),
+        # Energy lost by landing nodes over external work at the end, f = 0.3, by mesh [-].
         impact_share=impact,
-        refined=np.array(refined),
-        order=fitted_order(STEPS, refined),
+        refined=np.array(refined),  # imbalance by fixed step, f = 0.3 [-], shape [n_steps]
+        order=fitted_order(STEPS, refined),  # its fit against the step
     )
 
 

@@ -1,14 +1,15 @@
 """Equilibria: a thick cylinder, Cook's membrane, inf-sup constants, and another program's forces."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.linalg
 from numpy.typing import NDArray
-from order import FittedOrder, assert_order, fitted_order
+from order import assert_order, fitted_order
 
 from explicit.materials import LAWS
 from kolsky.equilibrium.body import Body
@@ -141,18 +142,7 @@ FALL = 0.2  # largest relative fall of the inf-sup constant of a stable element 
 PEER_HELD = 1e-3  # largest relative difference of forces from another program's
 
 
-@dataclass(frozen=True)
-class Result:
-    """Everything that the page shows."""
-
-    cylinder: dict[str, list[float]]  # relative errors of the inner radius, by element and mesh [-]
-    orders: dict[str, FittedOrder]  # their fitted orders
-    membrane: dict[tuple[str, str], list[float]]  # rise of the corner by element, formulation and mesh [mm]
-    fine: dict[str, float]  # the same of mixed elements on `FINE` x `FINE`, by element [mm]
-    membrane_of_peer: dict[int, float]  # that of DOLFINx by cells along an edge, and at 0 its limit [mm]
-    constants: dict[str, list[float]]  # Inf-sup constants by element and mesh [-]
-    solid_constants: dict[str, float]  # those of hexahedra on 3 x 3 x 3 elements [-]
-    peer: float  # largest relative difference from the peer's forces [-]
+Result = SimpleNamespace
 
 
 @cache
@@ -160,13 +150,19 @@ def case() -> Result:
     """Run everything."""
     cylinder = {kind: [cylinder_error(kind, n) for n in ACROSS] for kind in ORDERS}
     return Result(
-        cylinder=cylinder,
+        cylinder=cylinder,  # relative errors of the inner radius, by element and mesh [-]
+        # their fitted orders
         orders={kind: fitted_order(1.0 / np.array(ACROSS), e) for kind, e in cylinder.items()},
+        # rise of the corner by element, formulation and mesh [mm]
         membrane={(kind, how): [cook(kind, n, how) for n in ACROSS] for kind, how in MEMBRANE},
+        # the same of mixed elements on `FINE` x `FINE`, by element [mm]
         fine={kind: cook(kind, FINE, "mixed") for kind in ("quad9", "tri6")},
-        membrane_of_peer=cook_of_dolfinx(),
+        membrane_of_peer=cook_of_dolfinx(),  # that of DOLFINx by cells along an edge, and at 0 its limit [mm]
+        # Inf-sup constants by element and mesh [-]
         constants={kind: [inf_sup(kind, n) for n in ACROSS] for kind in SQUARES},
+        # those of hexahedra on 3 x 3 x 3 elements [-]
         solid_constants={kind: inf_sup(kind, 3) for kind in ("hex8", "hex27")},
+        # largest relative difference from the peer's forces [-]
         peer=float(np.abs(strip_forces() / np.array(PEER_FORCES) - 1.0).max()),
     )
 

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise
 from test_batch import same_bits
 
@@ -15,17 +15,7 @@ from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
 from explicit.mesh import element_geometry
 from explicit.time_loop.element_sweeps import CHECK_EVERY, MOTION_LIMIT
 
-
-@dataclass(frozen=True)
-class Rectangles:
-    """What the elements of a mesh are made of."""
-
-    quads: NDArray[np.int64]  # corner nodes, shape [n_elements, 4]
-    volume: FloatArray  # volume over a full turn [m^3], shape [n_elements]
-    gradient_r: FloatArray  # mean dN/dR of each corner [1/m], shape [n_elements, 4]
-    gradient_y: FloatArray  # mean dN/dY of each corner [1/m], shape [n_elements, 4]
-    hoop: FloatArray  # mean N / R of each corner [1/m], shape [n_elements, 4]
-    corner_mass: FloatArray  # each corner's share of the mass [kg], shape [n_elements, 4]
+Rectangles = Witness = Result = SimpleNamespace
 
 
 def rectangles(mesh: Mesh, density: float) -> Rectangles:
@@ -39,11 +29,13 @@ def rectangles(mesh: Mesh, density: float) -> Rectangles:
     volume = 2.0 * np.pi * mean * width * height
     share = 0.5 * np.stack([left, right, right, left], axis=1)
     return Rectangles(
-        quads=mesh.quads,
-        volume=volume,
-        gradient_r=across,
-        gradient_y=along,
+        quads=mesh.quads,  # corner nodes, shape [n_elements, 4]
+        volume=volume,  # volume over a full turn [m^3], shape [n_elements]
+        gradient_r=across,  # mean dN/dR of each corner [1/m], shape [n_elements, 4]
+        gradient_y=along,  # mean dN/dY of each corner [1/m], shape [n_elements, 4]
+        # mean N / R of each corner [1/m], shape [n_elements, 4]
         hoop=np.repeat(0.25 / mean[:, None], 4, axis=1),
+        # each corner's share of the mass [kg], shape [n_elements, 4]
         corner_mass=density * volume[:, None] * share,
     )
 
@@ -168,19 +160,6 @@ def samples(rows: list[int]) -> Samples:
     )
 
 
-@dataclass(frozen=True)
-class Witness:
-    """One failure, looked at again from recorded node positions."""
-
-    named: int  # the element that the solver named
-    found: int  # the element with the extreme value of NumPy's
-    value: float
-    """What ended the run, at its end: the smallest J, the largest s, the stable step over the first one, or
-    the kinetic energy over the platens' work [-]."""
-    before: float  # the same when it was last looked at and found in order
-    same_history: bool  # whether everything before the end has the bits of a run that was asked to end there
-
-
 def alone(i: int, sampling: Sampling, **changes: float) -> Response:
     """Row i in a batch of its own."""
     return run(model(), samples([i]), sampling, stepping=replace(STEPPING, **changes))
@@ -218,10 +197,13 @@ def witness(batch: Response, i: int) -> Witness:
             found, value = int(np.argmin(share)), float(share.min())
         values.append(value)
     return Witness(
-        named=int(batch.failed_elements[i]),
-        found=found,
-        before=values[0],
+        named=int(batch.failed_elements[i]),  # the element that the solver named
+        found=found,  # the element with the extreme value of NumPy's
+        before=values[0],  # the same when it was last looked at and found in order
+        # What ended the run, at its end: the smallest J, the largest s, the stable step over the first one,
+        # or the kinetic energy over the platens' work [-].
         value=values[1],
+        # whether everything before the end has the bits of a run that was asked to end there
         same_history=_same_history(batch, i),
     )
 
@@ -275,21 +257,6 @@ ONSET = 3.0
 """Force by which a diverging run may be wrong before it is ended [N]: what a force measurement resolves."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """A batch with every failure, and what was found of it."""
-
-    batch: Response  # eight simulations, five of which fail
-    bits: dict[str, bool]
-    """Whether rows keep the bits they have "alone", and the sound ones those of a batch "without" the
-    others."""
-    witnesses: dict[int, Witness]  # each failure looked at again with NumPy, by row
-    unstable: Response  # row 0 with a step that is measured once and never again
-    astray: float  # largest difference of its recorded forces from the sound run's [N]
-    motion: dict[str, FloatArray]
-    """Kinetic energy over the platens' work so far at the times of the batch, to each end [-]."""
-
-
 @cache
 def case() -> Result:
     """Run the batch, its rows alone, and the unstable run."""
@@ -301,11 +268,14 @@ def case() -> Result:
         for name in ("force_flyer", "force_transmission")
     )
     return Result(
-        batch=batch,
+        batch=batch,  # eight simulations, five of which fail
+        # Whether rows keep the bits they have "alone", and the sound ones those of a batch "without" the
+        # others.
         bits=bits_of_neighbours(batch),
-        witnesses={i: witness(batch, i) for i in FAILED},
-        unstable=unstable,
-        astray=astray,
+        witnesses={i: witness(batch, i) for i in FAILED},  # each failure looked at again with NumPy, by row
+        unstable=unstable,  # row 0 with a step that is measured once and never again
+        astray=astray,  # largest difference of its recorded forces from the sound run's [N]
+        # Kinetic energy over the platens' work so far at the times of the batch, to each end [-].
         motion={
             "sound": motion_over_work(0)[1],
             "softening curve": motion_over_work(6)[1],
@@ -367,16 +337,11 @@ def shown(result: Result) -> dict[str, object]:
     ]
     seen = [
         [
-            str(i),
-            str(w.named),
-            str(w.found),
-            MEASURED[batch.outcomes[i]],
-            f"{w.before:.4g}",
-            f"{w.value:.4g}",
-            "yes" if w.same_history else "NO",
+            str(i), str(w.named), str(w.found), MEASURED[batch.outcomes[i]], f"{w.before:.4g}",
+            f"{w.value:.4g}", "yes" if w.same_history else "NO",
         ]
         for i, w in result.witnesses.items()
-    ]
+    ]  # fmt: skip
     good = result.bits
     named = result.witnesses.values()
     same = all(result.bits.values()) and all(w.same_history for w in named)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cache
 from time import process_time
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -256,13 +257,7 @@ def small_order(element: str) -> FittedOrder:
     return fitted_order(SIZES, [error.of_rms for error in errors])
 
 
-@dataclass(frozen=True)
-class Disc:
-    """Slow bonded compression of a flat disc, at `DISC_COMPRESSION`."""
-
-    force: FloatArray  # mean of both face forces [N], shape [4]
-    hourglass: FloatArray  # hourglass over elastic energy [-], shape [4]
-    radius: float  # largest radius at the end [m]
+Disc = Single = Result = SimpleNamespace
 
 
 @cache
@@ -281,9 +276,11 @@ def disc(mesh: tuple[int, int], element: str, hourglass: float = 0.3) -> Disc:
     )
     response = run(model, Samples.of(poisson=0.495, mass_damping=2000.0), Sampling(times, times))
     return Disc(
+        # mean of both face forces [N], shape [4]
         force=0.5 * (response.force_flyer + response.force_transmission)[0],
+        # hourglass over elastic energy [-], shape [4]
         hourglass=(response.energy.hourglass / response.energy.elastic)[0],
-        radius=float(response.surface_r[0, -1].max()),
+        radius=float(response.surface_r[0, -1].max()),  # largest radius at the end [m]
     )
 
 
@@ -328,30 +325,6 @@ BOUND_FLOOR = {"one_point": 0.95, "fbar": 1.0}
 element's leaves out the pressure's work on rotations, and `Stepping.safety` = 0.9 (0.81 here) covers it."""
 
 
-@dataclass(frozen=True)
-class Single:
-    """One element by itself."""
-
-    interior: dict[str, float]
-    """Patch test: largest interior force over the largest corner force, by precision [-]."""
-    face: dict[str, float]  # largest relative error of a face force in the patch test, by precision [-]
-    rigid: dict[str, float]
-    """Largest force in a rigid shift with a rigid velocity over mu R^2, by precision [-]."""
-    rate_power: float  # power of the damping stress in uniform stretching over its closed form, minus 1 [-]
-    gradient: FloatArray  # force against the energy's central difference, by step [-], shape [n_differences]
-    imbalance: dict[str, float]  # largest energy imbalance, f = 0 and 0.3, by kind of damping [-]
-    frictionless: float
-    """Largest relative force error against the closed form, two laws, three nu, 10 to 60 % [-]."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """What the page does not call itself."""
-
-    single: dict[str, Single]  # by element
-    bounds: dict[tuple[str, float, str], Bound]  # step bound over what it bounds, by element, nu and damping
-
-
 @cache
 def single(element: str) -> Single:
     """All checks of one element by itself."""
@@ -359,15 +332,22 @@ def single(element: str) -> Single:
     states = {name: patch.homogeneous(mesh, name, element) for name in patch.TOLERANCE}
     law = neo_hookean(shear_modulus(0.495))
     return Single(
+        # Patch test: largest interior force over the largest corner force, by precision [-].
         interior={name: max(found[0].values()) for name, found in states.items()},
+        # largest relative error of a face force in the patch test, by precision [-]
         face={name: max(found[1].values()) for name, found in states.items()},
+        # Largest force in a rigid shift with a rigid velocity over mu R^2, by precision [-].
         rigid={name: found[2] for name, found in states.items()},
+        # power of the damping stress in uniform stretching over its closed form, minus 1 [-]
         rate_power=patch.rate_power(mesh, element),
+        # force against the energy's central difference, by step [-], shape [n_differences]
         gradient=gradient_errors(element, law),
+        # largest energy imbalance, f = 0 and 0.3, by kind of damping [-]
         imbalance={
             kind: float(energy.simulate((0.0, 0.3), kind, element=element)[1].energy.imbalance().max())
             for kind in ("deviatoric", "full")
         },
+        # Largest relative force error against the closed form, two laws, three nu, 10 to 60 % [-].
         frictionless=frictionless_error(element),
     )
 
@@ -393,7 +373,10 @@ def case() -> Result:
         for nu in POISSON
         for name, (beta, kind) in kinds.items()
     }
-    return Result({element: single(element) for element in ELEMENTS}, bounds)
+    return Result(
+        single={element: single(element) for element in ELEMENTS},  # by element
+        bounds=bounds,  # step bound over what it bounds, by element, nu and damping
+    )
 
 
 NAMES = {"one_point": "one-point", "fbar": "F-bar"}  # elements as the page calls them
@@ -401,47 +384,26 @@ NAMES = {"one_point": "one-point", "fbar": "F-bar"}  # elements as the page call
 
 def single_table(result: Result) -> str:
     """Checks of one element by itself."""
-    rows = []
-    for name in patch.TOLERANCE:
-        allowed = f"{patch.TOLERANCE[name]:.0e}"
-        both = [result.single[element] for element in ELEMENTS]
-        rows.append(
-            [f"interior force of the patch test / corner force, {name}"]
-            + [f"{one.interior[name]:.0e}" for one in both]
-            + [allowed]
-        )
-        rows.append(
-            [f"face force of the patch test against the closed form, {name}"]
-            + [f"{one.face[name]:.0e}" for one in both]
-            + [allowed]
-        )
-        rows.append(
-            [f"force of a rigid shift with a rigid velocity / (mu R^2), {name}"]
-            + [f"{one.rigid[name]:.0e}" for one in both]
-            + [allowed]
-        )
-    both = [result.single[element] for element in ELEMENTS]
-    rows.append(
-        ["power of the damping stress in uniform stretching, minus 1"]
-        + [f"{one.rate_power:.0e}" for one in both]
-        + ["1e-13"]
+    both, rows = [result.single[element] for element in ELEMENTS], []
+    for name, allowed in patch.TOLERANCE.items():
+        for what, of in (
+            ("interior force of the patch test / corner force", "interior"),
+            ("face force of the patch test against the closed form", "face"),
+            ("force of a rigid shift with a rigid velocity / (mu R^2)", "rigid"),
+        ):
+            found = (f"{getattr(one, of)[name]:.0e}" for one in both)
+            rows.append([f"{what}, {name}", *found, f"{allowed:.0e}"])
+    power, gradient = (
+        [f"{one.rate_power:.0e}" for one in both],
+        [f"{one.gradient.min():.0e}" for one in both],
     )
-    rows.append(
-        ["corner force against the central difference of the energy, best step"]
-        + [f"{one.gradient.min():.0e}" for one in both]
-        + ["1e-8"]
-    )
+    rows.append(["power of the damping stress in uniform stretching, minus 1", *power, "1e-13"])
+    rows.append(["corner force against the central difference of the energy, best step", *gradient, "1e-8"])
     for kind in ("deviatoric", "full"):
-        rows.append(
-            [f"energy imbalance, impact with friction, bar and {kind} damping [%]"]
-            + [f"{100 * one.imbalance[kind]:.4f}" for one in both]
-            + ["0.1"]
-        )
-    rows.append(
-        ["frictionless compression, force against the closed form [%]"]
-        + [f"{100 * one.frictionless:.2f}" for one in both]
-        + ["0.3"]
-    )
+        lost = (f"{100 * one.imbalance[kind]:.4f}" for one in both)
+        rows.append([f"energy imbalance, impact with friction, bar and {kind} damping [%]", *lost, "0.1"])
+    force = (f"{100 * one.frictionless:.2f}" for one in both)
+    rows.append(["frictionless compression, force against the closed form [%]", *force, "0.3"])
     return table(["quantity", *NAMES.values(), "allowed"], rows)
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -51,19 +52,7 @@ class Known:
     face: FloatArray  # their radii [m], shape [n, n_places]
 
 
-@dataclass(frozen=True)
-class Found:
-    """One slow loading with one coefficient; the first axis is compression."""
-
-    force: FloatArray  # mean of both face forces [N], shape [6]
-
-    middle: FloatArray  # radius at mid-height [m], shape [6]
-    outline: FloatArray  # side nodes (r, distance from mid-height) [m], shape [6, n_nodes, 2]
-    face_start: FloatArray  # nodes of a face before loading [m], shape [n_places]
-    face: FloatArray  # their radii, mean of both faces [m], shape [6, n_places]
-    kinetic: FloatArray  # kinetic over elastic energy [-], shape [6]
-    penetration: float  # deepest place of a surface node beyond a platen [m]
-    completed: bool  # whether the run reached its end
+Found = Impact = Result = SimpleNamespace
 
 
 @cache
@@ -120,14 +109,19 @@ def compress(
         middle = 0.5 * platen[:, 0]
         found.append(
             Found(
+                # mean of both face forces [N], shape [6]
                 force=0.5 * (response.force_flyer[i] + response.force_transmission[i]),
+                # radius at mid-height [m], shape [6]
                 middle=np.array([np.interp(m, *pair) for m, *pair in zip(middle, y, r, strict=True)]),
+                # side nodes (r, distance from mid-height) [m], shape [6, n_nodes, 2]
                 outline=np.stack([r, np.abs(y - middle[:, None])], axis=-1),
+                # nodes of a face before loading [m], shape [n_places]
                 face_start=body.nodes[body.lower_face, 0],
-                face=faces.mean(axis=1),
-                kinetic=(ledger.kinetic / ledger.elastic)[0],
+                face=faces.mean(axis=1),  # their radii, mean of both faces [m], shape [6, n_places]
+                kinetic=(ledger.kinetic / ledger.elastic)[0],  # kinetic over elastic energy [-], shape [6]
+                # deepest place of a surface node beyond a platen [m]
                 penetration=float(max(-every_y.min(), (every_y - platen).max())),
-                completed=bool(response.completed[i]),
+                completed=bool(response.completed[i]),  # whether the run reached its end
             )
         )
     return tuple(found)
@@ -142,20 +136,6 @@ def outline_difference(found: Found, reference: Known) -> FloatArray:
     """Root-mean-square normal distance of the side nodes to the reference's outline [m], shape [n]."""
     pairs = zip(found.outline, reference.outline, strict=False)
     return np.array([rms(distances(points, line)) for points, line in pairs])
-
-
-@dataclass(frozen=True)
-class Impact:
-    """Impacts at 2.6 m/s without drag, one a coefficient; coarse mesh."""
-
-    friction: FloatArray  # coefficients [-], shape [n]
-    energy: FloatArray  # largest |external work minus its parts| over external work [-], shape [n]
-    momentum: FloatArray
-    """Largest error of the path of the centre of mass, from the platens' impulses, over the path [-],
-    shape [n]."""
-    dissipated: FloatArray  # lost to friction over external work at the end [-], shape [n]
-    given_back: float  # largest fall of the friction entry between two times over external work [-]
-    penetration: float  # deepest place of a surface node beyond a platen [m]
 
 
 @cache
@@ -180,11 +160,17 @@ def impact() -> Impact:
     height = response.surface_y
     work = response.energy.external[:, -1]
     return Impact(
-        friction=friction,
+        friction=friction,  # coefficients [-], shape [n]
+        # largest |external work minus its parts| over external work [-], shape [n]
         energy=response.energy.imbalance(),
+        # Largest error of the path of the centre of mass, from the platens' impulses, over the path [-],
+        # shape [n].
         momentum=np.abs(path - travelled).max(axis=1) / np.abs(path).max(axis=1),
+        # lost to friction over external work at the end [-], shape [n]
         dissipated=response.energy.friction[:, -1] / work,
+        # largest fall of the friction entry between two times over external work [-]
         given_back=float(-(np.diff(response.energy.friction, axis=1) / work[:, None]).min()),
+        # deepest place of a surface node beyond a platen [m]
         penetration=float(max(-height.min(), (height - (LENGTH - motion(shown))[:, None]).max())),
     )
 
@@ -213,22 +199,16 @@ not compared, and said on the page."""
 STUDY = (0.0, 2.5e-6, DAMPING)  # damping beta of the study of flutter [s]
 
 
-@dataclass(frozen=True)
-class Result:
-    """Slow loadings with every coefficient, by mesh and by damping, and the impacts."""
-
-    cases: dict[str, tuple[Found, ...]]  # the comparison, by `CASES`
-    study: dict[float, tuple[Found, ...]]  # even mesh, by damping
-
-    impact: Impact  # ledgers of energy and momentum
-
-
 @cache
 def case() -> Result:
     """Everything the page shows (some minutes)."""
     cases = {name: compress(mesh, element=element) for name, (mesh, element) in CASES.items()}
     study = {beta: compress(EVEN, beta) for beta in STUDY}
-    return Result(cases, study, impact())
+    return Result(
+        cases=cases,  # the comparison, by `CASES`
+        study=study,  # even mesh, by damping
+        impact=impact(),  # ledgers of energy and momentum
+    )
 
 
 def compared(friction: float, case_name: str) -> NDArray[np.bool_]:
@@ -295,14 +275,9 @@ def draw(result: Result, figure: Figure) -> None:
         n = len(reference.compression)
         left.plot(percent[:n], (one.force / whole)[:n], color=f"C{i}")
         left.errorbar(
-            percent[:n],
-            reference.force / whole[:n],
-            reference.force_error / whole[:n],
-            color=f"C{i}",
-            fmt="o",
-            markersize=2.5,
-            capsize=2.0,
-        )
+            percent[:n], reference.force / whole[:n], reference.force_error / whole[:n], color=f"C{i}",
+            fmt="o", markersize=2.5, capsize=2.0,
+        )  # fmt: skip
         start = 1e3 * reference.face_start
         right.plot(start, 1e3 * reference.face[2] - start, color=f"C{i}", label=f"f = {friction:g}")
         start = 1e3 * one.face_start

@@ -2,12 +2,12 @@
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
-from order import FittedOrder, assert_order, fitted_order
+from order import assert_order, fitted_order
 from scene import DENSITY, LENGTH, RADIUS, FloatArray, invert, quintic, shear_modulus, smooth_stroke
 
 from explicit import Model, Samples, Sampling, cylinder, run
@@ -31,16 +31,7 @@ RADIUS_TOLERANCE = {"stable": 0.1e-6, "past": 10e-6}
 """Allowed error of the mean radius [m]: inertia, and past 55 % the growing wrinkles (spread 0.1 mm)."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """Deviations from the closed form; the last axis is the compression."""
-
-    force: FloatArray  # relative error of the mean of both face forces [-], shape [n_laws, n_poisson, 6]
-    radius: FloatArray  # error of the mean side radius [m], shape [n_laws, n_poisson, 6]
-    spread: FloatArray  # largest minus smallest side radius [m], shape [n_laws, n_poisson, 6]
-    slow: FloatArray  # |force error| up to 50 %, largest, by duration of loading [-], shape [n_durations]
-    order: FittedOrder  # fit of `slow` against 1 / duration
-    onset: float  # compression at which very slow loading leaves the homogeneous state [-]
+Result = SimpleNamespace
 
 
 def yeoh_like(mu: float) -> MarlowLaw:
@@ -101,12 +92,15 @@ def case() -> Result:
     fine = np.linspace(0.4, 0.6, 81)
     _, _, bulge = slow_compression(0.2, [neo_hookean(shear_modulus(0.495))], [0.495], fine)
     return Result(
+        # compression at which very slow loading leaves the homogeneous state [-]
         onset=float(fine[np.argmax(bulge[0] > WRINKLED)]),
+        # relative error of the mean of both face forces [-], shape [n_laws, n_poisson, 6]
         force=force / exact[..., 0] - 1.0,
-        radius=radius - exact[..., 1],
-        spread=spread,
+        radius=radius - exact[..., 1],  # error of the mean side radius [m], shape [n_laws, n_poisson, 6]
+        spread=spread,  # largest minus smallest side radius [m], shape [n_laws, n_poisson, 6]
+        # |force error| up to 50 %, largest, by duration of loading [-], shape [n_durations]
         slow=np.array(slow),
-        order=fitted_order(1.0 / np.array(DURATIONS), slow),
+        order=fitted_order(1.0 / np.array(DURATIONS), slow),  # fit of `slow` against 1 / duration
     )
 
 

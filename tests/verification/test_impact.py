@@ -50,14 +50,9 @@ def _bare(
     *, striker: float = STRIKER.radius, shaper: PulseShaper | None = None, joint: Joint | None = None
 ) -> Apparatus:
     return Apparatus(
-        striker=(part(STRIKER.length, radius=striker),),
-        speed=SPEED,
-        shaper=shaper,
-        incident=(BAR,),
-        joint=joint or Joint(0.0),
-        flyer=(TRANSDUCER, PLATEN),
-        transmission=(PLATEN,),
-    )
+        striker=(part(STRIKER.length, radius=striker),), speed=SPEED, shaper=shaper, incident=(BAR,),
+        joint=joint or Joint(0.0), flyer=(TRANSDUCER, PLATEN), transmission=(PLATEN,),
+    )  # fmt: skip
 
 
 def lines(history: FlightHistory) -> tuple:
@@ -292,14 +287,9 @@ def draw(result: Result, figure: Figure) -> None:
             ax.axvline(1e3 * getattr(events, name), color="k", linestyle=":", linewidth=0.7)
     for name in MARKED:
         gauge.annotate(
-            NAMES[name],
-            (1e3 * getattr(events, name), 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, 3),
-            textcoords="offset points",
-            ha="center",
-            fontsize=7.5,
-        )
+            NAMES[name], (1e3 * getattr(events, name), 1.0), xycoords=("data", "axes fraction"),
+            xytext=(0, 3), textcoords="offset points", ha="center", fontsize=7.5,
+        )  # fmt: skip
 
 
 def shown(result: Result) -> dict[str, object]:

@@ -1,12 +1,12 @@
 """Marlow's law: closed forms, the limit at rest, energy and stress, extrapolation, and its Warp twin."""
 
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import warp as wp
-from order import FittedOrder, assert_order, fitted_order
+from order import assert_order, fitted_order
 from scene import FloatArray
 
 from explicit.device import select_device
@@ -19,26 +19,7 @@ POINTS = (11, 21, 41, 81, 161)  # points of the sampled curve
 DIFFERENCES = tuple(10.0 ** -np.arange(1, 11))  # relative steps of the central difference of the energy [-]
 
 
-@dataclass(frozen=True)
-class Result:
-    """Errors of the law against closed forms."""
-
-    neo_hookean_error: float
-    """Largest relative error of 2 U' built from a sampled neo-Hookean curve, both branches [-]."""
-    yeoh_error: FloatArray
-    """Largest error of 2 U' for s in [0.4, last] over mu_0, by number of points [-], shape [n_points]."""
-    yeoh_order: FittedOrder  # fit against the distance of the points
-    origin_error: FloatArray
-    """Largest relative error of 2 U' against E_0 / 3 at s = 0, 1e-8 and 1e-4 [-], shape [n_points]."""
-    uniaxial_error: float
-    """Largest relative error of the law's uniaxial nominal stress at the data, 41 points [-]."""
-    difference_error: FloatArray
-    """Error of the energy's central difference against the stress power, by step [-]."""
-    jump: tuple[float, float]  # jump of 2 U' and of its slope across the last datum, relative [-]
-    twin: dict[str, float]
-    """Largest relative difference of the Warp twin's stress and energy from NumPy's, by precision [-]."""
-    tangent_ratio: float
-    """Largest curvature of the energy along a rank-one motion over the kernel's bound [-]."""
+Result = SimpleNamespace
 
 
 def yeoh_two_u_prime(x: FloatArray) -> FloatArray:
@@ -185,14 +166,22 @@ def case() -> Result:
             )
         )
     return Result(
+        # Largest relative error of 2 U' built from a sampled neo-Hookean curve, both branches [-].
         neo_hookean_error=float(max(errors)),
+        # Largest error of 2 U' for s in [0.4, last] over mu_0, by number of points [-], shape [n_points].
         yeoh_error=np.array(yeoh_error),
-        yeoh_order=fitted_order(1.0 / np.array(POINTS), yeoh_error),
+        yeoh_order=fitted_order(1.0 / np.array(POINTS), yeoh_error),  # fit against the distance of the points
+        # Largest relative error of 2 U' against E_0 / 3 at s = 0, 1e-8 and 1e-4 [-], shape [n_points].
         origin_error=np.array(origin_error),
+        # Largest relative error of the law's uniaxial nominal stress at the data, 41 points [-].
         uniaxial_error=float(np.abs(uniaxial / yeoh_stress(stretch) - 1.0).max()),
+        # Error of the energy's central difference against the stress power, by step [-].
         difference_error=_difference_errors(law),
+        # jump of 2 U' and of its slope across the last datum, relative [-]
         jump=(float(abs(after - before) / at), float(abs(slopes[1] / slopes[0] - 1.0))),
+        # Largest relative difference of the Warp twin's stress and energy from NumPy's, by precision [-].
         twin=twin,
+        # Largest curvature of the energy along a rank-one motion over the kernel's bound [-].
         tangent_ratio=max(_tangent_ratio(law), _tangent_ratio(neo_hookean(mu))),
     )
 

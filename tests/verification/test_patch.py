@@ -1,7 +1,8 @@
 """Patch test: homogeneous states on a distorted mesh, from the element constants and through the kernel."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,21 +24,7 @@ TOLERANCE = {"fp64": AMPLIFICATION * 2.2e-16, "fp32": AMPLIFICATION * 1.2e-7}
 DISTORTION = 0.3  # interior nodes move by up to this share of an element's size [-]
 
 
-@dataclass(frozen=True)
-class Result:
-    """Errors of the homogeneous states."""
-
-    mesh: Mesh
-    gradient_error: float  # largest |F - F imposed| of an element [-]
-    weak_error: float  # largest interior force of a unit homogeneous stress over the largest corner force [-]
-    hourglass_error: float  # largest |gamma . field| for the fields 1, R and Y, each of size 1 [-].
-    interior: dict[str, dict[str, float]]
-    """Largest interior force over the largest corner force, by precision and state [-]."""
-    face_force: dict[str, dict[str, float]]
-    """Relative error of the force on the lower face against nominal stress times area [-]."""
-    rigid: dict[str, float]
-    """Largest force in a shift by a tenth of the length, over mu R^2, by precision [-]."""
-    rate_power: float  # power of the damping stress in uniform stretching over its closed form, minus 1 [-]
+Result = SimpleNamespace
 
 
 def distorted(mesh: Mesh, share: float = DISTORTION, seed: int = 2) -> Mesh:
@@ -57,15 +44,9 @@ def corner_forces(
     """Corner forces [N], shape [n_elements, 4, 2], and dissipated powers [W] of the solver's own element."""
     law = neo_hookean(shear_modulus(POISSON))
     found = evaluate(
-        element,
-        mesh,
-        law,
-        motion[mesh.quads],
-        poisson=POISSON,
-        velocity=velocity[mesh.quads],
-        beta=beta,
+        element, mesh, law, motion[mesh.quads], poisson=POISSON, velocity=velocity[mesh.quads], beta=beta,
         precision_name=name,
-    )
+    )  # fmt: skip
     return found.forces, found.power
 
 
@@ -163,12 +144,18 @@ def case() -> Result:
     states = {name: homogeneous(mesh, name) for name in ("fp64", "fp32")}
     return Result(
         mesh=mesh,
-        gradient_error=gradient_error,
+        gradient_error=gradient_error,  # largest |F - F imposed| of an element [-]
+        # largest interior force of a unit homogeneous stress over the largest corner force [-]
         weak_error=weak_error,
+        # largest |gamma . field| for the fields 1, R and Y, each of size 1 [-].
         hourglass_error=float(np.abs(hourglass).max()),
+        # Largest interior force over the largest corner force, by precision and state [-].
         interior={name: found[0] for name, found in states.items()},
+        # Relative error of the force on the lower face against nominal stress times area [-].
         face_force={name: found[1] for name, found in states.items()},
+        # Largest force in a shift by a tenth of the length, over mu R^2, by precision [-].
         rigid={name: found[2] for name, found in states.items()},
+        # power of the damping stress in uniform stretching over its closed form, minus 1 [-]
         rate_power=rate_power(mesh),
     )
 

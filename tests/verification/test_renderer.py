@@ -1,8 +1,8 @@
 """The renderer of synthetic pictures, compared with closed forms, an independent ray cast, and two
 correlations."""
 
-from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -30,18 +30,7 @@ DENSE = 16  # rays of a pixel along each axis of the independent ray cast
 ALLOWED = 0.002  # bias that the laboratory promises [px]
 
 
-@dataclass(frozen=True)
-class Result:
-    """Everything measured; lengths in px."""
-
-    waves: FloatArray  # bias along x and y of cosines on a board against closed form, shape [n_shifts, 2]
-    grey: float  # largest error of a grey value there, over the pattern's standard deviation [-]
-    surface: FloatArray
-    """Bias along x and y of windows on a barrelled surface against the independent ray cast, shape [n, 2]."""
-    surface_grey: float  # standard deviation of the grey values' difference there, over the pattern's [-]
-    subsets: FloatArray
-    """Shift found by subset matching less the true one, mean over subsets, shape [n_shifts]."""
-    peer: FloatArray  # the same by OpenCV's ECC over the whole picture, shape [n_shifts]
+Result = SimpleNamespace
 
 
 def ahead(distortion: tuple[float, ...] = (0.0,) * 5, side: float = 0.0) -> Camera:
@@ -87,13 +76,9 @@ def cosines() -> tuple[FloatArray, float]:
     reach = 60.0 * PIXEL
     pitch, height = PIXEL / 8.0, 0.03
     texture = waves(
-        Area((-reach, reach), (-reach, reach)),
-        pitch,
-        vectors=vectors,
-        phases=phases,
-        level=0.5,
+        Area((-reach, reach), (-reach, reach)), pitch, vectors=vectors, phases=phases, level=0.5,
         height=height,
-    )
+    )  # fmt: skip
     pictures = shifted(texture)
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]] - 0.5 * (SHAPE[0] - 1)
     found, worst = [], 0.0
@@ -206,7 +191,16 @@ def case() -> Result:
     biases, grey = cosines()
     surface, surface_grey = on_surface()
     own, peer = by_correlation()
-    return Result(biases, grey, surface, surface_grey, own, peer)
+    return Result(
+        waves=biases,  # bias along x and y of cosines on a board against closed form, shape [n_shifts, 2]
+        grey=grey,  # largest error of a grey value there, over the pattern's standard deviation [-]
+        # Bias along x and y of windows on a barrelled surface against the independent ray cast, shape [n, 2].
+        surface=surface,
+        # standard deviation of the grey values' difference there, over the pattern's [-]
+        surface_grey=surface_grey,
+        subsets=own,  # Shift found by subset matching less the true one, mean over subsets, shape [n_shifts].
+        peer=peer,  # the same by OpenCV's ECC over the whole picture, shape [n_shifts]
+    )
 
 
 def draw(result: Result, figure: Figure) -> None:

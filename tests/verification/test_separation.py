@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -75,22 +76,7 @@ def scene(name: str) -> Scene:
     return Scene(guide, NYLON, toward, away, -0.6, omega, guide.wavenumber(omega), 1e-6 * np.arange(3000))
 
 
-@dataclass(frozen=True)
-class Result:
-    """Errors without noise, scatter and sigma with it."""
-
-    clean: dict[str, SeparatedWaves]  # separated waves without noise, by the bar
-    exact: dict[str, tuple[FloatArray, FloatArray]]  # the waves at the face at the same times
-    errors: dict[str, tuple[float, float]]  # largest error of the waves toward and away [-], by the bar
-    overlap: dict[str, float]
-    """Time for which both waves exceed a tenth of the plateau at the nearer gauge [s]."""
-    scatter: dict[str, FloatArray]
-    """Standard deviation of `away` over the records with noise [-], by the gauges, shape [n]."""
-    sigma: dict[str, FloatArray]  # stated sigma of `away` [-], shape [n]
-    ratio: dict[str, float]
-    """Root mean square of error over sigma [-], both waves, where sigma is half its largest or more."""
-    misfit: tuple[float, ...]  # misfits of three gauges in one of the records [-]
-    wrong: tuple[float, ...]  # the same with the middle gauge 2 % too high
+Result = SimpleNamespace
 
 
 def _noisy(places: tuple[float, ...], seed: int, gain: float = 1.0) -> SeparatedWaves:
@@ -134,9 +120,18 @@ def case() -> Result:
         ]
         ratio[name] = float(np.sqrt(np.mean(np.concatenate([part.ravel() for part in squares]))))
     return Result(
-        clean=clean, exact=exact, errors=errors, overlap=overlap, scatter=scatter, sigma=sigma, ratio=ratio,
-        misfit=_noisy(PLACES["three gauges"], 0).misfit, wrong=_noisy(PLACES["three gauges"], 0, 1.02).misfit,
-    )  # fmt: skip
+        clean=clean,  # separated waves without noise, by the bar
+        exact=exact,  # the waves at the face at the same times
+        errors=errors,  # largest error of the waves toward and away [-], by the bar
+        overlap=overlap,  # Time for which both waves exceed a tenth of the plateau at the nearer gauge [s].
+        # Standard deviation of `away` over the records with noise [-], by the gauges, shape [n].
+        scatter=scatter,
+        sigma=sigma,  # stated sigma of `away` [-], shape [n]
+        # Root mean square of error over sigma [-], both waves, where sigma is half its largest or more.
+        ratio=ratio,
+        misfit=_noisy(PLACES["three gauges"], 0).misfit,  # misfits of three gauges in one of the records [-]
+        wrong=_noisy(PLACES["three gauges"], 0, 1.02).misfit,  # the same with the middle gauge 2 % too high
+    )
 
 
 def draw(result: Result, figure: Figure) -> None:
@@ -153,13 +148,9 @@ def draw(result: Result, figure: Figure) -> None:
             (line,) = middle.plot(1e6 * found.time, wave.value, label=label)
             every = slice(None, None, max(1, found.time.size // 60))
             middle.plot(
-                1e6 * found.time[every],
-                true[every],
-                "o",
-                color=line.get_color(),
-                markersize=2.2,
+                1e6 * found.time[every], true[every], "o", color=line.get_color(), markersize=2.2,
                 fillstyle="none",
-            )
+            )  # fmt: skip
         middle.legend(loc="lower left" if column == 0 else "upper right")
         for panel in (top, middle):
             panel.set_xlim(0.0, 1e6 * bar.time[-1])

@@ -170,14 +170,9 @@ def draw(result: Result, figure: Figure) -> None:
         speed.axvspan(ms * (event.time - spread), ms * (event.time + spread), color="0.8", linewidth=0.0)
         right = k not in (1, 2)  # so that no two names meet
         speed.annotate(
-            name,
-            (ms * event.time, 0.04),
-            xycoords=("data", "axes fraction"),
-            xytext=(-3 if right else 3, 0),
-            textcoords="offset points",
-            ha="right" if right else "left",
-            fontsize=7.5,
-        )
+            name, (ms * event.time, 0.04), xycoords=("data", "axes fraction"), xytext=(-3 if right else 3, 0),
+            textcoords="offset points", ha="right" if right else "left", fontsize=7.5,
+        )  # fmt: skip
     found = result.validity
     at = ms * found.time
     share.semilogy(at, 100.0 * found.imbalance, label="difference of the faces")

@@ -1,12 +1,12 @@
 """Order of the space discretisation: an exact elastic wave, and smooth impacts between meshes."""
 
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from order import FittedOrder, assert_order, fitted_order
+from order import assert_order, fitted_order
 from scene import (
     DENSITY,
     LENGTH,
@@ -35,19 +35,7 @@ ALLOWED = 0.15
 SPEED, RISE, END = 1.0, 5e-4, 1.2e-3  # the impacts: speed [m/s], time of rise [s], end [s]; 14 % compression
 
 
-@dataclass(frozen=True)
-class Result:
-    """Errors and differences by element size."""
-
-    wave_position: FloatArray
-    """Root-mean-square error of the axial displacement over the stroke [-], shape [n_meshes]."""
-    wave_force: FloatArray
-    """Root-mean-square error of the force over its root mean square [-], shape [n_meshes]."""
-    wave_orders: tuple[FittedOrder, FittedOrder]  # fits of the two
-    speed_error: float  # relative error of the wave speed, from the arrival at the far end, finest mesh [-]
-    impacts: dict[str, dict[str, FloatArray]]
-    """Root-mean-square difference to the next finer mesh, over the largest change, by impact and quantity."""
-    orders: dict[str, dict[str, FittedOrder]]  # their fits
+Result = SimpleNamespace
 
 
 def _wave(n_axial: int) -> tuple[float, float, float]:
@@ -120,11 +108,16 @@ def case() -> Result:
     waves = exact_wave()
     impacts = {name: _impact(name.split(",")[0], float(name.rsplit(" ", 1)[1])) for name in IMPACTS}
     return Result(
+        # Root-mean-square error of the axial displacement over the stroke [-], shape [n_meshes].
         wave_position=waves[:, 0],
+        # Root-mean-square error of the force over its root mean square [-], shape [n_meshes].
         wave_force=waves[:, 1],
-        wave_orders=(fitted_order(SIZES, waves[:, 0]), fitted_order(SIZES, waves[:, 1])),
+        wave_orders=(fitted_order(SIZES, waves[:, 0]), fitted_order(SIZES, waves[:, 1])),  # fits of the two
+        # relative error of the wave speed, from the arrival at the far end, finest mesh [-]
         speed_error=float(waves[-1, 2]),
+        # Root-mean-square difference to the next finer mesh, over the largest change, by impact and quantity.
         impacts=impacts,
+        # their fits
         orders={
             name: {q: fitted_order(SIZES[:-1], values) for q, values in series.items()}
             for name, series in impacts.items()

@@ -1,8 +1,8 @@
 """Bonded compression, slowly loaded, against the static solutions of two finite-element programs."""
 
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -34,40 +34,7 @@ RADIUS_TOLERANCE = {"coarse": 20e-6, "fine": 10e-6}
 LARGE = COMPRESSION > 0.25  # where the reference is known to 0.1 %
 
 
-@dataclass(frozen=True)
-class Compressed:
-    """One slow loading; arrays of shape [6, ...] are at `COMPRESSION`."""
-
-    force: FloatArray  # mean of both face forces [N], shape [6]
-    difference: FloatArray  # flyer force minus transmission force [N], shape [6]
-    sweep: FloatArray  # mean of both face forces at `SWEEP` [N]
-    radius: FloatArray  # radius at mid-height [m], shape [6]
-    outline: FloatArray  # surface nodes (r, |distance from mid-height|) [m], shape [6, n_nodes, 2]
-
-    kinetic: FloatArray  # kinetic over elastic energy [-], shape [6]
-    hourglass: FloatArray  # hourglass over elastic energy [-], shape [6]
-    speed: float  # speed of the flyer [m/s]
-    completed: bool  # whether the run reached its end
-
-
-@dataclass(frozen=True)
-class Reference:
-    """The static solutions."""
-
-    force: FloatArray  # force [N], shape [6]
-    sigma: FloatArray  # its uncertainty [N], shape [6]
-    radius: FloatArray  # radius at mid-height [m], shape [6]
-    outline: dict[str, FloatArray]
-    """Outline (r, z) by what the side does on a platen [m], shape [6, n_points, 2]."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """Every mesh beside the reference."""
-
-    reference: Reference
-    meshes: dict[tuple[int, int], Compressed]  # slow loading by mesh
-    study: tuple[Compressed, ...]  # loading with strong drag, by duration
+Compressed = Reference = Result = SimpleNamespace
 
 
 @cache
@@ -78,7 +45,12 @@ def reference() -> Reference:
     for side in ("stick", "slip"):
         columns = np.loadtxt(REFERENCE / f"A_nh_nu0.495_profiles_{side}.csv", delimiter=",").T
         outline[side] = np.stack([columns[2::2], columns[1::2]], axis=-1)
-    return Reference(rows[:, 1], rows[:, 2], rows[:, 4], outline)
+    return Reference(
+        force=rows[:, 1],  # force [N], shape [6]
+        sigma=rows[:, 2],  # its uncertainty [N], shape [6]
+        radius=rows[:, 4],  # radius at mid-height [m], shape [6]
+        outline=outline,  # Outline (r, z) by what the side does on a platen [m], shape [6, n_points, 2].
+    )
 
 
 @cache
@@ -114,15 +86,20 @@ def compress(
     r, y = response.surface_r[0, six], response.surface_y[0, six]
     middle = 0.5 * y[:, -1]
     return Compressed(
-        force=force[six],
+        force=force[six],  # mean of both face forces [N], shape [6]
+        # flyer force minus transmission force [N], shape [6]
         difference=(response.force_flyer[0] - response.force_transmission[0])[six],
-        sweep=force,
+        sweep=force,  # mean of both face forces at `SWEEP` [N]
+        # radius at mid-height [m], shape [6]
         radius=np.array([np.interp(m, *pair) for m, *pair in zip(middle, y, r, strict=True)]),
+        # surface nodes (r, |distance from mid-height|) [m], shape [6, n_nodes, 2]
         outline=np.stack([r, np.abs(y - middle[:, None])], axis=-1),
+        # kinetic over elastic energy [-], shape [6]
         kinetic=(response.energy.kinetic[0] / response.energy.elastic[0])[six],
+        # hourglass over elastic energy [-], shape [6]
         hourglass=(response.energy.hourglass[0] / response.energy.elastic[0])[six],
-        speed=speed,
-        completed=bool(response.completed.all()),
+        speed=speed,  # speed of the flyer [m/s]
+        completed=bool(response.completed.all()),  # whether the run reached its end
     )
 
 
@@ -135,7 +112,11 @@ def study() -> tuple[Compressed, ...]:
 def case() -> Result:
     """All meshes (a minute) and the study."""
     meshes = {mesh: compress(mesh) for mesh in (COARSE, *FINE)}
-    return Result(reference(), meshes, study())
+    return Result(
+        reference=reference(),
+        meshes=meshes,  # slow loading by mesh
+        study=study(),  # loading with strong drag, by duration
+    )
 
 
 def force_error(found: Compressed) -> FloatArray:

@@ -1,8 +1,8 @@
 """Order of the time integration: a smooth bonded impact with fixed steps, each half of the previous one."""
 
-from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,15 +27,7 @@ ALLOWED = 0.1
 LAG_TOLERANCE = 5e-3  # allowed first-order error of the force at the usual step, over the largest force [-]
 
 
-@dataclass(frozen=True)
-class Result:
-    """Differences between neighbouring steps, over the largest value of the quantity."""
-
-    undamped: dict[str, FloatArray]
-    """Largest difference to half the step, by quantity [-], shape [n_steps - 1]."""
-    damped: dict[str, FloatArray]  # the same with deviatoric damping
-    order: dict[str, FittedOrder]  # fit of the undamped differences against the step
-    damped_order: dict[str, FittedOrder]  # fit of the damped differences over the three smallest steps
+Result = SimpleNamespace
 
 
 def histories(damping: float, step: float) -> tuple[dict[str, FloatArray], float]:
@@ -80,9 +72,11 @@ def case() -> Result:
     """Seven steps without and with damping."""
     undamped, damped = _series(0.0), _series(DAMPING)
     return Result(
-        undamped=undamped,
-        damped=damped,
+        undamped=undamped,  # Largest difference to half the step, by quantity [-], shape [n_steps - 1].
+        damped=damped,  # the same with deviatoric damping
+        # fit of the undamped differences against the step
         order={name: fitted_order(STEPS[:-1], undamped[name]) for name in QUANTITIES},
+        # fit of the damped differences over the three smallest steps
         damped_order={name: fitted_order(STEPS[-4:-1], damped[name][-3:]) for name in QUANTITIES},
     )
 

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from monte_carlo import Spread, difference, monte_carlo
+from monte_carlo import difference, monte_carlo
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
@@ -163,15 +164,11 @@ BRIDGE = Bridge("half, opposed", gauge_factor=2.1, excitation=5.0, gain=100.0)
 NOISE = 1e-6  # of a sample of strain
 TIME = 0.5e-6 * np.arange(400)
 INPUTS = (
-    quantity("Young's modulus", 210e9, 2.1e9, unit="Pa"),
-    quantity("density", 7800.0, 15.6, unit="kg/m^3"),
-    quantity("bar, diameter", 20e-3, 10e-6, unit="m"),
-    quantity("specimen, diameter", 10e-3, 50e-6, unit="m"),
-    quantity("specimen, length", 4e-3, 10e-6, unit="m"),
-    quantity("gauge factor", 2.1, 0.021, 10.0),
-    quantity("excitation", 5.0, 0.01, unit="V"),
-    quantity("zero", 0.0, 0.5e-6, 50.0),
-)
+    quantity("Young's modulus", 210e9, 2.1e9, unit="Pa"), quantity("density", 7800.0, 15.6, unit="kg/m^3"),
+    quantity("bar, diameter", 20e-3, 10e-6, unit="m"), quantity("specimen, diameter", 10e-3, 50e-6, unit="m"),
+    quantity("specimen, length", 4e-3, 10e-6, unit="m"), quantity("gauge factor", 2.1, 0.021, 10.0),
+    quantity("excitation", 5.0, 0.01, unit="V"), quantity("zero", 0.0, 0.5e-6, 50.0),
+)  # fmt: skip
 OUTPUTS = ("stress", "strain", "rate")
 
 
@@ -207,16 +204,7 @@ def noise() -> dict[str, FloatArray]:
     return {name: getattr(found, name)["three waves"].sigma for name in OUTPUTS}
 
 
-@dataclass(frozen=True)
-class Result:
-    """Everything measured."""
-
-    budgeted: tuple[Example, ...]  # by sensitivities
-    drawn: tuple[Example, ...]  # by draws
-    wide: float  # JCGM 101, 9.2.4: distance of the ends of the GUM's interval from those of the draws, over u
-    budget: Budget  # of the bar test
-    spread: Mapping[str, Spread]  # of its draws
-    held: Mapping[str, FloatArray]  # share of series whose interval holds the truth, by factor, over `COUNTS`
+Result = SimpleNamespace
 
 
 @cache
@@ -226,12 +214,13 @@ def case() -> Result:
     budgeted, (drawn, wide) = by_sensitivities(), by_draws(rng)
     normal = dict.fromkeys((q.name for q in INPUTS), "normal")
     return Result(
-        budgeted=budgeted,
-        drawn=drawn,
+        budgeted=budgeted,  # by sensitivities
+        drawn=drawn,  # by draws
+        # JCGM 101, 9.2.4: distance of the ends of the GUM's interval from those of the draws, over u
         wide=wide,
-        budget=propagate(reduced, INPUTS, noise=noise()),
-        spread=monte_carlo(reduced, INPUTS, trials=TRIALS, rng=rng, distributions=normal),
-        held=held(rng),
+        budget=propagate(reduced, INPUTS, noise=noise()),  # of the bar test
+        spread=monte_carlo(reduced, INPUTS, trials=TRIALS, rng=rng, distributions=normal),  # of its draws
+        held=held(rng),  # share of series whose interval holds the truth, by factor, over `COUNTS`
     )
 
 

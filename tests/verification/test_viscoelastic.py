@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,15 +24,7 @@ DEPTH = 0.4  # compression at which a shot ends [-]: past it the side of this co
 NOISE, BINS, DRAWS = 0.2, 40, 12  # noise of a bin's mean force [N], bins of a shot, draws of the noise
 
 
-@dataclass(frozen=True)
-class ShotFit:
-    """One shot of the first draw."""
-
-    label: str  # its speed
-    time: FloatArray  # middle of the bins [s]
-    force: FloatArray  # data [N]
-    with_branch: FloatArray  # the fit with a branch [N]
-    without: FloatArray  # the best that a factor alone does [N]
+ShotFit = Shaken = Result = SimpleNamespace
 
 
 @dataclass(frozen=True)
@@ -69,14 +62,10 @@ def clean(truth: RateModel) -> tuple[Evidence, ...]:
             (speed_after_rise(speed, 80e-6, end=end),),
         )
         blank = ShotEvidence(
-            model=model,
-            edges=np.linspace(0.0, end, BINS + 1),
-            force=np.zeros(BINS),
-            sigma=np.full(BINS, NOISE),
-            held={"poisson": 0.49, "damping": 2.5e-5},
-            threads=1,
+            model=model, edges=np.linspace(0.0, end, BINS + 1), force=np.zeros(BINS),
+            sigma=np.full(BINS, NOISE), held={"poisson": 0.49, "damping": 2.5e-5}, threads=1,
             label=f"{speed:g} m/s",
-        )
+        )  # fmt: skip
         found.append(replace(blank, force=blank.predict(SHOT_LAW, [truth])[0]))
     held = HistoryTest.relaxation(np.geomspace(1e-2, 20.0, 30), np.zeros(30), 50.0, stretch=0.8, rise=5e-3)
     slow = HistoryTest(
@@ -116,7 +105,15 @@ def recovery() -> Recovery:
         with_branch = one.predict(SHOT_LAW, [verdict.fits[1].model])[0]
         without = one.predict(SHOT_LAW, [verdict.fits[0].model])[0]
         middle = 0.5 * (one.edges[1:] + one.edges[:-1])
-        shots.append(ShotFit(one.label, middle, one.force, with_branch, without))
+        shots.append(
+            ShotFit(
+                label=one.label,  # its speed
+                time=middle,  # middle of the bins [s]
+                force=one.force,  # data [N]
+                with_branch=with_branch,  # the fit with a branch [N]
+                without=without,  # the best that a factor alone does [N]
+            )
+        )
     return Recovery(
         planted=np.array([PLANTED.factor, *PLANTED.series.strengths, *PLANTED.series.times]),
         values=np.stack([fit.values for fit in fits]),
@@ -162,40 +159,13 @@ class Held:
         return float(np.abs(self.force - self.expected)[late].max() / self.expected.max())
 
 
-@dataclass(frozen=True)
-class Shaken:
-    """An oscillation of 1e-4 about a compression of 3e-4."""
-
-    x: float  # omega tau [-]
-    storage: float  # E' found over that of the series [-]
-    loss: float  # E'' found over that of the series [-]
-    work: float  # work done on the branches in the last cycle over pi e^2 E'' V [-]
-
-
-@dataclass(frozen=True)
-class Result:
-    """All parts."""
-
-    held: dict[tuple[str, str], Held]  # by branches and element
-    shaken: dict[str, tuple[Shaken, ...]]  # by element
-    impact: dict[tuple[str, str], float]
-    """Imbalance of an impact to 60 % with friction, by branches and element [-]."""
-    recovery: Recovery  # the planted pair
-
-
 def _frictionless(
     motion: PlatenMotion, branches: RateDependence, element: str, *, density: float, mesh: tuple[int, int]
 ) -> Model:
     return Model(
-        cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1]),
-        density,
-        (LAW,),
-        (motion,),
-        faces="frictionless",
-        side="frictionless",
-        element=element,
-        relaxation=(branches,),
-    )
+        cylinder(RADIUS, LENGTH, n_radial=mesh[0], n_axial=mesh[1]), density, (LAW,), (motion,),
+        faces="frictionless", side="frictionless", element=element, relaxation=(branches,),
+    )  # fmt: skip
 
 
 @cache
@@ -257,7 +227,12 @@ def shaken(x: float, element: str) -> Shaken:
     young = 9.0 * bulk * shear / (3.0 * bulk + shear)
     work = response.energy.viscous[0, -1] - response.energy.viscous[0, 0]
     expected = np.pi * AMPLITUDE**2 * young.imag * AREA * LENGTH
-    return Shaken(x, float(found[0] / young.real), float(found[1] / young.imag), float(work / expected))
+    return Shaken(
+        x=x,  # omega tau [-]
+        storage=float(found[0] / young.real),  # E' found over that of the series [-]
+        loss=float(found[1] / young.imag),  # E'' found over that of the series [-]
+        work=float(work / expected),  # work done on the branches in the last cycle over pi e^2 E'' V [-]
+    )
 
 
 @cache
@@ -265,15 +240,10 @@ def impact(name: str, element: str) -> float:
     """2.6 m/s to 60 %, rough faces and side, damping."""
     end = 1.5e-3
     model = Model(
-        cylinder(RADIUS, LENGTH, n_radial=8, n_axial=11),
-        DENSITY,
-        (LAW,),
-        (speed_after_rise(2.6, 50e-6, end=end),),
-        faces="rough",
-        side="rough",
-        element=element,
+        cylinder(RADIUS, LENGTH, n_radial=8, n_axial=11), DENSITY, (LAW,),
+        (speed_after_rise(2.6, 50e-6, end=end),), faces="rough", side="rough", element=element,
         relaxation=(BRANCHES[name],),
-    )
+    )  # fmt: skip
     times = np.linspace(0.0, end, 31)[1:]
     response = run(model, Samples.of(poisson=0.495, damping=2.5e-5), Sampling(times, times))
     assert (_completed(response).energy.viscous[0] > 0.0).all()
@@ -291,10 +261,11 @@ def case() -> Result:
     """Every part."""
     pairs = [(name, element) for name in BRANCHES for element in ELEMENTS]
     return Result(
-        held={pair: held(*pair) for pair in pairs},
-        shaken={element: tuple(shaken(x, element) for x in X) for element in ELEMENTS},
+        held={pair: held(*pair) for pair in pairs},  # by branches and element
+        shaken={element: tuple(shaken(x, element) for x in X) for element in ELEMENTS},  # by element
+        # Imbalance of an impact to 60 % with friction, by branches and element [-].
         impact={pair: impact(*pair) for pair in pairs},
-        recovery=recovery(),
+        recovery=recovery(),  # the planted pair
     )
 
 

@@ -1,11 +1,11 @@
 """Waves and inertia: Pochhammer and Chree's guided waves, and the radial inertia of a disc."""
 
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
-from order import FittedOrder, assert_order, fitted_order
+from order import assert_order, fitted_order
 from scene import DENSITY, RADIUS, YOUNG, FloatArray, gentle_stroke, ninth, ninth_slope, shear_modulus
 from scipy.interpolate import CubicSpline
 
@@ -26,23 +26,7 @@ INERTIA_TOLERANCE = 5e-3
 compressibility, which leaves (radius / (c duration))^2, 1.4 % at 0.4 ms."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """Phase velocities and disc forces beside their closed forms."""
-
-    slenderness: FloatArray  # a / wavelength of the modes [-], shape [n_modes]
-    velocity: FloatArray
-    """Phase velocity over sqrt(E / rho) found on each mesh [-], shape [n_meshes, n_modes]."""
-    exact_velocity: FloatArray
-    """Phase velocity of the first Pochhammer mode over sqrt(E / rho) [-], shape [n_modes]."""
-    wave_order: tuple[FittedOrder, ...]  # fit of the higher modes' errors (n = 2, 3) against the element size
-    closed_form: FloatArray
-    """Of the slowest disc: inertia plus static stress, times the face [N], shape [n_times]."""
-    static: FloatArray  # the static part alone [N], shape [n_times]
-    disc_error: FloatArray  # largest force error over the largest force, by duration [-], shape [n_durations]
-    disc_order: FittedOrder  # its fit against 1 / duration
-    spread: FloatArray
-    """Largest spread of the side radius over the radius, by aspect a / h at 0.2 ms [-], shape [n_aspects]."""
+Result = SimpleNamespace
 
 
 def frequencies(signal: FloatArray, interval: float, order: int = 12) -> FloatArray:
@@ -69,13 +53,9 @@ def _standing_waves(mesh: tuple[int, int]) -> FloatArray:
         velocity=first.velocity + size * length / quick * ninth_slope(s),
     )
     model = Model(
-        cylinder(RADIUS, length, n_radial=mesh[0], n_axial=mesh[1]),
-        DENSITY,
-        (neo_hookean(shear_modulus(poisson)),),
-        (motion,),
-        faces="frictionless",
-        side="frictionless",
-    )
+        cylinder(RADIUS, length, n_radial=mesh[0], n_axial=mesh[1]), DENSITY,
+        (neo_hookean(shear_modulus(poisson)),), (motion,), faces="frictionless", side="frictionless",
+    )  # fmt: skip
     times = np.linspace(slow + quick, end - 1e-4, 217)
     response = run(model, Samples.of(poisson=poisson), Sampling(times, times))
     bulge = (response.surface_r[0] - RADIUS) / (size * length)
@@ -128,14 +108,20 @@ def case() -> Result:
     disc_error = np.array([np.abs(force - closed).max() / closed.max() for _, force, closed, _, _ in discs])
     _, _, closed, static, _ = discs[-1]
     return Result(
-        slenderness=slenderness,
+        slenderness=slenderness,  # a / wavelength of the modes [-], shape [n_modes]
+        # Phase velocity over sqrt(E / rho) found on each mesh [-], shape [n_meshes, n_modes].
         velocity=velocity,
+        # Phase velocity of the first Pochhammer mode over sqrt(E / rho) [-], shape [n_modes].
         exact_velocity=exact,
+        # fit of the higher modes' errors (n = 2, 3) against the element size
         wave_order=tuple(fitted_order(sizes, error[:, k]) for k in (1, 2)),
+        # Of the slowest disc: inertia plus static stress, times the face [N], shape [n_times].
         closed_form=closed,
-        static=static,
+        static=static,  # the static part alone [N], shape [n_times]
+        # largest force error over the largest force, by duration [-], shape [n_durations]
         disc_error=disc_error,
-        disc_order=fitted_order(1.0 / np.array(DURATIONS), disc_error),
+        disc_order=fitted_order(1.0 / np.array(DURATIONS), disc_error),  # its fit against 1 / duration
+        # Largest spread of the side radius over the radius, by aspect a / h at 0.2 ms [-], shape [n_aspects].
         spread=np.array([_disc(aspect, DURATIONS[0])[4] for aspect in ASPECTS]),
     )
 

@@ -1,14 +1,14 @@
 """Choice of the element on a known-answer shot: artificial energy, convergence, identified stiffness."""
 
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from elements import evaluate
-from order import FittedOrder, assert_order, fitted_order
-from scene import DENSITY, LENGTH, RADIUS, CommonLimit, FloatArray, common_limit, limit, rms, table
+from order import assert_order, fitted_order
+from scene import DENSITY, LENGTH, RADIUS, FloatArray, common_limit, limit, rms, table
 from scipy.interpolate import BarycentricInterpolator
 from scipy.optimize import minimize_scalar
 from test_dynamic_bonded import low_pass
@@ -114,24 +114,7 @@ def identified(form: str, mesh: Mesh, grading: float = 2.0, *, weights: str = "n
     return float(cost.x)
 
 
-@dataclass(frozen=True)
-class Series:
-    """An element's refinement series."""
-
-    sizes: FloatArray  # element sizes [-], shape [n_meshes]
-    force: FloatArray  # rms distance of the 5 kHz force from all elements' common limit [N], shape [n_meshes]
-    outline: FloatArray  # rms distance of the radii from their common limit [m], shape [n_meshes]
-    factor: FloatArray  # identified m, weighted by the noise [-], shape [n_meshes]
-    weighted: FloatArray  # identified m, weighted as `kolsky identify` does [-], shape [n_meshes]
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """What all elements converge to, and how."""
-
-    series: dict[str, Series]  # by element
-    force_limits: dict[str, FloatArray]  # extrapolated 5 kHz force of each element [N], shape [n_force_times]
-    outline_limits: dict[str, FloatArray]  # extrapolated radii of each element [m], shape [n_points]
+Series = Convergence = Result = SimpleNamespace
 
 
 def convergence(meshes: tuple[Mesh, ...] = MESHES) -> Convergence:
@@ -145,15 +128,23 @@ def convergence(meshes: tuple[Mesh, ...] = MESHES) -> Convergence:
     whole_outline = np.mean(list(outline_limits.values()), axis=0)
     series = {
         form: Series(
-            sizes=sizes,
+            sizes=sizes,  # element sizes [-], shape [n_meshes]
+            # rms distance of the 5 kHz force from all elements' common limit [N], shape [n_meshes]
             force=np.array([rms(values - whole_force) for values in forces[form]]),
+            # rms distance of the radii from their common limit [m], shape [n_meshes]
             outline=np.array([rms(values - whole_outline) for values in outlines[form]]),
+            # identified m, weighted by the noise [-], shape [n_meshes]
             factor=np.array([identified(form, mesh) for mesh in meshes]),
+            # identified m, weighted as `kolsky identify` does [-], shape [n_meshes]
             weighted=np.array([identified(form, mesh, weights="identify") for mesh in meshes]),
         )
         for form in FORMS
     }
-    return Convergence(series, force_limits, outline_limits)
+    return Convergence(
+        series=series,  # by element
+        force_limits=force_limits,  # extrapolated 5 kHz force of each element [N], shape [n_force_times]
+        outline_limits=outline_limits,  # extrapolated radii of each element [m], shape [n_points]
+    )
 
 
 def apart(limits: dict[str, FloatArray]) -> float:
@@ -178,23 +169,16 @@ errors on 16 × 22 that the extrapolation removes."""
 STUDY = (16, 22)  # mesh of the study of graded meshes
 
 
-@dataclass(frozen=True)
-class Result:
-    """What the shot says of the elements."""
-
-    found: Convergence  # errors on every mesh and the elements' limits
-    factor: CommonLimit  # one limit and order of m for all elements, weighted by the noise
-    orders: dict[str, tuple[FittedOrder, FittedOrder]]  # fits of force and outline, by element
-
-
 @cache
 def case() -> Result:
     """Three elements and hourglass forms on four meshes; half a minute."""
     found = convergence()
     every = list(found.series.values())
     return Result(
-        found=found,
+        found=found,  # errors on every mesh and the elements' limits
+        # one limit and order of m for all elements, weighted by the noise
         factor=common_limit(every[0].sizes, [one.factor for one in every]),
+        # fits of force and outline, by element
         orders={
             form: (fitted_order(one.sizes, one.force), fitted_order(one.sizes, one.outline))
             for form, one in found.series.items()

@@ -34,13 +34,8 @@ def right(shot: str, switch: str, m: float, identified: bool = True) -> dict[str
     """An answer whose truth is 1 and whose standard uncertainty is 0.01."""
     said = {"stiffness_factor": {"value": m, "sigma": 0.01, "truth": 1.0, "outcome": "identified"}}
     return {
-        "shot": shot,
-        "switch": switch,
-        "updates": 2.0,
-        "said": said,
-        "identified": identified,
-        "causes": [],
-    }
+        "shot": shot, "switch": switch, "updates": 2.0, "said": said, "identified": identified, "causes": [],
+    }  # fmt: skip
 
 
 def test_right_shots_without_a_mechanism_by_hand() -> None:

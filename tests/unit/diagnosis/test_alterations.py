@@ -24,13 +24,9 @@ def response() -> Any:
     y = np.tile(np.linspace(0.0, 6e-3, 9), (len(frames), 1))
     r = RADIUS + SWELL * frames[:, None] + TAPER * y
     return SimpleNamespace(
-        force_times=t,
-        force_transmission=(SLOPE * t)[None],
-        impulse_transmission=(0.5 * SLOPE * t**2)[None],
-        surface_times=frames,
-        surface_r=r[None],
-        surface_y=y[None],
-    )
+        force_times=t, force_transmission=(SLOPE * t)[None], impulse_transmission=(0.5 * SLOPE * t**2)[None],
+        surface_times=frames, surface_r=r[None], surface_y=y[None],
+    )  # fmt: skip
 
 
 def observations() -> Observations:

@@ -65,14 +65,8 @@ def test_a_launch_for_each_model_and_a_run_for_all_that_is_made_of_it(
     model: Any = Counted()
     longer = {"specimen": {"length": 1.01}}
     asked = [
-        at(1.0),
-        at(2.0),
-        at(1.0, force_factor=2.0),
-        at(1.0, **longer),
-        at(9.0),
-        at(3.0, **longer),
-        at(2.0),
-    ]
+        at(1.0), at(2.0), at(1.0, force_factor=2.0), at(1.0, **longer), at(9.0), at(3.0, **longer), at(2.0),
+    ]  # fmt: skip
     assert model.respond(asked) == [1.0, 2.0, 1.0, 1.0, None, 3.0, 2.0]
     assert launched == [[[1.0, 2.0, 9.0], [1.0, 3.0]]]
     assert model.runs == 5

@@ -90,19 +90,10 @@ def test_what_is_granted_makes_no_error_less_usual() -> None:
 
 def finding(**changes: Any) -> CauseFinding:
     filled: dict[str, Any] = {
-        "key": SENSITIVITY,
-        "words": "a force gain",
-        "unit": "1",
-        "exact": 1.0,
-        "value": 0.49762,
-        "sigma": 0.0051,
-        "explained": 0.99814,
-        "evidence": 1100.0,
-        "probability": 0.0,
-        "parameters": {"stiffness_factor": 1.1164},
-        "sigmas": {},
-        "named": True,
-    }
+        "key": SENSITIVITY, "words": "a force gain", "unit": "1", "exact": 1.0, "value": 0.49762,
+        "sigma": 0.0051, "explained": 0.99814, "evidence": 1100.0, "probability": 0.0,
+        "parameters": {"stiffness_factor": 1.1164}, "sigmas": {}, "named": True,
+    }  # fmt: skip
     return CauseFinding(**{**filled, **changes})
 
 
@@ -288,14 +279,10 @@ def test_of_an_answer_that_is_withheld_the_leading_inputs_are_named() -> None:
         return finding(key=key, named=False, probability=probability, explained=share, evidence=4.0, **more)
 
     tried = (
-        one("leads", 0.9 * LEVEL, LEAST_SHARE),
-        one("by chance", 1.1 * LEVEL, 0.9),
-        one("little", 0.0, 0.9 * LEAST_SHARE),
-        one("within", 0.0, 0.9, declared_sigma=0.4),
-        one("lost", 0.0, 0.9, status="the run ended"),
-        one(CURVE_SCALE, 1.0, 0.0),
-        one("follows", 0.0, 0.9),
-    )
+        one("leads", 0.9 * LEVEL, LEAST_SHARE), one("by chance", 1.1 * LEVEL, 0.9),
+        one("little", 0.0, 0.9 * LEAST_SHARE), one("within", 0.0, 0.9, declared_sigma=0.4),
+        one("lost", 0.0, 0.9, status="the run ended"), one(CURVE_SCALE, 1.0, 0.0), one("follows", 0.0, 0.9),
+    )  # fmt: skip
     assert [f.key for f in with_leading(tried, at_bound=False) if f.named] == ["leads", "follows"]
     found = with_leading(tried, at_bound=True)
     assert [f.key for f in found if f.named] == [CURVE_SCALE, "leads", "follows"]

@@ -87,20 +87,9 @@ def test_what_is_declared_reaches_to_k_2(
 
 def test_a_finding_is_within_up_to_k_2() -> None:
     one = CauseFinding(
-        "specimen.diameter",
-        "",
-        "1",
-        1.0,
-        1.00099,
-        1e-5,
-        0.9,
-        150.0,
-        1.0,
-        {},
-        {},
-        False,
+        "specimen.diameter", "", "1", 1.0, 1.00099, 1e-5, 0.9, 150.0, 1.0, {}, {}, False,
         declared_sigma=0.0005,
-    )
+    )  # fmt: skip
     assert one.within
     assert replace(one, value=0.99901).within
     assert not replace(one, value=1.00101).within
@@ -138,17 +127,9 @@ class LinearModel:
 
 def candidate(key: str, declared: str = "") -> Cause:
     return Cause(
-        key=key,
-        words="a change",
-        check="check it",
-        scan=(),
-        step=0.1,
-        typical=1.0,
-        changed=lambda u: Change(values={key: u}),
-        declared=declared,
-        simulated=False,
-        highest=inf,
-    )
+        key=key, words="a change", check="check it", scan=(), step=0.1, typical=1.0,
+        changed=lambda u: Change(values={key: u}), declared=declared, simulated=False, highest=inf,
+    )  # fmt: skip
 
 
 def search(planted: float) -> CauseSearch:

@@ -19,20 +19,14 @@ def rig(**changes: object) -> StereoRig:
     cameras = tuple(
         replace(
             Camera(
-                5406.5 + k,
-                5380.25,
-                254.5,
-                258.125,
-                0.75,
-                (-0.175, 0.5, 0.0, 0.0, -0.25),
-                rotation_of(178.5, 7.25 - 14.5 * k, 0.5),
-                np.array([0.0315 - 0.066 * k, 1.5e-3, 0.30475]),
+                5406.5 + k, 5380.25, 254.5, 258.125, 0.75, (-0.175, 0.5, 0.0, 0.0, -0.25),
+                rotation_of(178.5, 7.25 - 14.5 * k, 0.5), np.array([0.0315 - 0.066 * k, 1.5e-3, 0.30475]),
                 (512, 384),
             ),
             **changes,
         )
         for k in (0, 1)
-    )
+    )  # fmt: skip
     return StereoRig((cameras[0], cameras[1]))
 
 

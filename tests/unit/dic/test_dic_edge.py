@@ -365,13 +365,9 @@ def test_the_same_pictures_of_a_scene_of_another_size_give_the_same_places_in_it
     angle = np.linspace(-0.3, 0.3, 7)
     places = np.stack([RADIUS * np.sin(angle), np.full(7, edge), RADIUS * np.cos(angle)], axis=1)
     other = EdgeRegistration(
-        scene(-TRAVEL, edge, 1),
-        np.broadcast_to(rows, SHAPE),
-        replace(RIG, cameras=(cameras[0], cameras[1])),
-        FRAME,
-        scale * places,
-        scale * np.array([0.0, -TRAVEL, 0.0]),
-    )
+        scene(-TRAVEL, edge, 1), np.broadcast_to(rows, SHAPE), replace(RIG, cameras=(cameras[0], cameras[1])),
+        FRAME, scale * places, scale * np.array([0.0, -TRAVEL, 0.0]),
+    )  # fmt: skip
     again = other.register(pictures, np.zeros(3), scale * tried)
     assert found is not None
     assert again is not None

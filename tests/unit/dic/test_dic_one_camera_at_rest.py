@@ -33,15 +33,10 @@ def found(monkeypatch: pytest.MonkeyPatch, *, scale: float = 0.0, sigma: float =
     tracks[0].warp[:ALONE, :, :2] += scale * (pixels - pixels.mean(axis=1, keepdims=True))
     tracks[1].outcome[:ALONE] = PointOutcome.LOW_CORRELATION
     body = TrackedBody(
-        points=tracks[0].points,
-        cell=np.zeros((x.size, 2), dtype=np.int64),
-        mask=np.ones((4, 4), dtype=bool),
-        material=FRAMES - 1,
-        stereo=None,
-        tracks=(tracks[0], tracks[1]),
-        reconstruction=reconstruct(RIG, tracks[0], tracks[1]),
-        common=None,
-    )
+        points=tracks[0].points, cell=np.zeros((x.size, 2), dtype=np.int64), mask=np.ones((4, 4), dtype=bool),
+        material=FRAMES - 1, stereo=None, tracks=(tracks[0], tracks[1]),
+        reconstruction=reconstruct(RIG, tracks[0], tracks[1]), common=None,
+    )  # fmt: skip
     known = (np.zeros((FRAMES, 2)), np.full(FRAMES, SINCE), np.array([0.0, PLACE]))
     monkeypatch.setattr(axial_displacement, "lateral_places", lambda *_: known)
     static = np.arange(FRAMES) < STATIC

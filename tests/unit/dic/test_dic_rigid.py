@@ -136,16 +136,9 @@ def test_what_one_camera_sees_carries_the_motion_through_frames_the_other_does_n
     with pytest.raises(ValueError, match="none of the rest frames"):
         body_motion([both], FRAME, at=AT, rest_frames=rest, shared=0.0)
     found = body_motion(
-        [both],
-        FRAME,
-        at=AT,
-        rest_frames=rest,
-        shared=0.0,
-        rig=rig,
-        tracks=[(tracks[0], tracks[1])],
-        rotation_change=1e-5,
-        lateral_change=1e-6,
-    )
+        [both], FRAME, at=AT, rest_frames=rest, shared=0.0, rig=rig, tracks=[(tracks[0], tracks[1])],
+        rotation_change=1e-5, lateral_change=1e-6,
+    )  # fmt: skip
     assert (found.outcome == FrameOutcome.VALID).all()
     error = found.displacement - u
     assert np.abs(error / found.displacement_sigma).max() < 4.5  # 180 values

@@ -37,15 +37,10 @@ def moving(scale: float) -> tuple[TrackedBody, StereoRig]:
         track.warp[5, 7, :2] -= 5.0
     tracks[1].outcome[11:13] = PointOutcome.LOW_CORRELATION
     body = TrackedBody(
-        points=tracks[0].points,
-        cell=np.zeros((x.size, 2), dtype=np.int64),
-        mask=np.ones((4, 4), dtype=bool),
-        material=0,
-        stereo=None,
-        tracks=(tracks[0], tracks[1]),
-        reconstruction=reconstruct(rig, tracks[0], tracks[1]),
-        common=None,
-    )
+        points=tracks[0].points, cell=np.zeros((x.size, 2), dtype=np.int64), mask=np.ones((4, 4), dtype=bool),
+        material=0, stereo=None, tracks=(tracks[0], tracks[1]),
+        reconstruction=reconstruct(rig, tracks[0], tracks[1]), common=None,
+    )  # fmt: skip
     return body, rig
 
 

@@ -326,17 +326,9 @@ def test_the_best_neighbour_hands_on_first_and_islands_are_left() -> None:
 
 
 GOOD = {
-    "sigma": 0.01,
-    "epipolar": 0.1,
-    "epipolar_sigma": 0.01,
-    "facet": 0.1,
-    "incidence": 0.5,
-    "back_match": 0.01,
-    "neighbours": 0.02,
-    "distinct": 0.1,
-    "distance": 0.3,
-    "unseen": 0.0,
-}
+    "sigma": 0.01, "epipolar": 0.1, "epipolar_sigma": 0.01, "facet": 0.1, "incidence": 0.5,
+    "back_match": 0.01, "neighbours": 0.02, "distinct": 0.1, "distance": 0.3, "unseen": 0.0,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -283,14 +283,9 @@ def test_impossible_targets_are_refused(kind, options, said):
     base = {
         "fiducial_dots": {k: getattr(GRID, k) for k in ("columns", "rows", "pitch", "diameter", "hollow")},
         "dotted_cylinder": {
-            "columns": 12,
-            "rows": 7,
-            "radius": 8e-3,
-            "pitch": 2e-3,
-            "arc": 2e-3,
-            "size": 1e-3,
+            "columns": 12, "rows": 7, "radius": 8e-3, "pitch": 2e-3, "arc": 2e-3, "size": 1e-3,
         },
-    }.get(kind, {})
+    }.get(kind, {})  # fmt: skip
     with pytest.raises(ValueError, match=said):
         TARGETS[kind](**(base | options))
 

@@ -156,15 +156,11 @@ def test_times_of_equilibria_are_merged(tmp_path: Path) -> None:
     measured = {"outcome": "COMPLETED", "processor seconds": 2.0, "factorisations": 3, "iterations": 4}
     small, large = (
         {
-            **settings,
-            **measured,
-            "threads": 1,
-            "cells": [n, 1, 1],
-            "displacements": 1000 * n,
+            **settings, **measured, "threads": 1, "cells": [n, 1, 1], "displacements": 1000 * n,
             "seconds": float(n),
         }
         for n in (1, 2)
-    )
+    )  # fmt: skip
     path = tmp_path / "growth.json"
     path.write_text(json.dumps([large, {**small, "seconds": 9.0}]), "utf-8")
     again = equilibrium_table.merged(path, [small])

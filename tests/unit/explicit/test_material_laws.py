@@ -239,18 +239,11 @@ def rows() -> np.ndarray:
 
 def writer(numbers: Precision, k: int) -> Any:
     """A function that writes what the first k laws say of one state."""
-    real = numbers.real
+    real, Row = numbers.real, wp.array(dtype=numbers.real)
+    Rows = wp.array2d(dtype=real)
 
     @wp.func
-    def nothing(
-        x: real,
-        y: real,
-        z: real,
-        w: real,
-        variant: int,
-        rows: wp.array2d(dtype=real),
-        out: wp.array(dtype=real),
-    ):
+    def nothing(x: real, y: real, z: real, w: real, variant: int, rows: Rows, out: Row):
         """No law says nothing."""
 
     if k == 0:
@@ -260,15 +253,7 @@ def writer(numbers: Precision, k: int) -> Any:
     first_row, at = 5 * place, SLOTS_OF_A_LAW * place
 
     @wp.func
-    def write(
-        x: real,
-        y: real,
-        z: real,
-        w: real,
-        variant: int,
-        rows: wp.array2d(dtype=real),
-        out: wp.array(dtype=real),
-    ):
+    def write(x: real, y: real, z: real, w: real, variant: int, rows: Rows, out: Row):
         before(x, y, z, w, variant, rows, out)
         row = rows[first_row + variant]
         tau = stress(x, y, z, w, row)

@@ -133,17 +133,13 @@ def samples_of(case: Case) -> Samples:
     motion = rng.integers(0, 2, N)
     motion[CRUSHED] = 2
     return Samples.of(
-        stiffness_factor=rng.uniform(0.6, 1.6, N),
-        poisson=rng.uniform(0.48, 0.495, N),
-        damping=rng.choice([0.0, 1e-5, 4e-5], N),
-        friction=rng.choice([0.0, 0.05, 0.3, 5.0], N),
-        mass_damping=rng.choice([0.0, 100.0], N),
-        material=rng.integers(0, 2, N),
-        motion=motion,
+        stiffness_factor=rng.uniform(0.6, 1.6, N), poisson=rng.uniform(0.48, 0.495, N),
+        damping=rng.choice([0.0, 1e-5, 4e-5], N), friction=rng.choice([0.0, 0.05, 0.3, 5.0], N),
+        mass_damping=rng.choice([0.0, 100.0], N), material=rng.integers(0, 2, N), motion=motion,
         release_stress=np.resize([0.0, 300.0, 3e3, np.inf], N),
         contact_stiffness=np.resize([1e10, 1e12, 1e14], N),
         relaxation=np.arange(N) % 2 if case.relaxes else 0,
-    )
+    )  # fmt: skip
 
 
 def launch(
@@ -326,13 +322,9 @@ def test_a_run_is_the_same_for_any_threads(case: Case) -> None:
         finished: list[int] = []
         stepping = Stepping(precision=case.precision, max_steps=5000)
         got = run(
-            model_of(case),
-            samples_of(case),
-            SAMPLING,
-            stepping=stepping,
-            threads=threads,
+            model_of(case), samples_of(case), SAMPLING, stepping=stepping, threads=threads,
             progress=finished.append,
-        )
+        )  # fmt: skip
         assert sum(finished) == N
         np.testing.assert_array_equal(got.steps, expected["steps"])
         np.testing.assert_array_equal(got.force_flyer, expected["force"][:, :, 0])

@@ -35,10 +35,13 @@ from explicit.simd import Mapping
 FAR = 1_000_000_000  # where no array reaches
 
 
-def launched(kernel: Any, numbers: Precision, mapping: Mapping | None) -> Results:
+def launched(
+    kernel: Any, numbers: Precision, mapping: Mapping | None, given: Inputs | None = None
+) -> Results:
+    given = given or inputs(numbers)
     if mapping is None:
-        return scalar_launch(kernel, numbers, inputs(numbers))
-    return lane_launch(kernel, numbers, inputs(numbers), mapping)
+        return scalar_launch(kernel, numbers, given)
+    return lane_launch(kernel, numbers, given, mapping)
 
 
 # A table in groups ---------------------------------------------------------------------------------------
@@ -317,9 +320,7 @@ def given(numbers: Precision) -> Inputs:
 
 @cache
 def results(numbers: Precision, mapping: Mapping | None) -> Results:
-    if mapping is None:
-        return scalar_launch(numbers_kernel(numbers), numbers, given(numbers))
-    return lane_launch(numbers_kernel(numbers), numbers, given(numbers), mapping)
+    return launched(numbers_kernel(numbers), numbers, mapping, given(numbers))
 
 
 def exactly(numbers: Precision, a: Fraction) -> Any:

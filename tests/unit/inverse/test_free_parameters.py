@@ -121,14 +121,10 @@ def test_every_parameter_is_one_of_the_solver_and_has_the_shots_value() -> None:
     # As written in its shot.toml; m is 1 by the meaning of the quasi-static curve.
     assert declared == pytest.approx(
         {
-            "stiffness_factor": 1.0,
-            "friction": 0.0,
-            "poisson": 0.499,
-            "damping": 25e-6,
-            "mass_damping": 0.0,
+            "stiffness_factor": 1.0, "friction": 0.0, "poisson": 0.499, "damping": 25e-6, "mass_damping": 0.0,
             "release_stress": 0.0,
         }
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", PARAMETERS)

@@ -19,13 +19,9 @@ from kolsky.uncertainty.warnings import collect_warnings
 
 def method(name: str, value: float, *, half_width: float = 0.02) -> Method:
     return Method.compared(
-        name,
-        {"stiffness_factor": value},
-        answer={"stiffness_factor": 1.1},
-        half_width={"stiffness_factor": half_width},
-        runs=42,
-        ended="at rest",
-    )
+        name, {"stiffness_factor": value}, answer={"stiffness_factor": 1.1},
+        half_width={"stiffness_factor": half_width}, runs=42, ended="at rest",
+    )  # fmt: skip
 
 
 def test_distance_in_half_widths() -> None:

@@ -92,13 +92,9 @@ class Mesh:
         moved = self.ratio * self.path
         weighed = Weighed(self.ratio * self.true * PATTERN[0], self.front.noise)
         return SimpleNamespace(
-            step=SimpleNamespace(objective=weighed),
-            vector=moved * PATTERN[0] - offset,
-            x=np.zeros(1),
-            numerics=STEPS,
-            confirmed=confirmed,
-            pace=self.path,
-        )
+            step=SimpleNamespace(objective=weighed), vector=moved * PATTERN[0] - offset, x=np.zeros(1),
+            numerics=STEPS, confirmed=confirmed, pace=self.path,
+        )  # fmt: skip
 
     def search(
         self, runner: Mesh, objective: Any, slope: np.ndarray, x: np.ndarray, numerics: Numerics, pace: Any

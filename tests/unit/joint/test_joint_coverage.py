@@ -180,21 +180,13 @@ def test_recommendations_are_counted_by_hand() -> None:
         for kind, found in kinds.items()
     }
     assert counts["relaxing"] == {
-        "advised": 3,
-        "by the linear test": 1,
-        "by the search": 2,
-        "called identified": 1,
-        "withheld": 1,
+        "advised": 3, "by the linear test": 1, "by the search": 2, "called identified": 1, "withheld": 1,
         "refused": 0,
-    }
+    }  # fmt: skip
     assert counts["elastic"] == {
-        "advised": 0,
-        "by the linear test": 0,
-        "by the search": 0,
-        "called identified": 1,
-        "withheld": 0,
+        "advised": 0, "by the linear test": 0, "by the search": 0, "called identified": 1, "withheld": 0,
         "refused": 1,
-    }
+    }  # fmt: skip
     assert (kinds["relaxing"]["shots"], kinds["elastic"]["shots"]) == (5, 2)
     study = {
         "seed": 5, "mesh": [24, 32], "refined_mesh": [64, 86], "truth_mesh": [96, 129], "truth_grading": 5,

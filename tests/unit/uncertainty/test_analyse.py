@@ -29,14 +29,9 @@ COARSE = Settings(
     replicates=0,
 )
 DECLARED = {
-    "poisson": 5e-4,
-    "friction": 0.1,
-    "curve_scale": 0.01,
-    "specimen_density": 0.01,
-    "sensitivity": 0.01,
-    "Z_offset": 0.0,
-    "y_offset": 5e-6,
-}
+    "poisson": 5e-4, "friction": 0.1, "curve_scale": 0.01, "specimen_density": 0.01, "sensitivity": 0.01,
+    "Z_offset": 0.0, "y_offset": 5e-6,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

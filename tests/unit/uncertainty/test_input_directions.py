@@ -229,13 +229,9 @@ def test_the_weights_of_a_repeated_identification_follow_the_error() -> None:
     vector = plain.data + np.repeat([3.0, 5.0], 10) * np.tile([1.0, -1.0], 10)
     change = np.repeat([0.0, 6.0], 10)
     found = InputDirections(
-        ("stiffness_factor",),
-        np.ones(1),
-        plain.with_discrepancy(vector),
-        vector,
-        np.ones((20, 1)),
+        ("stiffness_factor",), np.ones(1), plain.with_discrepancy(vector), vector, np.ones((20, 1)),
         (InputDirection("a", 0.5, change / 4.0, float("nan")),),
-    )
+    )  # fmt: skip
     assert 4.0 * found.shift("a")[0] == pytest.approx(-6.0 * 9.0 / 34.0, rel=1e-6)
     assert found.repeated_shift("a", 2.0)[0] == pytest.approx(-1.0, rel=0.1)  # iterations leave 0.08
     # A prior as strong as the data halves a step that is too small to change the weights.

@@ -26,15 +26,11 @@ MADE = Input(
     step=0.5,
     seen=lambda model, u: model.change(transmitted=u),
     cause=Cause(
-        key="force.made_up",
-        words="a made-up step",
-        check="check it",
-        changed=lambda u: Change(force_offset=u),
-        step=0.1,
-        typical=0.2,
+        key="force.made_up", words="a made-up step", check="check it",
+        changed=lambda u: Change(force_offset=u), step=0.1, typical=0.2,
     ),
     laboratory=Laboratory("imperfections.baseline", "2 mV"),
-)
+)  # fmt: skip
 
 
 def runner() -> Any:
