@@ -9,6 +9,7 @@ are withheld and the reasons are given.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
@@ -144,36 +145,57 @@ def channel_fits(
     found = []
     for channel, unit in ((FORCE, "N"), (OUTLINE, "m")):
         use = _mask(objective, channel)
-        if not use.any():
-            continue
-        noise, tau = objective.noise[use], _discrepancy(objective, channel)
-        first, second = neighbours(objective, channel)
-        block = blocks(objective, channel)
-        slow = [root_mean_square(block_means(change[..., use], block)) for change in left.values()]
-        correlation, whiteness = correlated(residual / objective.noise, first, second)
-        found.append(
-            FitQuality(
+        if use.any():
+            one = residual_quality(
+                residual[use],
+                objective.noise[use],
+                {source: change[..., use] for source, change in left.items()},
                 channel=channel,
                 unit=unit,
-                values=int(use.sum()),
-                residual=root_mean_square(residual[use]),
-                predicted={
-                    NOISE: root_mean_square(noise),
-                    **{s: root_mean_square(c[..., use]) for s, c in left.items()},
-                },
+                block=blocks(objective, channel),
+                pairs=neighbours(objective, channel),
+                tau=objective.force_discrepancy if channel == FORCE else objective.shape_discrepancy,
                 peak=peak(objective.data[use], channel),
-                slow_residual=root_mean_square(block_means(residual[use], block)),
-                slow_expected=float(np.hypot.reduce([block_noise(noise, block), *slow])),
-                chi2=float(((residual[use] / noise) ** 2).mean()),
-                discrepancy_share=float(tau**2 / (tau**2 + (noise**2).mean())),
-                correlation=correlation,
-                whiteness=whiteness,
                 weight=dict(zip(names, weights[channel].tolist(), strict=False)),
                 limit=LIMITS[channel] if judged else inf,
                 slow_limit=SLOW_LIMITS[channel] if judged else inf,
             )
-        )
+            found.append(one)
     return tuple(found)
+
+
+def residual_quality(
+    residual: FloatArray,
+    noise: FloatArray,
+    left: Mapping[str, FloatArray],
+    *,
+    block: IntArray,
+    pairs: tuple[IntArray, IntArray],
+    tau: float = 0.0,
+    **known: Any,
+) -> FitQuality:
+    """Judge one residual, shape [n], against its noise and the part expected from each source.
+
+    ``left``: as for `channel_fits`. ``block``: block of each value, shape [n]. ``pairs``: rows of neighbours.
+    ``tau``: discrepancy. ``known``: the other fields of the result.
+    """
+    slow = [root_mean_square(block_means(change, block)) for change in left.values()]
+    correlation, whiteness = correlated(residual / noise, *pairs)
+    return FitQuality(
+        values=len(residual),
+        residual=root_mean_square(residual),
+        predicted={
+            NOISE: root_mean_square(noise),
+            **{source: root_mean_square(change) for source, change in left.items()},
+        },
+        slow_residual=root_mean_square(block_means(residual, block)),
+        slow_expected=float(np.hypot.reduce([block_noise(noise, block), *slow])),
+        chi2=float(((residual / noise) ** 2).mean()),
+        discrepancy_share=float(tau**2 / (tau**2 + (noise**2).mean())),
+        correlation=correlation,
+        whiteness=whiteness,
+        **known,
+    )
 
 
 def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> FloatArray:
@@ -256,15 +278,14 @@ def block_noise(sigma: FloatArray, block: IntArray) -> float:
 
 
 def neighbours(objective: Objective, channel: str) -> tuple[IntArray, IntArray]:
-    """Rows of neighbours in the data vector: force bins in time, or points along one frame's outline."""
+    """Rows of neighbours in a channel: force bins in time, or points along one frame's outline."""
     if channel == FORCE:
         rows = np.arange(objective.n_force)
         return rows[:-1], rows[1:]
     line, rows = objective.observations.centre_line, np.flatnonzero(objective.counted)
     order = np.lexsort((line.y[rows], line.frame[rows]))
     same = np.diff(line.frame[rows][order]) == 0
-    placed = objective.n_force + order
-    return placed[:-1][same], placed[1:][same]
+    return order[:-1][same], order[1:][same]
 
 
 def peak(data: FloatArray, channel: str) -> float:
@@ -279,10 +300,6 @@ def root_mean_square(values: FloatArray) -> float:
 
 def _mask(objective: Objective, channel: str) -> BoolArray:
     return objective.mask("force" if channel == FORCE else "shape")
-
-
-def _discrepancy(objective: Objective, channel: str) -> float:
-    return objective.force_discrepancy if channel == FORCE else objective.shape_discrepancy
 
 
 ALONE_BY = {FORCE: Verdict.FORCE_ALONE, OUTLINE: Verdict.OUTLINE_ALONE}

@@ -43,14 +43,11 @@ from kolsky.diagnosis.fit_quality import (
     BLOCKS,
     DECLARED,
     WITHHELD,
-    block_means,
-    block_noise,
     channel_fits,
-    correlated,
     information_shares,
     left_over,
     mesh_changes,
-    root_mean_square,
+    residual_quality,
     unexplained,
 )
 from kolsky.inverse.joint_problem import SCATTER, JointProblem, ShotData, Stack, covariance
@@ -58,7 +55,7 @@ from kolsky.inverse.joint_result import FORCE_SCALE, OwnStiffness, ShotAgreement
 from kolsky.inverse.joint_search import Optimum
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED
-from kolsky.inverse.result import CURVE, FLYER, FORCE, MESH, NOISE, OUTLINE, Estimate, FitQuality, Verdict
+from kolsky.inverse.result import CURVE, FLYER, FORCE, MESH, OUTLINE, Estimate, FitQuality, Verdict
 from kolsky.uncertainty.budgets import as_drawn
 from kolsky.uncertainty.mesh_error import MeshChange
 
@@ -95,28 +92,22 @@ def residual_changes(
 ) -> dict[str, FloatArray]:
     """Changes of the whole vector by one standard uncertainty of each source, shape [n, k] each."""
     stack = problem.stack
-    size, shots = len(stack.data), range(len(stack.shots))
-    front = [_placed(stack, k, stack.shots[k].front) for k in shots]
-    bare = without_scatter(stack).shots
-    own_rows = [_placed(stack, k, row[None]) for k in shots for row in bare[k].own.values()]
+    front = [stack.placed(k, one.front[:, one.kept]) for k, one in enumerate(stack.shots)]
+    own_rows = [
+        stack.placed(k, row[None, one.kept])
+        for k, one in enumerate(without_scatter(stack).shots)
+        for row in one.own.values()
+    ]
     changes = {MESH: mesh_changes(mesh)}
     if any(len(rows) for rows in front):
         changes[FLYER] = as_drawn(np.concatenate(front))
-    if stack.curve is not None and len(stack.curve):
-        changes[CURVE] = as_drawn(np.pad(stack.curve, ((0, 0), (0, size - stack.curve.shape[1]))))
-    if stack.common is not None and len(stack.common):
-        changes["force scale"] = as_drawn(np.pad(stack.common, ((0, 0), (0, size - stack.common.shape[1]))))
+    for source, patterns in ((CURVE, stack.curve), ("force scale", stack.common)):
+        if patterns is not None and len(patterns):
+            changes[source] = as_drawn(stack.padded(patterns))
     rows = [*own_rows, *declared.values()]
     if rows:
         changes[DECLARED] = as_drawn(np.concatenate(rows))
     return changes
-
-
-def _placed(stack: Stack, k: int, rows: FloatArray) -> FloatArray:
-    """Rows over a shot's bins and all points as rows of the whole vector, shape [n, k]."""
-    placed = np.zeros((len(rows), len(stack.data)))
-    placed[:, stack.place(k)] = rows[:, stack.shots[k].kept]
-    return placed
 
 
 def joint_fits(
@@ -166,36 +157,23 @@ def joint_fits(
             judged=judged,
         )
         shots.append(fits if judged else tuple(roughly_judged(fit) for fit in fits))
-    slow = tuple(
-        _slow_fit(label, part, problem, optimum, left, judged=judged) for label, part in problem.slow_parts()
-    )
-    return tuple(shots), slow
+    slow = []
+    for label, part in problem.slow_parts():
+        sigma = stack.slow_sigma[part.start - stack.ends[-1] : part.stop - stack.ends[-1]]
+        fit = slow_fit(
+            label,
+            (stack.data - optimum.vector)[part] / sigma,
+            {source: change[..., part] / sigma for source, change in left.items()},
+            peak=float(np.abs(stack.data[part] / sigma).max()),
+            judged=judged,
+        )
+        slow.append(fit)
+    return tuple(shots), tuple(slow)
 
 
 def roughly_judged(fit: FitQuality) -> FitQuality:
     """A channel's fit, with the limit for unknown noise of front face and curve."""
     return replace(fit, limit=ROUGH_LIMIT, slow_limit=ROUGH_LIMIT)
-
-
-def _slow_fit(
-    label: str,
-    part: slice,
-    problem: JointProblem,
-    optimum: Optimum,
-    left: Mapping[str, FloatArray],
-    *,
-    judged: bool,
-) -> FitQuality:
-    """A slow test's residual in units of its declared sigma."""
-    stack = problem.stack
-    sigma = stack.slow_sigma[part.start - stack.ends[-1] : part.stop - stack.ends[-1]]
-    return slow_fit(
-        label,
-        (stack.data - optimum.vector)[part] / sigma,
-        {source: change[..., part] / sigma for source, change in left.items()},
-        peak=float(np.abs(stack.data[part] / sigma).max()),
-        judged=judged,
-    )
 
 
 def slow_fit(
@@ -212,24 +190,18 @@ def slow_fit(
     """
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
-    block = np.unique(block, return_inverse=True)[1]
-    slow = [root_mean_square(block_means(change, block)) for change in left.values()]
-    correlation, whiteness = correlated(residual, np.arange(n - 1), np.arange(1, n))
-    return FitQuality(
+    limit = SLOW_TEST_LIMIT if judged else ROUGH_LIMIT
+    return residual_quality(
+        residual,
+        np.ones(n),
+        left,
         channel=label,
         unit="1",
-        values=n,
-        residual=root_mean_square(residual),
-        predicted={NOISE: 1.0, **{source: root_mean_square(change) for source, change in left.items()}},
+        block=np.unique(block, return_inverse=True)[1],
+        pairs=(np.arange(n - 1), np.arange(1, n)),
         peak=peak,
-        slow_residual=root_mean_square(block_means(residual, block)),
-        slow_expected=float(np.hypot.reduce([block_noise(np.ones(n), block), *slow])),
-        chi2=float(np.mean(residual**2)),
-        discrepancy_share=0.0,
-        correlation=correlation,
-        whiteness=whiteness,
-        limit=SLOW_TEST_LIMIT if judged else ROUGH_LIMIT,
-        slow_limit=SLOW_TEST_LIMIT if judged else ROUGH_LIMIT,
+        limit=limit,
+        slow_limit=limit,
     )
 
 
@@ -394,16 +366,14 @@ def shot_causes(problem: JointProblem, optimum: Optimum, errors: FloatArray) -> 
     shot. Without them in the weights, an input of any shot would explain them.
     """
     stack = problem.stack
-    bare = without_scatter(stack)
-    rows = [stack.of_shot(k, row) for row in errors for k in range(len(stack.shots))]
-    meshed = np.reshape(rows, (-1, len(stack.data)))
+    bare, meshed = without_scatter(stack), stack.of_each(*errors)
     residual = optimum.vector - stack.data
     stiffer = None
     if MOVED in problem.unknowns.names or problem.unknowns.nodes:
         stiffer = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     before = explained_by(bare, residual, optimum.slopes.T, meshed)[2]
     found = []
-    for k, prepared in enumerate(problem.runs.prepared):
+    for k, shot in enumerate(problem.shots):
         lag = likely_lag(bare, k, optimum.vector)
         late = shifted_force(bare, k, optimum.vector, lag)
         for key, change in input_changes(bare, k, optimum.vector, late, stiffer).items():
@@ -413,8 +383,7 @@ def shot_causes(problem: JointProblem, optimum: Optimum, errors: FloatArray) -> 
                 bare, first, np.concatenate([optimum.slopes.T, change[None]]), meshed
             )
             share = explained_share(stack.parts(residual)[k], stack.parts(left)[k], bare.shots[k])
-            name = prepared.forward.shot.name
-            found.append(ShotCause(name, key, start + amount, sigma, before - after, share))
+            found.append(ShotCause(shot.name, key, start + amount, sigma, before - after, share))
     return tuple(sorted(found, key=lambda cause: -cause.gain))
 
 
@@ -435,11 +404,9 @@ LARGEST_LAG = 0.2
 
 def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> FloatArray:
     """All data with the force of one shot delayed by a lag [s], shape [k]."""
-    found, start = vector.copy(), stack.place(k).start
-    for bins in stack.shots[k].observations.forces:
-        part = slice(start, start + len(bins.mean))
-        found[part] = np.interp(bins.centres - lag, bins.centres, vector[part])
-        start = part.stop
+    found, place = vector.copy(), stack.place(k)
+    for bins, part in stack.shots[k].observations.force_parts():
+        found[place][part] = np.interp(bins.centres - lag, bins.centres, vector[place][part])
     return found
 
 
@@ -469,17 +436,14 @@ def input_changes(
     shared.
     """
     one, place = stack.shots[k], stack.place(k)
-    start, end, n = place.start, place.stop, one.objective.n_force
-    force, clock, lengths = (np.zeros_like(vector) for _ in range(3))
-    force[start : start + n] = vector[start : start + n]
-    first = start
-    for bins in one.observations.forces:
-        part = slice(first, first + len(bins.mean))
-        clock[part] = -np.gradient(late[part], bins.centres)
-        first = part.stop
-    lengths[start + n : end] = vector[start + n : end]
+    n, clock = one.objective.n_force, np.zeros_like(vector)
+    force, lengths = stack.of_shot(k, vector), stack.of_shot(k, vector)
+    force[place][n:] = 0.0
+    lengths[place][:n] = 0.0
+    for bins, part in one.observations.force_parts():
+        clock[place][part] = -np.gradient(late[place][part], bins.centres)
     found = {"sensitivity": force, "clock_offset": clock}
-    found |= {} if end == start + n else {"lengths of the outline": lengths}
+    found |= {} if len(one.objective.data) == n else {"lengths of the outline": lengths}
     return found if stiffer is None else {**found, "material": stack.of_shot(k, stiffer)}
 
 
@@ -507,9 +471,7 @@ def explained_by(
         amounts = -np.linalg.lstsq(scaled, r, rcond=None)[0] / size
         sigma = float(np.sqrt(np.linalg.pinv(scaled.T @ scaled)[-1, -1]) / size[-1])
         left = residual + amounts @ patterns
-    whitening = weighting(left)
-    deviance = float((whitening.apply(left) ** 2).sum()) + whitening.log_determinant
-    return float(amounts[-1]), sigma, deviance, left
+    return float(amounts[-1]), sigma, weighting(left).deviance(left), left
 
 
 def joint_verdict(e: Estimate, fits: Sequence[FitQuality], agreement: ShotAgreement | None) -> Estimate:

@@ -191,8 +191,7 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
     def deviance(vector: FloatArray) -> float:
         if np.isnan(vector).any():
             return np.inf
-        weights = weighting(vector - data)
-        return float((weights.apply(vector - data) ** 2).sum()) + weights.log_determinant
+        return weighting(vector - data).deviance(vector - data)
 
     at = runner.solver_values(x[None], numerics.mesh)[0]
     scan = np.clip(scan_points(box, at), box.lower, box.upper)
@@ -531,8 +530,7 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
 def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
     """-2 ln L of a vector up to a constant. A point that a run does not reach has zero residual."""
     residual = np.where(np.isnan(vector), 0.0, vector - stack.data)
-    weights = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
-    return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
+    return stack.whitening(stack.weighed_beside(residual, patterns), patterns).deviance(residual)
 
 
 def choice_in_words(aic: float, probability: float, *, asked: bool, missed: float = 0.0) -> str:

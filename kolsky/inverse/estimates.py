@@ -1,6 +1,6 @@
 """The parts of a result computed at the optimum: estimates, routes, curves, comparison, other methods."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -209,12 +209,10 @@ def comparison(prediction: Prediction, observations: Observations) -> Comparison
     )
 
 
-def held_values(shot: Shot, box: Box, held: Mapping[str, float]) -> dict[str, float]:
+def held_values(shot: Shot, free: Sequence[str], held: Mapping[str, float]) -> dict[str, float]:
     """The parameters that are not free, in SI: the declared values, or other held values."""
-    declared = {
-        name: p.held(shot) for name, p in PARAMETERS.items() if name not in box.names and p.belongs_to(shot)
-    }
-    return {**declared, **dict(held)}
+    declared = {n: p.held(shot) for n, p in PARAMETERS.items() if n not in free and p.belongs_to(shot)}
+    return {**declared, **held}
 
 
 def surrogate_quality(

@@ -6,7 +6,7 @@ model is a monotone cubic through its nodes, evaluated at these heights.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 
@@ -173,6 +173,13 @@ class Observations:
     def forces(self) -> tuple[ForceBins, ...]:
         """The forces that are compared: the transmitted one and, if present, the incident one."""
         return (self.bins,) if self.incident is None else (self.bins, self.incident)
+
+    def force_parts(self) -> Iterator[tuple[ForceBins, slice]]:
+        """The bins of each force, with their entries in a data vector."""
+        start = 0
+        for force in self.forces:
+            yield force, slice(start, start + len(force.mean))
+            start += len(force.mean)
 
     @property
     def n_force(self) -> int:

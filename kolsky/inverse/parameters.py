@@ -18,6 +18,7 @@ from kolsky.base.apparatus import (
     NETWORK_DEFAULTS,
     NETWORK_FREE,
     SLIDING_LAW,
+    Interface,
     Relaxation,
     RelaxationKind,
     prony_names,
@@ -313,6 +314,14 @@ def checked_value(name: str, value: float) -> float:
 def any_slides(names: Iterable[str]) -> bool:
     """True if naming one of these parameters makes the surfaces slide by Coulomb's law."""
     return any(PARAMETERS[name].slides for name in names if name in PARAMETERS)
+
+
+def slides(interface: Interface, names: Iterable[str]) -> bool:
+    """True if a surface slides with friction: as declared, or because a named parameter makes it so."""
+    from explicit.contact import contact_law
+
+    declared = (interface.faces, interface.side)
+    return any_slides(names) or any(contact_law(law).needs_friction for law in declared)
 
 
 def require_declared(names: Iterable[str], shot: Shot) -> None:

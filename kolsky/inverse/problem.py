@@ -32,7 +32,7 @@ from kolsky.base.records import FlyerMotion, ForceHistory
 from kolsky.inverse.forward import Forward, coarser_graded, curve_replicates, graded, material_law
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import SAME_TIME, Observations, observe
-from kolsky.inverse.parameters import PARAMETERS, any_slides, design_box
+from kolsky.inverse.parameters import PARAMETERS, design_box, slides
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.curve import conditioned_ratio, with_pull
 from kolsky.shot.recordings import recording_facts
@@ -58,6 +58,15 @@ class PreparedShot:
     motion_sigma_gain: float = 0.0
     """Standard uncertainty of the scale of the front face's motion [-]; the path's covariance does not
     include it."""
+
+    @property
+    def shot(self) -> Shot:
+        """The shot."""
+        return self.forward.shot
+
+    def with_shot(self, shot: Shot) -> PreparedShot:
+        """The same data and path with another apparatus, specimen or material."""
+        return replace(self, forward=replace(self.forward, shot=shot))
 
     @property
     def path(self) -> FlyerPath:
@@ -257,8 +266,8 @@ def rough(shot: Shot, named: Iterable[str]) -> bool:
     """True if a surface slides or lets go, as declared or because of a named parameter."""
     from explicit.contact import contact_law
 
-    laws = [contact_law(shot.interface.faces), contact_law(shot.interface.side)]
-    return any_slides(named) or any(law.needs_friction or law.needs_release_stress for law in laws)
+    declared = (shot.interface.faces, shot.interface.side)
+    return slides(shot.interface, named) or any(contact_law(law).needs_release_stress for law in declared)
 
 
 @dataclass(frozen=True)
@@ -281,12 +290,12 @@ class InverseProblem:
         Raises ValueError if recordings cannot be used, a parameter is unknown, or a bound is out of range.
         """
         prepared = prepare_shot(with_pull(shot, settings.pull))
-        return cls.freeing(prepared, choose(settings, prepared.forward.shot))
+        return cls.freeing(prepared, choose(settings, prepared.shot))
 
     @classmethod
     def freeing(cls, prepared: PreparedShot, freed: Freed) -> InverseProblem:
         """The problem of a prepared shot with given free parameters."""
-        return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.forward.shot))
+        return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.shot))
 
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> InverseProblem:
         """The settings with further parameters held, each for a reason.
@@ -310,7 +319,7 @@ class InverseProblem:
     @property
     def shot(self) -> Shot:
         """The shot."""
-        return self.prepared.forward.shot
+        return self.prepared.shot
 
     @property
     def observations(self) -> Observations:

@@ -14,7 +14,6 @@ import numpy as np
 from doe import Box, latin_hypercube
 from doe.surrogates import QuadraticSurrogate, SurrogateError
 from doe.surrogates.quadratic import runs_wanted
-from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import (
     CoarseOptimum,
@@ -24,9 +23,8 @@ from kolsky.inverse.coarse_search import (
     search,
 )
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.parameters import slides
 from kolsky.inverse.path_noise import FrontPath
-from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.runner import Mesh, Runner
 from kolsky.inverse.settings import Numerics
@@ -94,13 +92,6 @@ def check_run(runner: Runner, x: FloatArray, numerics: Numerics) -> CompletedRun
     if not len(runs.rows):
         raise ValueError(f"the check needs every run on the refined mesh to complete: {runs.first_lost}")
     return runs.apart()[0]
-
-
-def slides(problem: InverseProblem) -> bool:
-    """True if a surface slides with friction: as declared, or because a parameter makes it so."""
-    settings, interface = problem.settings, problem.shot.interface
-    laws = [contact_law(interface.faces), contact_law(interface.side)]
-    return any_slides([*(settings.free or ()), *settings.held]) or any(law.needs_friction for law in laws)
 
 
 EDGE = 0.2
@@ -219,13 +210,14 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
     the box covers the range in which the response is quadratic. Its middle is then the optimum estimated from
     one run on the refined mesh.
     """
-    if slides(runner.problem):
+    problem = runner.problem
+    if slides(problem.shot.interface, [*problem.freed.free, *problem.settings.held]):
         return coarse.x, EDGE
     own = _halved_box(runner, coarse)
-    first = check_run(runner, own.x, runner.problem.refined)
+    first = check_run(runner, own.x, problem.refined)
     change = own.objective.vectors(first.prediction)[0] - own.model(own.x)[0]
     guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds 0
-    return np.clip(guess, runner.problem.box.lower, runner.problem.box.upper), own.edge
+    return np.clip(guess, problem.box.lower, problem.box.upper), own.edge
 
 
 def _halved_box(runner: Runner, coarse: CoarseOptimum) -> QuadraticFit:

@@ -85,7 +85,7 @@ def oscillation_table(
 
     ``factor``, ``bounds``: as for `valley_levels`.
     """
-    shot, edges = prepared.forward.shot, prepared.observations.bins.edges
+    shot, edges = prepared.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
     number = oscillations(
         table,
@@ -224,7 +224,7 @@ def search_box(box: Box) -> Box:
     Parameters that span decades are logarithmic too.
     """
     bounds = {name: (low, high) for name, low, high in zip(box.names, box.lower, box.upper, strict=True)}
-    decades = [name for name in box.names if PARAMETERS[name].logarithmic]
+    decades = [name for name in box.names if name in PARAMETERS and PARAMETERS[name].logarithmic]
     if VALLEY in bounds:
         low, high = bounds[VALLEY]
         bounds[VALLEY] = 1.0 - 2.0 * high, 1.0 - 2.0 * low

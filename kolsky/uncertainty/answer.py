@@ -63,7 +63,7 @@ def budgeted_answer(found: Search, sources: Sources) -> Identification:
     return Identification(
         shot=shot.name,
         estimates=answers,
-        fixed=held_values(shot, box, settings.held),
+        fixed=held_values(shot, box.names, settings.held),
         routes=tuple(routes),
         route_difference=route_difference(box.names, optima, sources),
         terms=terms(prediction, observations, 0),

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from explicit import Mesh, Response
-from explicit.contact import contact_law
 from explicit.mesh import corner_areas
 from kolsky.base.apparatus import SLIDING_LAW, Interface
-from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.parameters import any_slides, slides
 from kolsky.inverse.result import Estimate, Identification, Verdict, disagreements, worst_imbalance
 from kolsky.inverse.run_table import DesignTable
 from kolsky.shot.curve import PAST_CURVE
@@ -174,9 +173,7 @@ def folded_warning(
     named
         Named parameters. A parameter that causes sliding replaces that interface.
     """
-    laws = [contact_law(law) for law in (interface.faces, interface.side)]
-    slides = any_slides(named) or any(law.needs_friction for law in laws)
-    if not slides or response.nodes is None or not response.outcomes[0].ok:
+    if not slides(interface, named) or response.nodes is None or not response.outcomes[0].ok:
         return
     worst = corner_areas(mesh, response.nodes[0]).min(axis=2)
     over = np.flatnonzero((worst < FOLDED).any(axis=1))
