@@ -120,15 +120,11 @@ def joint_fits(
     changes: Mapping[str, FloatArray],
     scatters: Sequence[float],
 ) -> tuple[tuple[tuple[FitQuality, ...], ...], tuple[FitQuality, ...]]:
-    """The residual of each shot's channels, and of each slow test.
+    """The residuals of each shot's channels, and of the slow tests, compared with those of a correct model.
 
-    They are compared with those of a correct model.
-
-    ``problem``, ``optimum``: the problem and its optimum. ``gain``: linear map from a change of the data to
-    the shift of the optimum, shape [d, k]. ``whitening``, ``objectives``: weights of the whole vector and of
-    the shots. ``changes``: changes of the whole vector by each source, `residual_changes`. ``scatters``: each
-    shot's deviation by the scatter, in standard deviations. Returns: the channels of each shot; the slow
-    tests in their order.
+    ``gain``: linear map from a change of the data to the shift of the optimum, [d, k]. ``whitening``,
+    ``objectives``: weights of the whole vector and of the shots. ``changes``: `residual_changes`.
+    ``scatters``: each shot's deviation by the scatter, in standard deviations.
     """
     stack, names = problem.stack, problem.unknowns.names
     left = {source: left_over(change, optimum.slopes, gain) for source, change in changes.items()}
@@ -179,14 +175,11 @@ def roughly_judged(fit: FitQuality) -> FitQuality:
 def slow_fit(
     label: str, residual: FloatArray, left: Mapping[str, FloatArray], *, peak: float, judged: bool
 ) -> FitQuality:
-    """Judge a slow test by its residual and the parts expected from each source.
+    """Judge a slow test by its residual and the parts expected from each source, in units of its sigma.
 
-    All are in units of its sigma.
-
-    ``label``: its label. ``residual``: measurement minus model, shape [n]. ``left``: the residual of a
-    correct model by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-].
-    ``judged``: True if `left` includes the noise of front face and curve; otherwise the limit is
-    `ROUGH_LIMIT`.
+    ``label``: its label. ``residual``: measurement minus model, [n]. ``left``: by source, one standard
+    uncertainty of the residual of a correct model, [m, n] or [n]. ``peak``: largest value [-]. ``judged``:
+    False for the limit `ROUGH_LIMIT`, if `left` lacks the noise of front face and curve.
     """
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
@@ -208,9 +201,7 @@ def slow_fit(
 def own_stiffnesses(
     problem: JointProblem, optimum: Optimum, mesh: MeshChange, declared: Mapping[str, FloatArray]
 ) -> tuple[OwnStiffness, ...]:
-    """Stiffness estimated from each shot separately, by all its data and by each channel, and its force's
-    scale.
-    """
+    """Stiffness from each shot separately, by all its data and by each channel, and its force's scale."""
     stack = problem.stack
     change = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     own_errors = [rows for rows in declared.values() if len(rows) == len(stack.shots)]
@@ -238,13 +229,11 @@ BLANK = 1e6
 def own_amount(
     one: ShotData, residual: FloatArray, changes: FloatArray, patterns: FloatArray, channel: str
 ) -> tuple[float, float]:
-    """Amount of the last of some changes of a shot's data, and its standard uncertainty.
+    """Amount of the last of some changes of a shot's data, and its standard uncertainty; NaN if not measured.
 
     With the change by a relative change of its stiffness, it is the relative stiffness minus the shared one.
-
-    ``residual``: prediction minus data, shape [k]. ``changes``: of its data by a unit each, shape [m, k].
-    ``patterns``: further errors of the shot, one standard deviation per row, [n, k]. ``channel``: "joint",
-    "force" or "outline". NaN if the channel was not measured.
+    ``residual``: prediction minus data, [k]. ``changes``: of its data by a unit each, [m, k]. ``patterns``:
+    further errors, one standard deviation per row, [n, k]. ``channel``: "joint", "force" or "outline".
     """
     objective, variance = one.objective, float("nan")
     amounts: FloatArray = np.zeros(len(changes))
@@ -271,13 +260,10 @@ def shot_agreement(
 ) -> ShotAgreement | None:
     """Test whether the shots agree in stiffness and scale, and which shot does not; None for one shot.
 
-    All data, the force and the outline are tested separately. The weights of a fit reduce the influence of a
-    channel that disagrees in one shot. A stiffer specimen changes force and outline together, and the period
-    of the force. The scale of the force therefore does not scatter between specimens. If a shot contradicts
-    the others, the least likely channel is given.
-
-    ``stiffnesses``: the stiffness from each shot. ``scatter``: True if the interval includes a scatter
-    between them. Only larger differences are then a contradiction.
+    All data, the force and the outline are tested separately, because the weights of a fit reduce the
+    influence of a channel that disagrees in one shot. A stiffer specimen changes force and outline, and the
+    period of the force; the scale of the force does not scatter between specimens. The least likely channel
+    is given. ``scatter``: True if the interval includes a scatter; only larger differences contradict it.
     """
     force, outline, scale = (
         np.array([(getattr(one, name), getattr(one, f"sigma_{name}")) for one in stiffnesses]).T
@@ -303,10 +289,8 @@ def shot_agreement(
 def noticeable_scales(sigma: FloatArray) -> tuple[float, ...]:
     """Smallest error of each shot's force scale that the test of the scales detects with `POWER` [-].
 
-    The chi-square must exceed its limit, and the ratio of the scales must exceed `LEAST_RATIO`.
-
-    ``sigma``: standard uncertainties of the scales, shape [n]. Infinite for a shot whose scale, or all others
-    of which, is unknown.
+    The chi-square must exceed its limit, and the ratio of the scales `LEAST_RATIO`. ``sigma``: of the scales,
+    [n]. Infinite for a shot whose scale, or all others of which, is unknown.
     """
     known = np.where(np.isfinite(sigma) & (sigma > 0.0), sigma, inf)
     weight, freedom = known**-2.0, int(np.isfinite(known).sum()) - 1
@@ -345,7 +329,7 @@ def _ratio(amounts: FloatArray) -> float:
 
 
 def _farthest(a: FloatArray, s: FloatArray) -> int:
-    """The shot without which the others agree best. Its removal gives the largest decrease of chi-square."""
+    """The shot whose removal gives the largest decrease of chi-square."""
     others = [np.arange(len(a)) != i for i in range(len(a))]
     return int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
 
@@ -362,8 +346,8 @@ def without_scatter(stack: Stack) -> Stack:
 def shot_causes(problem: JointProblem, optimum: Optimum, errors: FloatArray) -> tuple[ShotCause, ...]:
     """The part of the misfit that each single input of each shot explains, the likeliest first.
 
-    ``errors``: changes of the whole vector by the mesh error, shape [n, k]. They are separate errors of each
-    shot. Without them in the weights, an input of any shot would explain them.
+    ``errors``: changes of the whole vector by the mesh error, [n, k], as separate errors of each shot.
+    Without them in the weights, an input of any shot would explain them.
     """
     stack = problem.stack
     bare, meshed = without_scatter(stack), stack.of_each(*errors)
@@ -390,8 +374,8 @@ def shot_causes(problem: JointProblem, optimum: Optimum, errors: FloatArray) -> 
 def explained_share(before: FloatArray, after: FloatArray, one: ShotData) -> float:
     """Explained share of a channel's squared residual; the larger one of force and outline [-].
 
-    A specimen of another stiffness rings at another frequency. A linear change cannot explain this in the
-    force, but it can in the outline.
+    A specimen of another stiffness rings at another frequency, which a linear change cannot explain in the
+    force, but in the outline.
     """
     n = one.objective.n_force
     channels = [slice(0, n), slice(n, None)][: 1 + (len(before) > n)]
@@ -411,9 +395,8 @@ def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> Float
 
 
 def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
-    """The lag at which the predicted force of one shot is nearest to the measured one [s].
-
-    The force rings. Lags are therefore scanned in steps of half a bin.
+    """The lag at which the predicted force of one shot is nearest to the measured one [s], in steps of half a
+    bin.
     """
     one, start = stack.shots[k], stack.place(k).start
     force = slice(start, start + one.objective.n_force)
@@ -427,13 +410,10 @@ def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
 def input_changes(
     stack: Stack, k: int, vector: FloatArray, late: FloatArray, stiffer: FloatArray | None
 ) -> dict[str, FloatArray]:
-    """Changes of all data by a unit of each input of a shot, shape [k] each.
+    """Changes of all data by a unit of each input of a shot that needs no run, shape [k] each.
 
-    These inputs need no run.
-
-    ``late``: the data with the force at its likely lag. The clock effect is linear about this lag.
-    ``stiffer``: change of all data by a relative change of the stiffness; None if the stiffness is not
-    shared.
+    ``late``: the data with the force at its likely lag, about which the clock effect is linear. ``stiffer``:
+    change of all data by a relative change of the stiffness; None if it is not shared.
     """
     one, place = stack.shots[k], stack.place(k)
     n, clock = one.objective.n_force, np.zeros_like(vector)
@@ -450,13 +430,12 @@ def input_changes(
 def explained_by(
     stack: Stack, residual: FloatArray, patterns: FloatArray, errors: FloatArray
 ) -> tuple[float, float, float, FloatArray]:
-    """Fit patterns of free amplitude to a residual.
+    """Fit patterns of free amplitude to a residual, with weights from the remaining residual.
 
-    The weights come from the remaining residual. The discrepancies are what the errors do not explain of it.
-
-    ``residual``: prediction minus data, shape [k]. ``patterns``: changes of the prediction, shape [n, k].
-    ``errors``: further errors of the prediction, one standard deviation per row, shape [e, k]. Returns:
-    amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual, [k].
+    The discrepancies are what the errors do not explain of it. ``residual``: prediction minus data, [k].
+    ``patterns``, ``errors``: changes of the prediction, and further errors of one standard deviation, one per
+    row. Returns: amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual,
+    [k].
     """
 
     def weighting(left: FloatArray) -> Whitening:
@@ -512,8 +491,7 @@ def joint_fit_warnings(
 
 
 def cause_sentence(causes: Sequence[ShotCause]) -> str:
-    """The input and shot that explain the misfit best, those that the data cannot distinguish from it, and
-    the next one.
+    """The best cause of the misfit, those that the data cannot distinguish from it, and the next one.
 
     Causes are those of `shot_causes`. Of two shots, a stiffer one is the same as the other one softer.
     """

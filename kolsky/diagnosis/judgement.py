@@ -35,11 +35,7 @@ def judged(
     sources: Sources,
     causes: CauseAnalysis,
 ) -> Identification:
-    """The result with its verdicts, the test for a relaxing branch, and its warnings.
-
-    ``result``: the identification with its fit and its causes. ``found``, ``known``, ``sources``, ``causes``:
-    the search, the uncertainty analysis, the error sources of the optimum, and the inputs that were tried.
-    """
+    """The result with its verdicts, the test for a relaxing branch, and its warnings."""
     runner, problem, fine = found.runner, found.problem, found.fine
     shot = problem.shot
     result = with_verdicts(result)

@@ -186,9 +186,8 @@ def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
     """Information on the unknowns, shape [d, d]. An unconstrained unknown keeps the width of its range.
 
     If a branch has zero strength, its time has no effect. If two branches have the same time, only the sum of
-    their strengths has an effect. A uniform distribution of width w has the variance w^2 / 12.
-
-    ``rows``: whitened slopes, shape [d, k]. ``widths``: widths of the ranges of the unknowns, shape [d].
+    their strengths has one. A uniform distribution of width w has the variance w^2 / 12. ``rows``: whitened
+    slopes, [d, k]. ``widths``: of the ranges, [d].
     """
     blind = np.linalg.norm(rows, axis=1) * widths < BLIND
     found = rows @ rows.T + np.diag(np.where(blind, 12.0 / widths**2, 0.0))
@@ -202,10 +201,10 @@ def covariance(
 ) -> FloatArray:
     """Covariance of the unknowns, with or without time correlation of the residuals, shape [d, d].
 
-    It is the larger of the Gauss-Newton covariance and the block "sandwich". In the latter, the residuals of
-    one shot may be correlated within a time block. Every variance is the largest over all block lengths. The
-    patterns explain a part of the residual. This part is in the weights and not in the blocks. ``slopes``: by
-    the unknowns, shape [k, d]. ``widths``: widths of the ranges.
+    It is the larger of Gauss-Newton's and the block "sandwich", in which residuals of one shot may be
+    correlated within a time block; every variance is the largest over all block lengths. The part of the
+    residual that patterns explain is in the weights and not in the blocks. ``slopes``: by the unknowns, shape
+    [k, d]. ``widths``: of the ranges.
     """
     rows = whitening.apply(slopes.T)
     plain = np.linalg.inv(information(rows, widths))
@@ -231,11 +230,7 @@ WIDEST = 0.05
 
 
 class JointProblem:
-    """Shots and slow tests as functions of the shared unknowns.
-
-    ``runs``: the shots' simulations. ``settings``: noise, nodes, meshes. ``slow``: slow tests. ``prior``:
-    prior of the parameters among the unknowns; None if there is none.
-    """
+    """Shots and slow tests as functions of the shared unknowns; ``prior``: of the parameters, or None."""
 
     def __init__(self, runs: JointRuns, settings: JointSettings, slow: Slow, prior: Prior | None) -> None:
         self.runs, self.settings, self.slow, self.prior = runs, settings, slow, prior
@@ -328,7 +323,7 @@ class JointProblem:
         self.stack = replace(self.stack, shots=tuple(shots))
 
     def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
-        """All predictions at a point, shape [k], with the outline points of another stack, without prior."""
+        """All predictions at a point, with the outline points of another stack and without prior, shape [k]."""
         vectors = self.runs.vectors("search", x[None], numerics)
         return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
 

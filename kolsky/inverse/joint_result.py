@@ -313,16 +313,14 @@ def as_not_seen(e: Estimate) -> Estimate:
 
 
 def interval(e: Estimate, half: float) -> tuple[float, float]:
-    """Interval with a half width, limited to the searched range. Without a half width it is the whole
-    range.
-    """
+    """Interval with a half width, limited to the searched range; without one, the whole range."""
     return e.searched if RANGE in e.noise_parts else e.within(half)
 
 
 def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
     """The strength that the data would detect, one sentence for each branch that was not detected.
 
-    A branch is left out if its time ends at a bound, because its strength is then not the reason.
+    A branch with its time at a bound is left out, because its strength is not the reason.
     """
     said = []
     for name, e in estimates.items():

@@ -81,10 +81,9 @@ class Unknowns:
     def relative_stiffness(self, slopes: FloatArray, x: FloatArray) -> FloatArray:
         """Derivative of the data by the logarithm of the shear modulus at a constant bulk modulus, [k].
 
-        K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2.
-        Otherwise a stiffer specimen would ring at another frequency.
-
-        ``slopes``: by the unknowns, shape [k, d]. ``x``: the point, shape [d].
+        K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2;
+        otherwise a stiffer specimen would ring at another frequency. ``slopes``: by the unknowns, [k, d].
+        ``x``: the point, [d].
         """
         if self.nodes:
             found = slopes[:, self.n_parameters :].sum(axis=1)
@@ -108,9 +107,8 @@ def curve_bytes(curve: MaterialCurve) -> bytes:
 
 
 def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
-    """Stress of the curve times the node factors; their logarithm is interpolated linearly in the strain.
-
-    ``curve``: the slow curve. ``logs``: logarithms of the factors at `node_strains`, shape [nodes].
+    """Stress of the slow curve times the node factors, whose logarithms ``logs``, [nodes], are interpolated
+    linearly.
     """
     place = np.abs(node_strains(curve, len(logs)))
     return np.asarray(curve.stress * np.exp(np.interp(np.abs(curve.stretch - 1.0), place, logs)))
@@ -128,13 +126,10 @@ ELEMENTS = ("one_point", "fbar")
 class JointRuns:
     """Runs every shot at the same points of the shared unknowns, in one call of the solver.
 
-    On a GPU the batches of the shots run in parallel. On a CPU they run one after the other. A run in the
-    ledger is not repeated.
-
-    ``prepared``: the shots. ``unknowns``: shared unknowns. ``held``: parameters held at values that differ
-    from the shots'. ``ledger``: file that stores the runs; None stores them in memory only. ``replicates``,
-    ``seed``: number and seed of the draws of each flyer motion and each curve, see `vectors`. ``progress``:
-    called with stage, runs done, runs in the stage.
+    On a GPU the batches of the shots run in parallel, on a CPU one after the other. A run in the ledger is
+    not repeated. ``held``: parameters at values that differ from the shots'. ``ledger``: file of the runs;
+    None keeps them in memory. ``replicates``, ``seed``: number and seed of the draws of each flyer motion and
+    each curve, see `vectors`. ``progress``: called with stage, runs done, runs in the stage.
     """
 
     def __init__(
@@ -166,10 +161,9 @@ class JointRuns:
     ) -> list[FloatArray]:
         """Bins and all outline points of every shot at the given points, shape [n, n_bins + Q] each.
 
-        ``stage``: of the progress. ``points``: unknowns in their own units, shape [n, d]. ``numerics``: mesh
-        and arithmetic. ``motion``, ``material``: index of the flyer path and of the curve of each point, [n];
-        0 is the fitted one. Returns: data vectors with NaN at an outline point that a run does not reach, and
-        everywhere in a run that did not complete.
+        ``points``: unknowns in their own units, shape [n, d]. ``motion``, ``material``: index of the flyer
+        path and of the curve of each point, [n]; 0 is the fitted one. The vectors have NaN at an outline
+        point that a run does not reach, and everywhere in a run that did not complete.
         """
         n = len(points)
         motions = np.zeros(n, int) if motion is None else np.asarray(motion)
@@ -256,12 +250,10 @@ class JointRuns:
 
 
 def kind_of(numerics: Numerics) -> tuple[float, ...]:
-    """Numbers of the numerical choices.
+    """Numbers of the numerical choices; equal for two runs only if all choices that affect a result are
+    equal.
 
-    They are equal for two runs only if all choices that affect a result are equal.
-
-    Mesh, grading and element are stored directly. The other choices are stored as 48 bits of a digest, which
-    fit a float.
+    Mesh, grading and element are stored directly, the others as 48 bits of a digest, which fit a float.
     """
     rest = replace(numerics, mesh=(0, 0), grading=0.0, element="fbar", device="", threads=None)
     digest = hashlib.sha256(repr(rest).encode()).digest()[:6]
@@ -272,8 +264,8 @@ def kind_of(numerics: Numerics) -> tuple[float, ...]:
 def _replicated(prepared: PreparedShot, replicates: int, seed: int) -> Forward:
     """The shot with draws of its motion and its curve. Shots with the same curve have the same draws of it.
 
-    Order of the motions: the fitted one, then `replicates` drawn ones. If the sigma of the scale is known,
-    the fitted one scaled up by it follows. Order of the curves: the fitted one, then `replicates` drawn ones.
+    The fitted motion and curve come first, then `replicates` drawn ones. If the sigma of the motion's scale
+    is known, the motion scaled up by it is last.
     """
     if not replicates:
         return prepared.forward

@@ -74,8 +74,7 @@ def relaxing_points(
 ) -> FloatArray:
     """Points with a branch or network at several strengths and times, other unknowns fixed, shape [n, d].
 
-    ``x``: a point without it, shape [d]. ``follow``: True to reduce the stiffness factor, which keeps the
-    mean stiffness of the specimen.
+    ``x``: a point without it, [d]. ``follow``: True to keep the mean stiffness by a smaller stiffness factor.
     """
     names = list(problem.unknowns.bounds)
     ratio = "prony_strength_1" if "prony_strength_1" in names else "creep_ratio"
@@ -309,8 +308,8 @@ def restricted_scatter(
 def expanded_scatter(sigma: float, between: float, shots: int) -> float:
     """Half width of a 95 % interval (k = 2). Part of the variance is a scatter between few shots.
 
-    Student's t has the degrees of freedom of Welch and Satterthwaite. The scatter's part ``between`` of n
-    shots has n - 1, the rest has infinitely many. The coverage is 95.45 %, as for k = 2.
+    Student's t has the degrees of freedom of Welch and Satterthwaite: n - 1 of the part ``between`` n shots,
+    infinitely many of the rest. The coverage is 95.45 %, as for k = 2.
     """
     if between <= 0.0 or sigma <= 0.0:
         return COVERAGE * sigma
@@ -341,8 +340,8 @@ COARSE_PATTERNS = (
 def with_patterns_and_scatter(problem: JointProblem, found: Optimum, said: list[str]) -> Optimum:
     """The optimum with recomputed patterns, and with the scatter between the shots.
 
-    If the search converges only with the old patterns, they are kept and a sentence is added to `said`. On
-    coarse meshes, the ringing in the new patterns may have another frequency than the ringing in the slopes.
+    If the search converges only with the old patterns, they are kept, with a sentence in ``said``. On coarse
+    meshes, the new patterns may ring at another frequency than the slopes.
     """
     before = problem.stack
     last = with_scatter(problem, with_refined_patterns(problem, found))

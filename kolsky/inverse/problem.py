@@ -81,7 +81,7 @@ class PreparedShot:
         curves: int | None = None,
         path: FlyerPath | None = None,
     ) -> Forward:
-        """The forward model with more paths (`n`) and curves (`n` or `curves`), drawn from their noise.
+        """The forward model with `n` paths and `n` or `curves` curves more, drawn from their noise.
 
         If the scale of the motion is uncertain, the last path is the first one scaled up by its sigma; this
         single number needs no draws. ``path``: mean of the drawn paths; default: the fitted path.
@@ -99,10 +99,7 @@ class PreparedShot:
 def prepare_shot(shot: Shot) -> PreparedShot:
     """Turn a shot's recordings into observations and the solver's inputs.
 
-    Raises
-    ------
-    ValueError
-        If the flyer's record or the curve cannot be used; the message gives the reason.
+    Raises ValueError with the reason if the flyer's record or the curve cannot be used.
     """
     force, motion, scale = shot.force.history(), shot.flyer, 0.0
     if isinstance(motion, FlyerMotion):
@@ -224,20 +221,7 @@ class Freed:
 
 
 def choose(settings: Settings, shot: Shot) -> Freed:
-    """Choose the free parameters that the settings leave open.
-
-    Parameters
-    ----------
-    settings
-        Settings from the user.
-    shot
-        The shot; its declared interface and uncertainties are used.
-
-    Raises
-    ------
-    ValueError
-        If nothing would be free.
-    """
+    """Choose the free parameters that the settings leave open. Raises ValueError if nothing would be free."""
     if settings.free is not None:
         return Freed(settings, by_default=False, reasons={})
     relaxing = () if shot.relaxation is None else shot.relaxation.free_names
@@ -298,16 +282,11 @@ class InverseProblem:
         return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.shot))
 
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> InverseProblem:
-        """The settings with further parameters held, each for a reason.
-
-        A parameter has a given value or the shot's value.
-        """
+        """The problem with further parameters held, each for a reason, at a given value or the shot's value."""
         return self.freeing(self.prepared, self.freed.holding(reasons, at))
 
     def of_one(self, name: str) -> InverseProblem:
-        """The same problem with one free parameter and no prior. The other parameters keep the shot's
-        values.
-        """
+        """The problem with one free parameter and no prior. The others keep the shot's values."""
         i = self.box.names.index(name)
         return replace(self, box=Box.of({name: (self.box.lower[i], self.box.upper[i])}), prior=None)
 
@@ -333,8 +312,8 @@ class InverseProblem:
 
     @property
     def refined(self) -> Numerics:
-        """Numerical choices of the refined mesh. The mesh is graded, with two exceptions. Single runs jump if
-        a surface slides; runs with a correction for Poisson's ratio use other meshes.
+        """Numerical choices of the refined mesh. It is graded, unless single runs jump because a surface
+        slides, or a correction for Poisson's ratio uses other meshes.
         """
         if self._is_graded:
             return graded(self.settings.numerics, self.settings.refined_mesh)
@@ -370,12 +349,11 @@ class InverseProblem:
 
 
 def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:
-    """The record needed to repeat a result: hashes, settings, versions, machine class.
+    """The record needed to repeat a result, of JSON types: hashes, settings, versions, machine class.
 
-    ``shot``, ``prepared``: the shot as loaded and as prepared. ``settings``: the dataclass of settings of the
-    result. ``sliding``: whether Coulomb's law replaced the declared interface, see
-    `kolsky.inverse.forward.Forward.run`. Returns: JSON types only. "interface" is the simulated one,
-    "declared_interface" that of the shot file.
+    ``settings``: the dataclass of settings of the result. ``sliding``: True if Coulomb's law replaced the
+    declared interface, see `Forward.run`: "interface" is the simulated, "declared_interface" the declared
+    one.
     """
     packages = {}
     for name in ("kolsky", "warp-lang", "numpy", "scipy"):

@@ -78,9 +78,8 @@ class RefinedOptimum:
 def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
     """True if the last run shifts every parameter of the optimum by little.
 
-    ``move``: shift of the optimum, shape [d]. ``sigma``: standard deviation of the optimum from the
-    residuals, shape [d]. ``roughness``: standard deviation of the optimum from the response's roughness,
-    shape [d].
+    ``move``, ``sigma``, ``roughness``: shift of the optimum, its standard deviations from the residuals and
+    from the response's roughness, [d].
     """
     little = np.fmax(CONFIRMED * sigma, CONFIRMED_ROUGH * np.asarray(roughness))
     return bool((np.abs(move) <= little).all())
@@ -140,8 +139,8 @@ class QuadraticFit:
 
     @property
     def leftover(self) -> float:
-        """Root mean square of run minus quadratic, divided by the data's noise [-]. It accounts for the
-        degrees of freedom.
+        """Root mean square of run minus quadratic, by the degrees of freedom, divided by the data's noise
+        [-].
         """
         square = ((self.surrogate.residuals / self.objective.noise) ** 2).mean(axis=1).sum()
         return float(np.sqrt(square / self.surrogate.degrees_of_freedom))
@@ -155,15 +154,7 @@ class QuadraticFit:
 def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum:
     """Stage 3 of `kolsky.identification.identify` if a surface slides or lets go.
 
-    Parameters
-    ----------
-    runner, coarse
-        The simulations, and the optimum on the surrogate's mesh.
-
-    Raises
-    ------
-    ValueError
-        If the run at the optimum does not complete, or too few runs of a design do.
+    Raises ValueError if the run at the optimum does not complete, or too few runs of a design do.
     """
     found = _moved_to_inside(runner, *_first_box(runner, coarse))
     x = found.x
@@ -192,9 +183,9 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
 
 
 def _moved_by_coarse_mesh(runner: Runner, found: QuadraticFit) -> FloatArray | None:
-    """Optimum on the surrogate's mesh minus the optimum, shape [d]; None if the run fails.
+    """Optimum on the surrogate's mesh minus the optimum, shape [d], by one run; None if it fails.
 
-    It uses one run at the optimum. A search on that mesh would also follow its roughness.
+    A search on that mesh would also follow its roughness.
     """
     runs = runner.run("check", found.x[None], runner.problem.numerics, recorded=False)
     if runs.prediction is None:
@@ -207,8 +198,7 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
     """Middle and edge of the first box on the refined mesh.
 
     If a surface slides, the box stays wide: in a narrow one, a few jumps would determine the slope. Otherwise
-    the box covers the range in which the response is quadratic. Its middle is then the optimum estimated from
-    one run on the refined mesh.
+    the response is quadratic in it, about the optimum estimated from one run on the refined mesh.
     """
     problem = runner.problem
     if slides(problem.shot.interface, [*problem.freed.free, *problem.settings.held]):

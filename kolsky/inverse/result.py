@@ -63,21 +63,10 @@ class Method:
         converged: bool = True,
         ended: str = "",
     ) -> Method:
-        """Compare a method's result with the answer.
+        """Compare a method's result with the answer and half the length of its k = 2 interval, in parameter
+        units.
 
-        Parameters
-        ----------
-        name, runs, shared_runs, converged, ended
-            The fields of this name.
-        values
-            Its results, in parameter units.
-        answer, half_width
-            The answer and half the length of its k = 2 interval, in parameter units.
-
-        Raises
-        ------
-        ValueError
-            If the names differ.
+        The other arguments are the fields of this name. Raises ValueError if the names differ.
         """
         if not set(values) == set(answer) == set(half_width):
             raise ValueError(
@@ -165,8 +154,8 @@ class FitQuality:
     def spread(self, noise: FloatArray) -> FloatArray:
         """Standard deviation of the residual of a correct model at each value, in `unit`, shape of ``noise``.
 
-        ``noise``: standard deviation of the noise of each value. The other sources enter with the same root
-        mean square at every value. The root mean square of the spread is `expected`.
+        ``noise``: of each value. The other sources have one root mean square at all values. That of the
+        spread is `expected`.
         """
         others = sum(part**2 for source, part in self.predicted.items() if source != NOISE)
         return np.sqrt(noise**2 + others)
@@ -212,9 +201,8 @@ class FitQuality:
     def testable(self) -> bool:
         """False if the check passes only because of declared uncertainties.
 
-        In that case the expected residual and the residual both exceed the limit of the check without
-        declared uncertainties. Otherwise a misfit that noise, flyer and mesh exclude would pass, because
-        every input may be wrong by its declared uncertainty.
+        The expected residual and the residual then both exceed the limit without them. A misfit that noise,
+        flyer and mesh exclude would pass, because every input may be wrong by its declared uncertainty.
         """
         bare = self.noticed_without_declared
         return self.expected <= bare or self.residual <= bare
@@ -315,10 +303,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class ParameterProfile:
-    """The profile likelihood of one parameter, from the noise of force and outline.
-
-    Other sources of uncertainty are not included.
-    """
+    """The profile likelihood of one parameter, from the noise of force and outline only."""
 
     name: str
     """The parameter."""
@@ -388,9 +373,7 @@ class Declaration:
 
 @dataclass(frozen=True)
 class Variation:
-    """Another choice of the analyst with the same data and runs. The optimum is searched again on the
-    surrogate.
-    """
+    """Another choice of the analyst with the same data and runs, searched again on the surrogate."""
 
     key: str
     """The choice: "window_end" or "force_bins"."""
@@ -405,10 +388,7 @@ class Variation:
 
 @dataclass(frozen=True)
 class PosteriorSummary:
-    """The posterior by Markov chains, from the noise of force and outline.
-
-    Other sources of uncertainty are not included.
-    """
+    """The posterior by Markov chains, from the noise of force and outline only."""
 
     names: tuple[str, ...]
     """Free parameters, then the sampled discrepancies, length n."""
@@ -465,9 +445,7 @@ class Verdict(StrEnum):
 
     @property
     def identified(self) -> bool:
-        """True if the value is valid: it lies inside the design, is confirmed, and the model explains the
-        data.
-        """
+        """True if the value is valid: inside the design, confirmed, and the model explains the data."""
         return self in (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE)
 
 
@@ -506,9 +484,7 @@ class Estimate:
 
     @property
     def on_mesh(self) -> float:
-        """Optimum on the refined mesh. The check run, the profiles and the comparison of methods use this
-        point.
-        """
+        """Optimum on the refined mesh, used by the check run, the profiles and the comparison of methods."""
         return self.value - self.mesh_correction
 
     @property
@@ -673,7 +649,7 @@ class Identification(ResultViews):
         """Standard deviation of the residual of a correct model at each force bin or outline point, in N or
         m.
 
-        If the goodness of fit was not recorded, it is the noise.
+        It is the noise if the goodness of fit was not recorded.
         """
         c = self.comparison
         noise = c.force_sigma if channel == FORCE else c.centre_line.sigma
@@ -683,8 +659,8 @@ class Identification(ResultViews):
     def lag_that_matters(self, recording: str) -> float:
         """Smallest lag of a recording that changes the answer noticeably [s]; infinite if none is known.
 
-        For the force, it is the lag that shifts a free parameter by its k = 2 uncertainty, if known.
-        Otherwise it is one frame, the smallest possible error of a frame number.
+        For the force, it shifts a free parameter by its k = 2 uncertainty, if known. Otherwise it is one
+        frame, the smallest possible error of a frame number.
         """
         found = [
             abs(part.amount) * 2.0 * self.estimates[name].sigma / abs(move)
@@ -706,9 +682,8 @@ class Identification(ResultViews):
 
 
 def worst_imbalance(response: Response) -> float:
-    """Largest |energy residual| of the batch's first simulation, divided by its largest external work [-].
-
-    NaN without a ledger, for example if no simulation of a design completed.
+    """Largest |energy residual| of the first simulation, divided by its external work [-]; NaN without a
+    ledger.
     """
     if not np.isfinite(response.energy.external[0]).any():
         return float("nan")

@@ -113,8 +113,8 @@ class Numerics:
         """The same choices for the coarse meshes of a search: in single precision, if none is chosen.
 
         Its rounding moves an optimum by less than 0.02 of its standard uncertainty. It is not used if a
-        surface slides, where single runs jump. Runs corrected for Poisson's ratio stay in double precision,
-        because differences of coarse meshes are extrapolated.
+        surface slides, where single runs jump, nor with a correction for Poisson's ratio, which extrapolates
+        differences of coarse meshes.
         """
         if self.precision is not None or self.compressible is not None:
             return self
@@ -123,10 +123,7 @@ class Numerics:
     def coarser(self) -> "tuple[Numerics, Numerics]":
         """The two coarser meshes for the Poisson correction: half as fine, and three quarters of that.
 
-        Raises
-        ------
-        ValueError
-            If the mesh has too few elements across the radius.
+        Raises ValueError if the mesh has too few elements across the radius.
         """
         if self.mesh[0] < LEAST_ACROSS + 2:
             raise ValueError(
@@ -190,9 +187,7 @@ MOST_NODES = 24
 
 @dataclass(frozen=True)
 class JointSettings:
-    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerical
-    choices.
-    """
+    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerical choices."""
 
     free: Mapping[str, tuple[float, float] | None] | None = None
     """Shared free parameters and their bounds, None for default bounds. Default: the parameters that are free

@@ -60,9 +60,7 @@ class InputChanges:
 
 
 def as_drawn(patterns: FloatArray) -> FloatArray:
-    """Patterns of one standard deviation each, scaled to replicates with the same mean square, shape [n,
-    k].
-    """
+    """Patterns of one standard deviation, scaled to replicates with the same mean square, shape [n, k]."""
     none = np.zeros((1, patterns.shape[1]))
     return np.asarray(np.sqrt(len(patterns)) * patterns) if len(patterns) else none
 
@@ -164,9 +162,8 @@ def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> R
 def route_difference(
     names: Sequence[str], optima: Sequence[RouteOptimum], sources: Sources
 ) -> RouteDifference | None:
-    """Force-only minus outline-only result with its budget; None if one of them is missing.
-
-    Their residuals are independent. Their covariances therefore add.
+    """Force-only minus outline-only result with its budget; None if one is missing. Their residuals are
+    independent.
     """
     by_part = {optimum.part: optimum for optimum in optima}
     if not {"force", "shape"} <= set(by_part):
@@ -192,11 +189,9 @@ def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[
 def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
     """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
 
-    A material constant has one row. An independent input of each shot has one row per shot. The scale of the
-    curve is excluded, because m absorbs it completely.
-
-    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a changed input does
-    not complete.
+    A material constant has one row, an independent input of each shot one row per shot. The scale of the
+    curve is excluded, because m absorbs it. Raises ValueError if a run with a changed input does not
+    complete.
     """
     changes: dict[str, FloatArray] = {}
     base = problem.predict("inputs", found.x[None], problem.mesh)[0]
@@ -222,10 +217,7 @@ def _declared_sigmas(problem: JointProblem) -> dict[str, FloatArray]:
 def declared_parts(
     problem: JointProblem, found: Optimum, changes: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
-    """Standard uncertainties of the unknowns by declared source, shape [d] each.
-
-    ``problem``, ``found``: the problem and its optimum. ``changes``: those of `declared_changes`.
-    """
+    """Standard uncertainties of the unknowns by declared source, [d] each; ``changes``: `declared_changes`."""
     parts: dict[str, FloatArray] = {}
     for key, sigmas in _declared_sigmas(problem).items():
         if key == "curve_scale" and MOVED in problem.unknowns.names:

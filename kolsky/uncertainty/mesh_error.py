@@ -166,10 +166,8 @@ def windows_of(times: FloatArray) -> IntArray:
 def numerical_parts(
     mesh: MeshChange, gain: FloatArray, *, roughness: FloatArray | None = None
 ) -> Mapping[str, FloatArray]:
-    """Standard uncertainties from the numerics by source, shape [d] each.
-
-    ``mesh``, ``gain``: as for `MeshChange`. ``roughness``: standard deviation of the optimum from the
-    response's roughness, shape [d]; None if the response is smooth.
+    """Standard uncertainties from the numerics by source, [d] each; ``roughness``: None for a smooth
+    response.
     """
     found = {"mesh": mesh.sigma(gain)}
     return found if roughness is None else {**found, "roughness": roughness}
@@ -290,10 +288,9 @@ def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
 
 
 def _joint_graded(problem: JointProblem, found: Optimum) -> tuple[GradedChange | None, list[LostRun]]:
-    """The data change at an optimum between two graded meshes, and the failed runs.
+    """The data change at an optimum between two graded meshes, and the failed runs; None if a run fails.
 
-    The change is None if a run fails. It is not computed if a surface slides (single runs jump), or if runs
-    are corrected for Poisson's ratio (this uses other meshes).
+    It is not computed if a surface slides (single runs jump), or with a correction for Poisson's ratio.
     """
     if problem.slides or problem.mesh.compressible is not None:
         return None, []
@@ -328,8 +325,8 @@ def _joint_windows(stack: Stack) -> IntArray:
 def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
     """Error of the refined mesh as patterns of each shot, by Richardson and by the element, shape [n, k].
 
-    Each row is one standard deviation. The uncertainty of the extrapolation equals its size. The difference
-    of the two elements decreases as q^-1.5 with the ratio q of the meshes.
+    A row is one standard deviation. The uncertainty of the extrapolation equals its size. The elements'
+    difference decreases as q^-1.5 with the ratio q of the meshes.
     """
     rows = [change.error]
     if change.element is not None:
