@@ -144,10 +144,7 @@ class LinearFit(Solution):
 
 
 def fit_linear(
-    residual: FloatArray,
-    columns: FloatArray,
-    expected: ExpectedResidual,
-    allowed: Allowances | None = None,
+    residual: FloatArray, columns: FloatArray, expected: ExpectedResidual, allowed: Allowances | None = None
 ) -> LinearFit:
     """Minimise (r + A z + B a)^T C^-1 (r + A z + B a) + a^T a, with tau from the remaining residual.
 
@@ -172,10 +169,7 @@ def fit_linear(
 
 
 def solve_linear(
-    residual: FloatArray,
-    columns: FloatArray,
-    expected: ExpectedResidual,
-    allowed: Allowances | None = None,
+    residual: FloatArray, columns: FloatArray, expected: ExpectedResidual, allowed: Allowances | None = None
 ) -> Solution:
     """The step and the residual of `fit_linear`, with the same parameters, at half its cost."""
     one = _System.of(columns, expected, allowed)

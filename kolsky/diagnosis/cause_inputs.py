@@ -173,7 +173,7 @@ def held_value(c: Cause, problem: InverseProblem) -> float:
 
 
 def declared_sigma(c: Cause, runner: Runner) -> float:
-    """Declared standard uncertainty plus the default allowance, in the value's unit; 0 if there is neither."""
+    """Declared standard uncertainty plus the default allowance, in the value's unit; 0 without both."""
     declared = runner.problem.shot.uncertainty.get(c.declared, 0.0)
     return hypot(declared, c.allowance, runner.front.path.sigma_onset if c.onset else 0.0)
 

@@ -27,14 +27,7 @@ from kolsky.diagnosis.cause_inputs import (
     stretched,
 )
 from kolsky.diagnosis.cause_model import CauseModel, Point, expected_residual
-from kolsky.diagnosis.cause_search import (
-    FOLLOWED,
-    KEPT,
-    CauseSearch,
-    Trial,
-    best_tried,
-    scan_inputs,
-)
+from kolsky.diagnosis.cause_search import FOLLOWED, KEPT, CauseSearch, Trial, best_tried, scan_inputs
 from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import COVERAGE, CauseFinding
@@ -145,7 +138,7 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 
 
 def without_twin_between(keys: Sequence[str]) -> list[str]:
-    """Keys of equal rank, with the second of gain and density, which both scale the force, moved to the end."""
+    """Keys of equal rank; the second of gain and density, which both scale the force, is moved last."""
     twins = [key for key in keys if key in (SENSITIVITY, DENSITY)]
     return [*(key for key in keys if key not in twins[1:]), *twins[1:]]
 
@@ -200,9 +193,7 @@ def _chance(search: CauseSearch, t: Trial) -> float:
     if not isfinite(start):
         return chance(np.sqrt(max(search.gain(t.misfits), 0.0)), 1.0, degrees=degrees)
     return chance(
-        t.value - start,
-        float(np.hypot(t.sigma, declared_sigma(t.candidate, search.runner))),
-        degrees=degrees,
+        t.value - start, float(np.hypot(t.sigma, declared_sigma(t.candidate, search.runner))), degrees=degrees
     )
 
 
@@ -324,11 +315,7 @@ def find_causes(
 
 
 def _analysed(
-    runner: Runner,
-    x: FloatArray,
-    refined: Response,
-    other: OtherStart | None,
-    explained: bool,
+    runner: Runner, x: FloatArray, refined: Response, other: OtherStart | None, explained: bool
 ) -> CauseAnalysis:
     ends = stiffness_at_bound(runner.problem.box, x)
     tried = [c for c in causes() if ends or c.needs != "stiffness at its bound"]
@@ -367,10 +354,7 @@ def stiffness_at_bound(box: Box, x: FloatArray) -> bool:
 
 
 def _search_from(
-    model: CauseModel,
-    candidates: Sequence[Cause],
-    *,
-    counted: BoolArray | None = None,
+    model: CauseModel, candidates: Sequence[Cause], *, counted: BoolArray | None = None
 ) -> CauseSearch:
     """The search from the point of a model."""
     problem = model.runner.problem
@@ -470,12 +454,7 @@ def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> t
     return (*likely, *rest, *(f for f in alone if f.key not in known))
 
 
-def best_trials(
-    search: CauseSearch,
-    candidates: Sequence[Cause],
-    *,
-    explained: bool = False,
-) -> list[Trial]:
+def best_trials(search: CauseSearch, candidates: Sequence[Cause], *, explained: bool = False) -> list[Trial]:
     """The best value of every candidate. Large changes are tried only if the data are not explained.
 
     The search estimates the residual of a correct model from only two meshes. `explained` is more accurate.

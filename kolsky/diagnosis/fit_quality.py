@@ -44,7 +44,7 @@ root 3."""
 
 
 def residual_sources(sources: Sources) -> dict[str, FloatArray]:
-    """Changes of the predicted data vector by one standard uncertainty of each source, shape [n, k] or [k]."""
+    """Changes of the predicted data vector by one standard uncertainty of each source, [n, k] or [k]."""
     inputs = sources.inputs
     found = {name: change for name, change in inputs.replicates.items() if len(change)}
     found |= {**inputs.scales, MESH: mesh_changes(sources.mesh)}
@@ -333,7 +333,7 @@ def checked(result: Identification, name: str, channel: str) -> bool:
 
 
 def reaches_bound(result: Identification, e: Estimate) -> bool:
-    """True if the k = 2 interval extends beyond a bound of the parameter's design, where there are no runs."""
+    """True if the k = 2 interval extends beyond a bound of the parameter's design, without runs."""
     i = result.design.names.index(e.name)
     # The printed interval is limited to the searched range.
     low, high = e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma

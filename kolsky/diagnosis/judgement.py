@@ -29,11 +29,7 @@ synthetic shots with a branch, the branch explained 0.89 to 0.99 (`kolsky.diagno
 
 
 def judged(
-    result: Identification,
-    found: Search,
-    known: UncertaintyAnalysis,
-    sources: Sources,
-    causes: CauseAnalysis,
+    result: Identification, found: Search, known: UncertaintyAnalysis, sources: Sources, causes: CauseAnalysis
 ) -> Identification:
     """The result with its verdicts, the test for a relaxing branch, and its warnings."""
     runner, problem, fine = found.runner, found.problem, found.fine

@@ -242,7 +242,7 @@ def scan_points(box: Box, at: FloatArray) -> FloatArray:
 
 
 def explained_share(objective: Objective, before: FloatArray, after: FloatArray) -> float:
-    """Share of the misfit of a vector, beyond noise and patterns, that another vector removes [-], [k] each."""
+    """Share of a vector's misfit, beyond noise and patterns, that another one removes [-], [k] each."""
 
     def left(vector: FloatArray) -> float:
         o = objective.with_discrepancy(vector)

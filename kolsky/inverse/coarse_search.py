@@ -47,12 +47,7 @@ class Optimum:
 
 
 def search(
-    box: Box,
-    objective: Objective,
-    model: Model,
-    part: Part = "joint",
-    *,
-    start: FloatArray | None = None,
+    box: Box, objective: Objective, model: Model, part: Part = "joint", *, start: FloatArray | None = None
 ) -> Optimum:
     """Find the optimum and the discrepancies at it, which depend on each other, in three rounds.
 

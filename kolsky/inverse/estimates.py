@@ -36,11 +36,7 @@ from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.runner import Runner
 from kolsky.shot.records import Shot
 
-ROUTES: tuple[tuple[str, Part], ...] = (
-    ("joint", "joint"),
-    ("force only", "force"),
-    ("shape only", "shape"),
-)
+ROUTES: tuple[tuple[str, Part], ...] = (("joint", "joint"), ("force only", "force"), ("shape only", "shape"))
 """The parts of the data that are searched separately, with the name of the route."""
 
 

@@ -178,10 +178,7 @@ def _apart(before: explicit.Response, now: explicit.Response) -> float:
     """Root mean square change of the forces, divided by that of the forces. A failed run counts up to its
     failure.
     """
-    pairs = (
-        (before.force_transmission, now.force_transmission),
-        (before.force_flyer, now.force_flyer),
-    )
+    pairs = ((before.force_transmission, now.force_transmission), (before.force_flyer, now.force_flyer))
     changes = []
     for a, b in pairs:
         both = np.isfinite(a) & np.isfinite(b)

@@ -24,13 +24,7 @@ from doe.least_squares import secant
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jacobian, surrogate_kind
 from kolsky.inverse.objective import FrontNoise, Objective
-from kolsky.inverse.path_noise import (
-    FrontPath,
-    MovedFront,
-    credible,
-    likely_amplitudes,
-    rms_amplitude,
-)
+from kolsky.inverse.path_noise import FrontPath, MovedFront, credible, likely_amplitudes, rms_amplitude
 from kolsky.inverse.refined_search import RefinedOptimum, check_run
 from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.runner import Mesh, Runner

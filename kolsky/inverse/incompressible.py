@@ -90,7 +90,7 @@ def is_distinguished(rise: float) -> bool:
 
 
 def limit_warning(rise: float) -> str | None:
-    """Warning for an optimum that the data do not distinguish from the limit by `rise_at_limit`; else None."""
+    """Warning if the data do not distinguish an optimum from the limit by `rise_at_limit`; else None."""
     if is_distinguished(rise):
         return None
     return (
@@ -126,7 +126,7 @@ class PoissonLimit:
 
 
 def poisson_limit(runner: Runner, fine: RefinedOptimum, valley: float) -> PoissonLimit | None:
-    """Bounds on a ratio held near the limit, see `limit_of`; None if it is not held there, or if a run fails."""
+    """Bounds on a ratio held near the limit (`limit_of`); None if it is not held there, or a run fails."""
     problem = runner.problem
     held = problem.settings.held.get(VALLEY, PARAMETERS[VALLEY].held(problem.shot))
     if VALLEY in problem.box.names or held <= PARAMETERS[VALLEY].upper:

@@ -323,7 +323,7 @@ class JointProblem:
         self.stack = replace(self.stack, shots=tuple(shots))
 
     def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
-        """All predictions at a point, with the outline points of another stack and without prior, shape [k]."""
+        """All predictions at a point, with another stack's outline points and without prior, shape [k]."""
         vectors = self.runs.vectors("search", x[None], numerics)
         return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
 

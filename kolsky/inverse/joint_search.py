@@ -27,12 +27,7 @@ from scipy.special import ndtr, stdtrit
 from doe.least_squares import Whitening, bounded_step, secant
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import coarser_graded
-from kolsky.inverse.joint_problem import (
-    BLIND,
-    SCATTER,
-    JointProblem,
-    information,
-)
+from kolsky.inverse.joint_problem import BLIND, SCATTER, JointProblem, information
 from kolsky.inverse.joint_result import Scatter, is_strength, rate_of
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.settings import Numerics

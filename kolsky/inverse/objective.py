@@ -439,7 +439,7 @@ class Objective:
         return found
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
-        """A residual minus its most likely part due to common errors (`residual_without_common`), shape [k]."""
+        """A residual minus its most likely part by common errors (`residual_without_common`), [k]."""
         return residual_without_common(residual, self.common, self.own_sigma)[0]
 
     def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:

@@ -294,7 +294,7 @@ def parameter(name: str) -> Parameter:
 
 
 def checked_value(name: str, value: float) -> float:
-    """A value inside the parameter's allowed range. Raises ValueError with value, range and unit if outside."""
+    """A value in the parameter's allowed range. Raises ValueError with value, range and unit if not."""
     p = parameter(name)
     low, high = p.allowed
     if not low <= value <= high:
@@ -319,7 +319,7 @@ def slides(interface: Interface, names: Iterable[str]) -> bool:
 
 
 def require_declared(names: Iterable[str], shot: Shot) -> None:
-    """Raise ValueError if a constant of the relaxation is named that the shot's [relaxation] does not have."""
+    """Raise ValueError for a constant of the relaxation that the shot's [relaxation] does not have."""
     for name in names:
         if parameter(name).belongs_to(shot):
             continue
@@ -455,7 +455,7 @@ def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
 
 
 def reference_words(names: Iterable[str]) -> str:
-    """The curve that m refers to, in words, from all parameter names of a result; empty without relaxation."""
+    """The curve that m refers to, in words, from all parameters of a result; empty without relaxation."""
     there = {name for name in names if name in PARAMETERS and PARAMETERS[name].relaxes}
     if not there:
         return ""

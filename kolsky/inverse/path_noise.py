@@ -56,7 +56,7 @@ class PathModes:
         return self.shares @ self.jerks
 
     def amplitudes(self, shares: FloatArray) -> FloatArray:
-        """Amplitudes of the modes in a path with given shares of the jerks, [n] -> [q]; the rest is left out."""
+        """Amplitudes of the modes in a path with given shares of the jerks, [n] -> [q], without the rest."""
         return np.asarray(self.shares @ shares)
 
     def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
@@ -119,7 +119,7 @@ def data_change(prediction: Prediction) -> FloatArray:
 
 
 def drawn_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
-    """Independent patterns of the data with the same mean square as replicates' changes [n, k], [n_modes, k]."""
+    """Independent patterns with the same mean square as replicates' changes [n, k], [n_modes, k]."""
     return PathModes.of(change / np.sqrt(len(change)), noise, change).patterns
 
 

@@ -74,12 +74,7 @@ class PreparedShot:
         return self.forward.paths[0]
 
     def with_replicates(
-        self,
-        n: int,
-        rng: np.random.Generator,
-        *,
-        curves: int | None = None,
-        path: FlyerPath | None = None,
+        self, n: int, rng: np.random.Generator, *, curves: int | None = None, path: FlyerPath | None = None
     ) -> Forward:
         """The forward model with `n` paths and `n` or `curves` curves more, drawn from their noise.
 
@@ -90,9 +85,7 @@ class PreparedShot:
         scaled = (path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
         drawn = curve_replicates(self.forward.shot.curve, n if curves is None else curves, rng)
         return replace(
-            self.forward,
-            paths=(path, *path.replicates(n, rng), *scaled),
-            laws=(self.forward.laws[0], *drawn),
+            self.forward, paths=(path, *path.replicates(n, rng), *scaled), laws=(self.forward.laws[0], *drawn)
         )
 
 
@@ -282,7 +275,7 @@ class InverseProblem:
         return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.shot))
 
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> InverseProblem:
-        """The problem with further parameters held, each for a reason, at a given value or the shot's value."""
+        """The problem with more parameters held, each for a reason, at a given or the shot's value."""
         return self.freeing(self.prepared, self.freed.holding(reasons, at))
 
     def of_one(self, name: str) -> InverseProblem:

@@ -15,13 +15,7 @@ from doe import Box, latin_hypercube
 from doe.surrogates import QuadraticSurrogate, SurrogateError
 from doe.surrogates.quadratic import runs_wanted
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import (
-    CoarseOptimum,
-    Model,
-    at_inner_face,
-    jacobian,
-    search,
-)
+from kolsky.inverse.coarse_search import CoarseOptimum, Model, at_inner_face, jacobian, search
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import slides
 from kolsky.inverse.path_noise import FrontPath

@@ -115,12 +115,7 @@ class Runner:
         values = self.problem.point(self.solver_values(points, numerics.mesh))
         with self.work.stage(stage, len(points)) as report:
             return (forward or self.forward).run(
-                values,
-                numerics,
-                motion=motion,
-                material=material,
-                all_nodes=all_nodes,
-                progress=report,
+                values, numerics, motion=motion, material=material, all_nodes=all_nodes, progress=report
             )
 
     def run(
@@ -132,7 +127,7 @@ class Runner:
         all_nodes: bool = False,
         recorded: bool = True,
     ) -> Runs:
-        """Run points of shape [n, d], which may lie outside the box; with `recorded`, add them to the table."""
+        """Run points of shape [n, d], also outside the box; with `recorded`, add them to the table."""
         problem, mesh = self.problem, numerics.mesh
         response = self.respond(stage, points, numerics, all_nodes=all_nodes)
         runs = Runs.of(problem.box.names, points, response, problem.observations)

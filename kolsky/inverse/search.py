@@ -89,7 +89,7 @@ class Search:
         return None if self.replication is None else self.replication()
 
     def held_run(self) -> tuple[FloatArray, Response] | None:
-        """The optimum of the stiffness factor alone on the refined mesh, [d], and its run; None without one."""
+        """The optimum of the stiffness factor alone on the refined mesh, [d], and its run, if any."""
         if self.held is None:
             return None
         runner, i = self.runner, self.problem.box.names.index(MOVED)

@@ -187,7 +187,7 @@ MOST_NODES = 24
 
 @dataclass(frozen=True)
 class JointSettings:
-    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerical choices."""
+    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerics."""
 
     free: Mapping[str, tuple[float, float] | None] | None = None
     """Shared free parameters and their bounds, None for default bounds. Default: the parameters that are free

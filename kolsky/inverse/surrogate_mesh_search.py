@@ -204,11 +204,7 @@ def starts(runner: Runner, start: FloatArray, numerics: Numerics) -> tuple[Float
 
 
 def _least_squares_on(
-    runner: Runner,
-    objective: Objective,
-    numerics: Numerics,
-    points: FloatArray,
-    steps: int,
+    runner: Runner, objective: Objective, numerics: Numerics, points: FloatArray, steps: int
 ) -> list[MeshOptimum]:
     """Least squares on a mesh from several starts, the most likely result first. The prior counts as data."""
     box, prior = runner.problem.box, objective.prior

@@ -67,14 +67,14 @@ def oscillations(
 
 
 def valley_levels(prepared: PreparedShot, factor: float, bounds: tuple[float, float]) -> FloatArray:
-    """Values of Poisson's ratio between two bounds, both included, at equal steps of the oscillation number."""
+    """Values of Poisson's ratio between two bounds, both included, at equal steps of oscillations."""
     return equal_steps(*oscillation_table(prepared, factor, bounds))
 
 
 def oscillation_table(
     prepared: PreparedShot, factor: float, bounds: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Poisson's ratio between two bounds and its number of oscillations at a stiffness factor [-], shape [n]."""
+    """Poisson's ratio between two bounds, and its number of oscillations at a stiffness factor [-], [n]."""
     shot, edges = prepared.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
     number = oscillations(

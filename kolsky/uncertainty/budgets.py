@@ -134,10 +134,7 @@ def noise_parts(fine: RefinedOptimum, sources: Sources) -> dict[str, FloatArray]
     """Standard uncertainties of the joint answer by source of noise, shape [d] each."""
     objective, vector = fine.objective, fine.model(fine.x)[0]
     residual = objective.residual_covariance(fine.jacobian, vector)
-    return {
-        RESIDUALS: np.sqrt(np.diag(residual)),
-        **sources.inputs.parts(objective.gain(fine.jacobian)),
-    }
+    return {RESIDUALS: np.sqrt(np.diag(residual)), **sources.inputs.parts(objective.gain(fine.jacobian))}
 
 
 def root_sum_squares(parts: dict[str, FloatArray]) -> FloatArray:
@@ -217,7 +214,7 @@ def _declared_sigmas(problem: JointProblem) -> dict[str, FloatArray]:
 def declared_parts(
     problem: JointProblem, found: Optimum, changes: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
-    """Standard uncertainties of the unknowns by declared source, [d] each; ``changes``: `declared_changes`."""
+    """Standard uncertainties of the unknowns by declared source, [d], from `declared_changes`."""
     parts: dict[str, FloatArray] = {}
     for key, sigmas in _declared_sigmas(problem).items():
         if key == "curve_scale" and MOVED in problem.unknowns.names:

@@ -80,7 +80,7 @@ def amount_text(part: Declaration) -> str:
 
 
 def relative_moves(part: Declaration, answer: Mapping[str, float]) -> dict[str, float]:
-    """Relative shift of each free parameter with a value in ``answer`` by the input's reference change [-]."""
+    """Relative shift of each free parameter in ``answer`` by the input's reference change [-]."""
     return {name: move / answer[name] for name, move in part.moves.items() if answer.get(name)}
 
 

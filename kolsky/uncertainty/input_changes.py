@@ -143,7 +143,7 @@ class ModelAtOptimum:
     """The run at the optimum. Its times include `CLOCK` before and after each frame."""
 
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
-        """A change of prediction minus data, shape [k], by the transmitted force, all forces and the outline."""
+        """A change of prediction minus data, [k], by the transmitted force, all forces and the outline."""
         n, change = self.objective.n_force, np.zeros(len(self.objective.data))
         change[:n], change[n:] = force, outline
         change[: len(self.observations.bins.mean)] += transmitted
@@ -159,7 +159,7 @@ class ModelAtOptimum:
         return np.asarray(0.5 * (self._seen(y=y + step) - self._seen(y=y - step)))
 
     def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
-        """Change of prediction minus data by heights that grow with the length (`height_follows`), shape [k]."""
+        """Change of prediction minus data by heights that grow with the length (`height_follows`), [k]."""
         heights = height_follows(shot, step)
         if heights == 0.0 or not self.objective.counted.any():
             return np.zeros(len(self.objective.data))
@@ -333,7 +333,7 @@ class MovedRuns:
         return np.asarray(centre - down)
 
     def moved(self, key: str, sign: int, step: float) -> FloatArray | None:
-        """The predicted data vector with an input increased or decreased; None if the value is not allowed."""
+        """The predicted data vector with an input increased or decreased; None if not allowed."""
         if self._is_alone(key):
             if step != self.steps[key]:
                 raise ValueError(f"{key} was moved by {self.steps[key]:.6g}, not by {step:.6g}")
@@ -472,10 +472,7 @@ class InputDirections:
 
 
 def input_directions(
-    runner: Runner,
-    x: FloatArray,
-    objective: Objective,
-    vector: FloatArray,
+    runner: Runner, x: FloatArray, objective: Objective, vector: FloatArray
 ) -> InputDirections:
     """The change of the data vector by every input with an effect on the answer.
 
