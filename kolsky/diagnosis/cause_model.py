@@ -40,7 +40,6 @@ class Point:
     x: FloatArray
     """Free parameters in SI, then the coordinate of a free input, if any, shape [d]."""
     changed: Change = UNCHANGED
-    """The input that is tried."""
 
 
 class CauseModel:

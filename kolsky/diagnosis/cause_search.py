@@ -34,7 +34,6 @@ class Trial:
     """An input at a value, with the best free parameters for it."""
 
     candidate: Cause
-    """The input."""
     x: FloatArray
     """Free parameters in SI, shape [d]."""
     u: float

@@ -270,7 +270,6 @@ class Best:
     own: Trial
     """The trial, as found by its search."""
     search: CauseSearch
-    """The search from this start."""
     model: CauseModel | None = None
     """The model corrected by a run on the refined mesh at its point.
 

@@ -53,7 +53,6 @@ class FittedLag:
     jacobian: FloatArray
     """Jacobian of the data vector by the free parameters and the lag, shape [k, d + 1]."""
     objective: Objective
-    """The objective with the remaining discrepancies."""
     evidence: float
     """Decrease of -2 ln L by the lag, with the free parameters fitted in both cases [-]."""
     settled: bool

@@ -43,7 +43,6 @@ class Optimum:
     x: FloatArray
     """The point, shape [d]."""
     objective: Objective
-    """The objective with the discrepancies of that point."""
 
 
 def search(
@@ -162,9 +161,7 @@ class CoarseOptimum:
     box: Box
     """Box in which the surrogate was refined."""
     surrogate: Surrogate
-    """Surrogate of the data vector."""
     objective: Objective
-    """Objective with the discrepancies of the optimum."""
     x: FloatArray
     """The optimum, shape [d]."""
 

@@ -106,9 +106,7 @@ class RouteOptimum:
     """The optimum on the refined mesh by one part of the data."""
 
     name: str
-    """Name of the route."""
     part: Part
-    """The part of the data."""
     x: FloatArray
     """The optimum, shape [d]."""
     cost: float

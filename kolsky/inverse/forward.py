@@ -257,7 +257,6 @@ class Forward:
     """A shot prepared for repeated simulation."""
 
     shot: Shot
-    """The shot."""
     sampling: explicit.Sampling
     """Output times of its instruments."""
     paths: tuple[FlyerPath, ...]

@@ -41,7 +41,6 @@ class Step:
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals and the prior, shape [d]."""
     objective: Objective
-    """The objective with the discrepancies of the run."""
 
     @property
     def moved(self) -> float:
@@ -98,11 +97,8 @@ class RefinedRun:
     """Data vector at this point, shape [k]. An outline point that the run does not reach has the measured
     value."""
     check: CompletedRuns
-    """The run."""
     numerics: Numerics
-    """Its numerical choices."""
     step: Step
-    """Step from the run to the estimated optimum."""
     missed: FloatArray
     """The run minus the linear prediction by the slopes, shape [k]."""
     pace: FloatArray | None = None

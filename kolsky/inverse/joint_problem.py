@@ -38,7 +38,6 @@ class ShotData:
     """One shot's data, and the patterns of its possible errors."""
 
     observations: Observations
-    """The measurements."""
     counted: BoolArray
     """Mask of the outline points used, shape [Q]."""
     front: FloatArray
@@ -69,7 +68,6 @@ class Stack:
     """All data in one vector: the shots in their order, slow tests, prior knowledge."""
 
     shots: tuple[ShotData, ...]
-    """The shots."""
     slow: FloatArray
     """Measured values of the slow tests, shape [s]."""
     slow_sigma: FloatArray

@@ -161,7 +161,6 @@ class _RefinedRun:
     vector: FloatArray
     """All data as predicted at this point, shape [k]."""
     cost: float
-    """The deviance."""
     step: FloatArray
     """Step to the optimum of the linear model inside the bounds, shape [d]."""
     sigma: FloatArray

@@ -269,11 +269,9 @@ class Objective:
     """Chi-square of a predicted data vector."""
 
     observations: Observations
-    """The measurements."""
     counted: NDArray[np.bool_]
     """Mask of the outline points inside the model's range in every run, shape [n_points]."""
     front: FrontNoise = field(default_factory=FrontNoise)
-    """Noise of the front face's motion."""
     force_discrepancy: float = 0.0
     """tau of the force's bin means [N]."""
     shape_discrepancy: float = 0.0

@@ -142,7 +142,6 @@ class Observations:
     force: ForceHistory
     """The transmitted force at every recorded sample, P of them."""
     bins: ForceBins
-    """The same force in bins."""
     centre_line: CentreLine
     """The outline points, Q of them, frames in order of time; Q is 0 if no outline was measured."""
     incident: ForceBins | None = None

@@ -69,9 +69,7 @@ class MovedFront:
     """The front face's path in the runs: the fitted path, corrected by modes of its noise."""
 
     fitted: FlyerPath
-    """The path fitted to the record."""
     modes: PathModes
-    """Modes of its noise."""
     amplitudes: FloatArray
     """Amplitudes of the modes in the path [-], shape [q]."""
 
@@ -91,7 +89,6 @@ class FrontPath:
     """The front face's path in the runs, and the effect of its noise on the data."""
 
     path: FlyerPath
-    """The path."""
     noise: FrontNoise = field(default_factory=FrontNoise)
     """Its patterns, and the change by the path correction along them."""
     moved: MovedFront | None = None

@@ -50,9 +50,7 @@ class PreparedShot:
     """A shot prepared for simulation: forward model, observations, figures about the data."""
 
     forward: Forward
-    """The shot ready to run."""
     observations: Observations
-    """The measurements inside the window."""
     checks: dict[str, Any]
     """Numbers that show whether the declared noise is plausible and which strains the curve covers."""
     motion_sigma_gain: float = 0.0
@@ -174,11 +172,9 @@ class Freed:
     """Settings in which every parameter is either free or held, and why some are held."""
 
     settings: Settings
-    """The settings with `free` filled in."""
     by_default: bool
     """True if the free parameters are the default choice; they are held if the data do not constrain them."""
     reasons: Mapping[str, str]
-    """Reason why a parameter of `DEFAULT` is held, by its name."""
 
     @property
     def free(self) -> Mapping[str, Bounds]:
@@ -252,13 +248,10 @@ class InverseProblem:
     """The inverse problem of one shot: data, free parameters, their bounds and priors."""
 
     prepared: PreparedShot
-    """The prepared shot, with the path fitted to the record."""
     freed: Freed
     """Free parameters, and the reasons for holding the others."""
     box: Box
-    """Bounds of the free parameters."""
     prior: Prior | None
-    """Their prior; None if nothing is declared."""
 
     @classmethod
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:

@@ -37,11 +37,9 @@ class RefinedOptimum:
     x: FloatArray
     """The answer, shape [d]. A confirming run is at this point, or a short step away."""
     front: FrontPath
-    """The front face's path of the runs."""
     box: Box
     """The box in which the model is valid."""
     objective: Objective
-    """The objective with the discrepancies of the optimum."""
     model: Model
     """Model of the data vectors of runs on the refined mesh."""
     surrogate: Model
@@ -51,7 +49,6 @@ class RefinedOptimum:
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals, shape [d]."""
     check: CompletedRuns
-    """The last run."""
     moved: float
     """Shift of the optimum by the last run, in units of sigma."""
     confirmed: bool
@@ -110,9 +107,7 @@ class QuadraticFit:
     """A quadratic through runs on one mesh, and its optimum."""
 
     surrogate: QuadraticSurrogate
-    """Surrogate of the data vector."""
     objective: Objective
-    """The objective with the discrepancies of the optimum."""
     x: FloatArray
     """The optimum, shape [d]."""
     jacobian: FloatArray

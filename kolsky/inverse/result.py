@@ -46,9 +46,7 @@ class Method:
     """Number of these simulations that another method made. A method that uses the answer's surrogate makes
     no new runs."""
     converged: bool
-    """True if its convergence criterion was met."""
     ended: str
-    """How it ended, in words."""
 
     @classmethod
     def compared(
@@ -223,7 +221,6 @@ class ClockLag:
     explains: bool
     """True if the model explains force and outline after the correction of this lag."""
     file: str
-    """The file with its times."""
     key: str
     """The key of shot.toml that corrects it."""
 
@@ -249,7 +246,6 @@ class CauseFinding:
     key: str
     """Key of the input in shot.toml, or a name of another cause; unique."""
     words: str
-    """The changed input, in words."""
     unit: str
     """Unit of `exact` and `value`; "1" for a factor or a plain number."""
     exact: float
@@ -306,7 +302,6 @@ class ParameterProfile:
     """The profile likelihood of one parameter, from the noise of force and outline only."""
 
     name: str
-    """The parameter."""
     values: FloatArray
     """The fixed values of the parameter, ascending, in its unit, shape [n]."""
     rise: FloatArray
@@ -318,7 +313,6 @@ class ParameterProfile:
     correlation: float
     """Factor on this parameter's variance by the time correlation of the residuals, >= 1 [-]."""
     interval: Interval
-    """95 % interval from the profile."""
     alone: Interval
     """Another profile, with the other parameters held at their optimum."""
     verdict: str
@@ -334,7 +328,6 @@ class PairMap:
     """The rise of -2 ln L over the plane of the two free parameters."""
 
     names: tuple[str, str]
-    """The parameters along x and y."""
     x: FloatArray
     """Values of the first, in SI, shape [nx]."""
     y: FloatArray
@@ -383,7 +376,6 @@ class Variation:
     """Shift of each free parameter on the refined mesh, in SI, without correction of the mesh error. Empty if
     the search failed."""
     status: str
-    """Description of the choice's outcome."""
 
 
 @dataclass(frozen=True)
@@ -405,13 +397,11 @@ class PosteriorSummary:
     autocorrelation: float
     """Longest integrated autocorrelation time [steps]."""
     steps: int
-    """Steps of each walker."""
     acceptance: float
     """Share of accepted moves [-]."""
     power: float
     """Power of the likelihood, 1 divided by the mean `ParameterProfile.correlation` [-]."""
     prior: str
-    """The priors, in words."""
 
 
 class Verdict(StrEnum):
@@ -454,7 +444,6 @@ class Estimate:
     """One free parameter."""
 
     name: str
-    """Parameter name, e.g. "stiffness_factor"."""
     unit: str
     """Unit, "1" if none."""
     value: float
@@ -470,7 +459,6 @@ class Estimate:
     """Parts of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer motion" (the
     noise of the measured front-face motion), "material curve"."""
     outcome: Verdict
-    """How the search ended."""
     sigma_systematic: float = 0.0
     """Standard uncertainty from the inputs declared in [uncertainty] of shot.toml, 0 if none is declared."""
     numerical_parts: dict[str, float] = field(default_factory=dict)
@@ -523,7 +511,6 @@ class Route:
     parameters: dict[str, float]
     """Optimum in parameter units, corrected for the error of the refined mesh by `correction`."""
     cost: float
-    """Cost at the optimum."""
     sigma: dict[str, float]
     """Combined standard uncertainty of this route by its budget; empty for the paper's cost."""
     correction: dict[str, float] = field(default_factory=dict)
@@ -545,7 +532,6 @@ class RouteDifference:
     sigma: dict[str, float]
     """Its combined standard uncertainty. A source that shifts both optima equally does not contribute."""
     budget: tuple[Contribution, ...]
-    """`sigma` by source."""
 
 
 @dataclass(frozen=True)
@@ -575,7 +561,6 @@ class SurrogateCurve:
     """The surrogate along one parameter, with the others at their optimum."""
 
     parameter: str
-    """The parameter that varies."""
     x: FloatArray
     """Its values, shape [n]."""
     chi2: FloatArray
@@ -591,9 +576,7 @@ class Identification(ResultViews):
     """The result of an identification."""
 
     shot: str
-    """Name of the shot."""
     estimates: dict[str, Estimate]
-    """One entry per free parameter."""
     fixed: dict[str, float]
     """The parameters held fixed, in SI."""
     routes: tuple[Route, ...]
@@ -602,7 +585,6 @@ class Identification(ResultViews):
     terms: Terms
     """Misfit terms of the check run at the optimum."""
     comparison: Comparison
-    """The check run, compared with the data."""
     response: Response
     """The check run: a batch of one on the refined mesh, with all nodes."""
     mesh: tuple[int, int]
@@ -610,7 +592,6 @@ class Identification(ResultViews):
     refined_mesh: tuple[int, int]
     """Elements of the refined mesh, which gives the check runs and the answer."""
     design: DesignTable
-    """Every run."""
     curves: tuple[SurrogateCurve, ...]
     """The surrogate along each free parameter."""
     surrogate: dict[str, float]
@@ -625,13 +606,10 @@ class Identification(ResultViews):
     systematic: tuple[Declaration, ...] = ()
     """Effect of the declared input uncertainties on the answer, and the inputs that were not declared."""
     profiles: tuple[ParameterProfile, ...] = ()
-    """The profile likelihood of each free parameter."""
     ridge: PairMap | None = None
     """The likelihood over the plane of two free parameters. None for one parameter, or for more than two."""
     posterior: PosteriorSummary | None = None
-    """The posterior; None if not requested."""
     variations: tuple[Variation, ...] = ()
-    """Effect of other choices of the analyst on the answer."""
     fit: tuple[FitQuality, ...] = ()
     """Goodness of fit of force and outline; empty if not recorded (files before version 3)."""
     clocks: tuple[ClockLag, ...] = ()

@@ -185,9 +185,7 @@ class CompletedRuns:
     rows: NDArray[np.intp]
     """Their rows in the design, shape [n]."""
     prediction: Prediction
-    """The simulated measurements."""
     response: Response
-    """The solver's complete response."""
     lost: str
     """The failed runs in words, with details of the first one; empty if there are none."""
 
@@ -197,13 +195,10 @@ class Runs:
     """Runs of one batch, completed or failed."""
 
     names: tuple[str, ...]
-    """Free parameters."""
     points: FloatArray
     """Their points, shape [n, d]."""
     response: Response
-    """The solver's response."""
     rows: NDArray[np.intp]
-    """Indices of the completed runs."""
     prediction: Prediction | None
     """Simulated measurements of these runs; None if there are none."""
 
@@ -360,4 +355,3 @@ class Replicates:
     """Mask of the row with the motion scaled up by one standard uncertainty of its scale. There is at most
     one such row."""
     lost: int
-    """Number of failed runs."""

@@ -36,13 +36,10 @@ class Runner:
     """
 
     problem: InverseProblem
-    """The problem: free parameters and their bounds."""
     front: FrontPath
-    """The front-face path of the runs."""
     table: RunTable
     """Table of every run. Runners made by `under` use the same table."""
     work: Work
-    """Notified of the stages."""
     rng: np.random.Generator
     """Random generator of designs and replicates, used in the order of the calls."""
     offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)

@@ -49,9 +49,7 @@ class HeldSearch:
     values: Mapping[str, float]
     """Held values of the parameters that are free in the full search, in SI."""
     runner: Runner
-    """Its runs on the surrogate's mesh."""
     coarse: CoarseOptimum
-    """Its optimum on this mesh."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,7 @@ class Search:
     runner: Runner
     """Runs points of the final free parameters, with the path of the optimum."""
     coarse: CoarseOptimum
-    """The optimum on the surrogate's mesh."""
     fine: RefinedOptimum
-    """The optimum on the refined mesh."""
     replication: Callable[[], Replicates] | None = None
     """Gives the runs with other motions and curves; None if not requested."""
     held: HeldSearch | None = None
@@ -164,7 +160,6 @@ class NotIdentifiable:
     """Parameters that must be held."""
 
     reasons: dict[str, str]
-    """The reason for each of them."""
     x: FloatArray
     """The optimum with all of them free, shape [d]."""
     limit_rise: float

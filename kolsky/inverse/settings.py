@@ -153,7 +153,6 @@ class Settings:
     hold: tuple[str, ...] = ()
     """Parameters held at the shot's values that would be free by default."""
     numerics: Numerics = field(default_factory=Numerics)
-    """The surrogate's mesh and the arithmetic."""
     refined_mesh: Annotated[
         tuple[int, int], Option("Mesh of the final estimate and its check.", metavar="NRxNY", panel=NUMERICAL)
     ] = (48, 64)
@@ -197,9 +196,7 @@ class JointSettings:
     hold: tuple[str, ...] = ()
     """Parameters held at the shots' values that would be free by default."""
     numerics: Numerics = field(default_factory=lambda: Numerics(mesh=(16, 22)))
-    """The mesh of the search, and the arithmetic."""
     refined_mesh: tuple[int, int] = (32, 43)
-    """The mesh of the answer."""
     replicates: int = 24
     """Number of random draws of each flyer motion and each curve. With 0, their noise is left out of weights
     and intervals."""
@@ -222,7 +219,6 @@ class JointSettings:
     choose: bool = True
     """True if the model with relaxation is compared with a model without it."""
     seed: int = 1
-    """Seed of every random draw."""
 
     def __post_init__(self) -> None:
         if self.curve_nodes and not 4 <= self.curve_nodes <= MOST_NODES:

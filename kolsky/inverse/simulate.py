@@ -29,13 +29,11 @@ class Simulation:
     parameters: dict[str, float]
     """The parameters that were named, in SI."""
     response: Response
-    """The run, a batch of one, with all nodes."""
     prediction: Prediction | None
     """The simulated measurements; None if the run did not complete."""
     terms: Terms | None
     """Misfit terms over the whole window, Eqs. (M.3)-(M.8); None if the run did not complete."""
     prepared: PreparedShot
-    """The observations it is compared with."""
 
 
 def simulate(

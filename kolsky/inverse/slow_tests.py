@@ -148,9 +148,7 @@ class SlowList:
     sweeps: Mapping[str, Superposition]
     """Temperature sweeps by name, including those with undetermined shifts."""
     files: Mapping[str, str]
-    """SHA-256 of the files by path."""
     law: AnyLaw | None
-    """The law that the list declares."""
 
 
 def read_slow_tests(path: Path) -> Slow:

@@ -81,7 +81,6 @@ class MeshOptima:
     optima: Mapping[Mesh, MeshOptimum]
     """Optima on the mesh of the replicates and on the surrogate's mesh."""
     front: FrontPath
-    """The front face's path, corrected to the data."""
     replicates: Callable[[], Replicates] | None
     """Gives runs at the optimum with other motions and curves; None if none were requested."""
     valley_margin: float = np.inf

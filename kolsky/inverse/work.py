@@ -54,15 +54,10 @@ class Launch:
     """Runs of one model, executed in parallel with runs of other models, see `run_side_by_side`."""
 
     forward: Forward
-    """The shot."""
     points: Mapping[str, ArrayLike]
-    """Parameters, see `Forward.run`."""
     numerics: Numerics
-    """Numerical choices, see `Forward.run`."""
     motion: ArrayLike = 0
-    """Index of the flyer's motion, see `Forward.run`."""
     material: ArrayLike = 0
-    """Index of the material, see `Forward.run`."""
 
 
 def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:

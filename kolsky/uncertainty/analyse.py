@@ -220,19 +220,15 @@ class UncertaintyAnalysis:
     profiles: tuple[ParameterProfile, ...]
     """One per free parameter; empty if they could not be computed."""
     ridge: PairMap | None
-    """The plane of two free parameters."""
     posterior: PosteriorSummary | None
-    """The posterior; None if not requested."""
     found: ParameterProfiles | None
     """The surrogate and data used for the profiles; None if there are none."""
     warnings: tuple[str, ...]
-    """Warnings about the profiles and the posterior."""
     runs: int
     """Total number of simulations on the surrogate's mesh."""
     variations: tuple[Variation, ...] = ()
     """Other choices of the analyst; none if there is no surrogate to search."""
     directions: InputDirections | None = None
-    """Effect of each input on the data vector and on the answer."""
 
     def sigma_systematic(self, name: str) -> float:
         """Standard uncertainty of a parameter from the declared uncertainties, root sum of squares."""

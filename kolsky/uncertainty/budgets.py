@@ -99,9 +99,7 @@ class Sources:
     """All error sources of an optimum, as changes of the data vector."""
 
     inputs: InputChanges
-    """Noise and scales of the inputs."""
     mesh: MeshChange
-    """Mesh and element."""
     deviations: FloatArray | None = None
     """Deviations of runs from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k]. Each
     route, and the difference of two routes, applies its linear map to them."""

@@ -136,9 +136,7 @@ class ModelAtOptimum:
     """
 
     objective: Objective
-    """The objective."""
     observations: Observations
-    """The measurements."""
     reference: Response
     """The run at the optimum. Its times include `CLOCK` before and after each frame."""
 
@@ -201,11 +199,9 @@ class MovedRuns:
     """Runs with changed parameters, curves and specimens, all on the surrogate's mesh."""
 
     runner: Runner
-    """Runs points of the identification's problem."""
     x: FloatArray
     """The optimum in SI, shape [d]."""
     objective: Objective
-    """The objective."""
     steps: Mapping[str, float]
     """Key -> step of each input to be changed."""
 
@@ -406,13 +402,11 @@ class InputDirections:
     x: FloatArray
     """The optimum in SI, shape [d]."""
     objective: Objective
-    """The objective with the discrepancies of the optimum."""
     vector: FloatArray
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     jacobian: FloatArray
     """Derivative of the data vector by the free parameters, on the surrogate's mesh, shape [k, d]."""
     directions: tuple[InputDirection, ...]
-    """One per input with an effect on the answer."""
     absent: Mapping[str, str] = field(default_factory=dict)
     """Key -> reason why an input has no direction: it is free, has no effect, or its run did not complete."""
 

@@ -81,7 +81,6 @@ class LostRun:
     """A failed run for the mesh error at the answer."""
 
     numerics: Numerics
-    """Its mesh, grading and element."""
     why: str
     """How it ended, or the shots it belongs to, without a full stop."""
     is_graded: bool
@@ -178,9 +177,7 @@ class MeshRun:
     """A run at the answer on another mesh, or with the other element."""
 
     numerics: Numerics
-    """Its numerical choices."""
     prediction: Prediction | None
-    """The simulated measurements; None if it did not complete."""
     ending: str
     """How it ended, a sentence without a full stop."""
 

@@ -123,9 +123,7 @@ class LinearisedOptimum:
     x: FloatArray
     """The optimum in SI, shape [d]."""
     local: Box
-    """Box of the last design."""
     objective: Objective
-    """The objective with the discrepancies of the optimum."""
     vector: FloatArray
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     slope: FloatArray
@@ -154,7 +152,6 @@ class ParameterProfiles:
     """The profiles, and the surrogate and data used for them."""
 
     profiles: tuple[ParameterProfile, ...]
-    """One per free parameter."""
     map: PairMap | None
     """The rise over the plane of two free parameters. None for one parameter, or for more than two."""
     model: CorrectedSurrogate
@@ -162,7 +159,6 @@ class ParameterProfiles:
     objective: Objective
     """The objective over the outline points that all runs of the surrogate reach."""
     box: Box
-    """Range of the surrogate."""
     optimum: FloatArray
     """The most likely point on this surrogate, in SI, shape [d]."""
 
