@@ -76,6 +76,10 @@ class Whitening:
         total, _ = self._common
         return float(2.0 * (self.counts * np.log(self.sigma)).sum() + np.log(total).sum())
 
+    def deviance(self, residual: FloatArray) -> float:
+        """Chi-square of a residual of shape [k], plus ln det C [-]."""
+        return float((self.apply(residual) ** 2).sum()) + self.log_determinant
+
 
 BatchRun = Callable[[FloatArray], FloatArray]
 """Responses at points in parameter units, [n, d] -> [n, k]. The row of a failed run contains NaN."""

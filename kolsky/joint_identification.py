@@ -22,7 +22,6 @@ from pathlib import Path
 
 import numpy as np
 
-from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.fit_quality import mesh_changes
@@ -88,8 +87,8 @@ def shot_variances(problem: JointProblem, found: Optimum) -> tuple[FloatArray, F
     whole = np.diag(cov)
     if not any(SCATTER in one.own for one in stack.shots):
         return cov, whole, np.zeros(len(whole))
-    plain = _without(stack, problem, found, "")
-    without = _without(replace(stack, slow_scatter=None), problem, found, SCATTER)
+    plain = _without("", stack, problem, found)
+    without = _without(SCATTER, replace(stack, slow_scatter=None), problem, found)
     bare = without_scatter(stack)
     alone = covariance(found.slopes, residual, bare.weighting(residual), bare, widths)
     within = whole - np.maximum(plain - without, 0.0)
@@ -108,15 +107,12 @@ def joint_result(
     objectives = stack.weighed(residual)
     whitening = stack.whitening(objectives)
     known = information(whitening.apply(found.slopes.T), unknowns.widths)
-    gain: FloatArray = np.asarray(
-        np.linalg.solve(known, whitening.precision(found.slopes.T)), dtype=np.float64
-    )
+    gain: FloatArray = np.linalg.solve(known, whitening.precision(found.slopes.T))
     cov, within, between = shot_variances(problem, found)
     plain = np.diag(np.linalg.inv(known))
     curves = np.zeros(len(found.x))
     if stack.curve is not None:
-        bare = replace(stack, curve=None)
-        curves = np.maximum(plain - _without(bare, problem, found, ""), 0.0)
+        curves = np.maximum(plain - _without("", replace(stack, curve=None), problem, found), 0.0)
     declared = declared_changes(problem, found)
     noise = {
         "force and shape": np.sqrt(np.maximum(within - curves, 0.0)),
@@ -143,7 +139,7 @@ def joint_result(
     if choice is not None and not choice.asked_for:
         shared = {name: as_not_seen(e) for name, e in shared.items()}
     parts = _shot_parts(problem, found, whitening.precision(residual), objectives)
-    size = 0.0 if found.scatter is None else found.scatter.value
+    size, m = found.scatter_size, float(problem.values(found.x).get(MOVED, 1.0))
     fits, slow_fits = joint_fits(
         problem,
         found,
@@ -151,13 +147,14 @@ def joint_result(
         whitening=whitening,
         objectives=objectives,
         changes=residual_changes(problem, mesh, declared),
-        scatters=[_amount(part, problem, found, size) for part in parts],
+        # deviation of each shot from the shared stiffness, in standard deviations of the scatter
+        scatters=[(part.factor / m - 1.0) / size if size > 0.0 else 0.0 for part in parts],
     )
     own: tuple[OwnStiffness | None, ...] = (None,) * len(parts)
-    agreement = None
+    agreement, names = None, [part.name for part in parts]
     if MOVED in unknowns.names or unknowns.nodes:
         own = asked = own_stiffnesses(problem, found, mesh, declared)
-        agreement = shot_agreement([part.name for part in parts], asked, scatter=size > 0.0)
+        agreement = shot_agreement(names, asked, scatter=size > 0.0)
     parts = tuple(replace(p, fit=f, own=o) for p, f, o in zip(parts, fits, own, strict=True))
     everything = (*(fit for one in fits for fit in one), *slow_fits)
     shared = {name: joint_verdict(e, everything, agreement) for name, e in shared.items()}
@@ -169,11 +166,9 @@ def joint_result(
         for name, e in shared.items()
     }
     sizes = np.sqrt(np.diag(cov))
-    shot = problem.first.shot
-    held = held_values(shot, unknowns.parameters or Box.of({"none": (0.0, 1.0)}), problem.runs.held)
     return JointResult(
         estimates=shared,
-        fixed=held,
+        fixed=held_values(problem.first, tuple(unknowns.bounds), problem.runs.held),
         correlation=(cov / np.outer(sizes, sizes))[:n, :n],
         expanded=half,
         shots=parts,
@@ -187,7 +182,7 @@ def joint_result(
         refined_mesh=problem.settings.refined_mesh,
         runs=problem.runs.made,
         warnings=(
-            *joint_fit_warnings([part.name for part in parts], fits, slow_fits, agreement, causes),
+            *joint_fit_warnings(names, fits, slow_fits, agreement, causes),
             *said,
             *lost_mesh_runs(mesh.lost, problem.mesh.mesh),
             *_joint_warnings(problem, found, choice, shared),
@@ -198,24 +193,12 @@ def joint_result(
     )
 
 
-def _amount(part: ShotPart, problem: JointProblem, found: Optimum, scatter: float) -> float:
-    """Deviation of one shot from the shared stiffness, in standard deviations of the scatter."""
-    m = float(problem.values(found.x).get(MOVED, 1.0))
-    return (part.factor / m - 1.0) / scatter if scatter > 0.0 else 0.0
-
-
-def _without(stack: Stack, problem: JointProblem, found: Optimum, name: str) -> FloatArray:
+def _without(name: str, stack: Stack, problem: JointProblem, found: Optimum) -> FloatArray:
     """Variances with the same discrepancies, but without the unknown of this name in each shot, shape [d]."""
-    bare, residual = [], found.vector - stack.data
-    for one, o in zip(stack.shots, stack.weighed(residual), strict=True):
-        rest = {key: row for key, row in one.own.items() if key != name}
-        bare.append(
-            replace(
-                replace(one, own=rest).objective,
-                force_discrepancy=o.force_discrepancy,
-                shape_discrepancy=o.shape_discrepancy,
-            )
-        )
+    bare = []
+    for one, o in zip(stack.shots, stack.weighed(found.vector - stack.data), strict=True):
+        rest = replace(one, own={key: row for key, row in one.own.items() if key != name})
+        bare.append(replace(o, front=rest.objective.front))
     rows = stack.whitening(bare).apply(found.slopes.T)
     return np.diag(np.linalg.inv(information(rows, problem.unknowns.widths)))
 
@@ -229,23 +212,24 @@ def _shot_parts(
     residuals = stack.parts(found.vector - stack.data)
     pulls = stack.parts(weighed)
     for k, (one, o, r) in enumerate(zip(stack.shots, objectives, residuals, strict=True)):
-        shot = problem.runs.prepared[k].forward.shot
-        own = {name: _shot_unknown(row[one.kept], pulls[k], o) for name, row in one.own.items()}
-        scatter = 0.0 if found.scatter is None else found.scatter.value
-        size = {SCATTER: m * scatter, GAIN: problem.settings.gain_each}
+        shot = problem.shots[k]
+        size = {SCATTER: m * found.scatter_size, GAIN: problem.settings.gain_each}
         size[CLOCK] = shot.uncertainty.get("clock_offset", 0.0)
-        share = {name: (size[name] * a, size[name] * s) for name, (a, s) in own.items()}
+        own = dict.fromkeys(size, (0.0, 0.0))
+        for name, row in one.own.items():
+            amount, sigma = _shot_unknown(row[one.kept], pulls[k], o)
+            own[name] = size[name] * amount, size[name] * sigma
         n, squares = o.n_force, (r / o.noise) ** 2
         parts.append(
             ShotPart(
                 name=shot.name,
                 inputs=dict(shot.inputs),
-                factor=m + share.get(SCATTER, (0.0, 0.0))[0],
-                sigma_factor=share.get(SCATTER, (0.0, 0.0))[1],
-                gain=share.get(GAIN, (0.0, 0.0))[0],
-                sigma_gain=share.get(GAIN, (0.0, 0.0))[1],
-                clock=share.get(CLOCK, (0.0, 0.0))[0],
-                sigma_clock=share.get(CLOCK, (0.0, 0.0))[1],
+                factor=m + own[SCATTER][0],
+                sigma_factor=own[SCATTER][1],
+                gain=own[GAIN][0],
+                sigma_gain=own[GAIN][1],
+                clock=own[CLOCK][0],
+                sigma_clock=own[CLOCK][1],
                 chi2_force=float(squares[:n].mean()),
                 chi2_outline=float(squares[n:].mean()) if len(squares) > n else float("nan"),
                 discrepancy_force=o.force_discrepancy,
@@ -266,13 +250,10 @@ def _shot_unknown(row: FloatArray, pull: FloatArray, objective: Objective) -> tu
 
 
 def _slow_misfits(problem: JointProblem, vector: FloatArray) -> Mapping[str, float]:
-    stack = problem.stack
-    squares = (vector - stack.data)[stack.ends[-1] :][: len(stack.slow)] / stack.slow_sigma
-    first = stack.ends[-1]
-    return {
-        label: float((squares[part.start - first : part.stop - first] ** 2).mean())
-        for label, part in problem.slow_parts()
-    }
+    stack, sigma = problem.stack, np.ones(len(vector))
+    sigma[stack.ends[-1] :][: len(stack.slow)] = stack.slow_sigma
+    squares = ((vector - stack.data) / sigma) ** 2
+    return {label: float(squares[part].mean()) for label, part in problem.slow_parts()}
 
 
 def _free_curve(
@@ -282,9 +263,7 @@ def _free_curve(
     numerical: Mapping[str, FloatArray],
     correction: FloatArray,
 ) -> CurveFound:
-    """The curve with its k = 2 band, from the factors at the nodes. The factors' logarithm is interpolated
-    between nodes.
-    """
+    """The curve with its k = 2 band; the logarithm of the factors is interpolated between the nodes."""
     n = problem.unknowns.n_parameters
     logs = (found.x + correction)[n:]
     sigma = np.sqrt(sum(part[n:] ** 2 for part in (*noise.values(), *numerical.values())))
@@ -292,7 +271,7 @@ def _free_curve(
     rows = whitening.apply(found.slopes.T)
     normal, known = rows @ rows.T, found.slopes[-problem.stack.known :]
     prior = np.diag(known.T @ known)[n:]
-    curve = problem.first.shot.curve
+    curve = problem.first.curve
     return CurveFound(
         strain=node_strains(curve, len(logs)),
         factor=np.exp(logs),
@@ -318,13 +297,13 @@ def _joint_warnings(
     reference = reference_words(shared)
     if reference:
         said.append(f"m refers to {reference}")
-    m, size = shared.get(MOVED), 0.0 if found.scatter is None else found.scatter.value
+    m, size = shared.get(MOVED), found.scatter_size
     if m is not None and 0.0 < size * m.value <= m.sigma_numerical:
         said.append(
             f"the scatter between the shots, {100.0 * size:.2g} %, is within the mesh error, which "
             "changes with the speed: refine both meshes before you interpret it as scatter"
         )
-    if found.scatter is not None and found.scatter.value > 0.0 and len(problem.stack.shots) < FEW_SHOTS:
+    if found.scatter is not None and size > 0.0 and len(problem.stack.shots) < FEW_SHOTS:
         low, high = (100.0 * end for end in found.scatter.interval)
         said.append(
             f"the scatter between the shots is from {len(problem.stack.shots)} of them and hardly known: its "
@@ -391,7 +370,7 @@ def identify_shots(
             **({} if progress is None else {"progress": progress}),
         )
         own = replace(freed[0], settings=replace(freed[0].settings, free=dict(free)))
-        return JointProblem(runs, settings, slow, own.prior(shots[0].forward.shot) if free else None)
+        return JointProblem(runs, settings, slow, own.prior(shots[0].shot) if free else None)
 
     problem = problem_of(prepared, bounds)
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
@@ -399,11 +378,7 @@ def identify_shots(
     if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
         found = with_patterns_and_scatter(problem, _search_joint(problem), said)
         return joint_result(problem, found, None, tuple(said))
-    bare = [
-        replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
-        for p in prepared
-    ]
-    elastic = problem_of(bare, kept)
+    elastic = problem_of([p.with_shot(replace(p.shot, relaxation=None)) for p in prepared], kept)
     without = _search_joint(elastic)
     found = _search_joint(problem, beside=weak_branch(problem, elastic, without.start))
     found = _not_above(problem, found, elastic, without)
@@ -459,16 +434,14 @@ def _distance(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
 def _shared_bounds(
     prepared: Sequence[PreparedShot], freed: Sequence[Freed], settings: JointSettings, said: list[str]
 ) -> dict[str, tuple[float, float] | None]:
-    """Free parameters of all shots and their bounds. A parameter that is held in one shot is held in all
-    shots, with a note.
-    """
+    """Free parameters and their bounds. One that is held in one shot is held in all, with a note."""
     bounds = dict(freed[0].free)
     for one in freed:
         for name in [n for n in bounds if n not in one.free]:
             del bounds[name]
             said.append(f"{name} is held at each shot's value: {one.reasons.get(name, 'one shot holds it')}")
     for ready in prepared:
-        require_declared(bounds, ready.forward.shot)
+        require_declared(bounds, ready.shot)
     if settings.curve_nodes:
         bounds.pop(MOVED, None)
     for name, value in settings.held.items():

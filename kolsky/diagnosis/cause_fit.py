@@ -76,9 +76,8 @@ class ExpectedResidual:
         return tuple(replace(self.of(channel), tau=np.zeros(2)) for channel in range(2))
 
     def misfits(self, residual: FloatArray) -> FloatArray:
-        """Mean of r^T C^-1 r over the entries of each channel, separately and without tau, shape [2].
-
-        1 is the residual of a correct model. A channel without entries has 1.
+        """Mean of r^T C^-1 r over the entries of each channel without tau, [2]; 1 for a correct model or no
+        entries.
         """
         found = np.ones(2)
         for channel, alone in enumerate(self._channels):
@@ -145,24 +144,13 @@ class LinearFit(Solution):
 
 
 def fit_linear(
-    residual: FloatArray,
-    columns: FloatArray,
-    expected: ExpectedResidual,
-    allowed: Allowances | None = None,
+    residual: FloatArray, columns: FloatArray, expected: ExpectedResidual, allowed: Allowances | None = None
 ) -> LinearFit:
     """Minimise (r + A z + B a)^T C^-1 (r + A z + B a) + a^T a, with tau from the remaining residual.
 
-    Parameters
-    ----------
-    residual
-        Prediction minus data, shape [k].
-    columns
-        A: change of the prediction per unit of each entry of z, shape [k, p]. A column of zeros gets a step
-        of zero and an infinite variance.
-    expected
-        The expected residual of a correct model.
-    allowed
-        B and the bounds of a; none if omitted.
+    ``residual``: r, prediction minus data, shape [k]. ``columns``: A, change of the prediction per unit of
+    each entry of z, shape [k, p]; a column of zeros gets a step of zero and an infinite variance.
+    ``allowed``: B and the bounds of a, or none.
     """
     one = _System.of(columns, expected, allowed)
     z, left, weighted = one.solved(residual, expected)
@@ -181,10 +169,7 @@ def fit_linear(
 
 
 def solve_linear(
-    residual: FloatArray,
-    columns: FloatArray,
-    expected: ExpectedResidual,
-    allowed: Allowances | None = None,
+    residual: FloatArray, columns: FloatArray, expected: ExpectedResidual, allowed: Allowances | None = None
 ) -> Solution:
     """The step and the residual of `fit_linear`, with the same parameters, at half its cost."""
     one = _System.of(columns, expected, allowed)
@@ -241,10 +226,7 @@ class _System:
 
 
 def _bounded(H: FloatArray, g: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Minimum of z^T H z / 2 + g^T z between bounds, shape [p].
-
-    If H is singular, the shortest of the minima.
-    """
+    """Minimum of z^T H z / 2 + g^T z between bounds, shape [p]; the shortest one if H is singular."""
     z = -np.linalg.pinv(H, rcond=1e-12, hermitian=True) @ g
     if ((low <= z) & (z <= high)).all():
         return np.asarray(z)
@@ -277,14 +259,9 @@ def _sandwich(
 def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
     """Twice the logarithm of the likelihood ratio, with one residual per time and channel [-].
 
-    A channel cannot improve if its misfit is at most that of a correct model.
-
-    Parameters
-    ----------
-    before, after
-        `ExpectedResidual.misfits` without and with the change, shape [2].
-    times
-        Distinct times of each channel, shape [2].
+    A channel cannot improve if its misfit is at most that of a correct model. ``before``, ``after``:
+    `ExpectedResidual.misfits` without and with the change, shape [2]. ``times``: distinct times of each
+    channel, shape [2].
     """
     return float(times @ np.log(np.maximum(before, 1.0) / np.maximum(after, 1.0)))
 
@@ -292,8 +269,7 @@ def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
 def explained_share(before: FloatArray, after: FloatArray, entries: IntArray) -> float:
     """Share of the misfit beyond that of a correct model that a change removes [-].
 
-    ``before``, ``after``: `ExpectedResidual.misfits` without and with the change, shape [2]. ``entries``:
-    entries of each channel, shape [2].
+    ``before``, ``after``: as for `evidence`. ``entries``: of each channel, shape [2].
     """
     excess = [float(entries @ np.maximum(misfit - 1.0, 0.0)) for misfit in (before, after)]
     return 1.0 - excess[1] / excess[0] if excess[0] > 0.0 else 0.0
@@ -309,9 +285,8 @@ def chance(change: float, sigma: float, *, degrees: float) -> float:
 
 
 def holm(probabilities: Sequence[float]) -> list[float]:
-    """Probabilities adjusted for the number n of tests (Holm 1979).
-
-    The smallest is multiplied by n, the next by n - 1, and so on. None is less than the one before it.
+    """Probabilities adjusted for n tests (Holm 1979): the smallest times n, the next times n - 1, never
+    falling.
     """
     adjusted, largest, n = [0.0] * len(probabilities), 0.0, len(probabilities)
     for place, i in enumerate(np.argsort(probabilities, kind="stable")):

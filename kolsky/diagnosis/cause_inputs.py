@@ -44,7 +44,7 @@ def changed_vector(
 ) -> FloatArray:
     """Force bins [N], then the radii at all outline points [m], shape [k]; NaN for an unknown radius.
 
-    ``known``: the `radii` of the same run with a change of the same `sight`, if they were already computed.
+    ``known``: the `radii` of the same run with a change of the same `sight`, if already computed.
     """
     force = observations.of_forces(lambda bins, which: _force(change, response, bins.edges, sample, which))
     if not observations.has_shape:
@@ -87,9 +87,9 @@ def _through_amplifier(change: Change, t: FloatArray, impulse: FloatArray) -> Fl
 
 
 def radii(change: Change, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
-    """Radii at the points without the offset from the axis [m]. They are linear in time between the frames
-    and after the last frame. Before the first frame the specimen is undeformed. Empty for a shot without an
-    outline.
+    """Radii at the points without the offset from the axis [m], linear in time between and after the frames.
+
+    Before the first frame the specimen is undeformed. Empty for a shot without an outline.
     """
     if not observations.has_shape:
         return np.zeros(0)
@@ -133,8 +133,8 @@ def stretched(response: Response, s: float) -> Response:
 def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
     """Delays of the strips of a tilted round face, and their shares of its area.
 
-    At the distance x from the middle, the chord of the face has the length 2 sqrt(R^2 - x^2). The delays
-    therefore have a semicircular density. Its Gauss quadrature is Chebyshev's of the second kind.
+    At the distance x from the middle, the chord of the face has the length 2 sqrt(R^2 - x^2): the delays have
+    a semicircular density. Its Gauss quadrature is Chebyshev's of the second kind.
     """
     angle = np.pi * np.arange(1, SPREAD_NODES + 1) / (SPREAD_NODES + 1)
     return half * np.cos(angle), 2.0 * np.sin(angle) ** 2 / (SPREAD_NODES + 1)
@@ -173,9 +173,7 @@ def held_value(c: Cause, problem: InverseProblem) -> float:
 
 
 def declared_sigma(c: Cause, runner: Runner) -> float:
-    """Declared standard uncertainty plus the default allowance, in the value's unit; 0 if there is
-    neither.
-    """
+    """Declared standard uncertainty plus the default allowance, in the value's unit; 0 without both."""
     declared = runner.problem.shot.uncertainty.get(c.declared, 0.0)
     return hypot(declared, c.allowance, runner.front.path.sigma_onset if c.onset else 0.0)
 
@@ -214,9 +212,7 @@ WITHOUT_TRACE = (
 
 
 def corrected(shot: Shot, settings: Settings, finding: CauseFinding) -> tuple[Shot, Settings] | None:
-    """The shot and the settings with the found value. None if the value cannot be set, as for a flyer's
-    tilt.
-    """
+    """The shot and the settings with the found value; None if it cannot be set, as for a flyer's tilt."""
     for one in INPUTS.values():
         if one.cause is not None and one.cause.key == finding.key:
             if one.applied is not None:

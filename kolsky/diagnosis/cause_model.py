@@ -40,18 +40,15 @@ class Point:
     x: FloatArray
     """Free parameters in SI, then the coordinate of a free input, if any, shape [d]."""
     changed: Change = UNCHANGED
-    """The input that is tried."""
 
 
 class CauseModel:
-    """Data vectors at points on the surrogate's mesh.
+    """Data vectors at points on the surrogate's mesh, corrected by a run on the refined mesh.
 
-    A run on the refined mesh corrects them.
-
-    ``runner``: of the identification. ``x``: point of the run on the refined mesh, shape [d]. ``refined``:
-    that run, a batch of one. ``first``: an input that is free in addition to the parameters, or None. Its
-    coordinate is the last entry of every x. ``numerics``: another mesh than the surrogate's. Raises
-    ValueError if the run at `x` does not complete on the surrogate's mesh.
+    ``x``, ``refined``: point of that run, shape [d], and the run, a batch of one. ``first``: an input that is
+    free in addition to the parameters, or None; its coordinate is the last entry of every x. ``numerics``:
+    another mesh than the surrogate's. Raises ValueError if the run at `x` does not complete on the
+    surrogate's mesh.
     """
 
     def __init__(
@@ -103,10 +100,7 @@ class CauseModel:
 
     @cached_property
     def screen(self) -> CauseModel:
-        """This model on the mesh of the replicates.
-
-        It screens values before a few are tried on this mesh.
-        """
+        """This model on the mesh of the replicates, to screen values before a few are tried on this mesh."""
         mesh = self.runner.problem.settings.replicate_mesh
         if mesh[0] >= self.numerics.mesh[0]:
             return self
@@ -253,10 +247,9 @@ AVERAGED_BINS = 7
 
 
 def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual:
-    """The expected residual of a correct model at the answer.
+    """The expected residual of a correct model at the answer, from the data and both meshes' runs there.
 
-    ``model``: the data and both meshes' runs at the answer. ``numerics``: the mesh on which the flyer's noise
-    is propagated.
+    ``numerics``: the mesh on which the flyer's noise is propagated.
     """
     o, n = model.observations, model.observations.n_force
     meshes = model.runner.problem.settings

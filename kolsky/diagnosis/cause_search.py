@@ -34,7 +34,6 @@ class Trial:
     """An input at a value, with the best free parameters for it."""
 
     candidate: Cause
-    """The input."""
     x: FloatArray
     """Free parameters in SI, shape [d]."""
     u: float
@@ -86,13 +85,10 @@ class CauseSearch:
     """All candidates of one identification.
 
     In every trial, inputs may be wrong within k = 2 of their declared uncertainty. Only the remaining
-    residual is a misfit.
-
-    ``runner``: of the identification. ``model``: data vectors from its runs. ``expected``: residual of a
-    correct model. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``: inputs
-    that are tried or may be wrong. ``start``: start of the search; by default the point of the model. Its
-    residual is zero at an outline point that its run does not reach. Raises ValueError if that run does not
-    complete.
+    residual is a misfit. ``model``: data vectors. ``expected``: residual of a correct model. ``use``: entries
+    of the data vector that are counted, shape [k]. ``candidates``: inputs that are tried or may be wrong.
+    ``start``: default: the point of the model. Its residual is zero at an outline point that its run does not
+    reach. Raises ValueError if that run does not complete.
     """
 
     def __init__(
@@ -134,9 +130,8 @@ class CauseSearch:
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
 
     def judge(self, answer: CauseSearch) -> None:
-        """Measure evidence relative to another search's answer, if it fits better.
-
-        ``answer``: the search from the answer, with the same data. It uses all entries of this search.
+        """Measure evidence relative to another search's answer, if it fits better; it uses all entries of
+        this one.
         """
         kept = self.use[answer.use]
         known = self.expected.misfits(answer.left[kept])
@@ -176,9 +171,8 @@ class CauseSearch:
         return Trial(c, x, u + float(fit.step[-1]), misfits, fit.residual, fit)
 
     def residual(self, vector: FloatArray) -> FloatArray:
-        """Prediction minus data at the counted entries.
-
-        An outline point that is not reached keeps the answer's value.
+        """Prediction minus data at the counted entries, with the answer's value at points that are not
+        reached.
         """
         whole = np.where(np.isfinite(vector), vector, self.vector)
         return np.asarray((whole - self.model.data)[self.use])
@@ -232,10 +226,7 @@ class CauseSearch:
         return np.clip(x, self.model.lower[: len(x)], self.model.upper[: len(x)])
 
     def followed(self, starts: Sequence[Trial]) -> list[Trial]:
-        """Gauss-Newton steps from each start with new runs.
-
-        Returns the answer if none is better.
-        """
+        """Gauss-Newton steps from each start with new runs. Returns the answer if none is better."""
         trials, done = self.measured(list(starts)), []
         for _ in range(TURNS):
             least = min((self.loss(t.misfits) for t in trials), default=0.0)
@@ -270,10 +261,7 @@ class CauseSearch:
         return [*done, *trials]
 
     def measured(self, trials: list[Trial]) -> list[Trial]:
-        """Trials evaluated by runs at their points.
-
-        Trials with failed runs are left out.
-        """
+        """Trials evaluated by runs at their points, without those of failed runs."""
         vectors = self.model.vectors([Point(t.x, t.candidate.changed(t.u)) for t in trials])
         found = []
         for t, vector in zip(trials, vectors, strict=True):
@@ -318,9 +306,7 @@ Value = tuple[Cause, float]
 
 
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
-    """Starts: the best large changes of every candidate.
-
-    The free parameters follow by a linear step.
+    """Starts: the best large changes of every candidate, with the free parameters by a linear step.
 
     All large changes are run in one launch on a coarse mesh. Then finer values about the best are run to find
     narrow minima.

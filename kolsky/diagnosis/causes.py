@@ -27,14 +27,7 @@ from kolsky.diagnosis.cause_inputs import (
     stretched,
 )
 from kolsky.diagnosis.cause_model import CauseModel, Point, expected_residual
-from kolsky.diagnosis.cause_search import (
-    FOLLOWED,
-    KEPT,
-    CauseSearch,
-    Trial,
-    best_tried,
-    scan_inputs,
-)
+from kolsky.diagnosis.cause_search import FOLLOWED, KEPT, CauseSearch, Trial, best_tried, scan_inputs
 from kolsky.diagnosis.fit_quality import EDGE, UNEXPLAINED
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.result import COVERAGE, CauseFinding
@@ -60,15 +53,11 @@ FREED_TOGETHER = (POISSON, DAMPING)
 
 
 def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -> tuple[CauseFinding, ...]:
-    """The ranked findings.
-
-    Probabilities are adjusted for all tests, and indistinguishable inputs are listed.
+    """The ranked findings, with probabilities adjusted for all tests, and indistinguishable inputs.
 
     An input with its best value within k = 2 of its declared uncertainty is never a likely cause. It is
-    listed with the part that it explains separately.
-
-    ``search``, ``trials``: the data, and the best value of every input. ``refuted``: key of a likely cause
-    that is free together with the parameters; empty if there is none.
+    listed with the part that it explains separately. ``trials``: the best value of every input. ``refuted``:
+    key of a likely cause that is free together with the parameters; empty if there is none.
     """
     adjusted = holm([_chance(search, t) for t in trials])
     entries = np.array([(search.expected.channel == c).sum() for c in range(2)])
@@ -106,9 +95,9 @@ def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -
 def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) -> bool:
     """True if the leading input after a refuted one belongs to its pair and is separately significant.
 
-    This is a closed test with two hypotheses. First: both values are correct. Evidence and share of the first
-    input refute it; those of the pair are at least as large. Second: this value is correct. Its probability
-    with the first input free refutes it, if the likelihoods can be distinguished.
+    This is a closed test. Evidence and share of the first input, which those of the pair exceed, refute that
+    both values are correct. The probability of this value with the first input free refutes that it is
+    correct, if the likelihoods can be distinguished.
     """
     t, probability, gain, _, _ = row
     pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER
@@ -118,10 +107,8 @@ def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) ->
 def by_evidence(keys: Sequence[str], evidences: Sequence[float], losses: Sequence[float]) -> list[int]:
     """Order of inputs by decreasing evidence, and by increasing loss if it is equal.
 
-    Among indistinguishable inputs, assumptions come first.
-
-    Inputs with `ASSUMED` in their key were not measured on the specimen. They are more likely to be wrong
-    than a measured length. Inputs with evidence that differs by less than `ALIKE` cannot be distinguished.
+    Inputs whose evidence differs by less than `ALIKE` cannot be distinguished. Of these, `ASSUMED` ones come
+    first: they were not measured on the specimen and are more likely to be wrong than a measured length.
     """
     left, order = sorted(range(len(keys)), key=lambda i: (-evidences[i], losses[i])), []
     while left:
@@ -151,10 +138,7 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 
 
 def without_twin_between(keys: Sequence[str]) -> list[str]:
-    """Keys of equal rank, with the second of gain and density moved to the end.
-
-    Both inputs scale the force and would hide a third explanation.
-    """
+    """Keys of equal rank; the second of gain and density, which both scale the force, is moved last."""
     twins = [key for key in keys if key in (SENSITIVITY, DENSITY)]
     return [*(key for key in keys if key not in twins[1:]), *twins[1:]]
 
@@ -177,9 +161,7 @@ difference."""
 
 
 def strangeness(c: Cause, value: float, sigma: float, *, start: float, scale: float) -> float:
-    """Size of a change divided by its usual standard uncertainty [-].
-
-    It is at most `MISTAKE` for a usual mistake.
+    """Size of a change divided by its usual standard uncertainty [-], at most `MISTAKE` for a usual mistake.
 
     ``value``, ``sigma``: the best value and its uncertainty. ``start``: the declared value; NaN for an input
     without a number. ``scale``: the usual standard uncertainty.
@@ -211,9 +193,7 @@ def _chance(search: CauseSearch, t: Trial) -> float:
     if not isfinite(start):
         return chance(np.sqrt(max(search.gain(t.misfits), 0.0)), 1.0, degrees=degrees)
     return chance(
-        t.value - start,
-        float(np.hypot(t.sigma, declared_sigma(t.candidate, search.runner))),
-        degrees=degrees,
+        t.value - start, float(np.hypot(t.sigma, declared_sigma(t.candidate, search.runner))), degrees=degrees
     )
 
 
@@ -290,16 +270,14 @@ class Best:
     own: Trial
     """The trial, as found by its search."""
     search: CauseSearch
-    """The search from this start."""
     model: CauseModel | None = None
     """The model corrected by a run on the refined mesh at its point.
 
     None if no run was made."""
 
     def renewed(self, judge: CauseSearch) -> Best:
-        """The model after a refinement from a run on the refined mesh at its point.
-
-        It does not change if that run fails.
+        """The model after a refinement from a run on the refined mesh at its point; unchanged if that run
+        fails.
         """
         t, search = self.own, self.search
         run = search.model.refined_run(Point(t.x, t.candidate.changed(t.u)))
@@ -323,19 +301,10 @@ def find_causes(
 ) -> CauseAnalysis:
     """Try every input as the cause of the misfit.
 
-    Parameters
-    ----------
-    runner
-        Runs points of the identification's problem.
-    x
-        The answer in SI, shape [d].
-    refined
-        The run on the refined mesh at the answer, a batch of one.
-    other
-        A second start, used if the model does not explain the data. A wrong input may have led the free
-        parameters into another valley. No step leads back from it after the input is corrected.
-    explained
-        True if the misfit is small enough for linear steps, see `kolsky.diagnosis.fit_quality.near_right`.
+    ``x``, ``refined``: the answer in SI, [d], and its run on the refined mesh, a batch of one. ``other``: a
+    second such pair, used if the model does not explain the data: a wrong input may have led the free
+    parameters into another valley, from which no step leads back once it is corrected. ``explained``: True if
+    the misfit is small enough for linear steps, see `kolsky.diagnosis.fit_quality.near_right`.
     """
     try:
         with one_blas_thread(), runner.work.stage("causes", 1):
@@ -345,11 +314,7 @@ def find_causes(
 
 
 def _analysed(
-    runner: Runner,
-    x: FloatArray,
-    refined: Response,
-    other: OtherStart | None,
-    explained: bool,
+    runner: Runner, x: FloatArray, refined: Response, other: OtherStart | None, explained: bool
 ) -> CauseAnalysis:
     ends = stiffness_at_bound(runner.problem.box, x)
     tried = [c for c in causes() if ends or c.needs != "stiffness at its bound"]
@@ -388,10 +353,7 @@ def stiffness_at_bound(box: Box, x: FloatArray) -> bool:
 
 
 def _search_from(
-    model: CauseModel,
-    candidates: Sequence[Cause],
-    *,
-    counted: BoolArray | None = None,
+    model: CauseModel, candidates: Sequence[Cause], *, counted: BoolArray | None = None
 ) -> CauseSearch:
     """The search from the point of a model."""
     problem = model.runner.problem
@@ -420,9 +382,7 @@ CONTENDERS = 4
 
 
 def _contenders(judge: CauseSearch, trials: Sequence[Best]) -> list[Best]:
-    """Inputs with an order that the mesh error could change.
-
-    They are strong, and their evidence is within `KEPT` of the largest.
+    """Strong inputs within `KEPT` of the largest evidence, whose order the mesh error could change.
 
     With a changed input, the correction by the run at the answer is less accurate. Far beyond the bound of
     the stiffness, and for a stretched run, the meshes have another phase difference.
@@ -453,14 +413,11 @@ def _findings(
 def _search_beside_leading(
     first: Best, judge: CauseSearch, findings: tuple[CauseFinding, ...], rest: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
-    """The findings with the first one updated on the refined mesh.
+    """The findings with the first one updated on the refined mesh, and further errors in addition to it.
 
-    Further errors are tried in addition to it.
-
-    The correction by the refined mesh is not valid for a change that needs other runs. It is also not valid
-    in another valley of a free Poisson's ratio. One run at the changed point updates it. Then the first input
-    is free like the parameters, and the others are tried together with it. After the correction of the first
-    input, their separate results have no meaning.
+    The correction by the refined mesh is not valid for a change that needs other runs, nor in another valley
+    of a free Poisson's ratio: one run at the changed point updates it. The first input is then free like the
+    parameters, and the others are tried together with it. Their separate results have no meaning.
     """
     search, c = first.search, first.own.candidate
     runner, problem = search.runner, search.problem
@@ -487,10 +444,7 @@ def _search_beside_leading(
 
 
 def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
-    """The list after the first cause.
-
-    Likely causes together with the first one come first. Likely alternatives to it follow, then the rest.
-    """
+    """The list after the first cause: likely causes together with it, likely alternatives, the rest."""
     likely = [f for f in more if f.named]
     likely += [f for f in alone if f.named and f.key not in {one.key for one in likely}]
     known = {f.key for f in likely}
@@ -499,15 +453,8 @@ def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> t
     return (*likely, *rest, *(f for f in alone if f.key not in known))
 
 
-def best_trials(
-    search: CauseSearch,
-    candidates: Sequence[Cause],
-    *,
-    explained: bool = False,
-) -> list[Trial]:
-    """The best value of every candidate.
-
-    Large changes are tried only if the data are not explained.
+def best_trials(search: CauseSearch, candidates: Sequence[Cause], *, explained: bool = False) -> list[Trial]:
+    """The best value of every candidate. Large changes are tried only if the data are not explained.
 
     The search estimates the residual of a correct model from only two meshes. `explained` is more accurate.
     """
@@ -526,9 +473,7 @@ def best_trials(
 
 
 def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
-    """A density for each gain of the force. Equal factors on force, density and stress do not change the
-    motion.
-    """
+    """A density for each gain of the force: equal factors on force, density and stress keep the motion."""
     names = search.problem.box.names
     gains = [t for t in starts if t.candidate.key == SENSITIVITY]
     density = next(c for c in causes() if c.key == DENSITY)
@@ -549,9 +494,9 @@ def _stretched_runs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Tr
     """The two best factors on the times of all frames by the run at the answer, stretched in time.
 
     A run with all times multiplied by s, all stresses and forces by 1 / s^2, and the damping by s is the run
-    with the frames' times multiplied by s at the stiffness factor m / s^2. Its outline in the frames is
-    unchanged. If the rate is wrong, the answer follows the film, not the force's clock. Linear steps end in
-    another valley of Poisson's ratio.
+    at the stiffness factor m / s^2 with the frames' times multiplied by s. Its outline in the frames is
+    unchanged. If the rate is wrong, the answer follows the film, not the force's clock, and linear steps end
+    in another valley of Poisson's ratio.
     """
     model, names = search.model, search.problem.box.names
     rate = [c for c in candidates if c.key == FRAME_RATE]
@@ -579,16 +524,12 @@ tried."""
 def with_suspects(
     causes: Sequence[CauseFinding], unchanged: Mapping[str, float], sigma: float
 ) -> tuple[CauseFinding, ...]:
-    """The causes of an explained answer.
+    """The causes of an explained answer; those that would shift it out of its interval are reported.
 
-    Causes that would shift it out of its interval are reported.
-
-    The goodness of fit allows for errors of mesh and inputs. They may hide a wrong input. An input is
-    suspected under two conditions: the data prefer another value at the level `SURE`, and this value shifts
-    the stiffness factor out of its k = 2 interval.
-
-    ``causes``: all that were tried; none is marked as likely yet. ``unchanged``: `CauseAnalysis.unchanged`.
-    ``sigma``: standard uncertainty of the stiffness factor.
+    The goodness of fit allows for errors of mesh and inputs, which may hide a wrong input. An input is
+    suspected if the data prefer another value at the level `SURE`, and if this value shifts the stiffness
+    factor out of its k = 2 interval. ``causes``: all tried; none is marked as likely yet. ``unchanged``:
+    `CauseAnalysis.unchanged`. ``sigma``: standard uncertainty of the stiffness factor.
     """
     if MOVED not in unchanged:
         return tuple(causes)
@@ -605,15 +546,11 @@ def with_suspects(
 
 
 def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[CauseFinding, ...]:
-    """The causes of a withheld answer.
+    """The causes of a withheld answer; the leading ones are reported even if their evidence is small.
 
-    The leading causes are reported even if their evidence is small.
-
-    In this case an error is certain, and an input needs less evidence. It must be significant and explain
-    `LEAST_SHARE`. At a bound, the data prefer a value beyond the bound.
-
-    ``causes``: all that were tried, by their evidence; none is marked as likely yet. ``at_bound``: True if
-    the stiffness factor ends at a bound.
+    An error is then certain, so an input needs less evidence. It must be significant and explain
+    `LEAST_SHARE`. At a bound of the stiffness factor, the data prefer a value beyond it. ``causes``: all
+    tried, by evidence; none is marked as likely yet.
     """
     beyond = [f for f in causes if at_bound and f.key == CURVE_SCALE and not f.status]
     strong = [f for f in causes if f.probability < LEVEL and f.explained >= LEAST_SHARE]
@@ -624,8 +561,7 @@ def with_leading(causes: Sequence[CauseFinding], *, at_bound: bool) -> tuple[Cau
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
     """Warnings on inputs that are likely to be wrong, or on a misfit that no input explains.
 
-    ``explained``: True if the model explains force and outline on the refined mesh. No misfit then remains to
-    be explained.
+    ``explained``: True if the model explains force and outline on the refined mesh.
     """
     if analysis.lost:
         yield f"the search for a wrong input failed: {analysis.lost}"

@@ -53,7 +53,6 @@ class FittedLag:
     jacobian: FloatArray
     """Jacobian of the data vector by the free parameters and the lag, shape [k, d + 1]."""
     objective: Objective
-    """The objective with the remaining discrepancies."""
     evidence: float
     """Decrease of -2 ln L by the lag, with the free parameters fitted in both cases [-]."""
     settled: bool
@@ -138,9 +137,7 @@ def _without_slow_error(objective: Objective) -> Objective:
 def first_lag(
     objective: Objective, shifted: Shifted, slopes: Shifted, direction: tuple[float, float]
 ) -> float:
-    """The first lag [s]: the likeliest one of a scan over `REACH`.
-
-    The free parameters are refitted at each lag.
+    """The first lag [s]: the likeliest one of a scan over `REACH`, with the free parameters refitted.
 
     In this scan, the front face's noise is part of the discrepancies. Arguments as for `fit_lag`.
     """
@@ -162,8 +159,7 @@ def late_prediction(response: Response, objective: Objective) -> Shifted:
     """The prediction of a run, as late clocks would record it.
 
     A bin's mean is the difference of the impulse at its edges. Between the frames, surfaces are splines in
-    time. Before the simulation begins, everything is at rest. For times after its end, the value without a
-    lag is used.
+    time. Before the simulation everything is at rest; after its end, the value without a lag is used.
     """
     observations = objective.observations
     line, t = observations.centre_line, response.force_times
@@ -269,27 +265,12 @@ def clock_lags(
     *,
     again: Reruns | None = None,
 ) -> tuple[ClockLag, ...]:
-    """Lags of force, outline and flyer, each relative to the two others.
+    """Lags of force, outline and flyer, each relative to the two others; only the force's without an outline.
 
-    Parameters
-    ----------
-    shot
-        The shot, for the names of files and keys.
-    response
-        The run at the optimum.
-    objective
-        The objective with the discrepancies of the optimum.
-    jacobian
-        Of the data vector by the free parameters, shape [k, d].
-    changes
-        As for `kolsky.diagnosis.fit_quality.fit_quality`.
-    again
-        The solver for lags beyond the linear range. Without it, such lags are not refined.
-
-    Returns
-    -------
-    tuple of ClockLag
-        The lag of the force is first. Without an outline it is the only one.
+    ``shot``: for the names of files and keys. ``response``: the run at the optimum. ``objective``: with its
+    discrepancies. ``jacobian``: of the data vector by the free parameters, shape [k, d]. ``changes``: as for
+    `kolsky.diagnosis.fit_quality.fit_quality`. ``again``: the solver for lags beyond the linear range;
+    without it, such lags are not refined.
     """
     shifted, found = late_prediction(response, objective), []
     recordings = tuple(DIRECTIONS) if objective.observations.has_shape else (FORCE,)
@@ -322,12 +303,9 @@ def clock_lags(
 
 
 def slopes(points: FloatArray, seen: Sequence[Shifted]) -> Shifted:
-    """Effect of each parameter on late recordings, shape [k, d].
+    """Effect of each parameter on late recordings, [k, d]; zero at a point that a run does not reach.
 
-    It is zero at a point that a run does not reach.
-
-    ``points``: as for `Reruns.beside`, shape [d + 1, d]. ``seen``: the predictions at these points, length d
-    + 1.
+    ``points``: as for `Reruns.beside`, [d + 1, d]. ``seen``: the predictions at these points.
     """
     steps = np.diag(points[1:] - points[0])
 
@@ -343,9 +321,7 @@ def follow(
     again: Reruns,
     refit: Callable[[str, FloatArray, Sequence[Response]], FittedLag],
 ) -> dict[str, FittedLag]:
-    """The lags refined with new runs.
-
-    This is done if the leading lag is significant but does not explain the data.
+    """The lags refined with new runs, if the leading lag is significant but does not explain the data.
 
     ``fits``: by recording, the lags from the run at the optimum. ``again``: the solver. ``refit``: fits the
     lag of a recording to the runs at the points of `Reruns.beside`, a batch of one each.

@@ -9,6 +9,7 @@ are withheld and the reasons are given.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
@@ -43,11 +44,7 @@ root 3."""
 
 
 def residual_sources(sources: Sources) -> dict[str, FloatArray]:
-    """Changes of the predicted data vector by one standard uncertainty of each source.
-
-    ``sources``: noise and scales of the inputs, declared uncertainties, mesh and element. Returns: source ->
-    changes, shape [n, k] or [k].
-    """
+    """Changes of the predicted data vector by one standard uncertainty of each source, [n, k] or [k]."""
     inputs = sources.inputs
     found = {name: change for name, change in inputs.replicates.items() if len(change)}
     found |= {**inputs.scales, MESH: mesh_changes(sources.mesh)}
@@ -96,27 +93,13 @@ def fit_quality(
     changes: Mapping[str, FloatArray],
     names: tuple[str, ...] = (),
 ) -> tuple[FitQuality, ...]:
-    """Judge the residual of each measured channel.
+    """Judge the residual of each measured channel: force, then outline if it was measured.
 
-    Parameters
-    ----------
-    objective
-        The objective with the discrepancies of the optimum.
-    vector
-        The data vector that the model predicts at the optimum, shape [k].
-    jacobian
-        Jacobian of the data vector by the free parameters at the optimum, shape [k, d].
-    changes
-        By source, changes of the predicted data vector by one standard uncertainty of that source. They are
-        draws of a noise, shape [n, k], or one change, shape [k]. They are not finite at a point that a run
-        does not reach. Without the flyer's noise, no limit is set, because too much is missing.
-    names
-        The free parameters, length d, for their shares of information. A shorter tuple omits the last ones.
-
-    Returns
-    -------
-    tuple of FitQuality
-        Force, then outline if it was measured.
+    ``objective``: with the discrepancies of the optimum. ``vector``, ``jacobian``: predicted data vector at
+    the optimum, [k], and its slopes by the free parameters, [k, d]. ``changes``: by source, changes of that
+    vector by one standard uncertainty: draws of a noise, [n, k], or one change, [k]; not finite at a point
+    that a run does not reach. Without the flyer's noise, no limit is set, because too much is missing.
+    ``names``: the free parameters, for their shares of information; a shorter tuple omits the last ones.
     """
     gain = objective.gain(jacobian)
     left = {source: left_over(change, jacobian, gain) for source, change in changes.items()}
@@ -144,36 +127,57 @@ def channel_fits(
     found = []
     for channel, unit in ((FORCE, "N"), (OUTLINE, "m")):
         use = _mask(objective, channel)
-        if not use.any():
-            continue
-        noise, tau = objective.noise[use], _discrepancy(objective, channel)
-        first, second = neighbours(objective, channel)
-        block = blocks(objective, channel)
-        slow = [root_mean_square(block_means(change[..., use], block)) for change in left.values()]
-        correlation, whiteness = correlated(residual / objective.noise, first, second)
-        found.append(
-            FitQuality(
+        if use.any():
+            one = residual_quality(
+                residual[use],
+                objective.noise[use],
+                {source: change[..., use] for source, change in left.items()},
                 channel=channel,
                 unit=unit,
-                values=int(use.sum()),
-                residual=root_mean_square(residual[use]),
-                predicted={
-                    NOISE: root_mean_square(noise),
-                    **{s: root_mean_square(c[..., use]) for s, c in left.items()},
-                },
+                block=blocks(objective, channel),
+                pairs=neighbours(objective, channel),
+                tau=objective.force_discrepancy if channel == FORCE else objective.shape_discrepancy,
                 peak=peak(objective.data[use], channel),
-                slow_residual=root_mean_square(block_means(residual[use], block)),
-                slow_expected=float(np.hypot.reduce([block_noise(noise, block), *slow])),
-                chi2=float(((residual[use] / noise) ** 2).mean()),
-                discrepancy_share=float(tau**2 / (tau**2 + (noise**2).mean())),
-                correlation=correlation,
-                whiteness=whiteness,
                 weight=dict(zip(names, weights[channel].tolist(), strict=False)),
                 limit=LIMITS[channel] if judged else inf,
                 slow_limit=SLOW_LIMITS[channel] if judged else inf,
             )
-        )
+            found.append(one)
     return tuple(found)
+
+
+def residual_quality(
+    residual: FloatArray,
+    noise: FloatArray,
+    left: Mapping[str, FloatArray],
+    *,
+    block: IntArray,
+    pairs: tuple[IntArray, IntArray],
+    tau: float = 0.0,
+    **known: Any,
+) -> FitQuality:
+    """Judge one residual, shape [n], against its noise and the part expected from each source.
+
+    ``left``: as for `channel_fits`. ``block``: block of each value, shape [n]. ``pairs``: rows of neighbours.
+    ``tau``: discrepancy. ``known``: the other fields of the result.
+    """
+    slow = [root_mean_square(block_means(change, block)) for change in left.values()]
+    correlation, whiteness = correlated(residual / noise, *pairs)
+    return FitQuality(
+        values=len(residual),
+        residual=root_mean_square(residual),
+        predicted={
+            NOISE: root_mean_square(noise),
+            **{source: root_mean_square(change) for source, change in left.items()},
+        },
+        slow_residual=root_mean_square(block_means(residual, block)),
+        slow_expected=float(np.hypot.reduce([block_noise(noise, block), *slow])),
+        chi2=float(((residual / noise) ** 2).mean()),
+        discrepancy_share=float(tau**2 / (tau**2 + (noise**2).mean())),
+        correlation=correlation,
+        whiteness=whiteness,
+        **known,
+    )
 
 
 def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> FloatArray:
@@ -191,9 +195,9 @@ def information_shares(
     """Share of each channel in the information on each parameter, with the other parameters fitted too.
 
     The variance of parameter i is the sum over the data of ``g_ik (C g_i)_k`` with the gain g and the data's
-    covariance C. Each datum has a share, and the shares sum to one. For independent data, the term is ``(g_ik
-    sigma_k)^2``. A datum may help to remove a common error from other data; its share can then be negative. A
-    parameter without effect on the data has NaN.
+    covariance C; for independent data, the term is ``(g_ik sigma_k)^2``. The shares sum to one. Data that
+    only remove a common error from others have a negative share. A parameter without effect on the data has
+    NaN.
     """
     parts = gain * spread
     total = parts.sum(axis=1)
@@ -204,11 +208,9 @@ def information_shares(
 def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple[float, float]:
     """Correlation of neighbours, and the probability that white noise has at least this correlation.
 
-    Ljung and Box (1978) with one lag: ``Q = n (n + 2) / (n - 1) r^2``, where n - 1 is the number of pairs. Q
-    has the chi-square distribution with one degree of freedom.
-
-    ``residual``: in units of its noise, shape [k]. Its mean is not subtracted, because it is zero for a
-    correct model. ``first``, ``second``: rows of the two neighbours of each pair, shape [n_pairs].
+    Ljung and Box (1978) with one lag: ``Q = n (n + 2) / (n - 1) r^2`` with n - 1 pairs has the chi-square
+    distribution with one degree of freedom. ``residual``: in units of its noise, [k]; its mean is zero for a
+    correct model and not subtracted. ``first``, ``second``: rows of the neighbours of each pair, [n_pairs].
     """
     if first.size < 2:
         return float("nan"), float("nan")
@@ -248,23 +250,19 @@ def block_means(values: FloatArray, block: IntArray) -> FloatArray:
 
 
 def block_noise(sigma: FloatArray, block: IntArray) -> float:
-    """Standard deviation of a block's mean of independent noise.
-
-    It is the root mean square over the blocks.
-    """
+    """Standard deviation of a block's mean of independent noise, root mean square over the blocks."""
     return float(np.sqrt(np.mean(np.bincount(block, weights=sigma**2) / np.bincount(block) ** 2)))
 
 
 def neighbours(objective: Objective, channel: str) -> tuple[IntArray, IntArray]:
-    """Rows of neighbours in the data vector: force bins in time, or points along one frame's outline."""
+    """Rows of neighbours in a channel: force bins in time, or points along one frame's outline."""
     if channel == FORCE:
         rows = np.arange(objective.n_force)
         return rows[:-1], rows[1:]
     line, rows = objective.observations.centre_line, np.flatnonzero(objective.counted)
     order = np.lexsort((line.y[rows], line.frame[rows]))
     same = np.diff(line.frame[rows][order]) == 0
-    placed = objective.n_force + order
-    return placed[:-1][same], placed[1:][same]
+    return order[:-1][same], order[1:][same]
 
 
 def peak(data: FloatArray, channel: str) -> float:
@@ -279,10 +277,6 @@ def root_mean_square(values: FloatArray) -> float:
 
 def _mask(objective: Objective, channel: str) -> BoolArray:
     return objective.mask("force" if channel == FORCE else "shape")
-
-
-def _discrepancy(objective: Objective, channel: str) -> float:
-    return objective.force_discrepancy if channel == FORCE else objective.shape_discrepancy
 
 
 ALONE_BY = {FORCE: Verdict.FORCE_ALONE, OUTLINE: Verdict.OUTLINE_ALONE}
@@ -306,10 +300,8 @@ def with_verdicts(result: Identification) -> Identification:
 
 
 def verdict(result: Identification, e: Estimate) -> Verdict:
-    """The verdict on one parameter, most serious first.
-
-    Order: not explained, contradicted, not distinguished from a bound of its design, not distinguished from
-    another valley, identified by one channel only.
+    """The verdict on one parameter, most serious first: not explained, contradicted, not distinguished from a
+    bound of its design or from another valley, identified by one channel only.
     """
     if e.outcome not in WITHHELD:
         return e.outcome
@@ -332,9 +324,8 @@ def checked(result: Identification, name: str, channel: str) -> bool:
     """True if the other channel separately determines a parameter well enough to contradict this one.
 
     The weights include common errors. A channel may therefore have almost no weight in the answer, although
-    it separately determines the value nearly as well. Such a channel confirms the value under two conditions.
-    Its standard uncertainty is at most `kolsky.diagnosis.fit_quality.CHECKS` times the answer's, and its
-    optimum lies inside the searched range.
+    it separately determines the value nearly as well: its standard uncertainty is at most `CHECKS` times the
+    answer's, and its optimum lies inside the searched range.
     """
     routes = {route.name: route.sigma.get(name, inf) for route in result.routes}
     joint, other = routes.get("joint", 0.0), routes.get(ROUTES[OTHER_CHANNEL[channel]], inf)
@@ -342,9 +333,7 @@ def checked(result: Identification, name: str, channel: str) -> bool:
 
 
 def reaches_bound(result: Identification, e: Estimate) -> bool:
-    """True if the k = 2 interval extends beyond a bound of the parameter's design. There are no runs beyond
-    it.
-    """
+    """True if the k = 2 interval extends beyond a bound of the parameter's design, without runs."""
     i = result.design.names.index(e.name)
     # The printed interval is limited to the searched range.
     low, high = e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma
@@ -362,12 +351,8 @@ def explains(fit: Sequence[FitQuality]) -> bool:
 
 
 def near_right(fit: Sequence[FitQuality]) -> bool:
-    """True if no channel has a large misfit.
-
-    A large misfit means that large changes of inputs are tried.
-
-    Its squared excess and its squared slow excess are at most `kolsky.diagnosis.fit_quality.UNEXPLAINED`, and
-    limits were set.
+    """True if linear steps are enough: limits were set, and the squared excess of every channel is at most
+    `UNEXPLAINED`.
     """
     return explains(fit) and all(max(f.excess, f.slow_excess) ** 2 <= UNEXPLAINED for f in fit)
 
@@ -381,10 +366,7 @@ def routes_apart(result: Identification, name: str) -> float:
 
 
 def route_at_edge(result: Identification, name: str) -> bool:
-    """True if an optimum by a single channel lies at an edge of the searched box.
-
-    The channel is the force or the outline.
-    """
+    """True if the optimum by force or by outline lies at an edge of the searched box."""
     routes = {route.name: route for route in result.routes}
     ends = [routes[key].on_mesh(name) for key in ROUTES.values() if key in routes]
     boxes = [(curve.x[0], curve.x[-1]) for curve in result.curves if curve.parameter == name]
@@ -446,7 +428,7 @@ def unexplained(channel: FitQuality) -> str:
 def late_clocks(result: Identification) -> Iterator[str]:
     """Warning on a late recording, if the lag is significant and its correction explains the data.
 
-    If no lag explains the data, another input is wrong. The best-fitting lag is then not reported.
+    Otherwise another input is wrong, and the best-fitting lag is not reported.
     """
     lag = leading_lag(result.clocks)
     if lag is not None and lag.significance > LATE and lag.explains:

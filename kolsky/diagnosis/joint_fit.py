@@ -43,14 +43,11 @@ from kolsky.diagnosis.fit_quality import (
     BLOCKS,
     DECLARED,
     WITHHELD,
-    block_means,
-    block_noise,
     channel_fits,
-    correlated,
     information_shares,
     left_over,
     mesh_changes,
-    root_mean_square,
+    residual_quality,
     unexplained,
 )
 from kolsky.inverse.joint_problem import SCATTER, JointProblem, ShotData, Stack, covariance
@@ -58,7 +55,7 @@ from kolsky.inverse.joint_result import FORCE_SCALE, OwnStiffness, ShotAgreement
 from kolsky.inverse.joint_search import Optimum
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED
-from kolsky.inverse.result import CURVE, FLYER, FORCE, MESH, NOISE, OUTLINE, Estimate, FitQuality, Verdict
+from kolsky.inverse.result import CURVE, FLYER, FORCE, MESH, OUTLINE, Estimate, FitQuality, Verdict
 from kolsky.uncertainty.budgets import as_drawn
 from kolsky.uncertainty.mesh_error import MeshChange
 
@@ -95,28 +92,22 @@ def residual_changes(
 ) -> dict[str, FloatArray]:
     """Changes of the whole vector by one standard uncertainty of each source, shape [n, k] each."""
     stack = problem.stack
-    size, shots = len(stack.data), range(len(stack.shots))
-    front = [_placed(stack, k, stack.shots[k].front) for k in shots]
-    bare = without_scatter(stack).shots
-    own_rows = [_placed(stack, k, row[None]) for k in shots for row in bare[k].own.values()]
+    front = [stack.placed(k, one.front[:, one.kept]) for k, one in enumerate(stack.shots)]
+    own_rows = [
+        stack.placed(k, row[None, one.kept])
+        for k, one in enumerate(without_scatter(stack).shots)
+        for row in one.own.values()
+    ]
     changes = {MESH: mesh_changes(mesh)}
     if any(len(rows) for rows in front):
         changes[FLYER] = as_drawn(np.concatenate(front))
-    if stack.curve is not None and len(stack.curve):
-        changes[CURVE] = as_drawn(np.pad(stack.curve, ((0, 0), (0, size - stack.curve.shape[1]))))
-    if stack.common is not None and len(stack.common):
-        changes["force scale"] = as_drawn(np.pad(stack.common, ((0, 0), (0, size - stack.common.shape[1]))))
+    for source, patterns in ((CURVE, stack.curve), ("force scale", stack.common)):
+        if patterns is not None and len(patterns):
+            changes[source] = as_drawn(stack.padded(patterns))
     rows = [*own_rows, *declared.values()]
     if rows:
         changes[DECLARED] = as_drawn(np.concatenate(rows))
     return changes
-
-
-def _placed(stack: Stack, k: int, rows: FloatArray) -> FloatArray:
-    """Rows over a shot's bins and all points as rows of the whole vector, shape [n, k]."""
-    placed = np.zeros((len(rows), len(stack.data)))
-    placed[:, stack.place(k)] = rows[:, stack.shots[k].kept]
-    return placed
 
 
 def joint_fits(
@@ -129,15 +120,11 @@ def joint_fits(
     changes: Mapping[str, FloatArray],
     scatters: Sequence[float],
 ) -> tuple[tuple[tuple[FitQuality, ...], ...], tuple[FitQuality, ...]]:
-    """The residual of each shot's channels, and of each slow test.
+    """The residuals of each shot's channels, and of the slow tests, compared with those of a correct model.
 
-    They are compared with those of a correct model.
-
-    ``problem``, ``optimum``: the problem and its optimum. ``gain``: linear map from a change of the data to
-    the shift of the optimum, shape [d, k]. ``whitening``, ``objectives``: weights of the whole vector and of
-    the shots. ``changes``: changes of the whole vector by each source, `residual_changes`. ``scatters``: each
-    shot's deviation by the scatter, in standard deviations. Returns: the channels of each shot; the slow
-    tests in their order.
+    ``gain``: linear map from a change of the data to the shift of the optimum, [d, k]. ``whitening``,
+    ``objectives``: weights of the whole vector and of the shots. ``changes``: `residual_changes`.
+    ``scatters``: each shot's deviation by the scatter, in standard deviations.
     """
     stack, names = problem.stack, problem.unknowns.names
     left = {source: left_over(change, optimum.slopes, gain) for source, change in changes.items()}
@@ -166,10 +153,18 @@ def joint_fits(
             judged=judged,
         )
         shots.append(fits if judged else tuple(roughly_judged(fit) for fit in fits))
-    slow = tuple(
-        _slow_fit(label, part, problem, optimum, left, judged=judged) for label, part in problem.slow_parts()
-    )
-    return tuple(shots), slow
+    slow = []
+    for label, part in problem.slow_parts():
+        sigma = stack.slow_sigma[part.start - stack.ends[-1] : part.stop - stack.ends[-1]]
+        fit = slow_fit(
+            label,
+            (stack.data - optimum.vector)[part] / sigma,
+            {source: change[..., part] / sigma for source, change in left.items()},
+            peak=float(np.abs(stack.data[part] / sigma).max()),
+            judged=judged,
+        )
+        slow.append(fit)
+    return tuple(shots), tuple(slow)
 
 
 def roughly_judged(fit: FitQuality) -> FitQuality:
@@ -177,68 +172,36 @@ def roughly_judged(fit: FitQuality) -> FitQuality:
     return replace(fit, limit=ROUGH_LIMIT, slow_limit=ROUGH_LIMIT)
 
 
-def _slow_fit(
-    label: str,
-    part: slice,
-    problem: JointProblem,
-    optimum: Optimum,
-    left: Mapping[str, FloatArray],
-    *,
-    judged: bool,
-) -> FitQuality:
-    """A slow test's residual in units of its declared sigma."""
-    stack = problem.stack
-    sigma = stack.slow_sigma[part.start - stack.ends[-1] : part.stop - stack.ends[-1]]
-    return slow_fit(
-        label,
-        (stack.data - optimum.vector)[part] / sigma,
-        {source: change[..., part] / sigma for source, change in left.items()},
-        peak=float(np.abs(stack.data[part] / sigma).max()),
-        judged=judged,
-    )
-
-
 def slow_fit(
     label: str, residual: FloatArray, left: Mapping[str, FloatArray], *, peak: float, judged: bool
 ) -> FitQuality:
-    """Judge a slow test by its residual and the parts expected from each source.
+    """Judge a slow test by its residual and the parts expected from each source, in units of its sigma.
 
-    All are in units of its sigma.
-
-    ``label``: its label. ``residual``: measurement minus model, shape [n]. ``left``: the residual of a
-    correct model by source, one standard uncertainty, shape [m, n] or [n]. ``peak``: largest value [-].
-    ``judged``: True if `left` includes the noise of front face and curve; otherwise the limit is
-    `ROUGH_LIMIT`.
+    ``label``: its label. ``residual``: measurement minus model, [n]. ``left``: by source, one standard
+    uncertainty of the residual of a correct model, [m, n] or [n]. ``peak``: largest value [-]. ``judged``:
+    False for the limit `ROUGH_LIMIT`, if `left` lacks the noise of front face and curve.
     """
     n = len(residual)
     block = np.minimum(BLOCKS * np.arange(n) // max(n, 1), BLOCKS - 1)
-    block = np.unique(block, return_inverse=True)[1]
-    slow = [root_mean_square(block_means(change, block)) for change in left.values()]
-    correlation, whiteness = correlated(residual, np.arange(n - 1), np.arange(1, n))
-    return FitQuality(
+    limit = SLOW_TEST_LIMIT if judged else ROUGH_LIMIT
+    return residual_quality(
+        residual,
+        np.ones(n),
+        left,
         channel=label,
         unit="1",
-        values=n,
-        residual=root_mean_square(residual),
-        predicted={NOISE: 1.0, **{source: root_mean_square(change) for source, change in left.items()}},
+        block=np.unique(block, return_inverse=True)[1],
+        pairs=(np.arange(n - 1), np.arange(1, n)),
         peak=peak,
-        slow_residual=root_mean_square(block_means(residual, block)),
-        slow_expected=float(np.hypot.reduce([block_noise(np.ones(n), block), *slow])),
-        chi2=float(np.mean(residual**2)),
-        discrepancy_share=0.0,
-        correlation=correlation,
-        whiteness=whiteness,
-        limit=SLOW_TEST_LIMIT if judged else ROUGH_LIMIT,
-        slow_limit=SLOW_TEST_LIMIT if judged else ROUGH_LIMIT,
+        limit=limit,
+        slow_limit=limit,
     )
 
 
 def own_stiffnesses(
     problem: JointProblem, optimum: Optimum, mesh: MeshChange, declared: Mapping[str, FloatArray]
 ) -> tuple[OwnStiffness, ...]:
-    """Stiffness estimated from each shot separately, by all its data and by each channel, and its force's
-    scale.
-    """
+    """Stiffness from each shot separately, by all its data and by each channel, and its force's scale."""
     stack = problem.stack
     change = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     own_errors = [rows for rows in declared.values() if len(rows) == len(stack.shots)]
@@ -266,13 +229,11 @@ BLANK = 1e6
 def own_amount(
     one: ShotData, residual: FloatArray, changes: FloatArray, patterns: FloatArray, channel: str
 ) -> tuple[float, float]:
-    """Amount of the last of some changes of a shot's data, and its standard uncertainty.
+    """Amount of the last of some changes of a shot's data, and its standard uncertainty; NaN if not measured.
 
     With the change by a relative change of its stiffness, it is the relative stiffness minus the shared one.
-
-    ``residual``: prediction minus data, shape [k]. ``changes``: of its data by a unit each, shape [m, k].
-    ``patterns``: further errors of the shot, one standard deviation per row, [n, k]. ``channel``: "joint",
-    "force" or "outline". NaN if the channel was not measured.
+    ``residual``: prediction minus data, [k]. ``changes``: of its data by a unit each, [m, k]. ``patterns``:
+    further errors, one standard deviation per row, [n, k]. ``channel``: "joint", "force" or "outline".
     """
     objective, variance = one.objective, float("nan")
     amounts: FloatArray = np.zeros(len(changes))
@@ -299,13 +260,10 @@ def shot_agreement(
 ) -> ShotAgreement | None:
     """Test whether the shots agree in stiffness and scale, and which shot does not; None for one shot.
 
-    All data, the force and the outline are tested separately. The weights of a fit reduce the influence of a
-    channel that disagrees in one shot. A stiffer specimen changes force and outline together, and the period
-    of the force. The scale of the force therefore does not scatter between specimens. If a shot contradicts
-    the others, the least likely channel is given.
-
-    ``stiffnesses``: the stiffness from each shot. ``scatter``: True if the interval includes a scatter
-    between them. Only larger differences are then a contradiction.
+    All data, the force and the outline are tested separately, because the weights of a fit reduce the
+    influence of a channel that disagrees in one shot. A stiffer specimen changes force and outline, and the
+    period of the force; the scale of the force does not scatter between specimens. The least likely channel
+    is given. ``scatter``: True if the interval includes a scatter; only larger differences contradict it.
     """
     force, outline, scale = (
         np.array([(getattr(one, name), getattr(one, f"sigma_{name}")) for one in stiffnesses]).T
@@ -331,10 +289,8 @@ def shot_agreement(
 def noticeable_scales(sigma: FloatArray) -> tuple[float, ...]:
     """Smallest error of each shot's force scale that the test of the scales detects with `POWER` [-].
 
-    The chi-square must exceed its limit, and the ratio of the scales must exceed `LEAST_RATIO`.
-
-    ``sigma``: standard uncertainties of the scales, shape [n]. Infinite for a shot whose scale, or all others
-    of which, is unknown.
+    The chi-square must exceed its limit, and the ratio of the scales `LEAST_RATIO`. ``sigma``: of the scales,
+    [n]. Infinite for a shot whose scale, or all others of which, is unknown.
     """
     known = np.where(np.isfinite(sigma) & (sigma > 0.0), sigma, inf)
     weight, freedom = known**-2.0, int(np.isfinite(known).sum()) - 1
@@ -373,7 +329,7 @@ def _ratio(amounts: FloatArray) -> float:
 
 
 def _farthest(a: FloatArray, s: FloatArray) -> int:
-    """The shot without which the others agree best. Its removal gives the largest decrease of chi-square."""
+    """The shot whose removal gives the largest decrease of chi-square."""
     others = [np.arange(len(a)) != i for i in range(len(a))]
     return int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
 
@@ -390,20 +346,18 @@ def without_scatter(stack: Stack) -> Stack:
 def shot_causes(problem: JointProblem, optimum: Optimum, errors: FloatArray) -> tuple[ShotCause, ...]:
     """The part of the misfit that each single input of each shot explains, the likeliest first.
 
-    ``errors``: changes of the whole vector by the mesh error, shape [n, k]. They are separate errors of each
-    shot. Without them in the weights, an input of any shot would explain them.
+    ``errors``: changes of the whole vector by the mesh error, [n, k], as separate errors of each shot.
+    Without them in the weights, an input of any shot would explain them.
     """
     stack = problem.stack
-    bare = without_scatter(stack)
-    rows = [stack.of_shot(k, row) for row in errors for k in range(len(stack.shots))]
-    meshed = np.reshape(rows, (-1, len(stack.data)))
+    bare, meshed = without_scatter(stack), stack.of_each(*errors)
     residual = optimum.vector - stack.data
     stiffer = None
     if MOVED in problem.unknowns.names or problem.unknowns.nodes:
         stiffer = problem.unknowns.relative_stiffness(optimum.slopes, optimum.x)
     before = explained_by(bare, residual, optimum.slopes.T, meshed)[2]
     found = []
-    for k, prepared in enumerate(problem.runs.prepared):
+    for k, shot in enumerate(problem.shots):
         lag = likely_lag(bare, k, optimum.vector)
         late = shifted_force(bare, k, optimum.vector, lag)
         for key, change in input_changes(bare, k, optimum.vector, late, stiffer).items():
@@ -413,16 +367,15 @@ def shot_causes(problem: JointProblem, optimum: Optimum, errors: FloatArray) -> 
                 bare, first, np.concatenate([optimum.slopes.T, change[None]]), meshed
             )
             share = explained_share(stack.parts(residual)[k], stack.parts(left)[k], bare.shots[k])
-            name = prepared.forward.shot.name
-            found.append(ShotCause(name, key, start + amount, sigma, before - after, share))
+            found.append(ShotCause(shot.name, key, start + amount, sigma, before - after, share))
     return tuple(sorted(found, key=lambda cause: -cause.gain))
 
 
 def explained_share(before: FloatArray, after: FloatArray, one: ShotData) -> float:
     """Explained share of a channel's squared residual; the larger one of force and outline [-].
 
-    A specimen of another stiffness rings at another frequency. A linear change cannot explain this in the
-    force, but it can in the outline.
+    A specimen of another stiffness rings at another frequency, which a linear change cannot explain in the
+    force, but in the outline.
     """
     n = one.objective.n_force
     channels = [slice(0, n), slice(n, None)][: 1 + (len(before) > n)]
@@ -435,18 +388,15 @@ LARGEST_LAG = 0.2
 
 def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> FloatArray:
     """All data with the force of one shot delayed by a lag [s], shape [k]."""
-    found, start = vector.copy(), stack.place(k).start
-    for bins in stack.shots[k].observations.forces:
-        part = slice(start, start + len(bins.mean))
-        found[part] = np.interp(bins.centres - lag, bins.centres, vector[part])
-        start = part.stop
+    found, place = vector.copy(), stack.place(k)
+    for bins, part in stack.shots[k].observations.force_parts():
+        found[place][part] = np.interp(bins.centres - lag, bins.centres, vector[place][part])
     return found
 
 
 def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
-    """The lag at which the predicted force of one shot is nearest to the measured one [s].
-
-    The force rings. Lags are therefore scanned in steps of half a bin.
+    """The lag at which the predicted force of one shot is nearest to the measured one [s], in steps of half a
+    bin.
     """
     one, start = stack.shots[k], stack.place(k).start
     force = slice(start, start + one.objective.n_force)
@@ -460,39 +410,32 @@ def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
 def input_changes(
     stack: Stack, k: int, vector: FloatArray, late: FloatArray, stiffer: FloatArray | None
 ) -> dict[str, FloatArray]:
-    """Changes of all data by a unit of each input of a shot, shape [k] each.
+    """Changes of all data by a unit of each input of a shot that needs no run, shape [k] each.
 
-    These inputs need no run.
-
-    ``late``: the data with the force at its likely lag. The clock effect is linear about this lag.
-    ``stiffer``: change of all data by a relative change of the stiffness; None if the stiffness is not
-    shared.
+    ``late``: the data with the force at its likely lag, about which the clock effect is linear. ``stiffer``:
+    change of all data by a relative change of the stiffness; None if it is not shared.
     """
     one, place = stack.shots[k], stack.place(k)
-    start, end, n = place.start, place.stop, one.objective.n_force
-    force, clock, lengths = (np.zeros_like(vector) for _ in range(3))
-    force[start : start + n] = vector[start : start + n]
-    first = start
-    for bins in one.observations.forces:
-        part = slice(first, first + len(bins.mean))
-        clock[part] = -np.gradient(late[part], bins.centres)
-        first = part.stop
-    lengths[start + n : end] = vector[start + n : end]
+    n, clock = one.objective.n_force, np.zeros_like(vector)
+    force, lengths = stack.of_shot(k, vector), stack.of_shot(k, vector)
+    force[place][n:] = 0.0
+    lengths[place][:n] = 0.0
+    for bins, part in one.observations.force_parts():
+        clock[place][part] = -np.gradient(late[place][part], bins.centres)
     found = {"sensitivity": force, "clock_offset": clock}
-    found |= {} if end == start + n else {"lengths of the outline": lengths}
+    found |= {} if len(one.objective.data) == n else {"lengths of the outline": lengths}
     return found if stiffer is None else {**found, "material": stack.of_shot(k, stiffer)}
 
 
 def explained_by(
     stack: Stack, residual: FloatArray, patterns: FloatArray, errors: FloatArray
 ) -> tuple[float, float, float, FloatArray]:
-    """Fit patterns of free amplitude to a residual.
+    """Fit patterns of free amplitude to a residual, with weights from the remaining residual.
 
-    The weights come from the remaining residual. The discrepancies are what the errors do not explain of it.
-
-    ``residual``: prediction minus data, shape [k]. ``patterns``: changes of the prediction, shape [n, k].
-    ``errors``: further errors of the prediction, one standard deviation per row, shape [e, k]. Returns:
-    amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual, [k].
+    The discrepancies are what the errors do not explain of it. ``residual``: prediction minus data, [k].
+    ``patterns``, ``errors``: changes of the prediction, and further errors of one standard deviation, one per
+    row. Returns: amplitude and standard uncertainty of the last one, -2 ln L, and the remaining residual,
+    [k].
     """
 
     def weighting(left: FloatArray) -> Whitening:
@@ -507,9 +450,7 @@ def explained_by(
         amounts = -np.linalg.lstsq(scaled, r, rcond=None)[0] / size
         sigma = float(np.sqrt(np.linalg.pinv(scaled.T @ scaled)[-1, -1]) / size[-1])
         left = residual + amounts @ patterns
-    whitening = weighting(left)
-    deviance = float((whitening.apply(left) ** 2).sum()) + whitening.log_determinant
-    return float(amounts[-1]), sigma, deviance, left
+    return float(amounts[-1]), sigma, weighting(left).deviance(left), left
 
 
 def joint_verdict(e: Estimate, fits: Sequence[FitQuality], agreement: ShotAgreement | None) -> Estimate:
@@ -550,8 +491,7 @@ def joint_fit_warnings(
 
 
 def cause_sentence(causes: Sequence[ShotCause]) -> str:
-    """The input and shot that explain the misfit best, those that the data cannot distinguish from it, and
-    the next one.
+    """The best cause of the misfit, those that the data cannot distinguish from it, and the next one.
 
     Causes are those of `shot_causes`. Of two shots, a stiffer one is the same as the other one softer.
     """

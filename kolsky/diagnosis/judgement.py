@@ -29,17 +29,9 @@ synthetic shots with a branch, the branch explained 0.89 to 0.99 (`kolsky.diagno
 
 
 def judged(
-    result: Identification,
-    found: Search,
-    known: UncertaintyAnalysis,
-    sources: Sources,
-    causes: CauseAnalysis,
+    result: Identification, found: Search, known: UncertaintyAnalysis, sources: Sources, causes: CauseAnalysis
 ) -> Identification:
-    """The result with its verdicts, the test for a relaxing branch, and its warnings.
-
-    ``result``: the identification with its fit and its causes. ``found``, ``known``, ``sources``, ``causes``:
-    the search, the uncertainty analysis, the error sources of the optimum, and the inputs that were tried.
-    """
+    """The result with its verdicts, the test for a relaxing branch, and its warnings."""
     runner, problem, fine = found.runner, found.problem, found.fine
     shot = problem.shot
     result = with_verdicts(result)

@@ -90,9 +90,9 @@ def branch_test(
 def _block_deviations(unit: FloatArray, left: FloatArray, blocks: Sequence[IntArray]) -> FloatArray:
     """Standard deviation of each score with residuals correlated within a block, >= 1, shape [n].
 
-    It uses block sums of the residual after the direction is fitted. A direction has the weights w_b in its
-    blocks. Therefore n_e = 1 / sum w_b^2 blocks are effective. The fit has removed the share 1 / n_e of the
-    sums. This is corrected.
+    It uses block sums of the residual after the direction is fitted. With the weights w_b of a direction in
+    its blocks, n_e = 1 / sum w_b^2 blocks are effective. The fit has removed the share 1 / n_e of the sums,
+    which is corrected.
     """
     bare = left - (unit @ left)[:, None] * unit
     scale = np.ones(len(unit))
@@ -145,9 +145,8 @@ class BranchFit:
 def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit | None:
     """Search for a branch from an elastic optimum, with all free parameters refitted.
 
-    ``runner``: runs points of the identification's problem. Some 200 runs are added on the surrogate's mesh.
-    ``x``: the optimum, shape [d]. ``objective``: of the optimum. Returns: None if the shot declares a
-    relaxation, or if too few runs complete.
+    Some 200 runs are added on the surrogate's mesh. ``x``, ``objective``: the optimum, [d], and its
+    objective. None if the shot declares a relaxation, or if too few runs complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
@@ -191,8 +190,7 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
     def deviance(vector: FloatArray) -> float:
         if np.isnan(vector).any():
             return np.inf
-        weights = weighting(vector - data)
-        return float((weights.apply(vector - data) ** 2).sum()) + weights.log_determinant
+        return weighting(vector - data).deviance(vector - data)
 
     at = runner.solver_values(x[None], numerics.mesh)[0]
     scan = np.clip(scan_points(box, at), box.lower, box.upper)
@@ -225,9 +223,9 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
 def scan_points(box: Box, at: FloatArray) -> FloatArray:
     """Points with a branch, with the mean stiffness of an elastic point, shape [n, d + 2].
 
-    A branch of strength c increases the stiffness by a factor of 1 to 1 + c. The factor m is therefore
-    divided by the root of 1 + c. The bulk modulus is proportional to m (1 + c) / (1 - 2 nu) and determines
-    the ringing frequency. It is kept constant if Poisson's ratio is free.
+    A branch of strength c increases the stiffness by a factor of 1 to 1 + c: m is divided by the root of 1 +
+    c. The bulk modulus, proportional to m (1 + c) / (1 - 2 nu), determines the ringing frequency. It is kept
+    if Poisson's ratio is free.
     """
     times = np.geomspace(box.lower[-1], box.upper[-1], SCANNED_TIMES + 2)[1:-1]
     found = []
@@ -244,12 +242,7 @@ def scan_points(box: Box, at: FloatArray) -> FloatArray:
 
 
 def explained_share(objective: Objective, before: FloatArray, after: FloatArray) -> float:
-    """Share of one vector's misfit that another vector removes [-].
-
-    The misfit is that beyond noise and patterns.
-
-    ``objective``: data and noise. ``before``, ``after``: predictions, shape [k].
-    """
+    """Share of a vector's misfit, beyond noise and patterns, that another one removes [-], [k] each."""
 
     def left(vector: FloatArray) -> float:
         o = objective.with_discrepancy(vector)
@@ -273,10 +266,9 @@ def shot_branch_test(
 ) -> BranchTest | None:
     """Test the residual of an elastic identification for branches of several relaxation times.
 
-    ``runner``: one run per time is added on the surrogate's mesh. ``x``: the optimum, shape [d].
-    ``objective``: with the discrepancies of the optimum. ``slopes``: Jacobian at the optimum, shape [k, d].
-    ``vector``: data that the refined mesh predicts at the optimum, shape [k]. Returns: None if the shot
-    declares the relaxation, or if a run does not complete.
+    One run per time is added on the surrogate's mesh. ``x``: the optimum, [d]. ``objective``: with its
+    discrepancies. ``slopes``, ``vector``: Jacobian, [k, d], and data on the refined mesh there, [k]. None if
+    the shot declares the relaxation, or if a run does not complete.
     """
     forward, numerics = runner.forward, runner.problem.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
@@ -327,12 +319,10 @@ TRY = (
 def rate_advice(
     test: BranchTest | None, fit: BranchFit | None = None, *, least: float = 0.0
 ) -> tuple[str, ...]:
-    """Advice if a branch would explain the misfit of an elastic material.
-
-    Empty if chance explains it.
+    """Advice if a branch would explain the misfit of an elastic material; empty if chance explains it.
 
     ``test``: of a weak branch at the elastic optimum. ``fit``: of a branch of any strength, if that test is
-    not significant. ``least``: share of the misfit that a likely input explains. The branch must explain
+    not significant. ``least``: share of the misfit that a likely input explains; the branch must explain
     more.
     """
     if test is not None and test.significant:
@@ -371,13 +361,7 @@ holds even if Poisson's ratio is held and the bulk modulus increases by this sha
 
 
 def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
-    """The elastic optimum as a point with zero strength.
-
-    None if the bounds of the strengths exclude zero.
-
-    ``problem``: with the relaxation. ``elastic``: the same problem without relaxation. ``without``: its
-    optimum.
-    """
+    """The elastic optimum as a point with zero strength; None if the bounds of the strengths exclude zero."""
     box = problem.unknowns.box
     bounds = zip(problem.unknowns.names, box.lower, strict=True)
     if any(low > 0.0 for name, low in bounds if is_strength(name)):
@@ -394,11 +378,7 @@ def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without
 def weak_branch(
     problem: JointProblem, elastic: JointProblem, at: FloatArray, *, strength: float = WEAK_STRENGTHS
 ) -> FloatArray:
-    """A point without relaxation, with a weak branch added.
-
-    ``problem``: with the relaxation. ``elastic``: the same problem without it. ``at``: a point of `elastic`,
-    shape [d]. ``strength``: strength of the branch [-].
-    """
+    """A point ``at`` of the problem without relaxation, shape [d], with a weak branch added."""
     names, box = list(problem.unknowns.names), problem.unknowns.box
     x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
     for i, name in enumerate(elastic.unknowns.names):
@@ -419,9 +399,8 @@ def choose_model(
 ) -> ModelChoice:
     """Compare the optima with and without relaxation, both on the refined mesh.
 
-    ``problem``, ``found``: the problem with relaxation and its optimum. ``elastic``, ``without``: the problem
-    without relaxation and its optimum, with the same shots, slow tests and free parameters. Raises ValueError
-    if the other parameters absorb the effect of every weak branch.
+    ``elastic``, ``without``: the problem without relaxation and its optimum, with the same shots, slow tests
+    and free parameters. Raises ValueError if the other parameters absorb the effect of every weak branch.
     """
     stack, x, vector = elastic.stack, without.x, without.vector
     # The optimum with relaxation, evaluated with the same data, patterns and prior.
@@ -495,15 +474,10 @@ def points_in_step(names: Sequence[str], points: FloatArray, strength: float) ->
 
 
 def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
-    """The choice with the strengths' uncertainties.
+    """The choice with the strengths' uncertainties; an effect that the mesh error can cause is rejected.
 
-    An effect that the mesh error can cause is rejected.
-
-    A branch is rejected too if its time ends at a bound of its range. A short one is equivalent to damping, a
-    long one to a stiffer curve.
-
-    ``choice``: by criterion and by synthetic data with the noise of these shots. ``shared``: the shared
-    parameters, corrected for the mesh.
+    So is a branch whose time ends at a bound of its range: a short one is equivalent to damping, a long one
+    to a stiffer curve. ``shared``: the shared parameters, corrected for the mesh.
     """
     sizes = [e for name, e in shared.items() if is_strength(name)]
     if not choice.asked_for or not sizes:
@@ -531,8 +505,7 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
 def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
     """-2 ln L of a vector up to a constant. A point that a run does not reach has zero residual."""
     residual = np.where(np.isnan(vector), 0.0, vector - stack.data)
-    weights = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
-    return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
+    return stack.whitening(stack.weighed_beside(residual, patterns), patterns).deviance(residual)
 
 
 def choice_in_words(aic: float, probability: float, *, asked: bool, missed: float = 0.0) -> str:

@@ -44,33 +44,15 @@ class Optimum:
     x: FloatArray
     """The point, shape [d]."""
     objective: Objective
-    """The objective with the discrepancies of that point."""
 
 
 def search(
-    box: Box,
-    objective: Objective,
-    model: Model,
-    part: Part = "joint",
-    *,
-    start: FloatArray | None = None,
+    box: Box, objective: Objective, model: Model, part: Part = "joint", *, start: FloatArray | None = None
 ) -> Optimum:
-    """Find the optimum and the discrepancies at it.
+    """Find the optimum and the discrepancies at it, which depend on each other, in three rounds.
 
-    They depend on each other; three rounds are therefore made.
-
-    Parameters
-    ----------
-    box
-        The search range.
-    objective
-        The objective to minimise. Its discrepancies are replaced by those at the optimum.
-    model
-        Predicts data vectors.
-    part
-        The joint objective, or its part for the force or for the outline.
-    start
-        Start, shape [d]; default: the best point of a grid, see `STARTS`.
+    ``box``: the range. ``objective``: its discrepancies are replaced. ``model``: predicts data vectors.
+    ``part``: of the data. ``start``: shape [d]; default: the best point of a grid, see `STARTS`.
     """
     for _ in range(3):
         start = _by_least_squares(box, objective, model, part, start)
@@ -154,8 +136,8 @@ def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
 
 
 def at_inner_face(x: FloatArray, local: Box, whole: Box) -> bool:
-    """True if a point lies on a face of the local box inside the whole box. The optimum may then lie outside
-    the local box.
+    """True if a point lies on a face of the local box inside the whole box, so the optimum may lie outside
+    it.
     """
     return bool((on_edge(x, local) & ~on_edge(x, whole)).any())
 
@@ -180,9 +162,7 @@ class CoarseOptimum:
     box: Box
     """Box in which the surrogate was refined."""
     surrogate: Surrogate
-    """Surrogate of the data vector."""
     objective: Objective
-    """Objective with the discrepancies of the optimum."""
     x: FloatArray
     """The optimum, shape [d]."""
 
@@ -190,8 +170,7 @@ class CoarseOptimum:
 def surrogate_kind(box: Box, *, smooth: bool = False) -> Any:
     """The surrogate for a number of free parameters, from the registry.
 
-    ``box``: range of the parameters. ``smooth``: True if the response is smooth in the box and the box is
-    small about the optimum.
+    ``smooth``: True if the response is smooth in the box and the box is small about the optimum.
     """
     return SURROGATES[SMOOTH if smooth or box.dimension == 1 else ROUGH]
 
@@ -199,10 +178,7 @@ def surrogate_kind(box: Box, *, smooth: bool = False) -> Any:
 def search_coarse(runner: Runner) -> CoarseOptimum:
     """Stages 1 and 2 of `kolsky.identification.identify`.
 
-    Raises
-    ------
-    ValueError
-        If no surrogate can be fitted to the completed runs.
+    Raises ValueError if no surrogate can be fitted to the completed runs.
     """
     wide = runner.simulate("design", runner.design(runner.problem.box), runner.problem.numerics)
     return second_design(runner, wide) if runner.problem.box.dimension == 1 else adaptive_design(runner, wide)
@@ -277,9 +253,7 @@ def _refine(runner: Runner, objective: Objective) -> Refinement:
 
 
 def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
-    """The surrogate over the outline points that its runs reach. There are more such points than in the first
-    design.
-    """
+    """The surrogate over the outline points that its runs reach, which are more than in the first design."""
     points, prediction = _runs_of_surrogate(runner, found.surrogate)
     objective = runner.objective(_points_in_every_run(prediction.inside))
     surrogate = ProcessSurrogate.fit(
@@ -294,12 +268,10 @@ def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
 
 
 def fit_for_purpose(runner: Runner, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
-    """Compare the shift of the optimum by the surrogate's error with its limit.
+    """Compare the shift of the optimum by the surrogate's error with its limit, a share of the interval.
 
-    The limit is the allowed share of the interval.
-
-    ``runner``, ``coarse``: the simulations and the optimum on their mesh. ``gain``: linear map from a change
-    of the data vector to the shift of the optimum over its half width, shape [d, k].
+    ``gain``: linear map from a change of the data vector to the shift of the optimum over its half width,
+    shape [d, k].
     """
     points, prediction = _runs_of_surrogate(runner, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)

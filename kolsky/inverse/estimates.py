@@ -1,6 +1,6 @@
 """The parts of a result computed at the optimum: estimates, routes, curves, comparison, other methods."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,11 +36,7 @@ from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.runner import Runner
 from kolsky.shot.records import Shot
 
-ROUTES: tuple[tuple[str, Part], ...] = (
-    ("joint", "joint"),
-    ("force only", "force"),
-    ("shape only", "shape"),
-)
+ROUTES: tuple[tuple[str, Part], ...] = (("joint", "joint"), ("force only", "force"), ("shape only", "shape"))
 """The parts of the data that are searched separately, with the name of the route."""
 
 
@@ -57,22 +53,16 @@ def estimates(
 ) -> dict[str, Estimate]:
     """Every free parameter with its uncertainties and verdict.
 
-    The response may be rough. If its roughness shifts a parameter by more than all noise, the misfit has no
-    clear minimum within this width. The value is then not identified.
+    A value is on a plateau if the roughness of the response shifts it by more than all noise. If a parameter
+    lies at a bound, the data prefer a value beyond it, and the other values hold only if the bound is right.
+    Such a parameter, and one that the data do not constrain, is not corrected for the mesh. A correction ends
+    at the bound.
 
-    If a parameter lies at a bound, the data prefer a value beyond the bound, and the other parameters
-    compensate. Values of the other parameters hold only if the bound is the true value of this parameter. A
-    parameter at a bound is not corrected for the mesh: it would also lie at the bound on a finer mesh. If the
-    correction would move a value past a bound, the value is set to the bound. A parameter that the data do
-    not constrain is not corrected either.
-
-    ``box``: the whole range of the design. ``optimum``: values on the refined mesh, shape [d]. ``noise``:
-    standard uncertainties by source, shape [d] each; they add in quadrature. ``numerical``: standard
-    uncertainties from the numerics by source, shape [d] each; they add in quadrature. ``mesh_shift``: shift
-    of the optimum between the meshes, shape [d]. ``mesh_correction``: optimum on an infinitely fine mesh
-    minus that on the refined mesh, shape [d]; it is added to the values; default: none. ``confirmed``: True
-    if the last run on the refined mesh confirmed the optimum. ``outline``: True if an outline was measured.
-    Otherwise the verdict is "identified by the force alone".
+    ``box``: the whole range of the design. ``optimum``: values on the refined mesh, shape [d]. ``noise``,
+    ``numerical``: standard uncertainties by source, shape [d] each; they add in quadrature. ``mesh_shift``:
+    shift of the optimum between the meshes, shape [d]. ``mesh_correction``: added to the values, shape [d]:
+    optimum on an infinitely fine mesh minus that on the refined one. ``confirmed``: True if the last run on
+    the refined mesh confirmed the optimum. ``outline``: False for "identified by the force alone".
     """
     good = Verdict.IDENTIFIED if outline else Verdict.FORCE_ALONE
     found = {}
@@ -116,9 +106,7 @@ class RouteOptimum:
     """The optimum on the refined mesh by one part of the data."""
 
     name: str
-    """Name of the route."""
     part: Part
-    """The part of the data."""
     x: FloatArray
     """The optimum, shape [d]."""
     cost: float
@@ -131,9 +119,8 @@ class RouteOptimum:
 
 
 def search_routes(local: Box, objective: Objective, model: Model) -> tuple[RouteOptimum, ...]:
-    """The optima of the joint data, of the force only and of the outline only.
-
-    Without an outline, only the force is searched.
+    """The optima of the joint data, of the force and of the outline; only that of the force without an
+    outline.
 
     ``local``, ``objective``, ``model``: the last design's box, the joint objective and the corrected
     surrogate.
@@ -158,8 +145,7 @@ def search_routes(local: Box, objective: Objective, model: Model) -> tuple[Route
 def paper_route(whole: Box, table: RunTable, held: Mapping[str, float] | None = None) -> Route:
     """The optimum of the paper's cost, Eq. (M.5), by a surrogate of that cost over every run.
 
-    ``whole``, ``table``: the first design's box and every run. ``held``: values of the free parameters that
-    the paper holds. They are held in those runs.
+    ``whole``: the first design's box. ``held``: values of the free parameters that the paper holds.
     """
     points, cost = table.paper_cost()
     paper = CostSurrogate.fit(whole, points, cost)
@@ -209,12 +195,10 @@ def comparison(prediction: Prediction, observations: Observations) -> Comparison
     )
 
 
-def held_values(shot: Shot, box: Box, held: Mapping[str, float]) -> dict[str, float]:
+def held_values(shot: Shot, free: Sequence[str], held: Mapping[str, float]) -> dict[str, float]:
     """The parameters that are not free, in SI: the declared values, or other held values."""
-    declared = {
-        name: p.held(shot) for name, p in PARAMETERS.items() if name not in box.names and p.belongs_to(shot)
-    }
-    return {**declared, **dict(held)}
+    declared = {n: p.held(shot) for n, p in PARAMETERS.items() if n not in free and p.belongs_to(shot)}
+    return {**declared, **held}
 
 
 def surrogate_quality(
@@ -252,9 +236,7 @@ def surrogate_quality(
 
 
 def runs_needed(runner: Runner, coarse: CoarseOptimum, fine: RefinedOptimum) -> float:
-    """Number of runs around the optimum that a sufficient surrogate needs. Infinite if no number is
-    enough.
-    """
+    """Number of runs around the optimum that a sufficient surrogate needs; infinite if none is enough."""
     slope = jacobian(CorrectedSurrogate(coarse.surrogate).predict, coarse.box, coarse.x)
     gain = coarse.objective.gain(slope)
     found = fit_for_purpose(runner, coarse, gain / (2.0 * fine.sigma[:, None]))
@@ -270,7 +252,7 @@ ANSWER_STAGES = ("design", "refinement", "check")
 
 
 def with_own_method(result: Identification) -> Identification:
-    """The result of a search. The method of the search is the first of the compared methods."""
+    """The result with the method of the search as the first of the compared methods."""
     routes = {route.name: {p: route.on_mesh(p) for p in route.parameters} for route in result.routes}
     own = routes.get("joint", routes.get("force only"))
     if own is None:

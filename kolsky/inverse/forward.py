@@ -44,10 +44,7 @@ from kolsky.shot.records import Shot, ShotBase
 
 
 def at_transducer(shot: ShotBase, response: Response) -> Response:
-    """A batch with the transmitted force and impulse at the transducer.
-
-    They replace those at the platen's face.
-    """
+    """A batch with the transmitted force and impulse at the transducer instead of the platen's face."""
     bar = shot.transmission_bar
     if shot.transducer_depth == 0.0 or bar is None:
         return response
@@ -78,10 +75,9 @@ RunBatches = Callable[[Sequence[explicit.Problem]], list[explicit.Response]]
 def in_surroundings(
     shots: Sequence[ShotBase], problems: Sequence[explicit.Problem], run: RunBatches
 ) -> list[explicit.Response]:
-    """Run one batch per shot with the shot's elastic parts; return the forces at the transducers.
+    """Run one batch per shot with the shot's elastic parts by ``run``; return the forces at the transducers.
 
-    ``shots``, ``problems``: the shots and their batches. ``run``: function that runs batches. Raises
-    ValueError if a specimen and its elastic parts do not agree within `MOST_PASSES` passes.
+    Raises ValueError if a specimen and its elastic parts do not agree within `MOST_PASSES` passes.
     """
     found = run(problems)
     left = [k for k, shot in enumerate(shots) if shot.behind is not None or shot.flyer_body is not None]
@@ -104,10 +100,7 @@ def in_surroundings(
 def with_moved_faces(
     shot: ShotBase, problem: explicit.Problem, response: explicit.Response
 ) -> explicit.Problem:
-    """A batch with platens that follow the motion of the shot's elastic parts.
-
-    The motion is that under the forces of the last pass.
-    """
+    """A batch with platens that follow the shot's elastic parts under the forces of the last pass."""
     model, samples = problem.model, problem.samples
     times = _knots(model)
     if shot.behind is not None:
@@ -185,10 +178,7 @@ def _apart(before: explicit.Response, now: explicit.Response) -> float:
     """Root mean square change of the forces, divided by that of the forces. A failed run counts up to its
     failure.
     """
-    pairs = (
-        (before.force_transmission, now.force_transmission),
-        (before.force_flyer, now.force_flyer),
-    )
+    pairs = ((before.force_transmission, now.force_transmission), (before.force_flyer, now.force_flyer))
     changes = []
     for a, b in pairs:
         both = np.isfinite(a) & np.isfinite(b)
@@ -267,7 +257,6 @@ class Forward:
     """A shot prepared for repeated simulation."""
 
     shot: Shot
-    """The shot."""
     sampling: explicit.Sampling
     """Output times of its instruments."""
     paths: tuple[FlyerPath, ...]
@@ -289,28 +278,15 @@ class Forward:
     ) -> explicit.Response:
         """Simulate the shot at some points.
 
-        Parameters
-        ----------
-        points : mapping
-            Parameter name -> values, shape [n] or scalar. A parameter that is not named has the shot's value.
-            If a parameter that `slides` ("friction") is named, faces and side surface slide by Coulomb's law.
-            A parameter of a contact law needs a shot that declares such a law.
-        numerics
-            Mesh, precision, device.
-        motion, material : int or shape [n]
-            Index of the flyer path and of the material law of each run.
-        all_nodes : bool
-            Record every node, for pictures, and the energy ledger at every surface time. Otherwise the ledger
-            is recorded at every `LEDGER_EVERY`-th time. With `Numerics.compressible` the meshes have no
-            common nodes, and no nodes are recorded.
-        progress : callable, optional
-            Called with the number of runs just finished.
+        ``points``: parameter name -> values, shape [n] or scalar; other parameters have the shot's value. If
+        a parameter that `slides` ("friction") is named, faces and side surface slide by Coulomb's law.
+        ``numerics``: mesh, precision, device. ``motion``, ``material``: index of the flyer path and of the
+        law of each run, scalar or [n]. ``all_nodes``: True to record every node, and the energy ledger at
+        every surface time, not at every `LEDGER_EVERY`-th; not with `Numerics.compressible`, whose meshes
+        have no common nodes. ``progress``: called with the number of runs just finished.
 
-        Raises
-        ------
-        ValueError
-            If a name is unknown, a value is outside its allowed range or outside that of
-            `Numerics.compressible`, or a parameter has no effect.
+        Raises ValueError if a name is unknown, a value is outside its allowed range or outside that of
+        `Numerics.compressible`, or a parameter has no effect.
         """
         problem = self.problem(points, numerics, motion=motion, material=material, all_nodes=all_nodes)
         device, threads = numerics.device, numerics.threads
@@ -361,15 +337,7 @@ class Forward:
     ) -> explicit.Problem:
         """The batch that `run` simulates, for callers that run batches of several shots in parallel.
 
-        Parameters
-        ----------
-        points, numerics, motion, material, all_nodes
-            As for `run`.
-
-        Raises
-        ------
-        ValueError
-            For the reasons of `run`.
+        Parameters and errors are those of `run`.
         """
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)
@@ -436,9 +404,7 @@ def material_law(curve: MaterialCurve) -> MaterialLaw:
 
 
 def curve_replicates(curve: MaterialCurve, n: int, rng: np.random.Generator) -> Sequence[MaterialLaw]:
-    """Laws of `n` curves drawn from the noise of the curve.
-
-    Part of the noise is independent at each point, part is common to all points.
+    """Laws of `n` curves drawn from the curve's noise, of which a part is common to all points.
 
     All stresses of a closed-form law are multiplied by one lognormal factor.
     """

@@ -24,13 +24,7 @@ from doe.least_squares import secant
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jacobian, surrogate_kind
 from kolsky.inverse.objective import FrontNoise, Objective
-from kolsky.inverse.path_noise import (
-    FrontPath,
-    MovedFront,
-    credible,
-    likely_amplitudes,
-    rms_amplitude,
-)
+from kolsky.inverse.path_noise import FrontPath, MovedFront, credible, likely_amplitudes, rms_amplitude
 from kolsky.inverse.refined_search import RefinedOptimum, check_run
 from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.runner import Mesh, Runner
@@ -47,7 +41,6 @@ class Step:
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals and the prior, shape [d]."""
     objective: Objective
-    """The objective with the discrepancies of the run."""
 
     @property
     def moved(self) -> float:
@@ -60,9 +53,8 @@ def gauss_newton_step(
 ) -> Step:
     """Solve the linear least-squares problem of data and prior inside a box.
 
-    ``objective``: its discrepancies are replaced by those of the run. ``slope``: jacobian of the data vector,
-    shape [k, d]. ``vector``: the run's data vector, shape [k]. ``x``: point of the run, shape [d]. ``box``:
-    bounds of the optimum.
+    ``objective``: its discrepancies are replaced by those of the run. ``slope``: of the data vector, [k, d].
+    ``vector``, ``x``: data vector, [k], and point of the run, [d].
     """
     weighed = objective.with_discrepancy(vector)
     sigma = np.sqrt(np.diag(weighed.covariance(slope, vector)))
@@ -105,11 +97,8 @@ class RefinedRun:
     """Data vector at this point, shape [k]. An outline point that the run does not reach has the measured
     value."""
     check: CompletedRuns
-    """The run."""
     numerics: Numerics
-    """Its numerical choices."""
     step: Step
-    """Step from the run to the estimated optimum."""
     missed: FloatArray
     """The run minus the linear prediction by the slopes, shape [k]."""
     pace: FloatArray | None = None
@@ -132,12 +121,9 @@ class RefinedRun:
         return step if size <= reach else np.asarray(step * (reach / size))
 
     def moved_by_step(self, slope: FloatArray, box: Box) -> RefinedRun:
-        """The linear model at the optimum estimated from the run.
+        """The linear model at the optimum estimated from the run; ``slope``: of the step, shape [k, d].
 
-        The pace corrects the parameters only: the step's slopes give the change of the data, and the pace the
-        parameters that cause it.
-
-        ``slope``: of the step, shape [k, d].
+        The step's slopes give the change of the data, and the pace the parameters that cause it.
         """
         x = np.clip(self.x + self.corrected_step, *_box_bounds(box))
         return replace(self, x=x, vector=self.vector + slope @ self.step.change)
@@ -187,9 +173,8 @@ def descend(
 ) -> tuple[RefinedRun, FloatArray]:
     """The final run of steps with slopes of the refined mesh, and the slopes used to assess it, [k, d].
 
-    ``runner``: its table receives all runs. ``objective``: selects the outline points and holds the prior.
-    ``slope``: slopes of the coarser mesh, shape [k, d]; they are kept if a neighbouring run does not
-    complete. ``last``: the run from which to continue.
+    ``objective``: selects the outline points and holds the prior. ``slope``: of the coarser mesh, [k, d],
+    kept if a neighbouring run does not complete. ``last``: the run from which to continue.
     """
     for _ in range(MOST_STEPS):
         own = refined_slopes(runner, objective, last)
@@ -218,7 +203,7 @@ def refined_slopes(runner: Runner, objective: Objective, run: RefinedRun) -> Flo
 def _downhill_run(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> RefinedRun | None:
-    """A run along the step that completes without increasing the misfit. None if no such run is found."""
+    """A run along the step that completes without increasing the misfit; None if there is none."""
     share = 1.0
     for _ in range(MOST_HALVINGS):
         x = np.clip(last.x + share * last.step.change, *_box_bounds(runner.problem.box))
@@ -261,12 +246,10 @@ SearchUnderPath = Callable[
 def follow_on_refined(
     runner: Runner, objective: Objective, slope: FloatArray, last: RefinedRun, search: SearchUnderPath
 ) -> tuple[RefinedRun, FloatArray, FrontPath]:
-    """The optimum on the refined mesh with the corrected path, the slopes [k, d], and that path.
+    """The optimum on the refined mesh with the path corrected by its residual, the slopes [k, d], and that
+    path.
 
-    The path is corrected by its residual.
-
-    The result does not change if the path was not corrected on the surrogate's mesh, or if the search has not
-    converged.
+    It is unchanged if the path was not corrected on the surrogate's mesh, or if the search has not converged.
     """
     path, front = runner.front, runner.front.moved
     if front is None or not last.confirmed:
@@ -313,17 +296,11 @@ def search_by_gauss_newton(
     """Move the optimum of the surrogate's mesh to the refined mesh, and build a surrogate about it.
 
     The steps and the path correction use a coarser graded mesh. One or two runs on the refined mesh follow.
+    ``runner``, ``optima``: with the path, and the optima, of
+    `kolsky.inverse.surrogate_mesh_search.search_meshes`.
 
-    Parameters
-    ----------
-    runner, optima
-        Runs with the path from `kolsky.inverse.surrogate_mesh_search.search_meshes`, and the optima of that
-        search.
-
-    Raises
-    ------
-    ValueError
-        If a run on one of these meshes does not complete, or the data do not depend on a parameter.
+    Raises ValueError if a run on one of these meshes does not complete, or the data do not depend on a
+    parameter.
     """
     problem = runner.problem
     coarse = optima[problem.numerics.mesh]
@@ -383,9 +360,7 @@ def _chord_steps(
     """Steps on a mesh until a run confirms the optimum.
 
     With slopes of this mesh the step would change by minus the change of the point. Those of a coarser mesh
-    give shorter steps. Broyden's update of the ratio from the runs corrects them.
-
-    ``pace``: this ratio as estimated on another mesh, see `RefinedRun`.
+    give shorter steps. Broyden's update of this ratio, the ``pace``, corrects them.
     """
     found, x, misled = None, start, 0
     pace = -np.eye(len(start)) if pace is None else pace

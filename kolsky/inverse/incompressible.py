@@ -49,18 +49,17 @@ of -79 to 107. Four made at 0.4990 to 0.4996 have 442 to 939 (docs/validation/co
 
 
 def rise_at_limit(runner: Runner, x: FloatArray, patterns: FloatArray | None) -> float:
-    """-2 ln L at the limit minus that at an optimum on the surrogate's mesh [-].
+    """-2 ln L at the limit minus that at an optimum on the surrogate's mesh [-], negative if the data prefer
+    it.
 
-    It is negative if the data prefer the limit. The other parameters follow linearly to the limit, with the
-    slopes at the optimum. The outline of a frame counts as one value, because the error of this mesh exceeds
-    the outline's noise. At the limit the flyer's noise excites little ringing, so its patterns are left out.
+    The other parameters follow linearly, with the slopes at the optimum. The outline of a frame counts as one
+    value, because the error of this mesh exceeds the outline's noise. At the limit the flyer's noise excites
+    little ringing, so its patterns are left out.
 
-    ``runner``: with the front face's path fitted to its record. A path corrected to the data would explain a
-    part of any ringing. ``x``: the optimum, shape [d]. ``patterns``: of the flyer's noise at the optimum,
-    shape [q, n_bins + n_points]; None if unknown.
-
-    Returns infinity for a shot that declares the ratio with an uncertainty, and if Poisson's ratio is not
-    free or a run fails.
+    ``runner``: with the path fitted to its record; a path corrected to the data would explain a part of any
+    ringing. ``x``: the optimum, shape [d]. ``patterns``: of the flyer's noise at the optimum, shape [q,
+    n_bins + n_points]; None if unknown. Returns infinity if the shot declares the ratio with an uncertainty,
+    the ratio is not free, or a run fails.
     """
     problem = runner.problem
     names = problem.box.names
@@ -91,10 +90,7 @@ def is_distinguished(rise: float) -> bool:
 
 
 def limit_warning(rise: float) -> str | None:
-    """Warning for an optimum that the data do not distinguish from the limit; None if they do.
-
-    ``rise``: see `rise_at_limit`.
-    """
+    """Warning if the data do not distinguish an optimum from the limit by `rise_at_limit`; else None."""
     if is_distinguished(rise):
         return None
     return (
@@ -130,10 +126,7 @@ class PoissonLimit:
 
 
 def poisson_limit(runner: Runner, fine: RefinedOptimum, valley: float) -> PoissonLimit | None:
-    """Bounds on a ratio held near the limit. None if the ratio is not held there, or if a run fails.
-
-    ``valley``: see `limit_of`.
-    """
+    """Bounds on a ratio held near the limit (`limit_of`); None if it is not held there, or a run fails."""
     problem = runner.problem
     held = problem.settings.held.get(VALLEY, PARAMETERS[VALLEY].held(problem.shot))
     if VALLEY in problem.box.names or held <= PARAMETERS[VALLEY].upper:

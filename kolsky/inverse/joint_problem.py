@@ -17,16 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.least_squares import Whitening, least_squares
-from explicit.contact import contact_law
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
+from kolsky.inverse.gauss_newton import differences
 from kolsky.inverse.joint_result import Slow
 from kolsky.inverse.joint_runs import JointRuns, Unknowns, curve_bytes, smoothness
 from kolsky.inverse.objective import BLOCKS, FrontNoise, Objective, Prior
 from kolsky.inverse.observations import Observations
-from kolsky.inverse.parameters import PARAMETERS, any_slides
+from kolsky.inverse.parameters import PARAMETERS, slides
 from kolsky.inverse.path_noise import drawn_modes, noise_of
 from kolsky.inverse.settings import JointSettings, Numerics
 from kolsky.inverse.slow_tests import slow_measured, slow_predicted
+from kolsky.inverse.valleys import from_search, search_box, to_search
 
 GAIN, CLOCK, SCATTER = "gain", "clock", "scatter"
 """Shot-wise unknowns."""
@@ -37,7 +38,6 @@ class ShotData:
     """One shot's data, and the patterns of its possible errors."""
 
     observations: Observations
-    """The measurements."""
     counted: BoolArray
     """Mask of the outline points used, shape [Q]."""
     front: FloatArray
@@ -54,7 +54,7 @@ class ShotData:
     @property
     def kept(self) -> BoolArray:
         """Mask of the bins and outline points used, shape [n_bins + Q]."""
-        return np.concatenate([np.ones(self.observations.n_force, bool), self.counted])
+        return self.objective.kept
 
     def taken(self, vectors: FloatArray) -> FloatArray:
         """The counted entries of vectors. An outline point that a run does not reach has zero residual."""
@@ -68,7 +68,6 @@ class Stack:
     """All data in one vector: the shots in their order, slow tests, prior knowledge."""
 
     shots: tuple[ShotData, ...]
-    """The shots."""
     slow: FloatArray
     """Measured values of the slow tests, shape [s]."""
     slow_sigma: FloatArray
@@ -103,9 +102,7 @@ class Stack:
         return np.split(vector[: self.ends[-1]], self.ends[:-1])
 
     def joined(self, vectors: Sequence[FloatArray], slow: FloatArray, known: FloatArray) -> FloatArray:
-        """One vector of all predictions, shape [n, k], from those of each shot, shape [n, n_bins + Q]
-        each.
-        """
+        """All predictions, shape [n, k], from those of each shot, shape [n, n_bins + Q] each."""
         taken = [one.taken(v) for one, v in zip(self.shots, vectors, strict=True)]
         return np.concatenate([*taken, slow, known], axis=1)
 
@@ -121,27 +118,29 @@ class Stack:
         vector, shape [n, k].
         """
         sigma = np.concatenate([*(o.own_sigma for o in objectives), self.slow_sigma, np.ones(self.known)])
-        rows = [np.zeros((0, len(sigma)))]
-        for k, objective in enumerate(objectives):
-            rows.append(np.zeros((len(objective.common), len(sigma))))
-            rows[-1][:, self.place(k)] = objective.common
-        for shared in (self.common, self.curve, self.slow_scatter):
+        rows = [self.placed(k, objective.common) for k, objective in enumerate(objectives)]
+        for shared in (self.common, self.curve, self.slow_scatter, more):
             if shared is not None:
-                rows.append(np.pad(shared, ((0, 0), (0, len(sigma) - shared.shape[1]))))
-        if more is not None:
-            rows.append(more)
+                rows.append(self.padded(shared))
         return Whitening(sigma, np.concatenate(rows))
+
+    def placed(self, k: int, rows: FloatArray) -> FloatArray:
+        """Rows over the counted entries of one shot as rows of the whole vector, shape [n, k]."""
+        found = np.zeros((len(rows), len(self.data)))
+        found[:, self.place(k)] = rows
+        return found
+
+    def padded(self, rows: FloatArray) -> FloatArray:
+        """Rows over the first entries as rows of the whole vector, shape [n, k]."""
+        return np.pad(rows, ((0, 0), (0, len(self.data) - rows.shape[1])))
 
     def weighting(self, residual: FloatArray) -> Whitening:
         """Weights with the discrepancies estimated from a residual."""
         return self.whitening(self.weighed(residual))
 
     def weighed_beside(self, residual: FloatArray, patterns: FloatArray) -> list[Objective]:
-        """Every shot's weights.
-
-        The discrepancies are estimated after some patterns are fitted to the residual.
-
-        ``residual``: prediction minus data, shape [k]. ``patterns``: changes of free amplitude, shape [n, k].
+        """Every shot's weights. The discrepancies are estimated after patterns of free amplitude, shape
+        [n, k], are fitted to the residual, shape [k].
         """
         whitening = self.weighting(residual)
         u, r = whitening.apply(patterns), whitening.apply(residual)
@@ -153,11 +152,14 @@ class Stack:
         found[self.place(k)] = row[self.place(k)]
         return found
 
+    def of_each(self, *rows: FloatArray) -> FloatArray:
+        """Each row of all data, split into one row per shot, shape [n, k]."""
+        parts = [self.of_shot(k, row) for row in rows for k in range(len(self.shots))]
+        return np.reshape(parts, (-1, len(self.data)))
+
     @cached_property
     def blocks(self) -> list[IntArray]:
-        """A label of every entry, for each length in `BLOCKS`. Residuals with the same label may be
-        correlated.
-        """
+        """Labels of the entries, by length in `BLOCKS`. Entries with one label may be correlated."""
         found = []
         for length in BLOCKS:
             labels, first = [], 0
@@ -182,9 +184,8 @@ def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
     """Information on the unknowns, shape [d, d]. An unconstrained unknown keeps the width of its range.
 
     If a branch has zero strength, its time has no effect. If two branches have the same time, only the sum of
-    their strengths has an effect. A uniform distribution of width w has the variance w^2 / 12.
-
-    ``rows``: whitened slopes, shape [d, k]. ``widths``: widths of the ranges of the unknowns, shape [d].
+    their strengths has one. A uniform distribution of width w has the variance w^2 / 12. ``rows``: whitened
+    slopes, [d, k]. ``widths``: of the ranges, [d].
     """
     blind = np.linalg.norm(rows, axis=1) * widths < BLIND
     found = rows @ rows.T + np.diag(np.where(blind, 12.0 / widths**2, 0.0))
@@ -198,10 +199,10 @@ def covariance(
 ) -> FloatArray:
     """Covariance of the unknowns, with or without time correlation of the residuals, shape [d, d].
 
-    It is the larger of the Gauss-Newton covariance and the block "sandwich". In the latter, the residuals of
-    one shot may be correlated within a time block. Every variance is the largest over all block lengths. The
-    patterns explain a part of the residual. This part is in the weights and not in the blocks. ``slopes``: by
-    the unknowns, shape [k, d]. ``widths``: widths of the ranges.
+    It is the larger of Gauss-Newton's and the block "sandwich", in which residuals of one shot may be
+    correlated within a time block; every variance is the largest over all block lengths. The part of the
+    residual that patterns explain is in the weights and not in the blocks. ``slopes``: by the unknowns, shape
+    [k, d]. ``widths``: of the ranges.
     """
     rows = whitening.apply(slopes.T)
     plain = np.linalg.inv(information(rows, widths))
@@ -227,33 +228,25 @@ WIDEST = 0.05
 
 
 class JointProblem:
-    """Shots and slow tests as functions of the shared unknowns.
-
-    ``runs``: the shots' simulations. ``settings``: noise, nodes, meshes. ``slow``: slow tests. ``prior``:
-    prior of the parameters among the unknowns; None if there is none.
-    """
+    """Shots and slow tests as functions of the shared unknowns; ``prior``: of the parameters, or None."""
 
     def __init__(self, runs: JointRuns, settings: JointSettings, slow: Slow, prior: Prior | None) -> None:
         self.runs, self.settings, self.slow, self.prior = runs, settings, slow, prior
         self.unknowns: Unknowns = runs.unknowns
-        self.first = runs.prepared[0].forward
+        self.shots = tuple(prepared.shot for prepared in runs.prepared)
+        self.first = self.shots[0]
         values, sigma = slow_measured(slow)
         shots = []
-        for prepared in runs.prepared:
-            seen = prepared.observations
-            size = seen.n_force + len(seen.centre_line.Z)
-            shots.append(ShotData(seen, np.ones(len(seen.centre_line.Z), bool), np.zeros((0, size))))
-        known = 0 if prior is None else len(prior.rows())
-        known += max(self.unknowns.nodes - 2, 0)
+        for seen in (prepared.observations for prepared in runs.prepared):
+            points = len(seen.centre_line.Z)
+            shots.append(ShotData(seen, np.ones(points, bool), np.zeros((0, seen.n_force + points))))
+        known = (0 if prior is None else len(prior.rows())) + max(self.unknowns.nodes - 2, 0)
         self.stack = Stack(tuple(shots), values, sigma, known)
 
     @cached_property
     def slides(self) -> bool:
         """True if a surface of the shots slides. Single runs then jump."""
-        faces = self.first.shot.interface
-        laws = [contact_law(faces.faces), contact_law(faces.side)]
-        freed = any_slides([*self.unknowns.bounds, *self.runs.held])
-        return freed or any(law.needs_friction for law in laws)
+        return slides(self.first.interface, [*self.unknowns.bounds, *self.runs.held])
 
     @cached_property
     def mesh(self) -> Numerics:
@@ -275,15 +268,13 @@ class JointProblem:
     def slow_values(
         self, x: FloatArray, *, curve: int = 0, held: Mapping[str, float] | None = None
     ) -> FloatArray:
-        """Predicted values of the slow tests, shape [s]. `curve`: index of the drawn curve; 0 is the fitted
-        curve.
-        """
+        """Predicted values of the slow tests with a drawn curve, shape [s]; curve 0 is the fitted one."""
         values = {
             **self.values(x),
-            **{k: v for k, v in (held or {}).items() if k not in self.unknowns.bounds},
+            **(held or {}),
+            **dict(zip(self.unknowns.bounds, x.tolist(), strict=False)),
         }
-        law = self.runs.forwards[0].laws[curve]
-        return slow_predicted(self.slow, law, self.first.shot.relaxation, values)
+        return slow_predicted(self.slow, self.runs.forwards[0].laws[curve], self.first.relaxation, values)
 
     def slow_parts(self) -> list[tuple[str, slice]]:
         """Label of each slow test, with its entries in the whole vector."""
@@ -312,8 +303,7 @@ class JointProblem:
         if np.isnan(vector).any():
             return float("inf")
         residual = vector - self.stack.data
-        weights = self.stack.weighting(residual)
-        return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
+        return self.stack.weighting(residual).deviance(residual)
 
     def count(self, x: FloatArray, numerics: Numerics) -> None:
         """Select the outline points of every shot that the run at a point reaches.
@@ -322,38 +312,35 @@ class JointProblem:
         """
         vectors = self.runs.vectors("design", x[None], numerics)
         shots = []
-        for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
+        for one, shot, seen in zip(self.stack.shots, self.shots, vectors, strict=True):
             if np.isnan(seen).all():
-                name = prepared.forward.shot.name
                 raise ValueError(
-                    f"{name}: the run at the start did not complete: `kolsky simulate` prints why"
+                    f"{shot.name}: the run at the start did not complete: `kolsky simulate` prints why"
                 )
-            inside = ~np.isnan(seen[0, one.observations.n_force :])
-            shots.append(replace(one, counted=inside))
+            shots.append(replace(one, counted=~np.isnan(seen[0, one.observations.n_force :])))
         self.stack = replace(self.stack, shots=tuple(shots))
 
     def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
-        """All predictions at a point, with the outline points of another stack and without prior, shape
-        [k].
-        """
+        """All predictions at a point, with another stack's outline points and without prior, shape [k]."""
         vectors = self.runs.vectors("search", x[None], numerics)
         return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
 
     def search(self, starts: FloatArray, numerics: Numerics, steps: int) -> tuple[FloatArray, FloatArray]:
         """The best least-squares result from several starts, and its standard deviations, shape [d] each."""
+        box = self.unknowns.box
         found = least_squares(
-            lambda points: self.predict("search", self.unknowns.from_search(points), numerics),
-            self.unknowns.inner,
-            self.unknowns.to_search(np.clip(starts, self.unknowns.box.lower, self.unknowns.box.upper)),
+            lambda points: self.predict("search", from_search(box, points), numerics),
+            search_box(box),
+            to_search(box, np.clip(starts, box.lower, box.upper)),
             data=self.stack.data,
             weighting=self.stack.weighting,
             step=STEP,
             max_steps=steps,
             at_rest=AT_REST,
         )[0]
-        change = self.unknowns.from_search(found.x + 1e-6 * found.sigma) - self.unknowns.from_search(found.x)
-        sigma = np.where(np.isfinite(found.sigma), np.abs(change) / 1e-6, self.unknowns.widths)
-        return self.unknowns.from_search(found.x), sigma
+        x = from_search(box, found.x)
+        change = from_search(box, found.x + 1e-6 * found.sigma) - x
+        return x, np.where(np.isfinite(found.sigma), np.abs(change) / 1e-6, self.unknowns.widths)
 
     def slopes(self, x: FloatArray, sigma: FloatArray, numerics: Numerics) -> tuple[FloatArray, FloatArray]:
         """The vector at a point, [k], and its derivatives by the unknowns, [k, d].
@@ -366,9 +353,7 @@ class JointProblem:
         vectors = self.predict("slopes", np.concatenate([x[None], up, down]), numerics)
         if np.isnan(vectors).any():
             raise ValueError("a run next to the optimum did not complete: give narrower bounds with --free")
-        d = len(x)
-        rows = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
-        return vectors[0], rows.T
+        return vectors[0], differences(vectors[1:], up, down)
 
     def learn_noise(self, x: FloatArray, numerics: Numerics) -> None:
         """Add the front faces' noise, the clocks and the scales of the forces to the weights."""
@@ -377,12 +362,10 @@ class JointProblem:
         points = np.tile(x, (len(motion), 1))
         vectors = self.runs.vectors("noise", points, numerics, motion=motion.tolist())
         shots = []
-        for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
+        for one, shot, seen in zip(self.stack.shots, self.shots, vectors, strict=True):
             change = np.nan_to_num(seen[1:] - seen[0])
             front = drawn_modes(change, noise_of(one.observations)) if n else one.front
-            shots.append(
-                replace(one, front=front, own=self._own(prepared.forward.shot.uncertainty, one, seen[0]))
-            )
+            shots.append(replace(one, front=front, own=self._own(shot.uncertainty, one, seen[0])))
         self.stack = replace(self.stack, shots=tuple(shots))
         self.stack = replace(self.stack, common=self._calibrations(), curve=self._curves(x, numerics))
 
@@ -402,9 +385,8 @@ class JointProblem:
         change = np.nan_to_num(whole[1:] - whole[0])
         noise = np.concatenate([*(one.objective.noise for one in self.stack.shots), self.stack.slow_sigma])
         groups: dict[bytes, NDArray[np.bool_]] = {}
-        for k, prepared in enumerate(self.runs.prepared):
-            key = curve_bytes(prepared.forward.shot.curve)
-            entries = groups.setdefault(key, np.zeros(change.shape[1], bool))
+        for k, shot in enumerate(self.shots):
+            entries = groups.setdefault(curve_bytes(shot.curve), np.zeros(change.shape[1], bool))
             entries[self.stack.place(k)] = True
             if k == 0:
                 entries[self.stack.ends[-1] :] = True
@@ -412,26 +394,22 @@ class JointProblem:
 
     def _own(self, declared: Mapping[str, float], one: ShotData, vector: FloatArray) -> dict[str, FloatArray]:
         """Patterns of the clock and the gain of one shot, over bins and all points."""
-        seen, found, start = one.observations, {}, 0
-        n = len(seen.bins.mean)
-        force = np.zeros_like(vector)
+        seen, found = one.observations, {}
         clock = declared.get("clock_offset", 0.0)
         if clock > 0.0:
-            found[CLOCK] = force.copy()
-            for bins in seen.forces:  # channels of one recorder
-                part = slice(start, start + len(bins.mean))
+            found[CLOCK] = np.zeros_like(vector)
+            for bins, part in seen.force_parts():  # channels of one recorder
                 found[CLOCK][part] = -clock * np.gradient(vector[part], bins.centres)
-                start = part.stop
         if self.settings.gain_each > 0.0:
-            found[GAIN] = force.copy()
-            found[GAIN][:n] = self.settings.gain_each * vector[:n]
+            transmitted = np.arange(len(vector)) < len(seen.bins.mean)
+            found[GAIN] = np.where(transmitted, self.settings.gain_each * vector, 0.0)
         return found
 
     def _calibrations(self) -> FloatArray:
         """One pattern per transducer, [n, K]. Shots with the same sensitivity share its calibration error."""
         groups: dict[tuple[float, float], FloatArray] = {}
-        for k, (prepared, one) in enumerate(zip(self.runs.prepared, self.stack.shots, strict=True)):
-            shot, start = prepared.forward.shot, self.stack.place(k).start
+        for k, (shot, one) in enumerate(zip(self.shots, self.stack.shots, strict=True)):
+            start = self.stack.place(k).start
             sigma = max(shot.uncertainty.get("sensitivity", 0.0), one.observations.force_sigma_gain)
             transducer = getattr(shot.force, "transducer", None)
             if sigma > 0.0:
@@ -445,9 +423,9 @@ class JointProblem:
         """The weights with the discrepancies estimated from a residual."""
         return self.stack.whitening(self.stack.weighed(residual), more)
 
-
-def declared_point(unknowns: Unknowns, problem: JointProblem) -> FloatArray:
-    """The values declared by the first shot, with the curve unchanged, shape [d]."""
-    shot = problem.first.shot
-    values = [PARAMETERS[name].held(shot) for name in unknowns.bounds] + [0.0] * unknowns.nodes
-    return np.clip(np.array(values), unknowns.box.lower, unknowns.box.upper)
+    @property
+    def declared(self) -> FloatArray:
+        """The values declared by the first shot, with the curve unchanged, inside the box, shape [d]."""
+        unknowns = self.unknowns
+        values = [PARAMETERS[name].held(self.first) for name in unknowns.bounds] + [0.0] * unknowns.nodes
+        return np.clip(np.array(values), unknowns.box.lower, unknowns.box.upper)

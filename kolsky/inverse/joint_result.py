@@ -109,7 +109,6 @@ class ShotCause:
     """One input of one shot, and its share in the misfit of all shots."""
 
     shot: str
-    """The shot."""
     key: str
     """The input, a key of `CAUSE_WORDS`."""
     amount: float
@@ -138,7 +137,6 @@ class ShotPart:
     """One shot in a joint identification."""
 
     name: str
-    """Its name."""
     inputs: Mapping[str, str]
     """SHA-256 of every file that was read."""
     factor: float
@@ -186,7 +184,6 @@ class ModelChoice:
     bic: float
     """Difference of the Bayesian criterion, with the same sign [-]."""
     elastic: Mapping[str, float]
-    """The optimum without relaxation."""
     gain: float
     """Largest decrease of chi-square at the elastic optimum, by a weak branch with any relaxation time
     [-]."""
@@ -197,7 +194,6 @@ class ModelChoice:
     asked_for: bool
     """True if the criterion is negative and synthetic elastic data rarely improve as much."""
     sentence: str
-    """The result as a sentence."""
 
 
 @dataclass(frozen=True)
@@ -227,16 +223,13 @@ class JointResult(ResultViews):
     estimates: Mapping[str, Estimate]
     """Shared parameters, without the free nodes of the curve."""
     fixed: Mapping[str, float]
-    """The held parameters."""
     correlation: FloatArray
     """Correlation of the shared parameters in their order, by the data without prior, shape [d, d]."""
     expanded: Mapping[str, float]
     """Half width of each parameter's 95 % interval, in its unit. Student's t is used if the scatter between
     few shots dominates."""
     shots: tuple[ShotPart, ...]
-    """Results of each shot."""
     scatter: Scatter | None
-    """Scatter between the shots; None if not requested."""
     slow: Mapping[str, float]
     """Label of each slow test -> mean squared residual divided by its noise variance [-]."""
     choice: ModelChoice | None
@@ -244,13 +237,10 @@ class JointResult(ResultViews):
     curve: CurveFound | None
     """The identified curve; None if its nodes are not free."""
     mesh: tuple[int, int]
-    """Mesh of the search."""
     refined_mesh: tuple[int, int]
-    """Mesh of the answer."""
     runs: int
     """Number of simulations, not counting those found in the ledger."""
     warnings: tuple[str, ...] = ()
-    """Warnings that a user must read."""
     slow_fit: tuple[FitQuality, ...] = ()
     """The slow tests' residuals and those expected of a correct model, in units of their sigma."""
     agreement: ShotAgreement | None = None
@@ -313,16 +303,14 @@ def as_not_seen(e: Estimate) -> Estimate:
 
 
 def interval(e: Estimate, half: float) -> tuple[float, float]:
-    """Interval with a half width, limited to the searched range. Without a half width it is the whole
-    range.
-    """
+    """Interval with a half width, limited to the searched range; without one, the whole range."""
     return e.searched if RANGE in e.noise_parts else e.within(half)
 
 
 def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
     """The strength that the data would detect, one sentence for each branch that was not detected.
 
-    A branch is left out if its time ends at a bound, because its strength is then not the reason.
+    A branch with its time at a bound is left out, because its strength is not the reason.
     """
     said = []
     for name, e in estimates.items():

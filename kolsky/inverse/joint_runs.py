@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -28,7 +28,6 @@ from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.inverse.problem import PreparedShot
 from kolsky.inverse.settings import Numerics
-from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
 from kolsky.inverse.valleys import VALLEY
 from kolsky.inverse.work import Progress
 
@@ -62,51 +61,29 @@ class Unknowns:
         return len(self.bounds)
 
     @property
-    def node_names(self) -> tuple[str, ...]:
-        """Names of the nodes."""
-        return tuple(f"curve_{k}" for k in range(1, self.nodes + 1))
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of all unknowns."""
-        return (*self.bounds, *self.node_names)
+        return (*self.bounds, *(f"curve_{k}" for k in range(1, self.nodes + 1)))
 
     @cached_property
     def box(self) -> Box:
         """All unknowns in their units."""
-        return _joined_box(self.parameters, self.node_names)
+        p, bounds = self.parameters, dict.fromkeys(self.names, (-NODE_RANGE, NODE_RANGE))
+        if p is not None:
+            bounds.update(zip(p.names, zip(p.lower, p.upper, strict=True), strict=True))
+        return Box.of(bounds)
 
     @property
     def widths(self) -> FloatArray:
         """Widths of the unknowns' ranges, in their units, shape [d]."""
         return np.array(self.box.upper) - np.array(self.box.lower)
 
-    @cached_property
-    def inner(self) -> Box:
-        """All unknowns in the coordinates of the search."""
-        return _joined_box(None if self.parameters is None else search_box(self.parameters), self.node_names)
-
-    def to_search(self, x: FloatArray) -> FloatArray:
-        """Points in the coordinates of the search, shape [..., d]."""
-        return self._turned(to_search, x)
-
-    def from_search(self, x: FloatArray) -> FloatArray:
-        """The inverse of `to_search`."""
-        return self._turned(from_search, x)
-
-    def _turned(self, way: Callable[[Box, FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-        found = np.array(x, dtype=np.float64)
-        if self.parameters is not None:
-            found[..., : self.n_parameters] = way(self.parameters, found[..., : self.n_parameters])
-        return found
-
     def relative_stiffness(self, slopes: FloatArray, x: FloatArray) -> FloatArray:
         """Derivative of the data by the logarithm of the shear modulus at a constant bulk modulus, [k].
 
-        K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2.
-        Otherwise a stiffer specimen would ring at another frequency.
-
-        ``slopes``: by the unknowns, shape [k, d]. ``x``: the point, shape [d].
+        K is proportional to m / (1 - 2 nu). A free Poisson's ratio therefore changes by -(1 - 2 nu) / 2;
+        otherwise a stiffer specimen would ring at another frequency. ``slopes``: by the unknowns, [k, d].
+        ``x``: the point, [d].
         """
         if self.nodes:
             found = slopes[:, self.n_parameters :].sum(axis=1)
@@ -130,9 +107,8 @@ def curve_bytes(curve: MaterialCurve) -> bytes:
 
 
 def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
-    """Stress of the curve times the node factors; their logarithm is interpolated linearly in the strain.
-
-    ``curve``: the slow curve. ``logs``: logarithms of the factors at `node_strains`, shape [nodes].
+    """Stress of the slow curve times the node factors, whose logarithms ``logs``, [nodes], are interpolated
+    linearly.
     """
     place = np.abs(node_strains(curve, len(logs)))
     return np.asarray(curve.stress * np.exp(np.interp(np.abs(curve.stretch - 1.0), place, logs)))
@@ -143,17 +119,6 @@ def smoothness(nodes: int, roughness: float) -> FloatArray:
     return np.diff(np.eye(nodes), n=2, axis=0) / roughness
 
 
-def _joined_box(parameters: Box | None, nodes: tuple[str, ...]) -> Box:
-    """The box of the parameters, followed by the nodes."""
-    ends = dict.fromkeys(nodes, (-NODE_RANGE, NODE_RANGE))
-    if parameters is None:
-        return Box.of(ends)
-    p = parameters
-    bounds = dict(zip(p.names, zip(p.lower, p.upper, strict=True), strict=True))
-    decades = [name for name, log in zip(p.names, p.logarithmic, strict=True) if log]
-    return Box.of({**bounds, **ends}, logarithmic=decades)
-
-
 ELEMENTS = ("one_point", "fbar")
 """Elements, in the order of their numbers in a ledger."""
 
@@ -161,13 +126,10 @@ ELEMENTS = ("one_point", "fbar")
 class JointRuns:
     """Runs every shot at the same points of the shared unknowns, in one call of the solver.
 
-    On a GPU the batches of the shots run in parallel. On a CPU they run one after the other. A run in the
-    ledger is not repeated.
-
-    ``prepared``: the shots. ``unknowns``: shared unknowns. ``held``: parameters held at values that differ
-    from the shots'. ``ledger``: file that stores the runs; None stores them in memory only. ``replicates``,
-    ``seed``: number and seed of the draws of each flyer motion and each curve, see `vectors`. ``progress``:
-    called with stage, runs done, runs in the stage.
+    On a GPU the batches of the shots run in parallel, on a CPU one after the other. A run in the ledger is
+    not repeated. ``held``: parameters at values that differ from the shots'. ``ledger``: file of the runs;
+    None keeps them in memory. ``replicates``, ``seed``: number and seed of the draws of each flyer motion and
+    each curve, see `vectors`. ``progress``: called with stage, runs done, runs in the stage.
     """
 
     def __init__(
@@ -199,10 +161,9 @@ class JointRuns:
     ) -> list[FloatArray]:
         """Bins and all outline points of every shot at the given points, shape [n, n_bins + Q] each.
 
-        ``stage``: of the progress. ``points``: unknowns in their own units, shape [n, d]. ``numerics``: mesh
-        and arithmetic. ``motion``, ``material``: index of the flyer path and of the curve of each point, [n];
-        0 is the fitted one. Returns: data vectors with NaN at an outline point that a run does not reach, and
-        everywhere in a run that did not complete.
+        ``points``: unknowns in their own units, shape [n, d]. ``motion``, ``material``: index of the flyer
+        path and of the curve of each point, [n]; 0 is the fitted one. The vectors have NaN at an outline
+        point that a run does not reach, and everywhere in a run that did not complete.
         """
         n = len(points)
         motions = np.zeros(n, int) if motion is None else np.asarray(motion)
@@ -213,41 +174,25 @@ class JointRuns:
             for k in range(len(self.prepared))
         ]
         self._recall([key for row in keys for key in row])
-        self._make(stage, points, numerics, motions, curves, keys)
+        lost = [[i for i, key in enumerate(row) if key not in self.known] for row in keys]
+        missing = {k: rows for k, rows in enumerate(lost) if rows}
+        total = sum(map(len, missing.values()))
+        if total:
+            self.progress(stage, 0, total)
+            found = in_surroundings(
+                [self.prepared[k].shot for k in missing],
+                [self._problem(k, points[i], numerics, motions[i], curves[i]) for k, i in missing.items()],
+                partial(explicit.run_side_by_side, device=numerics.device, threads=numerics.threads),
+            )
+            fresh: dict[tuple[float, ...], FloatArray] = {}
+            for (k, made), seen in zip(missing.items(), found, strict=True):
+                rows = _response_vectors(self.prepared[k], seen)
+                fresh |= {keys[k][i]: row for i, row in zip(made, rows, strict=True)}
+            self.known |= fresh
+            self.made += total
+            self._record(fresh)
+            self.progress(stage, total, total)
         return [np.stack([self.known[key] for key in row]) for row in keys]
-
-    def _make(
-        self,
-        stage: str,
-        points: FloatArray,
-        numerics: Numerics,
-        motions: np.ndarray,
-        curves: np.ndarray,
-        keys: list[list[tuple[float, ...]]],
-    ) -> None:
-        missing = [[i for i, key in enumerate(row) if key not in self.known] for row in keys]
-        total = sum(len(rows) for rows in missing)
-        if not total:
-            return
-        self.progress(stage, 0, total)
-        wanted = [k for k, rows in enumerate(missing) if rows]
-        problems = [
-            self._problem(k, points[missing[k]], numerics, motions[missing[k]], curves[missing[k]])
-            for k in wanted
-        ]
-        found = in_surroundings(
-            [self.prepared[k].forward.shot for k in wanted],
-            problems,
-            partial(explicit.run_side_by_side, device=numerics.device, threads=numerics.threads),
-        )
-        fresh: dict[tuple[float, ...], FloatArray] = {}
-        for k, seen in zip(wanted, found, strict=True):
-            rows = _response_vectors(self.prepared[k], seen)
-            fresh |= {keys[k][i]: row for i, row in zip(missing[k], rows, strict=True)}
-        self.known |= fresh
-        self.made += total
-        self._record(fresh)
-        self.progress(stage, total, total)
 
     def _problem(
         self, k: int, points: FloatArray, numerics: Numerics, motion: np.ndarray, material: np.ndarray
@@ -268,7 +213,7 @@ class JointRuns:
     @cached_property
     def model_hash(self) -> bytes:
         """SHA-256 of all inputs of a run except its point and its numerics, see `kind_of`."""
-        shots = [p.forward.shot for p in self.prepared]
+        shots = [p.shot for p in self.prepared]
         said = {
             "inputs": [dict(s.inputs) for s in shots],
             "shots": [repr((s.specimen, s.interface)) for s in shots],
@@ -305,12 +250,10 @@ class JointRuns:
 
 
 def kind_of(numerics: Numerics) -> tuple[float, ...]:
-    """Numbers of the numerical choices.
+    """Numbers of the numerical choices; equal for two runs only if all choices that affect a result are
+    equal.
 
-    They are equal for two runs only if all choices that affect a result are equal.
-
-    Mesh, grading and element are stored directly. The other choices are stored as 48 bits of a digest, which
-    fit a float.
+    Mesh, grading and element are stored directly, the others as 48 bits of a digest, which fit a float.
     """
     rest = replace(numerics, mesh=(0, 0), grading=0.0, element="fbar", device="", threads=None)
     digest = hashlib.sha256(repr(rest).encode()).digest()[:6]
@@ -321,13 +264,13 @@ def kind_of(numerics: Numerics) -> tuple[float, ...]:
 def _replicated(prepared: PreparedShot, replicates: int, seed: int) -> Forward:
     """The shot with draws of its motion and its curve. Shots with the same curve have the same draws of it.
 
-    Order of the motions: the fitted one, then `replicates` drawn ones. If the sigma of the scale is known,
-    the fitted one scaled up by it follows. Order of the curves: the fitted one, then `replicates` drawn ones.
+    The fitted motion and curve come first, then `replicates` drawn ones. If the sigma of the motion's scale
+    is known, the motion scaled up by it is last.
     """
     if not replicates:
         return prepared.forward
-    same = hashlib.sha256(curve_bytes(prepared.forward.shot.curve)).digest()[:8]
-    own = hashlib.sha256(repr(sorted(prepared.forward.shot.inputs.items())).encode()).digest()[:8]
+    same = hashlib.sha256(curve_bytes(prepared.shot.curve)).digest()[:8]
+    own = hashlib.sha256(repr(sorted(prepared.shot.inputs.items())).encode()).digest()[:8]
     moved = prepared.with_replicates(replicates, np.random.default_rng([seed, *own]), curves=0)
     curves = prepared.with_replicates(0, np.random.default_rng([seed, *same]), curves=replicates)
     return replace(moved, laws=curves.laws)

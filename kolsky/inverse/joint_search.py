@@ -27,13 +27,7 @@ from scipy.special import ndtr, stdtrit
 from doe.least_squares import Whitening, bounded_step, secant
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import coarser_graded
-from kolsky.inverse.joint_problem import (
-    BLIND,
-    SCATTER,
-    JointProblem,
-    declared_point,
-    information,
-)
+from kolsky.inverse.joint_problem import BLIND, SCATTER, JointProblem, information
 from kolsky.inverse.joint_result import Scatter, is_strength, rate_of
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.settings import Numerics
@@ -54,12 +48,14 @@ def starts(problem: JointProblem, numerics: Numerics) -> FloatArray:
 
     Raises ValueError if no point of a scan has runs that complete.
     """
-    x = declared_point(problem.unknowns, problem)
+    x = problem.declared
     names = list(problem.unknowns.bounds)
     weak = [i for i, name in enumerate(names) if is_strength(name)]
     x[weak] = np.array(problem.unknowns.box.lower)[weak]
     if MOVED in names:
-        x = _best_point(problem, _points_at_levels(problem, x, MOVED, FACTORS), numerics)
+        i, box = names.index(MOVED), problem.unknowns.box
+        inside = FACTORS[(box.lower[i] <= FACTORS) & (box.upper[i] >= FACTORS)]
+        x = _best_point(problem, _with_values(x, i, inside if len(inside) else x[[i]]), numerics)
     problem.count(x, numerics)
     if weak:
         x = _best_point(problem, np.concatenate([x[None], relaxing_points(problem, x)]), numerics)
@@ -73,24 +69,21 @@ def relaxing_points(
 ) -> FloatArray:
     """Points with a branch or network at several strengths and times, other unknowns fixed, shape [n, d].
 
-    ``problem``: defines the unknowns. ``x``: a point without it, shape [d]. ``strengths``: strengths [-].
-    ``follow``: True to reduce the stiffness factor, which keeps the mean stiffness of the specimen.
+    ``x``: a point without it, [d]. ``follow``: True to keep the mean stiffness by a smaller stiffness factor.
     """
     names = list(problem.unknowns.bounds)
     ratio = "prony_strength_1" if "prony_strength_1" in names else "creep_ratio"
-    other = rate_of(ratio)
-    i, found = names.index(ratio), []
-    j = names.index(other) if other in names else None
+    other, found = rate_of(ratio), []
     for strength in strengths:
-        for value in second_levels(problem, other) if j is not None else [np.nan]:
-            point = x.copy()
-            point[i] = strength
-            if j is not None:
-                point[j] = value
-            if follow and MOVED in names:
-                point[names.index(MOVED)] /= np.sqrt(1.0 + strength)
-            found.append(point)
-    return np.clip(np.array(found), problem.unknowns.box.lower, problem.unknowns.box.upper)
+        point = x.copy()
+        point[names.index(ratio)] = strength
+        if follow and MOVED in names:
+            point[names.index(MOVED)] /= np.sqrt(1.0 + strength)
+        free = other in names
+        found.append(
+            _with_values(point, names.index(other), second_levels(problem, other)) if free else point[None]
+        )
+    return np.clip(np.concatenate(found), problem.unknowns.box.lower, problem.unknowns.box.upper)
 
 
 def second_levels(problem: JointProblem, name: str) -> FloatArray:
@@ -100,11 +93,8 @@ def second_levels(problem: JointProblem, name: str) -> FloatArray:
     return np.geomspace(box.lower[i], box.upper[i], TIME_LEVELS + 2)[1:-1]
 
 
-def _points_at_levels(problem: JointProblem, x: FloatArray, name: str, levels: FloatArray) -> FloatArray:
-    i = list(problem.unknowns.bounds).index(name)
-    box = problem.unknowns.box
-    inside = levels[(levels >= box.lower[i]) & (levels <= box.upper[i])]
-    values = inside if len(inside) else np.array([x[i]])
+def _with_values(x: FloatArray, i: int, values: FloatArray) -> FloatArray:
+    """A point with each of some values of one unknown, shape [n, d]."""
     points = np.tile(x, (len(values), 1))
     points[:, i] = values
     return points
@@ -122,12 +112,9 @@ def _valleys(problem: JointProblem, x: FloatArray, numerics: Numerics) -> FloatA
     names, box = list(problem.unknowns.bounds), problem.unknowns.box
     i = names.index(VALLEY)
     prepared = problem.runs.prepared[0]
-    factor = x[names.index(MOVED)] if MOVED in names else PARAMETERS[MOVED].held(prepared.forward.shot)
-    levels = valley_levels(prepared, float(factor), (box.lower[i], box.upper[i]))
-    points = np.tile(x, (len(levels), 1))
-    points[:, i] = levels
-    vectors = problem.predict("design", points, numerics)
-    deviances = np.array([problem.deviance(v) for v in vectors])
+    factor = x[names.index(MOVED)] if MOVED in names else PARAMETERS[MOVED].held(prepared.shot)
+    points = _with_values(x, i, valley_levels(prepared, float(factor), (box.lower[i], box.upper[i])))
+    deviances = np.array([problem.deviance(v) for v in problem.predict("design", points, numerics)])
     floors = local_minima(np.where(np.isfinite(deviances), deviances, np.nan))[:MOST_VALLEYS]
     return points[floors] if floors else x[None]
 
@@ -149,6 +136,11 @@ class Optimum:
     confirmed: bool
     """True if the last run on the refined mesh confirmed the optimum."""
 
+    @property
+    def scatter_size(self) -> float:
+        """Relative scatter between the shots [-]; 0 if not requested."""
+        return 0.0 if self.scatter is None else self.scatter.value
+
 
 MOST_RUNS = 12
 """Maximum number of runs on the refined mesh, not counting those for slopes."""
@@ -169,7 +161,6 @@ class _RefinedRun:
     vector: FloatArray
     """All data as predicted at this point, shape [k]."""
     cost: float
-    """The deviance."""
     step: FloatArray
     """Step to the optimum of the linear model inside the bounds, shape [d]."""
     sigma: FloatArray
@@ -244,9 +235,8 @@ def _judge_run(
 def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
     """The optimum on the refined mesh, with noise patterns computed on a fine mesh.
 
-    The result does not change in three cases: a surface slides (single runs jump), the search has not
-    converged, or the run on the graded mesh fails. The last case is reported with the mesh's part of the
-    interval.
+    It is unchanged if a surface slides (single runs jump), the search has not converged, or the run on the
+    graded mesh fails, which is reported with the mesh's part of the interval.
     """
     if not (problem.settings.replicates and found.confirmed) or problem.slides:
         return found
@@ -312,8 +302,8 @@ def restricted_scatter(
 def expanded_scatter(sigma: float, between: float, shots: int) -> float:
     """Half width of a 95 % interval (k = 2). Part of the variance is a scatter between few shots.
 
-    Student's t has the degrees of freedom of Welch and Satterthwaite. The scatter's part ``between`` of n
-    shots has n - 1, the rest has infinitely many. The coverage is 95.45 %, as for k = 2.
+    Student's t has the degrees of freedom of Welch and Satterthwaite: n - 1 of the part ``between`` n shots,
+    infinitely many of the rest. The coverage is 95.45 %, as for k = 2.
     """
     if between <= 0.0 or sigma <= 0.0:
         return COVERAGE * sigma
@@ -324,12 +314,11 @@ def expanded_scatter(sigma: float, between: float, shots: int) -> float:
 def between_variance(
     whole: FloatArray, plain: FloatArray, without: FloatArray, no_scatter: FloatArray
 ) -> FloatArray:
-    """Variance by the scatter between shots, shape [d].
+    """Variance by the scatter, shape [d]; with it, the total is not below that of weights without scatter.
 
-    With it, the total variance is not smaller than with weights without scatter. ``whole``: variances with
-    the scatter in the weights. ``plain``, ``without``: variances for independent residuals with the same
-    discrepancies, with and without the scatter. ``no_scatter``: variances if the discrepancies explain the
-    residuals instead of the scatter.
+    ``whole``: variances with the scatter in the weights. ``plain``, ``without``: those of independent
+    residuals with the same discrepancies, with and without the scatter. ``no_scatter``: those if the
+    discrepancies explain the residuals instead.
     """
     return np.asarray(np.maximum(plain - without, 0.0) + np.maximum(no_scatter - whole, 0.0))
 
@@ -345,8 +334,8 @@ COARSE_PATTERNS = (
 def with_patterns_and_scatter(problem: JointProblem, found: Optimum, said: list[str]) -> Optimum:
     """The optimum with recomputed patterns, and with the scatter between the shots.
 
-    If the search converges only with the old patterns, they are kept and a sentence is added to `said`. On
-    coarse meshes, the ringing in the new patterns may have another frequency than the ringing in the slopes.
+    If the search converges only with the old patterns, they are kept, with a sentence in ``said``. On coarse
+    meshes, the new patterns may ring at another frequency than the slopes.
     """
     before = problem.stack
     last = with_scatter(problem, with_refined_patterns(problem, found))
@@ -375,9 +364,8 @@ def _estimate_scatter(problem: JointProblem, found: Optimum) -> Scatter:
     """Estimate the scatter between the shots on the refined mesh, and add it to the weights."""
     stack, residual = problem.stack, found.vector - problem.stack.data
     change = problem.unknowns.relative_stiffness(found.slopes, found.x)
-    patterns = np.array([stack.of_shot(k, change) for k in range(len(stack.shots))])
     slow = slow_stiffness(change, [part for _, part in problem.slow_parts()])
-    patterns = np.concatenate([patterns, slow])
+    patterns = np.concatenate([stack.of_each(change), slow])
     # The discrepancy of each shot is estimated after its stiffness is fitted.
     objectives = stack.weighed_beside(residual, patterns)
     # Unconstrained unknowns do not reduce the degrees of freedom.
@@ -396,9 +384,7 @@ def _estimate_scatter(problem: JointProblem, found: Optimum) -> Scatter:
 
 
 def slow_stiffness(change: FloatArray, parts: Sequence[slice]) -> FloatArray:
-    """Changes of the data by the stiffness, one row per slow test that depends on it, [n, k]. Other entries
-    are zero.
-    """
+    """Changes of the data by the stiffness, one row per slow test that depends on it, [n, k]."""
     rows = np.zeros((len(parts), len(change)))
     for row, part in zip(rows, parts, strict=True):
         row[part] = change[part]

@@ -49,10 +49,8 @@ TRIAL_AMPLITUDES = np.linspace(-5.0, float(np.log(LARGEST_AMPLITUDE)), 40)
 def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
     """Patterns of an error with a root mean square of one over the points, shape [DEGREES^2, n].
 
-    The sum of their squares over the patterns has a mean of one over the points. There are fewer patterns if
-    too few heights or times distinguish them, and none without points.
-
-    ``height``, ``time``: of the points, in any unit, shape [n].
+    There are fewer if too few heights or times distinguish them, and none without points. ``height``,
+    ``time``: of the points, in any unit, shape [n].
     """
     found = [a * b for a in _polynomials(height) for b in _polynomials(time)]
     if not found or not len(height):
@@ -62,9 +60,7 @@ def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
 
 
 def _polynomials(x: FloatArray) -> list[FloatArray]:
-    """Legendre polynomials over the range of the values. Their number is limited by the number of different
-    values.
-    """
+    """Legendre polynomials over the range of the values, at most as many as there are different values."""
     many = min(DEGREES, len(np.unique(x)))
     if many < 2:
         return [np.ones(len(x))][:many]
@@ -77,8 +73,8 @@ def most_likely_amplitude(residual: FloatArray, patterns: FloatArray, other: Whi
     """Most likely standard deviation of the patterns' amplitudes, in the residual's unit.
 
     ``other``: the weights by the covariance C of all other errors. With the whitened patterns B = V S U' and
-    the coordinates h = U' r of the whitened residual, -2 ln L is
-    ``sum ln(1 + s^2 S^2) + h^2 / (1 + s^2 S^2)`` up to a constant.
+    the coordinates h = U' r of the whitened residual, -2 ln L is ``sum ln(1 + s^2 S^2) + h^2 / (1 + s^2
+    S^2)``.
     """
     if not len(patterns):
         return 0.0
@@ -156,8 +152,8 @@ def correlated_in_blocks(
 ) -> FloatArray:
     """Covariance of the optimum with or without correlated residuals within blocks of time, shape [d, d].
 
-    The result is the covariance with the largest variances. It is chosen among the block lengths in `BLOCKS`
-    and independent residuals. Lengths with four or fewer blocks per parameter are not used.
+    The largest variances count, of the block lengths in `BLOCKS` with more than four blocks per parameter and
+    of independent residuals.
     """
     best, d = independent, len(score)
     for length in BLOCKS:
@@ -194,10 +190,9 @@ class Prior:
 
     @classmethod
     def of(cls, names: Sequence[str], declared: Mapping[str, tuple[float, float]]) -> Prior | None:
-        """The priors of declared values with standard uncertainties; None if no parameter has one.
+        """The priors of declared values with standard uncertainties; None if no free parameter has one.
 
-        ``names``: free parameters, in their order. ``declared``: value and standard uncertainty by name;
-        other names than those of free parameters are ignored.
+        ``names``: free parameters, in their order. ``declared``: value and standard uncertainty by name.
         """
         known = [declared.get(name, (0.0, np.inf)) for name in names]
         if not any(np.isfinite(sigma) for _, sigma in known):
@@ -263,8 +258,8 @@ class FrontNoise:
     `kolsky.inverse.path_noise`. None if the path was not corrected."""
 
     def over(self, entries: Callable[[FloatArray], FloatArray]) -> FrontNoise:
-        """The same effect over other bins and points. ``entries`` selects entries in rows of shape [...,
-        n_bins + Q].
+        """The same effect over other bins and points; ``entries`` selects them in rows, shape [..., n_bins +
+        Q].
         """
         return FrontNoise(*(None if rows is None else entries(rows) for rows in (self.patterns, self.offset)))
 
@@ -274,11 +269,9 @@ class Objective:
     """Chi-square of a predicted data vector."""
 
     observations: Observations
-    """The measurements."""
     counted: NDArray[np.bool_]
     """Mask of the outline points inside the model's range in every run, shape [n_points]."""
     front: FrontNoise = field(default_factory=FrontNoise)
-    """Noise of the front face's motion."""
     force_discrepancy: float = 0.0
     """tau of the force's bin means [N]."""
     shape_discrepancy: float = 0.0
@@ -399,8 +392,8 @@ class Objective:
         )
 
     def reached(self, prediction: Prediction) -> FloatArray:
-        """Predicted data vectors; an outline point that a run does not reach gets its measured value (zero
-        residual).
+        """Predicted data vectors, with the measured value (zero residual) at outline points that a run does
+        not reach.
         """
         vectors = self.vectors(prediction)
         return np.where(np.isnan(vectors), self.data, vectors)
@@ -429,12 +422,7 @@ class Objective:
         return np.asarray((self.whitened(vectors - self.data, part) ** 2).sum(axis=-1))
 
     def with_discrepancy(self, vector: FloatArray) -> Objective:
-        """The objective with discrepancies from the residual of this vector.
-
-        They describe the residual beyond noise and front face.
-
-        See `kolsky.inverse.objective`.
-        """
+        """The objective with discrepancies from the residual of this vector beyond noise and front face."""
         force, shape, slow = most_likely_discrepancies(
             vector - self.data,
             self.n_force,
@@ -449,18 +437,13 @@ class Objective:
         return found
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
-        """A residual minus its most likely part due to common errors, shape [k].
-
-        It is D (D + M' M)^-1 r with the variances D of noise and discrepancy and the common rows M.
-        Woodbury's identity reduces the inverse to the number of rows of M.
-        """
+        """A residual minus its most likely part by common errors (`residual_without_common`), [k]."""
         return residual_without_common(residual, self.common, self.own_sigma)[0]
 
     def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
-        """Minus twice the log-likelihood of vectors [n, k], with discrepancies estimated for each, shape [n].
+        """-2 ln L of vectors [n, k] up to a constant, with discrepancies estimated for each, shape [n].
 
-        The value has an unknown constant. Unlike `chi2` it can be compared between points with different
-        discrepancies.
+        Unlike `chi2` it can be compared between points with different discrepancies.
         """
         found = []
         for vector in vectors:
@@ -472,9 +455,8 @@ class Objective:
     def balanced_deviance(self, vectors: FloatArray) -> FloatArray:
         """`deviance`, with the outline of each frame counted as one entry, shape [n].
 
-        For vectors from a mesh that is too coarse for the outline's noise. Their residuals are smooth fields,
-        and the points of a frame are not independent. If each point counted, the outline would outweigh the
-        force.
+        On a coarse mesh the residuals are smooth fields, and the points of a frame are not independent. If
+        each point counted, the outline would outweigh the force.
         """
         if not self.observations.has_shape:
             return self.deviance(vectors)
@@ -485,8 +467,8 @@ class Objective:
         return 0.0 if self.prior is None or part != "joint" else float(self.prior.chi2(x))
 
     def prior_precision(self, dimension: int, part: Part = "joint") -> FloatArray:
-        """Contribution of the prior to the normal matrix J^T C^-1 J, shape [d, d]. It is zero for unknowns
-        after the free parameters, such as a clock lag.
+        """Contribution of the prior to J^T C^-1 J, shape [d, d]; zero for further unknowns such as a clock
+        lag.
         """
         precision = np.zeros((dimension, dimension))
         if self.prior is not None and part == "joint":
@@ -523,8 +505,7 @@ class Objective:
     def scale_error(self) -> FloatArray:
         """Change of the data vector by one standard uncertainty of the transmitted force's scale, shape [k].
 
-        A wrong scale is not noise. It multiplies the whole force by one factor, and the residuals may not
-        show it.
+        The residuals may not show a wrong scale, which is not noise.
         """
         transmitted = np.arange(len(self.data)) < len(self.observations.bins.mean)
         return np.where(transmitted, self.observations.force_sigma_gain * self.data, 0.0)
@@ -539,11 +520,10 @@ class Objective:
     ) -> FloatArray:
         """Covariance of the optimum from residuals and prior, with or without time correlation, [d, d].
 
-        The part of the residuals due to the front face's noise is excluded. The slow error of the outline is
-        included. The result is the larger of two covariances: Gauss-Newton with independent residuals, and
-        the block "sandwich" with residuals correlated within a time block (`kolsky.inverse.objective`). The
-        variance is never smaller than with uncorrelated weights: common patterns may improve the estimate but
-        do not shrink its interval.
+        It excludes the part of the residuals due to the front face's noise, and includes the slow error of
+        the outline. It is the larger of Gauss-Newton's with independent residuals and the block "sandwich"
+        (`kolsky.inverse.objective`). Its variance is not below that of uncorrelated weights: common patterns
+        may improve the estimate but do not shrink its interval.
         """
         gain = self.gain(jacobian, part)
         score = gain * self.unexplained(self.data - vector)

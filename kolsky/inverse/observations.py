@@ -6,7 +6,7 @@ model is a monotone cubic through its nodes, evaluated at these heights.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 
@@ -31,26 +31,12 @@ def radius_at(
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Radius of the free side surface at given heights.
 
-    Parameters
-    ----------
-    surface_r, surface_y : ndarray
-        The surface's nodes, transmission platen first [m], shape [n_frames, n_nodes].
-    frame : ndarray
-        Row of `surface_r` in which each point lies, shape [n_points].
-    y : ndarray
-        Height of each point [m], shape [n_points].
+    ``surface_r``, ``surface_y``: the surface's nodes, transmission platen first [m], shape [n_frames,
+    n_nodes]. ``frame``: row of `surface_r` of each point, shape [n_points]. ``y``: height of each point [m],
+    shape [n_points]. Returns: the radius [m], NaN where the free surface does not reach the height, and the
+    mask of the points that it reaches, shape [n_points] each.
 
-    Returns
-    -------
-    r : ndarray
-        Radius [m], shape [n_points]; NaN where `inside` is False.
-    inside : ndarray of bool
-        True if the free surface reaches the point's height, shape [n_points].
-
-    Raises
-    ------
-    ValueError
-        If a node is not finite, or if a frame has no free surface.
+    Raises ValueError if a node is not finite, or if a frame has no free surface.
     """
     if not (np.isfinite(surface_r).all() and np.isfinite(surface_y).all()):
         raise ValueError("the surface has nodes that are not finite; leave out simulations that ended early")
@@ -85,8 +71,8 @@ def free_part(surface_y: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]
 
 
 def _slopes(f: FloatArray, first: NDArray[np.intp], last: NDArray[np.intp]) -> FloatArray:
-    """df per node: central differences inside the free part, a parabola's slope at its ends. With 2 nodes,
-    the chord's.
+    """df per node: central differences inside the free part, a parabola's slope at its ends; the chord's for
+    2 nodes.
     """
     slope = np.zeros_like(f)
     slope[:, 1:-1] = 0.5 * (f[:, 2:] - f[:, :-2])
@@ -156,7 +142,6 @@ class Observations:
     force: ForceHistory
     """The transmitted force at every recorded sample, P of them."""
     bins: ForceBins
-    """The same force in bins."""
     centre_line: CentreLine
     """The outline points, Q of them, frames in order of time; Q is 0 if no outline was measured."""
     incident: ForceBins | None = None
@@ -173,6 +158,13 @@ class Observations:
     def forces(self) -> tuple[ForceBins, ...]:
         """The forces that are compared: the transmitted one and, if present, the incident one."""
         return (self.bins,) if self.incident is None else (self.bins, self.incident)
+
+    def force_parts(self) -> Iterator[tuple[ForceBins, slice]]:
+        """The bins of each force, with their entries in a data vector."""
+        start = 0
+        for force in self.forces:
+            yield force, slice(start, start + len(force.mean))
+            start += len(force.mean)
 
     @property
     def n_force(self) -> int:
@@ -195,10 +187,8 @@ class Observations:
         return np.concatenate([force.centres for force in self.forces])
 
     def of_forces(self, of: Callable[[ForceBins, str], FloatArray]) -> FloatArray:
-        """Apply a function of bins and force name to every force, and join the results.
-
-        ``of``: called with the bins and "transmission" or "flyer", the name of the force in
-        `explicit.Response`.
+        """Join a function of bins and force name ("transmission" or "flyer", as in `explicit.Response`) of
+        every force.
         """
         return np.concatenate(
             [of(*each) for each in zip(self.forces, ("transmission", "flyer"), strict=False)], axis=-1
@@ -244,10 +234,9 @@ def observe(
     """Select the data inside the window, and bin the force.
 
     ``centre_line``: the outline; None if none was measured. ``window``: first and last time, both included
-    [s]. ``bin_width``: width of the force bins [s]; the camera's frame interval by default. ``incident``: the
-    incident force, if it is compared. Raises ValueError if the window holds no outline point or fewer than 2
-    force samples. The same error is raised if the bin width does not fit, or if a Z or a sigma inside is not
-    positive.
+    [s]. ``bin_width``: of the force [s]. ``incident``: the incident force, if it is compared. Raises
+    ValueError if the window holds no outline point or fewer than 2 force samples, if the bin width does not
+    fit, or if a Z or a sigma inside is not positive.
     """
     bins = bin_force(force, window=window, width=bin_width)
     first, last = window
@@ -278,21 +267,11 @@ def predict(response: Response, observations: Observations) -> Prediction:
     """Predict the measured quantities from every simulation of a batch.
 
     The force at the recorded times is interpolated linearly, as for Eq. (M.4). A bin's mean is exact: the
-    difference of the impulses at its edges, divided by its width. The radius is interpolated by
-    `kolsky.inverse.observations.radius_at`, never beyond the model's range.
+    difference of the impulses at its edges, divided by its width. The radius is that of `radius_at`, never
+    beyond the model's range.
 
-    Parameters
-    ----------
-    response : explicit.Response
-        Completed simulations. Their `surface_times` contain every frame, and their `force_times` contain
-        every bin edge. Both cover the recorded samples.
-    observations : Observations
-        The measurements to predict.
-
-    Raises
-    ------
-    ValueError
-        If a simulation did not complete, or if a frame, a bin edge or a recorded sample is outside its times.
+    Raises ValueError if a simulation did not complete, or if its `surface_times` or `force_times` lack a
+    frame, a bin edge or a recorded sample.
     """
     lost = np.flatnonzero(~response.completed)
     if lost.size:

@@ -18,6 +18,7 @@ from kolsky.base.apparatus import (
     NETWORK_DEFAULTS,
     NETWORK_FREE,
     SLIDING_LAW,
+    Interface,
     Relaxation,
     RelaxationKind,
     prony_names,
@@ -286,20 +287,14 @@ PARAMETERS: dict[str, Parameter] = {
 
 
 def parameter(name: str) -> Parameter:
-    """Look up a parameter by name.
-
-    Raises ValueError if there is no such parameter; the message lists all parameters.
-    """
+    """Look up a parameter by name. Raises ValueError with the list of all parameters if there is none."""
     if name not in PARAMETERS:
         raise ValueError(f"there is no parameter {name!r}; choose from {', '.join(PARAMETERS)}")
     return PARAMETERS[name]
 
 
 def checked_value(name: str, value: float) -> float:
-    """A value inside the parameter's allowed range.
-
-    Raises ValueError if it is outside; the message names value, range and unit.
-    """
+    """A value in the parameter's allowed range. Raises ValueError with value, range and unit if not."""
     p = parameter(name)
     low, high = p.allowed
     if not low <= value <= high:
@@ -315,11 +310,16 @@ def any_slides(names: Iterable[str]) -> bool:
     return any(PARAMETERS[name].slides for name in names if name in PARAMETERS)
 
 
-def require_declared(names: Iterable[str], shot: Shot) -> None:
-    """Reject constants of the relaxation that the shot does not have.
+def slides(interface: Interface, names: Iterable[str]) -> bool:
+    """True if a surface slides with friction: as declared, or because a named parameter makes it so."""
+    from explicit.contact import contact_law
 
-    Raises ValueError if one is named and the shot's [relaxation] has no such constant.
-    """
+    declared = (interface.faces, interface.side)
+    return any_slides(names) or any(contact_law(law).needs_friction for law in declared)
+
+
+def require_declared(names: Iterable[str], shot: Shot) -> None:
+    """Raise ValueError for a constant of the relaxation that the shot's [relaxation] does not have."""
     for name in names:
         if parameter(name).belongs_to(shot):
             continue
@@ -331,9 +331,7 @@ def require_declared(names: Iterable[str], shot: Shot) -> None:
 
 
 def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
-    """True if one of these contact laws, by name, uses the parameter, or if its effect needs no contact
-    law.
-    """
+    """True if one of these contact laws, by name, uses the parameter, or if its effect needs none."""
     if not p.read_by:
         return True
     from explicit.contact import CONTACT_LAWS
@@ -342,10 +340,10 @@ def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
 
 
 def require_effect(names: Iterable[str], faces: str, side: str) -> None:
-    """Reject parameters that would have no effect with the contact laws of end faces and side surface.
+    """Raise ValueError if a parameter has no effect with the contact laws of faces and side.
 
-    Raises ValueError if neither law reads a parameter and no named parameter makes the surfaces slide. The
-    same error is raised if the parameter is named together with one that makes them slide.
+    That is so if neither law reads it and no named parameter makes the surfaces slide, or if it is named
+    together with one that does.
     """
     given = [parameter(name) for name in names]
     sliding = [p for p in given if p.slides]
@@ -370,8 +368,7 @@ def require_effect(names: Iterable[str], faces: str, side: str) -> None:
 def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
     """The box of a design: given bounds, with default ones for None.
 
-    Raises ValueError if a name is unknown, if a bound is outside the allowed range, or if the bounds are not
-    ascending.
+    Raises ValueError for an unknown name, or bounds that are outside the allowed range or not ascending.
     """
     from doe import Box
 
@@ -396,9 +393,9 @@ START_STRESS = 0.5
 def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields, tuple[RateDependence, ...]]:
     """Replace the constants of the relaxation in the samples' fields by an index of a material.
 
-    ``fields``: fields of `explicit.Samples`, and a value, scalar or [n_samples], of every constant of
-    `relaxation`. ``relaxation``: that of the shot; None leaves the fields unchanged. Returns: the fields with
-    "relaxation", an index per sample, and the different materials for `explicit.Model.relaxation`.
+    ``fields``: of `explicit.Samples`, with a value, scalar or [n_samples], of every constant of
+    ``relaxation``; None leaves them unchanged. Returns: the fields with "relaxation", an index per sample,
+    and the different materials for `explicit.Model.relaxation`.
     """
     if relaxation is None:
         return fields, ()
@@ -423,12 +420,10 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
 
 
 def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:
-    """The shot with a free relaxation that replaces the declared one.
+    """The shot with a free relaxation that replaces the declared one, with initial values by window and
+    curve.
 
-    Its initial values come from the window and the curve.
-
-    ``shot``: the shot. ``kind``: Prony series or network. ``branches``: of a series, 1 to
-    `kolsky.base.apparatus.MOST_BRANCHES`. Raises ValueError if the number of branches is not allowed.
+    ``branches``: of a Prony series, 1 to `kolsky.base.apparatus.MOST_BRANCHES`, otherwise ValueError.
     """
     if kind == "bergstrom_boyce":
         largest = float(abs(shot.curve.stress).max())
@@ -450,12 +445,9 @@ def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot
 def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
     """Poisson's ratio that keeps the bulk modulus if the instantaneous stiffness increases by a factor [-].
 
-    The bulk modulus is proportional to m (1 + c) / (1 - 2 nu), where c is the sum of all strengths. It
-    determines the frequency of the ringing. If a branch changed it by one percent, the ringing would be out
-    of phase within the shot. A free Poisson's ratio compensates this change. The change is therefore no
-    effect of the branch.
-
-    ``poisson``: Poisson's ratio [-]. ``stiffer``: factor on the instantaneous stiffness [-].
+    The bulk modulus, proportional to m (1 + c) / (1 - 2 nu) with the sum c of all strengths, determines the
+    frequency of the ringing. If a branch changed it by one percent, the ringing would be out of phase within
+    the shot. A free Poisson's ratio compensates this, so it is no effect of the branch.
     """
     import numpy as np  # imported here: the help of commands does not need it
 
@@ -463,10 +455,7 @@ def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
 
 
 def reference_words(names: Iterable[str]) -> str:
-    """The curve that m refers to, in words, from a result's parameter names; empty without relaxation.
-
-    ``names``: names of all parameters of the result, free or held.
-    """
+    """The curve that m refers to, in words, from all parameters of a result; empty without relaxation."""
     there = {name for name in names if name in PARAMETERS and PARAMETERS[name].relaxes}
     if not there:
         return ""
@@ -475,10 +464,7 @@ def reference_words(names: Iterable[str]) -> str:
 
 
 def parsed_kind(text: str) -> tuple[RelaxationKind, int]:
-    """Parse a kind of relaxation from the command line: "prony", "prony:2", "bergstrom_boyce".
-
-    Raises ValueError if it is none of these.
-    """
+    """Parse "prony", "prony:2", "bergstrom_boyce". Raises ValueError for another text."""
     kind, _, number = text.partition(":")
     if kind == "prony" and (number or "1") in ("1", "2", "3"):
         return "prony", int(number or 1)

@@ -43,8 +43,8 @@ class PathModes:
     def of(cls, change: FloatArray, noise: FloatArray, jerks: FloatArray) -> PathModes:
         """The modes from the effect of independent changes of the path on the data.
 
-        ``change``: data with each change minus those with the path, shape [n, k]. ``noise``: standard
-        deviations of the data, shape [k]. ``jerks``: as above, shape [n, n_spans].
+        ``change``: data with each change minus those with the path, [n, k]. ``noise``: standard deviations of
+        the data, [k].
         """
         left, size, right = np.linalg.svd(change / noise, full_matrices=False)
         kept = size > SMALLEST_MODE
@@ -56,12 +56,7 @@ class PathModes:
         return self.shares @ self.jerks
 
     def amplitudes(self, shares: FloatArray) -> FloatArray:
-        """Amplitudes of the modes in a path with given shares of the jerks, shape [q].
-
-        Changes outside the modes are left out.
-
-        ``shares``: shape [n].
-        """
+        """Amplitudes of the modes in a path with given shares of the jerks, [n] -> [q], without the rest."""
         return np.asarray(self.shares @ shares)
 
     def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
@@ -74,9 +69,7 @@ class MovedFront:
     """The front face's path in the runs: the fitted path, corrected by modes of its noise."""
 
     fitted: FlyerPath
-    """The path fitted to the record."""
     modes: PathModes
-    """Modes of its noise."""
     amplitudes: FloatArray
     """Amplitudes of the modes in the path [-], shape [q]."""
 
@@ -96,7 +89,6 @@ class FrontPath:
     """The front face's path in the runs, and the effect of its noise on the data."""
 
     path: FlyerPath
-    """The path."""
     noise: FrontNoise = field(default_factory=FrontNoise)
     """Its patterns, and the change by the path correction along them."""
     moved: MovedFront | None = None
@@ -113,29 +105,18 @@ class FrontPath:
 
 
 def replicate_uncertainty(moves: FloatArray) -> FloatArray:
-    """Standard uncertainty from replicates: root mean square of the shifts of the optimum.
-
-    ``moves``: optimum of each replicate minus that of the reference, shape [n, d]. Returns: in the
-    parameters' units, shape [d].
-    """
+    """Standard uncertainty from replicates, [d]: root mean square of the shifts of the optimum, [n, d]."""
     return np.asarray(np.sqrt((moves**2).mean(axis=0)))
 
 
 def data_change(prediction: Prediction) -> FloatArray:
-    """Bins and all points of every run minus those of the first, shape [n, n_bins + Q].
-
-    The change of a point that a run does not reach is zero.
-    """
+    """Bins and all points of every run minus those of the first, [n, n_bins + Q]; zero where not reached."""
     vectors = np.concatenate([prediction.force_bins, prediction.Z], axis=1)
     return np.nan_to_num(vectors - vectors[0])
 
 
 def drawn_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
-    """Independent patterns of the data with the same mean square as some replicates, shape [n_modes, k].
-
-    ``change``: data of each replicate minus those of the reference, shape [n, k]. ``noise``: standard
-    deviations of the data, shape [k].
-    """
+    """Independent patterns with the same mean square as replicates' changes [n, k], [n_modes, k]."""
     return PathModes.of(change / np.sqrt(len(change)), noise, change).patterns
 
 
@@ -155,12 +136,10 @@ noisy, and a correction would hide the error."""
 
 
 def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
-    """Most likely amplitudes of the front face's patterns for a residual, shape [q].
+    """Most likely amplitudes of the front face's patterns for a residual of shape [k], shape [q].
 
     a = M C^-1 r with the patterns M and the covariance C of the residual r = data - prediction. C includes
     the patterns; the prior of their amplitudes is standard normal.
-
-    ``objective``: with the patterns, and the discrepancies of the residual. ``residual``: shape [k].
     """
     return np.asarray(objective.front_noise @ objective.whitening().precision(residual))
 

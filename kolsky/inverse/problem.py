@@ -32,7 +32,7 @@ from kolsky.base.records import FlyerMotion, ForceHistory
 from kolsky.inverse.forward import Forward, coarser_graded, curve_replicates, graded, material_law
 from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import SAME_TIME, Observations, observe
-from kolsky.inverse.parameters import PARAMETERS, any_slides, design_box
+from kolsky.inverse.parameters import PARAMETERS, design_box, slides
 from kolsky.inverse.settings import Numerics, Settings
 from kolsky.shot.curve import conditioned_ratio, with_pull
 from kolsky.shot.recordings import recording_facts
@@ -50,9 +50,7 @@ class PreparedShot:
     """A shot prepared for simulation: forward model, observations, figures about the data."""
 
     forward: Forward
-    """The shot ready to run."""
     observations: Observations
-    """The measurements inside the window."""
     checks: dict[str, Any]
     """Numbers that show whether the declared noise is plausible and which strains the curve covers."""
     motion_sigma_gain: float = 0.0
@@ -60,19 +58,23 @@ class PreparedShot:
     include it."""
 
     @property
+    def shot(self) -> Shot:
+        """The shot."""
+        return self.forward.shot
+
+    def with_shot(self, shot: Shot) -> PreparedShot:
+        """The same data and path with another apparatus, specimen or material."""
+        return replace(self, forward=replace(self.forward, shot=shot))
+
+    @property
     def path(self) -> FlyerPath:
         """The fitted flyer path."""
         return self.forward.paths[0]
 
     def with_replicates(
-        self,
-        n: int,
-        rng: np.random.Generator,
-        *,
-        curves: int | None = None,
-        path: FlyerPath | None = None,
+        self, n: int, rng: np.random.Generator, *, curves: int | None = None, path: FlyerPath | None = None
     ) -> Forward:
-        """The forward model with more paths (`n`) and curves (`n` or `curves`), drawn from their noise.
+        """The forward model with `n` paths and `n` or `curves` curves more, drawn from their noise.
 
         If the scale of the motion is uncertain, the last path is the first one scaled up by its sigma; this
         single number needs no draws. ``path``: mean of the drawn paths; default: the fitted path.
@@ -81,19 +83,14 @@ class PreparedShot:
         scaled = (path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
         drawn = curve_replicates(self.forward.shot.curve, n if curves is None else curves, rng)
         return replace(
-            self.forward,
-            paths=(path, *path.replicates(n, rng), *scaled),
-            laws=(self.forward.laws[0], *drawn),
+            self.forward, paths=(path, *path.replicates(n, rng), *scaled), laws=(self.forward.laws[0], *drawn)
         )
 
 
 def prepare_shot(shot: Shot) -> PreparedShot:
     """Turn a shot's recordings into observations and the solver's inputs.
 
-    Raises
-    ------
-    ValueError
-        If the flyer's record or the curve cannot be used; the message gives the reason.
+    Raises ValueError with the reason if the flyer's record or the curve cannot be used.
     """
     force, motion, scale = shot.force.history(), shot.flyer, 0.0
     if isinstance(motion, FlyerMotion):
@@ -175,11 +172,9 @@ class Freed:
     """Settings in which every parameter is either free or held, and why some are held."""
 
     settings: Settings
-    """The settings with `free` filled in."""
     by_default: bool
     """True if the free parameters are the default choice; they are held if the data do not constrain them."""
     reasons: Mapping[str, str]
-    """Reason why a parameter of `DEFAULT` is held, by its name."""
 
     @property
     def free(self) -> Mapping[str, Bounds]:
@@ -215,20 +210,7 @@ class Freed:
 
 
 def choose(settings: Settings, shot: Shot) -> Freed:
-    """Choose the free parameters that the settings leave open.
-
-    Parameters
-    ----------
-    settings
-        Settings from the user.
-    shot
-        The shot; its declared interface and uncertainties are used.
-
-    Raises
-    ------
-    ValueError
-        If nothing would be free.
-    """
+    """Choose the free parameters that the settings leave open. Raises ValueError if nothing would be free."""
     if settings.free is not None:
         return Freed(settings, by_default=False, reasons={})
     relaxing = () if shot.relaxation is None else shot.relaxation.free_names
@@ -257,8 +239,8 @@ def rough(shot: Shot, named: Iterable[str]) -> bool:
     """True if a surface slides or lets go, as declared or because of a named parameter."""
     from explicit.contact import contact_law
 
-    laws = [contact_law(shot.interface.faces), contact_law(shot.interface.side)]
-    return any_slides(named) or any(law.needs_friction or law.needs_release_stress for law in laws)
+    declared = (shot.interface.faces, shot.interface.side)
+    return slides(shot.interface, named) or any(contact_law(law).needs_release_stress for law in declared)
 
 
 @dataclass(frozen=True)
@@ -266,13 +248,10 @@ class InverseProblem:
     """The inverse problem of one shot: data, free parameters, their bounds and priors."""
 
     prepared: PreparedShot
-    """The prepared shot, with the path fitted to the record."""
     freed: Freed
     """Free parameters, and the reasons for holding the others."""
     box: Box
-    """Bounds of the free parameters."""
     prior: Prior | None
-    """Their prior; None if nothing is declared."""
 
     @classmethod
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
@@ -281,24 +260,19 @@ class InverseProblem:
         Raises ValueError if recordings cannot be used, a parameter is unknown, or a bound is out of range.
         """
         prepared = prepare_shot(with_pull(shot, settings.pull))
-        return cls.freeing(prepared, choose(settings, prepared.forward.shot))
+        return cls.freeing(prepared, choose(settings, prepared.shot))
 
     @classmethod
     def freeing(cls, prepared: PreparedShot, freed: Freed) -> InverseProblem:
         """The problem of a prepared shot with given free parameters."""
-        return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.forward.shot))
+        return cls(prepared, freed, design_box(freed.free), freed.prior(prepared.shot))
 
     def holding(self, reasons: Mapping[str, str], at: Mapping[str, float]) -> InverseProblem:
-        """The settings with further parameters held, each for a reason.
-
-        A parameter has a given value or the shot's value.
-        """
+        """The problem with more parameters held, each for a reason, at a given or the shot's value."""
         return self.freeing(self.prepared, self.freed.holding(reasons, at))
 
     def of_one(self, name: str) -> InverseProblem:
-        """The same problem with one free parameter and no prior. The other parameters keep the shot's
-        values.
-        """
+        """The problem with one free parameter and no prior. The others keep the shot's values."""
         i = self.box.names.index(name)
         return replace(self, box=Box.of({name: (self.box.lower[i], self.box.upper[i])}), prior=None)
 
@@ -310,7 +284,7 @@ class InverseProblem:
     @property
     def shot(self) -> Shot:
         """The shot."""
-        return self.prepared.forward.shot
+        return self.prepared.shot
 
     @property
     def observations(self) -> Observations:
@@ -324,8 +298,8 @@ class InverseProblem:
 
     @property
     def refined(self) -> Numerics:
-        """Numerical choices of the refined mesh. The mesh is graded, with two exceptions. Single runs jump if
-        a surface slides; runs with a correction for Poisson's ratio use other meshes.
+        """Numerical choices of the refined mesh. It is graded, unless single runs jump because a surface
+        slides, or a correction for Poisson's ratio uses other meshes.
         """
         if self._is_graded:
             return graded(self.settings.numerics, self.settings.refined_mesh)
@@ -361,12 +335,11 @@ class InverseProblem:
 
 
 def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:
-    """The record needed to repeat a result: hashes, settings, versions, machine class.
+    """The record needed to repeat a result, of JSON types: hashes, settings, versions, machine class.
 
-    ``shot``, ``prepared``: the shot as loaded and as prepared. ``settings``: the dataclass of settings of the
-    result. ``sliding``: whether Coulomb's law replaced the declared interface, see
-    `kolsky.inverse.forward.Forward.run`. Returns: JSON types only. "interface" is the simulated one,
-    "declared_interface" that of the shot file.
+    ``settings``: the dataclass of settings of the result. ``sliding``: True if Coulomb's law replaced the
+    declared interface, see `Forward.run`: "interface" is the simulated, "declared_interface" the declared
+    one.
     """
     packages = {}
     for name in ("kolsky", "warp-lang", "numpy", "scipy"):

@@ -14,19 +14,11 @@ import numpy as np
 from doe import Box, latin_hypercube
 from doe.surrogates import QuadraticSurrogate, SurrogateError
 from doe.surrogates.quadratic import runs_wanted
-from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import (
-    CoarseOptimum,
-    Model,
-    at_inner_face,
-    jacobian,
-    search,
-)
+from kolsky.inverse.coarse_search import CoarseOptimum, Model, at_inner_face, jacobian, search
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.parameters import slides
 from kolsky.inverse.path_noise import FrontPath
-from kolsky.inverse.problem import InverseProblem
 from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.runner import Mesh, Runner
 from kolsky.inverse.settings import Numerics
@@ -45,11 +37,9 @@ class RefinedOptimum:
     x: FloatArray
     """The answer, shape [d]. A confirming run is at this point, or a short step away."""
     front: FrontPath
-    """The front face's path of the runs."""
     box: Box
     """The box in which the model is valid."""
     objective: Objective
-    """The objective with the discrepancies of the optimum."""
     model: Model
     """Model of the data vectors of runs on the refined mesh."""
     surrogate: Model
@@ -59,7 +49,6 @@ class RefinedOptimum:
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals, shape [d]."""
     check: CompletedRuns
-    """The last run."""
     moved: float
     """Shift of the optimum by the last run, in units of sigma."""
     confirmed: bool
@@ -80,9 +69,8 @@ class RefinedOptimum:
 def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
     """True if the last run shifts every parameter of the optimum by little.
 
-    ``move``: shift of the optimum, shape [d]. ``sigma``: standard deviation of the optimum from the
-    residuals, shape [d]. ``roughness``: standard deviation of the optimum from the response's roughness,
-    shape [d].
+    ``move``, ``sigma``, ``roughness``: shift of the optimum, its standard deviations from the residuals and
+    from the response's roughness, [d].
     """
     little = np.fmax(CONFIRMED * sigma, CONFIRMED_ROUGH * np.asarray(roughness))
     return bool((np.abs(move) <= little).all())
@@ -94,13 +82,6 @@ def check_run(runner: Runner, x: FloatArray, numerics: Numerics) -> CompletedRun
     if not len(runs.rows):
         raise ValueError(f"the check needs every run on the refined mesh to complete: {runs.first_lost}")
     return runs.apart()[0]
-
-
-def slides(problem: InverseProblem) -> bool:
-    """True if a surface slides with friction: as declared, or because a parameter makes it so."""
-    settings, interface = problem.settings, problem.shot.interface
-    laws = [contact_law(interface.faces), contact_law(interface.side)]
-    return any_slides([*(settings.free or ()), *settings.held]) or any(law.needs_friction for law in laws)
 
 
 EDGE = 0.2
@@ -126,9 +107,7 @@ class QuadraticFit:
     """A quadratic through runs on one mesh, and its optimum."""
 
     surrogate: QuadraticSurrogate
-    """Surrogate of the data vector."""
     objective: Objective
-    """The objective with the discrepancies of the optimum."""
     x: FloatArray
     """The optimum, shape [d]."""
     jacobian: FloatArray
@@ -149,8 +128,8 @@ class QuadraticFit:
 
     @property
     def leftover(self) -> float:
-        """Root mean square of run minus quadratic, divided by the data's noise [-]. It accounts for the
-        degrees of freedom.
+        """Root mean square of run minus quadratic, by the degrees of freedom, divided by the data's noise
+        [-].
         """
         square = ((self.surrogate.residuals / self.objective.noise) ** 2).mean(axis=1).sum()
         return float(np.sqrt(square / self.surrogate.degrees_of_freedom))
@@ -164,15 +143,7 @@ class QuadraticFit:
 def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum:
     """Stage 3 of `kolsky.identification.identify` if a surface slides or lets go.
 
-    Parameters
-    ----------
-    runner, coarse
-        The simulations, and the optimum on the surrogate's mesh.
-
-    Raises
-    ------
-    ValueError
-        If the run at the optimum does not complete, or too few runs of a design do.
+    Raises ValueError if the run at the optimum does not complete, or too few runs of a design do.
     """
     found = _moved_to_inside(runner, *_first_box(runner, coarse))
     x = found.x
@@ -201,9 +172,9 @@ def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum
 
 
 def _moved_by_coarse_mesh(runner: Runner, found: QuadraticFit) -> FloatArray | None:
-    """Optimum on the surrogate's mesh minus the optimum, shape [d]; None if the run fails.
+    """Optimum on the surrogate's mesh minus the optimum, shape [d], by one run; None if it fails.
 
-    It uses one run at the optimum. A search on that mesh would also follow its roughness.
+    A search on that mesh would also follow its roughness.
     """
     runs = runner.run("check", found.x[None], runner.problem.numerics, recorded=False)
     if runs.prediction is None:
@@ -216,16 +187,16 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
     """Middle and edge of the first box on the refined mesh.
 
     If a surface slides, the box stays wide: in a narrow one, a few jumps would determine the slope. Otherwise
-    the box covers the range in which the response is quadratic. Its middle is then the optimum estimated from
-    one run on the refined mesh.
+    the response is quadratic in it, about the optimum estimated from one run on the refined mesh.
     """
-    if slides(runner.problem):
+    problem = runner.problem
+    if slides(problem.shot.interface, [*problem.freed.free, *problem.settings.held]):
         return coarse.x, EDGE
     own = _halved_box(runner, coarse)
-    first = check_run(runner, own.x, runner.problem.refined)
+    first = check_run(runner, own.x, problem.refined)
     change = own.objective.vectors(first.prediction)[0] - own.model(own.x)[0]
     guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds 0
-    return np.clip(guess, runner.problem.box.lower, runner.problem.box.upper), own.edge
+    return np.clip(guess, problem.box.lower, problem.box.upper), own.edge
 
 
 def _halved_box(runner: Runner, coarse: CoarseOptimum) -> QuadraticFit:

@@ -46,9 +46,7 @@ class Method:
     """Number of these simulations that another method made. A method that uses the answer's surrogate makes
     no new runs."""
     converged: bool
-    """True if its convergence criterion was met."""
     ended: str
-    """How it ended, in words."""
 
     @classmethod
     def compared(
@@ -63,21 +61,10 @@ class Method:
         converged: bool = True,
         ended: str = "",
     ) -> Method:
-        """Compare a method's result with the answer.
+        """Compare a method's result with the answer and half the length of its k = 2 interval, in parameter
+        units.
 
-        Parameters
-        ----------
-        name, runs, shared_runs, converged, ended
-            The fields of this name.
-        values
-            Its results, in parameter units.
-        answer, half_width
-            The answer and half the length of its k = 2 interval, in parameter units.
-
-        Raises
-        ------
-        ValueError
-            If the names differ.
+        The other arguments are the fields of this name. Raises ValueError if the names differ.
         """
         if not set(values) == set(answer) == set(half_width):
             raise ValueError(
@@ -165,8 +152,8 @@ class FitQuality:
     def spread(self, noise: FloatArray) -> FloatArray:
         """Standard deviation of the residual of a correct model at each value, in `unit`, shape of ``noise``.
 
-        ``noise``: standard deviation of the noise of each value. The other sources enter with the same root
-        mean square at every value. The root mean square of the spread is `expected`.
+        ``noise``: of each value. The other sources have one root mean square at all values. That of the
+        spread is `expected`.
         """
         others = sum(part**2 for source, part in self.predicted.items() if source != NOISE)
         return np.sqrt(noise**2 + others)
@@ -212,9 +199,8 @@ class FitQuality:
     def testable(self) -> bool:
         """False if the check passes only because of declared uncertainties.
 
-        In that case the expected residual and the residual both exceed the limit of the check without
-        declared uncertainties. Otherwise a misfit that noise, flyer and mesh exclude would pass, because
-        every input may be wrong by its declared uncertainty.
+        The expected residual and the residual then both exceed the limit without them. A misfit that noise,
+        flyer and mesh exclude would pass, because every input may be wrong by its declared uncertainty.
         """
         bare = self.noticed_without_declared
         return self.expected <= bare or self.residual <= bare
@@ -235,7 +221,6 @@ class ClockLag:
     explains: bool
     """True if the model explains force and outline after the correction of this lag."""
     file: str
-    """The file with its times."""
     key: str
     """The key of shot.toml that corrects it."""
 
@@ -261,7 +246,6 @@ class CauseFinding:
     key: str
     """Key of the input in shot.toml, or a name of another cause; unique."""
     words: str
-    """The changed input, in words."""
     unit: str
     """Unit of `exact` and `value`; "1" for a factor or a plain number."""
     exact: float
@@ -315,13 +299,9 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class ParameterProfile:
-    """The profile likelihood of one parameter, from the noise of force and outline.
-
-    Other sources of uncertainty are not included.
-    """
+    """The profile likelihood of one parameter, from the noise of force and outline only."""
 
     name: str
-    """The parameter."""
     values: FloatArray
     """The fixed values of the parameter, ascending, in its unit, shape [n]."""
     rise: FloatArray
@@ -333,7 +313,6 @@ class ParameterProfile:
     correlation: float
     """Factor on this parameter's variance by the time correlation of the residuals, >= 1 [-]."""
     interval: Interval
-    """95 % interval from the profile."""
     alone: Interval
     """Another profile, with the other parameters held at their optimum."""
     verdict: str
@@ -349,7 +328,6 @@ class PairMap:
     """The rise of -2 ln L over the plane of the two free parameters."""
 
     names: tuple[str, str]
-    """The parameters along x and y."""
     x: FloatArray
     """Values of the first, in SI, shape [nx]."""
     y: FloatArray
@@ -388,9 +366,7 @@ class Declaration:
 
 @dataclass(frozen=True)
 class Variation:
-    """Another choice of the analyst with the same data and runs. The optimum is searched again on the
-    surrogate.
-    """
+    """Another choice of the analyst with the same data and runs, searched again on the surrogate."""
 
     key: str
     """The choice: "window_end" or "force_bins"."""
@@ -400,15 +376,11 @@ class Variation:
     """Shift of each free parameter on the refined mesh, in SI, without correction of the mesh error. Empty if
     the search failed."""
     status: str
-    """Description of the choice's outcome."""
 
 
 @dataclass(frozen=True)
 class PosteriorSummary:
-    """The posterior by Markov chains, from the noise of force and outline.
-
-    Other sources of uncertainty are not included.
-    """
+    """The posterior by Markov chains, from the noise of force and outline only."""
 
     names: tuple[str, ...]
     """Free parameters, then the sampled discrepancies, length n."""
@@ -425,13 +397,11 @@ class PosteriorSummary:
     autocorrelation: float
     """Longest integrated autocorrelation time [steps]."""
     steps: int
-    """Steps of each walker."""
     acceptance: float
     """Share of accepted moves [-]."""
     power: float
     """Power of the likelihood, 1 divided by the mean `ParameterProfile.correlation` [-]."""
     prior: str
-    """The priors, in words."""
 
 
 class Verdict(StrEnum):
@@ -465,9 +435,7 @@ class Verdict(StrEnum):
 
     @property
     def identified(self) -> bool:
-        """True if the value is valid: it lies inside the design, is confirmed, and the model explains the
-        data.
-        """
+        """True if the value is valid: inside the design, confirmed, and the model explains the data."""
         return self in (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE)
 
 
@@ -476,7 +444,6 @@ class Estimate:
     """One free parameter."""
 
     name: str
-    """Parameter name, e.g. "stiffness_factor"."""
     unit: str
     """Unit, "1" if none."""
     value: float
@@ -492,7 +459,6 @@ class Estimate:
     """Parts of `sigma_noise` by source: "force and shape", "force scale", "motion scale", "flyer motion" (the
     noise of the measured front-face motion), "material curve"."""
     outcome: Verdict
-    """How the search ended."""
     sigma_systematic: float = 0.0
     """Standard uncertainty from the inputs declared in [uncertainty] of shot.toml, 0 if none is declared."""
     numerical_parts: dict[str, float] = field(default_factory=dict)
@@ -506,9 +472,7 @@ class Estimate:
 
     @property
     def on_mesh(self) -> float:
-        """Optimum on the refined mesh. The check run, the profiles and the comparison of methods use this
-        point.
-        """
+        """Optimum on the refined mesh, used by the check run, the profiles and the comparison of methods."""
         return self.value - self.mesh_correction
 
     @property
@@ -547,7 +511,6 @@ class Route:
     parameters: dict[str, float]
     """Optimum in parameter units, corrected for the error of the refined mesh by `correction`."""
     cost: float
-    """Cost at the optimum."""
     sigma: dict[str, float]
     """Combined standard uncertainty of this route by its budget; empty for the paper's cost."""
     correction: dict[str, float] = field(default_factory=dict)
@@ -569,7 +532,6 @@ class RouteDifference:
     sigma: dict[str, float]
     """Its combined standard uncertainty. A source that shifts both optima equally does not contribute."""
     budget: tuple[Contribution, ...]
-    """`sigma` by source."""
 
 
 @dataclass(frozen=True)
@@ -599,7 +561,6 @@ class SurrogateCurve:
     """The surrogate along one parameter, with the others at their optimum."""
 
     parameter: str
-    """The parameter that varies."""
     x: FloatArray
     """Its values, shape [n]."""
     chi2: FloatArray
@@ -615,9 +576,7 @@ class Identification(ResultViews):
     """The result of an identification."""
 
     shot: str
-    """Name of the shot."""
     estimates: dict[str, Estimate]
-    """One entry per free parameter."""
     fixed: dict[str, float]
     """The parameters held fixed, in SI."""
     routes: tuple[Route, ...]
@@ -626,7 +585,6 @@ class Identification(ResultViews):
     terms: Terms
     """Misfit terms of the check run at the optimum."""
     comparison: Comparison
-    """The check run, compared with the data."""
     response: Response
     """The check run: a batch of one on the refined mesh, with all nodes."""
     mesh: tuple[int, int]
@@ -634,7 +592,6 @@ class Identification(ResultViews):
     refined_mesh: tuple[int, int]
     """Elements of the refined mesh, which gives the check runs and the answer."""
     design: DesignTable
-    """Every run."""
     curves: tuple[SurrogateCurve, ...]
     """The surrogate along each free parameter."""
     surrogate: dict[str, float]
@@ -649,13 +606,10 @@ class Identification(ResultViews):
     systematic: tuple[Declaration, ...] = ()
     """Effect of the declared input uncertainties on the answer, and the inputs that were not declared."""
     profiles: tuple[ParameterProfile, ...] = ()
-    """The profile likelihood of each free parameter."""
     ridge: PairMap | None = None
     """The likelihood over the plane of two free parameters. None for one parameter, or for more than two."""
     posterior: PosteriorSummary | None = None
-    """The posterior; None if not requested."""
     variations: tuple[Variation, ...] = ()
-    """Effect of other choices of the analyst on the answer."""
     fit: tuple[FitQuality, ...] = ()
     """Goodness of fit of force and outline; empty if not recorded (files before version 3)."""
     clocks: tuple[ClockLag, ...] = ()
@@ -673,7 +627,7 @@ class Identification(ResultViews):
         """Standard deviation of the residual of a correct model at each force bin or outline point, in N or
         m.
 
-        If the goodness of fit was not recorded, it is the noise.
+        It is the noise if the goodness of fit was not recorded.
         """
         c = self.comparison
         noise = c.force_sigma if channel == FORCE else c.centre_line.sigma
@@ -683,8 +637,8 @@ class Identification(ResultViews):
     def lag_that_matters(self, recording: str) -> float:
         """Smallest lag of a recording that changes the answer noticeably [s]; infinite if none is known.
 
-        For the force, it is the lag that shifts a free parameter by its k = 2 uncertainty, if known.
-        Otherwise it is one frame, the smallest possible error of a frame number.
+        For the force, it shifts a free parameter by its k = 2 uncertainty, if known. Otherwise it is one
+        frame, the smallest possible error of a frame number.
         """
         found = [
             abs(part.amount) * 2.0 * self.estimates[name].sigma / abs(move)
@@ -706,9 +660,8 @@ class Identification(ResultViews):
 
 
 def worst_imbalance(response: Response) -> float:
-    """Largest |energy residual| of the batch's first simulation, divided by its largest external work [-].
-
-    NaN without a ledger, for example if no simulation of a design completed.
+    """Largest |energy residual| of the first simulation, divided by its external work [-]; NaN without a
+    ledger.
     """
     if not np.isfinite(response.energy.external[0]).any():
         return float("nan")

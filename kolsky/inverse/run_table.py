@@ -68,28 +68,15 @@ class Terms:
 
 
 def terms(prediction: Prediction, observations: Observations, i: int) -> Terms:
-    """Misfit terms of simulation `i`.
+    """Misfit terms of simulation `i`; those that need an outline, with Phi of Eq. (M.5), are NaN without one.
 
-    Phi_S, Eq. (M.3), is a mean over the counted points of each frame, then over frames. A frame without a
-    counted point is left out. Its uncertainty, Eq. (M.6), is the same mean of Z_FEA sigma_Z / Z_DIC^2. As in
-    the paper, the errors are treated as common to all points. The uncertainty therefore does not decrease
-    with the number of points. Phi_F is a sum over samples, Eq. (M.4). Its uncertainty is the sum of their
-    sigmas, P delta F in Eq. (M.7). Chi-square takes the force from the bins, with the bins' sigma, and the
-    outline point by point, with sigma_Z.
+    Phi_S, Eq. (M.3), is a mean over the counted points of each frame, then over the frames with a counted
+    point. Its uncertainty, Eq. (M.6), is the same mean of Z_FEA sigma_Z / Z_DIC^2: as in the paper, the
+    errors count as common to all points. Phi_F is a sum over samples, Eq. (M.4), and its uncertainty the sum
+    of their sigmas, P delta F in Eq. (M.7). Chi-square uses the force bins and the outline points with their
+    sigmas.
 
-    Terms that need an outline are NaN without one (not zero). They include Phi of Eq. (M.5).
-
-    Parameters
-    ----------
-    prediction, observations
-        The predictions of the model and the measurements.
-    i : int
-        Index of the simulation in the prediction.
-
-    Raises
-    ------
-    ValueError
-        If no outline point is inside the model's range.
+    Raises ValueError if no outline point is inside the model's range.
     """
     line, counted = observations.centre_line, prediction.inside[i]
     if observations.has_shape and not counted.any():
@@ -127,9 +114,8 @@ def residuals(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Model minus measurement, divided by sigma, of simulation `i`.
 
-    Returns: residual of each force bin [-], shape [n_bins]. Returns: residual of each outline point inside
-    the model's range [-], shape [n_counted]. Returns: bin centres [s], shape [n_bins]. Returns: frame times
-    of the counted points [s], shape [n_counted].
+    Returns: residuals of the force bins, [n_bins], and of the outline points inside the model's range,
+    [n_counted] [-]; the times of the bins' centres and of these points [s].
     """
     line, counted = observations.centre_line, prediction.inside[i]
     force = (prediction.force_bins[i] - observations.force_mean) / observations.force_sigma
@@ -199,9 +185,7 @@ class CompletedRuns:
     rows: NDArray[np.intp]
     """Their rows in the design, shape [n]."""
     prediction: Prediction
-    """The simulated measurements."""
     response: Response
-    """The solver's complete response."""
     lost: str
     """The failed runs in words, with details of the first one; empty if there are none."""
 
@@ -211,13 +195,10 @@ class Runs:
     """Runs of one batch, completed or failed."""
 
     names: tuple[str, ...]
-    """Free parameters."""
     points: FloatArray
     """Their points, shape [n, d]."""
     response: Response
-    """The solver's response."""
     rows: NDArray[np.intp]
-    """Indices of the completed runs."""
     prediction: Prediction | None
     """Simulated measurements of these runs; None if there are none."""
 
@@ -284,10 +265,8 @@ class RunTable:
     def add(
         self, stage: str, values: FloatArray, runs: Runs, observations: Observations, *, on: Place
     ) -> None:
-        """Append a batch.
-
-        ``values``: parameter values of the runs on this mesh, shape [n, d]. The points of `runs` refer to the
-        refined mesh.
+        """Append a batch. ``values``: parameters of the runs on this mesh, shape [n, d]; the points of `runs`
+        refer to the refined mesh.
         """
         self._batches.append((on, runs))
         place = {int(row): k for k, row in enumerate(runs.rows)}
@@ -303,8 +282,8 @@ class RunTable:
     def on(self, mesh: tuple[int, int], path: FlyerPath, offset: FloatArray) -> tuple[FloatArray, Prediction]:
         """Points and predictions of all completed runs on a mesh under a path, in their order.
 
-        ``offset``: present offset between a point and the values run on this mesh, shape [d]. The point of a
-        run made with another offset is converted.
+        ``offset``: present offset of the values run on this mesh from a point, shape [d]. The point of a run
+        made with another offset is converted.
         """
         kept = [
             (runs.points[runs.rows] - (offset - before), runs.prediction)
@@ -315,11 +294,8 @@ class RunTable:
         return np.concatenate(points), Prediction.joined(predictions)
 
     def take(self, other: RunTable, held: Mapping[str, float]) -> None:
-        """Append the runs of another table with a subset of the parameters.
-
-        The other parameters were held.
-
-        ``other``: table with a subset of the parameters. ``held``: value of each missing parameter, by name.
+        """Append the runs of another table with a subset of the parameters; ``held``: values of the missing
+        ones.
         """
         for point in other.points:
             values = {**held, **dict(zip(other.names, point.tolist(), strict=True))}
@@ -379,4 +355,3 @@ class Replicates:
     """Mask of the row with the motion scaled up by one standard uncertainty of its scale. There is at most
     one such row."""
     lost: int
-    """Number of failed runs."""

@@ -31,18 +31,15 @@ Mesh = tuple[int, int]
 class Runner:
     """Runs points of a problem under a path of the front face.
 
-    A coarse mesh is too soft, and its waves are too slow. It responds like the refined mesh at other
-    parameters. All points passed in and out refer to the refined mesh.
+    A coarse mesh is too soft and too slow: it responds like the refined mesh at other parameters. All points
+    passed in and out refer to the refined mesh.
     """
 
     problem: InverseProblem
-    """The problem: free parameters and their bounds."""
     front: FrontPath
-    """The front-face path of the runs."""
     table: RunTable
     """Table of every run. Runners made by `under` use the same table."""
     work: Work
-    """Notified of the stages."""
     rng: np.random.Generator
     """Random generator of designs and replicates, used in the order of the calls."""
     offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
@@ -75,10 +72,7 @@ class Runner:
         return self.offsets.get(mesh, np.zeros(self.problem.box.dimension))
 
     def solver_values(self, points: FloatArray, mesh: Mesh) -> FloatArray:
-        """The points at which a mesh is run, shape [n, d].
-
-        Values outside a parameter's allowed range are clipped to its bound.
-        """
+        """The points at which a mesh is run, [n, d], clipped to the parameters' allowed ranges."""
         if mesh not in self.offsets:
             return points
         low, high = np.array([PARAMETERS[name].allowed for name in self.problem.box.names]).T
@@ -94,9 +88,7 @@ class Runner:
         return self.front.path.noise_patterns(PATTERNS)
 
     def design(self, box: Box) -> Design:
-        """Seven levels for one parameter. For several parameters, a Latin hypercube of twelve points for
-        each.
-        """
+        """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
         if box.dimension == 1:
             return full_factorial(box, 7)
         return latin_hypercube(box, 12 * box.dimension, rng=self.rng, optimise=True)
@@ -112,20 +104,15 @@ class Runner:
         material: ArrayLike = 0,
         all_nodes: bool = False,
     ) -> Response:
-        """Run points as part of a stage, without recording them in the table.
+        """Run points of shape [n, d] as part of a stage, without recording them in the table.
 
-        ``points``: may lie outside the box, shape [n, d]. ``forward``: replaces that of the path. It holds
-        the paths and laws to which ``motion`` and ``material`` refer.
+        They may lie outside the box. ``forward``: replaces that of the path; ``motion`` and ``material``
+        refer to it.
         """
         values = self.problem.point(self.solver_values(points, numerics.mesh))
         with self.work.stage(stage, len(points)) as report:
             return (forward or self.forward).run(
-                values,
-                numerics,
-                motion=motion,
-                material=material,
-                all_nodes=all_nodes,
-                progress=report,
+                values, numerics, motion=motion, material=material, all_nodes=all_nodes, progress=report
             )
 
     def run(
@@ -137,10 +124,7 @@ class Runner:
         all_nodes: bool = False,
         recorded: bool = True,
     ) -> Runs:
-        """Run points of shape [n, d]; with `recorded`, add them to the table.
-
-        The points may lie outside the box.
-        """
+        """Run points of shape [n, d], also outside the box; with `recorded`, add them to the table."""
         problem, mesh = self.problem, numerics.mesh
         response = self.respond(stage, points, numerics, all_nodes=all_nodes)
         runs = Runs.of(problem.box.names, points, response, problem.observations)
@@ -179,11 +163,8 @@ class Runner:
         """Run a point with `settings.replicates` other curves and the same number of other motions.
 
         They are drawn immediately, and run when the result is requested. No motion is drawn if the patterns
-        of the path are known.
-
-        ``x``: in parameter units, shape [d]. ``lesson``: True to run the same number of further motions for
-        the weights. Returns: pending result that gives the replicates. It raises ValueError if the reference
-        run did not complete.
+        of the path are known. ``x``: in parameter units, [d]. ``lesson``: True for the same number of further
+        motions for the weights. The result raises ValueError if the reference run did not complete.
         """
         settings = self.problem.settings
         n = settings.replicates
@@ -217,9 +198,8 @@ class Runner:
     def under_other_motions(
         self, points: FloatArray, jerks: FloatArray, numerics: Numerics
     ) -> list[Prediction | None]:
-        """Run each point with the path of the front face (row 0) and with other paths.
-
-        None for a point with a failed run under the path.
+        """Run each point with the path of the front face (row 0) and with other paths; None if the first run
+        fails.
 
         ``points``: in parameter units, shape [p, d]. ``jerks``: jerk of each other path minus that of the
         path [m/s^3], shape [n, n_spans], see `front_jerks`.
@@ -246,7 +226,7 @@ RUNS_OF_A_DESIGN = 64
 def compile_for(problem: InverseProblem, work: Work) -> None:
     """Compile the solver in parallel for single runs, a design, the refined mesh and the other element.
 
-    The first call on a machine takes some seconds (stage "compile"). Later calls do nothing.
+    The first call on a machine takes some seconds (stage "compile").
     """
     numerics = problem.numerics
 

@@ -49,9 +49,7 @@ class HeldSearch:
     values: Mapping[str, float]
     """Held values of the parameters that are free in the full search, in SI."""
     runner: Runner
-    """Its runs on the surrogate's mesh."""
     coarse: CoarseOptimum
-    """Its optimum on this mesh."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,7 @@ class Search:
     runner: Runner
     """Runs points of the final free parameters, with the path of the optimum."""
     coarse: CoarseOptimum
-    """The optimum on the surrogate's mesh."""
     fine: RefinedOptimum
-    """The optimum on the refined mesh."""
     replication: Callable[[], Replicates] | None = None
     """Gives the runs with other motions and curves; None if not requested."""
     held: HeldSearch | None = None
@@ -89,10 +85,7 @@ class Search:
         return None if self.replication is None else self.replication()
 
     def held_run(self) -> tuple[FloatArray, Response] | None:
-        """The optimum of the stiffness factor alone on the refined mesh, [d], and its run.
-
-        None if the full search has no other free parameter, or if the run fails.
-        """
+        """The optimum of the stiffness factor alone on the refined mesh, [d], and its run, if any."""
         if self.held is None:
             return None
         runner, i = self.runner, self.problem.box.names.index(MOVED)
@@ -102,12 +95,10 @@ class Search:
         return (x, response) if response.outcomes[0].ok else None
 
     def paper_route(self) -> Route | None:
-        """The optimum of the paper's cost.
+        """The optimum of the paper's cost, as in the paper that of the stiffness-only search, if one was
+        made.
 
-        As in the paper, it is that of the stiffness-only search, if one was made.
-
-        None if no surrogate can be fitted to that cost, because this comparison must not stop an
-        identification.
+        None if no surrogate can be fitted to that cost: this comparison must not stop an identification.
         """
         try:
             if self.held is None:
@@ -118,11 +109,9 @@ class Search:
 
 
 def search_shot(problem: InverseProblem, work: Work) -> Search:
-    """Find the optimum on the refined mesh.
+    """Find the optimum on the refined mesh. By default, parameters that the data do not constrain are held.
 
-    By default, parameters that the data do not constrain are held.
-
-    ``work``: notified of the stages. Raises ValueError if too few runs complete.
+    Raises ValueError if too few runs complete.
     """
     valley = rise = np.inf
     while True:
@@ -151,10 +140,7 @@ def _search_rough(runner: Runner) -> Search:
 
 
 def _search_one(runner: Runner) -> Search:
-    """Search one smooth parameter.
-
-    The steps are those for several parameters, but the first optimum comes from designs over the whole range.
-    """
+    """Search one smooth parameter as several, but with a first optimum from designs over the whole range."""
     wide = search_coarse(runner)
     designs = _designs_so_far(runner)
     meshes = search_meshes_for_one(runner, wide)
@@ -174,7 +160,6 @@ class NotIdentifiable:
     """Parameters that must be held."""
 
     reasons: dict[str, str]
-    """The reason for each of them."""
     x: FloatArray
     """The optimum with all of them free, shape [d]."""
     limit_rise: float
@@ -210,9 +195,7 @@ def _search_several(runner: Runner) -> Search | NotIdentifiable:
 
 
 def _search_held(runner: Runner) -> HeldSearch:
-    """The search of the stiffness factor on the surrogate's mesh. The other parameters keep the shot's
-    values.
-    """
+    """The search of the stiffness factor on the surrogate's mesh. The others keep the shot's values."""
     problem = runner.problem
     values = {name: PARAMETERS[name].held(problem.shot) for name in problem.box.names if name != MOVED}
     alone = Runner.of(problem.of_one(MOVED), runner.work)

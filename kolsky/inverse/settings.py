@@ -113,8 +113,8 @@ class Numerics:
         """The same choices for the coarse meshes of a search: in single precision, if none is chosen.
 
         Its rounding moves an optimum by less than 0.02 of its standard uncertainty. It is not used if a
-        surface slides, where single runs jump. Runs corrected for Poisson's ratio stay in double precision,
-        because differences of coarse meshes are extrapolated.
+        surface slides, where single runs jump, nor with a correction for Poisson's ratio, which extrapolates
+        differences of coarse meshes.
         """
         if self.precision is not None or self.compressible is not None:
             return self
@@ -123,10 +123,7 @@ class Numerics:
     def coarser(self) -> "tuple[Numerics, Numerics]":
         """The two coarser meshes for the Poisson correction: half as fine, and three quarters of that.
 
-        Raises
-        ------
-        ValueError
-            If the mesh has too few elements across the radius.
+        Raises ValueError if the mesh has too few elements across the radius.
         """
         if self.mesh[0] < LEAST_ACROSS + 2:
             raise ValueError(
@@ -156,7 +153,6 @@ class Settings:
     hold: tuple[str, ...] = ()
     """Parameters held at the shot's values that would be free by default."""
     numerics: Numerics = field(default_factory=Numerics)
-    """The surrogate's mesh and the arithmetic."""
     refined_mesh: Annotated[
         tuple[int, int], Option("Mesh of the final estimate and its check.", metavar="NRxNY", panel=NUMERICAL)
     ] = (48, 64)
@@ -190,9 +186,7 @@ MOST_NODES = 24
 
 @dataclass(frozen=True)
 class JointSettings:
-    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerical
-    choices.
-    """
+    """Settings of a joint identification: free and held parameters, unknowns of each shot, numerics."""
 
     free: Mapping[str, tuple[float, float] | None] | None = None
     """Shared free parameters and their bounds, None for default bounds. Default: the parameters that are free
@@ -202,9 +196,7 @@ class JointSettings:
     hold: tuple[str, ...] = ()
     """Parameters held at the shots' values that would be free by default."""
     numerics: Numerics = field(default_factory=lambda: Numerics(mesh=(16, 22)))
-    """The mesh of the search, and the arithmetic."""
     refined_mesh: tuple[int, int] = (32, 43)
-    """The mesh of the answer."""
     replicates: int = 24
     """Number of random draws of each flyer motion and each curve. With 0, their noise is left out of weights
     and intervals."""
@@ -227,7 +219,6 @@ class JointSettings:
     choose: bool = True
     """True if the model with relaxation is compared with a model without it."""
     seed: int = 1
-    """Seed of every random draw."""
 
     def __post_init__(self) -> None:
         if self.curve_nodes and not 4 <= self.curve_nodes <= MOST_NODES:

@@ -29,13 +29,11 @@ class Simulation:
     parameters: dict[str, float]
     """The parameters that were named, in SI."""
     response: Response
-    """The run, a batch of one, with all nodes."""
     prediction: Prediction | None
     """The simulated measurements; None if the run did not complete."""
     terms: Terms | None
     """Misfit terms over the whole window, Eqs. (M.3)-(M.8); None if the run did not complete."""
     prepared: PreparedShot
-    """The observations it is compared with."""
 
 
 def simulate(
@@ -49,21 +47,9 @@ def simulate(
 
     A run that does not complete is returned too; `Simulation.response.describe(0)` gives the reason.
 
-    Parameters
-    ----------
-    shot
-        A loaded shot.
-    parameters
-        Values by name, of `kolsky.inverse.parameters.PARAMETERS`, SI.
-    numerics
-        Mesh, precision, device, element; None uses the defaults.
-    progress
-        Called with the number of runs just finished.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is unknown or outside its range.
+    ``parameters``: values by name of `kolsky.inverse.parameters.PARAMETERS`, SI. ``numerics``: None uses the
+    defaults. ``progress``: called with the number of runs just finished. Raises ValueError if a parameter is
+    unknown or outside its range.
     """
     prepared = prepare_shot(shot)
     response = prepared.forward.run(
@@ -86,14 +72,8 @@ def simulate(
 def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
     """Write force.csv and, if an outline was measured, profile.csv, with measured and simulated values.
 
-    Files are written atomically. The tables of a failed run end at its failure.
-
-    Parameters
-    ----------
-    folder
-        Output folder; created if absent.
-    simulation
-        The run.
+    Files are written atomically into ``folder``, which is created. The tables of a failed run end at its
+    failure.
     """
     observations, response = simulation.prepared.observations, simulation.response
     line, force = observations.centre_line, observations.force
@@ -175,11 +155,10 @@ def slow_test_of(
     """Compress the specimen of a shot slowly.
 
     ``parameters``: "stiffness_factor", "friction" or "poisson" at another value than the shot's. ``last``:
-    last nominal compressive strain [-]; default: that at the end of the window. ``error``: requested relative
-    error of the force, see `kolsky.material.slow_compression.slow_compression`. ``mesh``, ``threads``:
-    elements across the radius and along the length, CPU threads. Raises ValueError if a parameter is not
-    allowed or has no effect, or if the strain is not in (0, 1). Other errors are those of
-    `kolsky.material.slow_compression.slow_compression`.
+    last nominal compressive strain [-]; default: that at the end of the window. ``error``: relative error of
+    the force. ``mesh``, ``threads``: elements across the radius and along the length, CPU threads. Raises
+    ValueError if a parameter is not allowed or has no effect, or if the strain is not in (0, 1), and the
+    errors of `kolsky.material.slow_compression.slow_compression`.
     """
     given = {name: checked_value(name, value) for name, value in (parameters or {}).items()}
     interface, sliding = shot.interface, any_slides(given)

@@ -148,15 +148,13 @@ class SlowList:
     sweeps: Mapping[str, Superposition]
     """Temperature sweeps by name, including those with undetermined shifts."""
     files: Mapping[str, str]
-    """SHA-256 of the files by path."""
     law: AnyLaw | None
-    """The law that the list declares."""
 
 
 def read_slow_tests(path: Path) -> Slow:
     """Read a list of slow tests and their files, for use with shots that declare the law.
 
-    Raises InputError if the list or a file cannot be used. The message names file, line, key and remedy.
+    Raises InputError with file, line, key and remedy if the list or a file cannot be used.
     """
     toml = parse_toml(path)
     if "law" in toml.content:
@@ -247,10 +245,7 @@ def _sweep(name: str, test: SlowTest, table: Table) -> Superposition:
 
 
 def slow_measured(slow: Slow) -> tuple[FloatArray, FloatArray]:
-    """Values of all tests in one vector, and their standard uncertainties.
-
-    Samples without an uncertainty are left out.
-    """
+    """Values of all tests in one vector and their standard uncertainties, without samples that have none."""
     if not slow:
         return np.zeros(0), np.zeros(0)
     known = [np.isfinite(one.sigma) for one in slow]
@@ -264,9 +259,9 @@ def slow_predicted(
 ) -> FloatArray:
     """The predicted values for a material, shape [n].
 
-    ``slow``: the tests. ``law``: the long-term law at factor 1. ``relaxation``: the declared relaxation; None
-    if there is none. ``values``: constants by parameter name; a missing constant keeps its declared value, a
-    missing factor is 1. Raises ValueError if a Bergstrom-Boyce network is to be compared with an oscillation.
+    ``law``: the long-term law at factor 1. ``relaxation``: the declared one, or None. ``values``: constants
+    by parameter name; a missing constant keeps its declared value, a missing factor is 1. Raises ValueError
+    if a Bergstrom-Boyce network is to be compared with an oscillation.
     """
     if not slow:
         return np.zeros(0)

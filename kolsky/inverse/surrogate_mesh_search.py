@@ -81,7 +81,6 @@ class MeshOptima:
     optima: Mapping[Mesh, MeshOptimum]
     """Optima on the mesh of the replicates and on the surrogate's mesh."""
     front: FrontPath
-    """The front face's path, corrected to the data."""
     replicates: Callable[[], Replicates] | None
     """Gives runs at the optimum with other motions and curves; None if none were requested."""
     valley_margin: float = np.inf
@@ -89,9 +88,7 @@ class MeshOptima:
 
 
 def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
-    """Optima on the replicates' mesh and on the surrogate's mesh.
-
-    The second search starts from the first optimum.
+    """Optima on the replicates' mesh, and from there on the surrogate's mesh.
 
     ``start``: initial values in parameter units, shape [d]. Raises ValueError if no run of the scan
     completes, or no search can start.
@@ -115,12 +112,7 @@ def search_meshes(runner: Runner, start: FloatArray) -> MeshOptima:
 
 
 def search_meshes_for_one(runner: Runner, coarse: CoarseOptimum) -> MeshOptima:
-    """Optima of one parameter on both coarse meshes.
-
-    The search starts from the optimum of a surrogate.
-
-    ``coarse``: the optimum on the surrogate's mesh with the path fitted to the record.
-    """
+    """Optima of one parameter on both coarse meshes, from the optimum of a surrogate with the fitted path."""
     model, box = CorrectedSurrogate(coarse.surrogate).predict, coarse.box
     vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
     sigma = np.sqrt(np.diag(coarse.objective.covariance(slope, vector)))
@@ -151,8 +143,8 @@ def follow_front(
 ) -> tuple[MeshOptimum, FrontPath]:
     """The optimum on a mesh with the corrected path of the front face, and its patterns.
 
-    The patterns ring at the frequency of the point at which they are computed. They are recomputed until the
-    optimum converges. If noise of the record cannot explain the residual, the path is not corrected.
+    The patterns ring at the frequency of their point. They are recomputed until the optimum converges. If
+    noise of the record cannot explain the residual, the path is not corrected.
     """
     front, noise = runner.front, noise_of(runner.problem.observations)
     fitted, first = front.path, best
@@ -183,12 +175,10 @@ def follow_front(
 
 
 def starts(runner: Runner, start: FloatArray, numerics: Numerics) -> tuple[FloatArray, Objective]:
-    """Search starts, the most likely first, [n, d], and the objective.
+    """Search starts, the most likely first, [n, d], and the objective over the outline points of the first.
 
-    It covers the outline points that the first start reaches.
-
-    ``runner``: runs points of the identification's problem. ``start``: initial values in parameter units,
-    shape [d]. ``numerics``: numerical choices of the scan. Raises ValueError if no run of the scan completes.
+    ``start``: initial values in parameter units, shape [d]. ``numerics``: of the scan. Raises ValueError if
+    no run of the scan completes.
     """
     box = runner.problem.box
     if VALLEY in box.names:
@@ -213,11 +203,7 @@ def starts(runner: Runner, start: FloatArray, numerics: Numerics) -> tuple[Float
 
 
 def _least_squares_on(
-    runner: Runner,
-    objective: Objective,
-    numerics: Numerics,
-    points: FloatArray,
-    steps: int,
+    runner: Runner, objective: Objective, numerics: Numerics, points: FloatArray, steps: int
 ) -> list[MeshOptimum]:
     """Least squares on a mesh from several starts, the most likely result first. The prior counts as data."""
     box, prior = runner.problem.box, objective.prior

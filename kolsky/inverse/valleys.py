@@ -45,10 +45,7 @@ entry, by the force only. The one nearest to the declared value is searched too.
 
 
 def small_strain_modulus(curve: MaterialCurve) -> float:
-    """Slope of a curve's stress by its nominal strain through the origin, up to `SMALL_STRAIN` [Pa].
-
-    At least the three points nearest to the origin are used.
-    """
+    """Slope of a curve through the origin, up to `SMALL_STRAIN` or its three nearest points [Pa]."""
     strain = curve.stretch - 1.0
     order = np.argsort(np.abs(strain))
     order = order[strain[order] != 0.0]
@@ -61,9 +58,8 @@ def oscillations(
 ) -> FloatArray:
     """Number of round trips of a pressure wave, T c / (2 L) [-], shape of `poisson`.
 
-    ``poisson``: Poisson's ratio [-], < 1/2. ``modulus``: Young's modulus of the incompressible material [Pa];
-    G is a third of it. ``density``: of the specimen [kg/m^3]. ``length``: of the specimen [m]. ``window``:
-    duration of the test [s].
+    ``modulus``: Young's modulus of the incompressible material [Pa]; G is a third of it. ``density``,
+    ``length``: of the specimen [kg/m^3, m]. ``window``: duration of the test [s].
     """
     shear = modulus / 3.0
     bulk = shear * 2.0 * (1.0 + poisson) / (3.0 * (1.0 - 2.0 * poisson))
@@ -71,21 +67,15 @@ def oscillations(
 
 
 def valley_levels(prepared: PreparedShot, factor: float, bounds: tuple[float, float]) -> FloatArray:
-    """Values of Poisson's ratio between two bounds, both included, at equal steps of the oscillation number.
-
-    ``factor``: stiffness factor [-]. ``bounds``: of Poisson's ratio.
-    """
+    """Values of Poisson's ratio between two bounds, both included, at equal steps of oscillations."""
     return equal_steps(*oscillation_table(prepared, factor, bounds))
 
 
 def oscillation_table(
     prepared: PreparedShot, factor: float, bounds: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Poisson's ratio between two bounds [-] and its number of oscillations [-], both rising, shape [n].
-
-    ``factor``, ``bounds``: as for `valley_levels`.
-    """
-    shot, edges = prepared.forward.shot, prepared.observations.bins.edges
+    """Poisson's ratio between two bounds, and its number of oscillations at a stiffness factor [-], [n]."""
+    shot, edges = prepared.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
     number = oscillations(
         table,
@@ -98,9 +88,7 @@ def oscillation_table(
 
 
 def equal_steps(values: FloatArray, number: FloatArray) -> FloatArray:
-    """Values at equal steps (at most `PHASE`) of the tabulated increasing function `number`. Both ends are
-    included. The step is larger if there would be more than `MOST_LEVELS` values.
-    """
+    """Values at equal steps, at most `PHASE`, of the increasing function `number`, at most `MOST_LEVELS`."""
     n = min(max(ceil((number[-1] - number[0]) / PHASE) + 1, 2), MOST_LEVELS)
     return np.asarray(np.interp(np.linspace(number[0], number[-1], n), number, values))
 
@@ -115,9 +103,8 @@ def local_minima(values: FloatArray) -> list[int]:
 def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArray) -> list[int]:
     """Rows of a scan at valley floors, used as starts, the likeliest first.
 
-    ``objective``: objective over the outline points that every run reaches. ``vectors``: predicted data along
-    the scan, shape [n, k]. ``distance``: distance of each run from the declared value, in any unit, shape
-    [n].
+    ``objective``: over the outline points that every run reaches. ``vectors``: data along the scan, [n, k].
+    ``distance``: from the declared value, in any unit, [n].
     """
     misfits = {
         "balanced": objective.balanced_deviance(vectors),
@@ -133,12 +120,9 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
 def deviance_with_path_noise(
     runner: Runner, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
 ) -> FloatArray:
-    """-2 ln of likelihood and prior at points, shape [n].
+    """-2 ln of likelihood and prior at points up to a constant, with the noise of the flyer's motion, [n].
 
-    The noise of the flyer's motion is included.
-
-    The value has an unknown constant. A frame's points count as one entry. It is infinite if the run did not
-    complete.
+    A frame's points count as one entry. It is infinite if the run did not complete.
     """
     found = np.full(len(points), np.inf)
     # All points use the same outline points, because likelihoods of different data cannot be compared.
@@ -200,17 +184,15 @@ def likeliest_floor(runner: Runner, floors: FloatArray, numerics: Numerics, insi
 def margin(values: FloatArray, apart: FloatArray) -> float:
     """Margin of the likeliest floor relative to the likeliest other valley [-].
 
-    ``values``: -2 ln of likelihood and prior, the likeliest floor's first, shape [n]. ``apart``: oscillations
-    from this floor [-], shape [n]; a floor within `OTHER_VALLEY` belongs to the same valley.
+    ``values``: -2 ln of likelihood and prior, the likeliest floor's first, [n]. ``apart``: oscillations from
+    this floor [n].
     """
     others = values[apart > OTHER_VALLEY]
     return float(np.min(others, initial=np.inf) - values[0])
 
 
 def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
-    """Oscillations over the whole test at points of shape [n, d], shape [n], with the stiffness of the first
-    point.
-    """
+    """Oscillations over the whole test at points, [n, d] -> [n], with the stiffness of the first point."""
     box = runner.problem.box
     i = box.names.index(VALLEY)
     factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
@@ -219,12 +201,9 @@ def _oscillations_at(runner: Runner, points: FloatArray) -> FloatArray:
 
 
 def search_box(box: Box) -> Box:
-    """The box in the coordinates of the search: the logarithm of 1 - 2 nu replaces Poisson's ratio.
-
-    Parameters that span decades are logarithmic too.
-    """
+    """The box of the search, with the logarithm of 1 - 2 nu and of parameters that span decades."""
     bounds = {name: (low, high) for name, low, high in zip(box.names, box.lower, box.upper, strict=True)}
-    decades = [name for name in box.names if PARAMETERS[name].logarithmic]
+    decades = [name for name in box.names if name in PARAMETERS and PARAMETERS[name].logarithmic]
     if VALLEY in bounds:
         low, high = bounds[VALLEY]
         bounds[VALLEY] = 1.0 - 2.0 * high, 1.0 - 2.0 * low

@@ -31,10 +31,8 @@ class Work:
 
     @contextmanager
     def stage(self, name: str, runs: int | None = None) -> Iterator[Callable[[int], None]]:
-        """Time a block as part of a stage.
-
-        ``runs``: number of runs in the block; None reports nothing. Yields a function to call with the number
-        of runs just finished.
+        """Time a block as part of a stage of ``runs`` runs; yields a function to call with the number just
+        finished.
         """
         done, started = 0, time.perf_counter()
 
@@ -56,27 +54,16 @@ class Launch:
     """Runs of one model, executed in parallel with runs of other models, see `run_side_by_side`."""
 
     forward: Forward
-    """The shot."""
     points: Mapping[str, ArrayLike]
-    """Parameters, see `Forward.run`."""
     numerics: Numerics
-    """Numerical choices, see `Forward.run`."""
     motion: ArrayLike = 0
-    """Index of the flyer's motion, see `Forward.run`."""
     material: ArrayLike = 0
-    """Index of the material, see `Forward.run`."""
 
 
 def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:
-    """Run several models in parallel; each result is bit-identical to that of `Forward.run`.
+    """Run several models in parallel; each result is bit-identical to that of `Forward.run`, as its errors.
 
-    Runs with a correction for Poisson's ratio are made one after the other, because each already uses three
-    meshes.
-
-    Raises
-    ------
-    ValueError
-        For the reasons of `Forward.run`.
+    Runs with a correction for Poisson's ratio follow each other, because each already uses three meshes.
     """
     if len(launches) < 2 or any(one.numerics.compressible is not None for one in launches):
         return [

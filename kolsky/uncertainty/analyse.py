@@ -59,11 +59,10 @@ Data = tuple[Objective, Model]
 def variations(
     runner: Runner, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
 ) -> tuple[Variation, ...]:
-    """Shifts of the answer by other choices of window and bins.
+    """Shifts of the answer by other choices of window and bins, on the surrogate of its profiles.
 
-    ``runner``: runs points of the identification's problem. ``answer``: its optimum. ``found``: the surrogate
-    used for its profiles. ``check``: prediction of the run on the refined mesh at the answer, in its first
-    row. Returns: shifts from the optimum of the same surrogate with the original choices.
+    ``answer``: the optimum. ``found``: the surrogate. ``check``: prediction of the run on the refined mesh at
+    the answer. Returns: shifts from the optimum of the same surrogate with the original choices.
     """
     first, last = runner.problem.shot.window
     width = float(np.diff(found.objective.observations.bins.edges).mean())
@@ -195,12 +194,8 @@ def _narrower_bins(
 def _halves(
     prediction: Prediction, time: FloatArray, edge: NDArray[np.intp], halves: NDArray[np.intp]
 ) -> FloatArray:
-    """Means over the halves of bins by the trapezoid rule, [n, 2 n_bins].
-
-    The mean of each bin is exact.
-
-    The trapezoid rule misses changes between the samples. Both halves get the same correction for these
-    changes.
+    """Means over the halves of bins by the trapezoid rule, [n, 2 n_bins]; both get the correction that makes
+    the bin's mean exact.
     """
     F = prediction.force
     steps = 0.5 * (F[:, 1:] + F[:, :-1]) * np.diff(time)
@@ -225,19 +220,15 @@ class UncertaintyAnalysis:
     profiles: tuple[ParameterProfile, ...]
     """One per free parameter; empty if they could not be computed."""
     ridge: PairMap | None
-    """The plane of two free parameters."""
     posterior: PosteriorSummary | None
-    """The posterior; None if not requested."""
     found: ParameterProfiles | None
     """The surrogate and data used for the profiles; None if there are none."""
     warnings: tuple[str, ...]
-    """Warnings about the profiles and the posterior."""
     runs: int
     """Total number of simulations on the surrogate's mesh."""
     variations: tuple[Variation, ...] = ()
     """Other choices of the analyst; none if there is no surrogate to search."""
     directions: InputDirections | None = None
-    """Effect of each input on the data vector and on the answer."""
 
     def sigma_systematic(self, name: str) -> float:
         """Standard uncertainty of a parameter from the declared uncertainties, root sum of squares."""
@@ -293,21 +284,10 @@ class UncertaintyAnalysis:
 def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> UncertaintyAnalysis:
     """Declared uncertainties, profiles, other choices of the analyst and, if requested, the posterior.
 
-    Parameters
-    ----------
-    runner
-        Runs points of the identification's problem.
-    answer
-        The end of its search.
-    check
-        Prediction of the run on the refined mesh at the optimum.
+    ``answer``, ``check``: the end of the search, and the prediction of the run on the refined mesh there.
 
-    Raises
-    ------
-    ValueError
-        If a run with another value of an input that is declared uncertain does not complete.
-    ImportError
-        If the posterior is requested and emcee is not installed.
+    Raises ValueError if a run with another value of an input that is declared uncertain does not complete,
+    and ImportError if the posterior is requested and emcee is not installed.
     """
     with runner.work.stage("inputs"):
         directions = input_directions(runner, answer.x, answer.objective, answer.vector)
@@ -360,9 +340,8 @@ def noise_shares(answer: LinearisedOptimum, systematic: tuple[Declaration, ...])
 def wider_interval(profile: ParameterProfile, noise_share: float) -> float:
     """Factor on the answer's interval if its noise part had the same relative error as the profile [-].
 
-    The rise is proportional to the square of the distance. If a profile's rise exceeds its level by the share
-    e, its interval ends at sqrt(1 - e) of the correct distance. The correct noise variance is then larger by
-    the factor 1 / (1 - e).
+    The rise is proportional to the square of the distance. A rise that exceeds its level by the share e ends
+    the interval at sqrt(1 - e) of the correct distance: the noise variance is larger by 1 / (1 - e).
     """
     e = profile.error / profile.level
     return float(np.sqrt(1.0 + noise_share * e / (1.0 - e))) if e < 1.0 else np.inf

@@ -21,12 +21,11 @@ from kolsky.uncertainty.mesh_error import mesh_change, numerical_parts
 
 
 def error_sources(found: Search, directions: InputDirections | None) -> Sources:
-    """All sources of error of the optimum, as changes of the data vector.
+    """All sources of error of the optimum, as changes of the data vector; the runs for the mesh error are
+    made.
 
-    The simulations for the mesh error are run.
-
-    ``directions``: effect of each input on the data vector; None omits the declared uncertainties of
-    shot.toml. Raises ValueError for the reasons of `kolsky.uncertainty.mesh_error.mesh_change`.
+    ``directions``: effect of each input on the data vector; None omits the declared uncertainties. Raises
+    ValueError for the reasons of `kolsky.uncertainty.mesh_error.mesh_change`.
     """
     runner, fine = found.runner, found.fine
     declared = runner.problem.shot.uncertainty
@@ -39,10 +38,7 @@ def error_sources(found: Search, directions: InputDirections | None) -> Sources:
 
 
 def budgeted_answer(found: Search, sources: Sources) -> Identification:
-    """The identification from the search and its budget, before verdicts and diagnosis.
-
-    ``found``, ``sources``: the search, and the error sources of its optimum.
-    """
+    """The identification from the search and its budget, before verdicts and diagnosis."""
     runner, problem, fine = found.runner, found.problem, found.fine
     shot, box, observations, settings = problem.shot, problem.box, problem.observations, problem.settings
     prediction, gain = fine.check.prediction, fine.objective.gain(fine.jacobian)
@@ -63,7 +59,7 @@ def budgeted_answer(found: Search, sources: Sources) -> Identification:
     return Identification(
         shot=shot.name,
         estimates=answers,
-        fixed=held_values(shot, box, settings.held),
+        fixed=held_values(shot, box.names, settings.held),
         routes=tuple(routes),
         route_difference=route_difference(box.names, optima, sources),
         terms=terms(prediction, observations, 0),

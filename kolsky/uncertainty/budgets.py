@@ -10,7 +10,7 @@ weights.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -60,9 +60,7 @@ class InputChanges:
 
 
 def as_drawn(patterns: FloatArray) -> FloatArray:
-    """Patterns of one standard deviation each, scaled to replicates with the same mean square, shape [n,
-    k].
-    """
+    """Patterns of one standard deviation, scaled to replicates with the same mean square, shape [n, k]."""
     none = np.zeros((1, patterns.shape[1]))
     return np.asarray(np.sqrt(len(patterns)) * patterns) if len(patterns) else none
 
@@ -70,14 +68,9 @@ def as_drawn(patterns: FloatArray) -> FloatArray:
 def input_changes(objective: Objective, replicates: Replicates | None) -> InputChanges:
     """Changes of the data vector by every known source.
 
-    Parameters
-    ----------
-    objective
-        The objective, which defines the data vector and the scale error of the force.
-    replicates
-        Runs with other motions and curves, the reference first; None omits their noise. An outline point that
-        a replicate does not reach has zero change. Without runs of other motions, the noise patterns in the
-        weights are used.
+    ``replicates``: runs with other motions and curves, the reference first; None omits their noise. An
+    outline point that a replicate does not reach has zero change. Without runs of other motions, the noise
+    patterns in the weights are used.
     """
     scales = {}
     if objective.observations.force_sigma_gain > 0.0:
@@ -106,9 +99,7 @@ class Sources:
     """All error sources of an optimum, as changes of the data vector."""
 
     inputs: InputChanges
-    """Noise and scales of the inputs."""
     mesh: MeshChange
-    """Mesh and element."""
     deviations: FloatArray | None = None
     """Deviations of runs from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k]. Each
     route, and the difference of two routes, applies its linear map to them."""
@@ -141,10 +132,7 @@ def noise_parts(fine: RefinedOptimum, sources: Sources) -> dict[str, FloatArray]
     """Standard uncertainties of the joint answer by source of noise, shape [d] each."""
     objective, vector = fine.objective, fine.model(fine.x)[0]
     residual = objective.residual_covariance(fine.jacobian, vector)
-    return {
-        RESIDUALS: np.sqrt(np.diag(residual)),
-        **sources.inputs.parts(objective.gain(fine.jacobian)),
-    }
+    return {RESIDUALS: np.sqrt(np.diag(residual)), **sources.inputs.parts(objective.gain(fine.jacobian))}
 
 
 def root_sum_squares(parts: dict[str, FloatArray]) -> FloatArray:
@@ -169,9 +157,8 @@ def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> R
 def route_difference(
     names: Sequence[str], optima: Sequence[RouteOptimum], sources: Sources
 ) -> RouteDifference | None:
-    """Force-only minus outline-only result with its budget; None if one of them is missing.
-
-    Their residuals are independent. Their covariances therefore add.
+    """Force-only minus outline-only result with its budget; None if one is missing. Their residuals are
+    independent.
     """
     by_part = {optimum.part: optimum for optimum in optima}
     if not {"force", "shape"} <= set(by_part):
@@ -197,48 +184,41 @@ def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[
 def declared_changes(problem: JointProblem, found: Optimum) -> dict[str, FloatArray]:
     """Changes of all data by one standard uncertainty of each declared source, shape [n, k].
 
-    A material constant has one row. An independent input of each shot has one row per shot. The scale of the
-    curve is excluded, because m absorbs it completely.
-
-    ``problem``, ``found``: the problem and its optimum. Raises ValueError if a run with a changed input does
-    not complete.
+    A material constant has one row, an independent input of each shot one row per shot. The scale of the
+    curve is excluded, because m absorbs it. Raises ValueError if a run with a changed input does not
+    complete.
     """
     changes: dict[str, FloatArray] = {}
     base = problem.predict("inputs", found.x[None], problem.mesh)[0]
-    shots = [p.forward.shot for p in problem.runs.prepared]
-    for key in _declared_keys(problem):
-        sigmas = np.array([shot.uncertainty.get(key, 0.0) for shot in shots])
+    for key, sigmas in _declared_sigmas(problem).items():
         if key == "curve_scale" and MOVED in problem.unknowns.names:
             continue
         if INPUTS[key].specimen:
-            changes[key] = _of_each(problem, _specimen_change(problem, found, base, sigmas, key))
+            changes[key] = problem.stack.of_each(_specimen_change(problem, found, base, sigmas, key))
         elif key in ("Z_offset", "y_offset"):
-            changes[key] = _of_each(problem, _place_change(problem, sigmas, key))
+            changes[key] = problem.stack.of_each(_place_change(problem, sigmas, key))
         elif _held_constant(problem, key):
             changes[key] = _constant_change(problem, found, base, float(sigmas.max()), key)[None]
     return changes
 
 
-def _declared_keys(problem: JointProblem) -> list[str]:
-    shots = [p.forward.shot for p in problem.runs.prepared]
-    return sorted({key for shot in shots for key, sigma in shot.uncertainty.items() if sigma > 0.0})
+def _declared_sigmas(problem: JointProblem) -> dict[str, FloatArray]:
+    """Declared standard uncertainties by key, one per shot, shape [n_shots]."""
+    declared = [shot.uncertainty for shot in problem.shots]
+    keys = sorted({key for one in declared for key, sigma in one.items() if sigma > 0.0})
+    return {key: np.array([one.get(key, 0.0) for one in declared]) for key in keys}
 
 
 def declared_parts(
     problem: JointProblem, found: Optimum, changes: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
-    """Standard uncertainties of the unknowns by declared source, shape [d] each.
-
-    ``problem``, ``found``: the problem and its optimum. ``changes``: those of `declared_changes`.
-    """
+    """Standard uncertainties of the unknowns by declared source, [d], from `declared_changes`."""
     parts: dict[str, FloatArray] = {}
-    for key in _declared_keys(problem):
+    for key, sigmas in _declared_sigmas(problem).items():
         if key == "curve_scale" and MOVED in problem.unknowns.names:
             # the data depend on m times the curve: m absorbs the whole scale
-            sigmas = [p.forward.shot.uncertainty.get(key, 0.0) for p in problem.runs.prepared]
-            i = problem.unknowns.names.index(MOVED)
-            parts[key] = np.zeros(len(found.x))
-            parts[key][i] = float(max(sigmas)) * float(found.x[i])
+            moved = np.array([name == MOVED for name in problem.unknowns.names])
+            parts[key] = np.where(moved, sigmas.max() * found.x, 0.0)
         elif key in changes:
             shifts = [_repeated_shift(problem, found, change) for change in changes[key]]
             parts[key] = np.sqrt(np.square(shifts).sum(axis=0))
@@ -255,23 +235,17 @@ def _repeated_shift(problem: JointProblem, found: Optimum, change: FloatArray) -
             whitening = stack.weighting(left)
             rows = whitening.apply(found.slopes.T)
             known = information(rows, problem.unknowns.widths)
-            ends.append(-np.linalg.solve(known, rows @ whitening.apply(residual)))
-            left = residual + found.slopes @ ends[-1]
-    return np.asarray(0.5 * (ends[WEIGHINGS] - ends[-1]))
-
-
-def _of_each(problem: JointProblem, change: FloatArray) -> FloatArray:
-    """A change of all data, split into one row per shot, shape [n, k]."""
-    return np.array([problem.stack.of_shot(k, change) for k in range(len(problem.stack.shots))])
+            shift = -np.linalg.solve(known, rows @ whitening.apply(residual))
+            left = residual + found.slopes @ shift
+        ends.append(shift)
+    return np.asarray(0.5 * (ends[0] - ends[1]))
 
 
 def _held_constant(problem: JointProblem, key: str) -> bool:
     if key not in PARAMETERS or key in problem.unknowns.names:
         return False
-    shot = problem.first.shot
-    return PARAMETERS[key].belongs_to(shot) and has_effect(
-        PARAMETERS[key], (shot.interface.faces, shot.interface.side)
-    )
+    p, shot = PARAMETERS[key], problem.first
+    return p.belongs_to(shot) and has_effect(p, (shot.interface.faces, shot.interface.side))
 
 
 def _constant_change(
@@ -279,33 +253,30 @@ def _constant_change(
 ) -> FloatArray:
     """Change of all data by a held material constant, changed in all shots together."""
     p = PARAMETERS[key]
-    value = problem.runs.held.get(key, p.held(problem.first.shot))
+    value = problem.runs.held.get(key, p.held(problem.first))
     step = parameter_step(key, value)
     if value + step > p.allowed[1]:
         step = -step
-    runs = _changed_runs(problem, problem.runs.prepared, {**problem.runs.held, key: value + step})
-    return np.asarray(sigma * (_changed_vector(problem, runs, found.x) - base) / step)
+    held = {**problem.runs.held, key: value + step}
+    changed = _changed_vector(problem, problem.runs.prepared, held, found.x)
+    return np.asarray(sigma * (changed - base) / step)
 
 
 def _specimen_change(
     problem: JointProblem, found: Optimum, base: FloatArray, sigmas: FloatArray, key: str
 ) -> FloatArray:
     """Change of all data by a length or the density of every shot's specimen."""
-    moved: list[PreparedShot] = []
-    for prepared, sigma in zip(problem.runs.prepared, sigmas, strict=True):
-        shot = prepared.forward.shot
-        applied = INPUTS[key].applied
-        assert applied is not None  # every factor on the specimen has one
-        changed = applied(shot, 1.0 + sigma)
-        moved.append(replace(prepared, forward=replace(prepared.forward, shot=changed)))
-    change = _changed_vector(problem, _changed_runs(problem, moved, problem.runs.held), found.x) - base
+    applied = INPUTS[key].applied
+    assert applied is not None  # every factor on the specimen has one
+    prepared = zip(problem.runs.prepared, sigmas, strict=True)
+    moved = [one.with_shot(applied(one.shot, 1.0 + sigma)) for one, sigma in prepared]
+    change = _changed_vector(problem, moved, problem.runs.held, found.x) - base
     if key == "specimen_diameter":
-        shots = [prepared.forward.shot for prepared in problem.runs.prepared]
-        change = outlines_with_diameter(change, shots, problem.stack.shots, problem.stack.ends, sigmas)
+        stack = problem.stack
+        change = outlines_with_diameter(change, problem.shots, stack.shots, stack.ends, sigmas)
     if key == "specimen_length":
-        shots = [prepared.forward.shot for prepared in problem.runs.prepared]
-        heights = [height_follows(shot, sigma) for shot, sigma in zip(shots, sigmas.tolist(), strict=True)]
-        change = change + _place_change(problem, np.array(heights), "y_offset")
+        heights = map(height_follows, problem.shots, sigmas.tolist())
+        change = change + _place_change(problem, np.array([*heights]), "y_offset")
     return change
 
 
@@ -317,28 +288,20 @@ def outlines_with_diameter(
     sigmas: FloatArray,
 ) -> FloatArray:
     """Change of prediction minus data by larger diameters, if they define the outline's axis."""
-    found, start = change.copy(), 0
-    for shot, one, end, sigma in zip(shots, data, ends, sigmas.tolist(), strict=True):
+    found, starts = change.copy(), (0, *ends[:-1])
+    for shot, one, start, end, sigma in zip(shots, data, starts, ends, sigmas.tolist(), strict=True):
         if shot.axis_by_radius:
             diameter, n_force = shot.specimen.diameter, one.objective.n_force
             found[start:end] = outline_follows(change[start:end], sigma, diameter, n_force)
-        start = end
     return found
 
 
 def _place_change(problem: JointProblem, sigmas: FloatArray, key: str) -> FloatArray:
-    """Change of prediction minus data by a larger Z or y of every outline, shape [k].
-
-    The model is unchanged.
-    """
-    change = np.zeros(len(problem.stack.data))
-    start = 0
-    for one, end, sigma in zip(problem.stack.shots, problem.stack.ends, sigmas, strict=True):
-        first = start + one.objective.n_force
-        change[first:end] = (
-            -sigma if key == "Z_offset" else sigma * _outline_slope(one.observations)[one.counted]
-        )
-        start = end
+    """Change of prediction minus data by a larger Z or y of every outline, with the same model, shape [k]."""
+    change, stack = np.zeros(len(problem.stack.data)), problem.stack
+    for k, (one, sigma) in enumerate(zip(stack.shots, sigmas, strict=True)):
+        moved = -1.0 if key == "Z_offset" else _outline_slope(one.observations)[one.counted]
+        change[stack.place(k)][one.objective.n_force :] = sigma * moved
     return change
 
 
@@ -353,19 +316,15 @@ def _outline_slope(seen: Observations) -> FloatArray:
     return found
 
 
-def _changed_runs(
-    problem: JointProblem, prepared: Sequence[PreparedShot], held: Mapping[str, float]
-) -> JointRuns:
-    return JointRuns(
-        prepared, problem.unknowns, held=held, ledger=problem.runs.ledger, progress=problem.runs.progress
-    )
-
-
-def _changed_vector(problem: JointProblem, runs: JointRuns, x: FloatArray) -> FloatArray:
+def _changed_vector(
+    problem: JointProblem, prepared: Sequence[PreparedShot], held: Mapping[str, float], x: FloatArray
+) -> FloatArray:
+    """All data at a point with other shots or held values, shape [k]."""
+    ledger, progress = problem.runs.ledger, problem.runs.progress
+    runs = JointRuns(prepared, problem.unknowns, held=held, ledger=ledger, progress=progress)
     vectors = runs.vectors("inputs", x[None], problem.mesh)
-    stack = problem.stack
     slow = problem.slow_values(x, held=runs.held)
-    whole = stack.joined(vectors, slow[None], problem.known(x)[None])[0]
+    whole = problem.stack.joined(vectors, slow[None], problem.known(x)[None])[0]
     if np.isnan(whole).any():
         raise ValueError("a run with an input moved by its uncertainty did not complete")
     problem.runs.made += runs.made

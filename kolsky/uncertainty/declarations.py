@@ -21,15 +21,7 @@ ALIKE = 0.95
 
 
 def declarations(shot: Shot, directions: InputDirections) -> tuple[Declaration, ...]:
-    """Every key that shot.toml may declare uncertain, and the shift of the optimum due to it.
-
-    Parameters
-    ----------
-    shot
-        The shot with its declared uncertainties.
-    directions
-        Effect of every input at the optimum.
-    """
+    """Every key that shot.toml may declare uncertain, and the shift of the optimum due to it."""
     declared, names = shot.uncertainty, directions.names
     return tuple(
         Declaration(
@@ -47,7 +39,7 @@ def declarations(shot: Shot, directions: InputDirections) -> tuple[Declaration, 
 
 
 def _sensitivity(directions: InputDirections, key: str) -> dict[str, Any]:
-    """The fields of a `Declaration` that need no declared uncertainty. Empty for an input without a
+    """The fields of a `Declaration` that need no declared uncertainty; empty for an input without a
     direction.
     """
     if key not in directions.keys:
@@ -88,11 +80,7 @@ def amount_text(part: Declaration) -> str:
 
 
 def relative_moves(part: Declaration, answer: Mapping[str, float]) -> dict[str, float]:
-    """Relative shift of each free parameter if the input increases by its reference change [-].
-
-    ``part``: the input. ``answer``: parameter -> value, in the unit of `part.moves`; a value of zero is left
-    out.
-    """
+    """Relative shift of each free parameter in ``answer`` by the input's reference change [-]."""
     return {name: move / answer[name] for name, move in part.moves.items() if answer.get(name)}
 
 

@@ -49,19 +49,9 @@ def outline_follows(change: FloatArray, step: float, diameter: float, n_force: i
     """Change of prediction minus data by a larger diameter, if the diameter defines the outline's axis.
 
     If the axis lies the declared radius behind the undeformed surface, it moves back with a larger radius.
-    Every measured Z then increases equally. The outlines of model and measurement increase equally; only the
-    effect of strain remains.
-
-    Parameters
-    ----------
-    change
-        Change of the prediction only, shape [k].
-    step
-        Relative increase of the diameter.
-    diameter
-        The declared value [m].
-    n_force
-        Entries of the force at the head of the data vector.
+    Every measured Z then increases as the model's outline does; only the effect of strain remains.
+    ``change``: of the prediction only, [k]. ``step``: relative increase of the diameter [m]. ``n_force``:
+    entries of the force.
     """
     found = change.copy()
     found[n_force:] -= 0.5 * step * diameter
@@ -71,9 +61,8 @@ def outline_follows(change: FloatArray, step: float, diameter: float, n_force: i
 def height_follows(shot: Shot, step: float) -> float:
     """Error of the outline's heights for a relative error `step` of the length [m].
 
-    If the length is partly measured in the pictures, errors of length and heights are correlated
-    (`kolsky.pictures.specimen_length`). The correlated part of the height error is in the direction of the
-    length. The rest is in that of the heights. Both parts are independent.
+    If the length is partly measured in the pictures, a part of the height error is correlated with that of
+    the length (`kolsky.pictures.specimen_length`). The rest is independent, in the direction of the heights.
     """
     found = shot.length_by_pictures
     return 0.0 if found is None else found.y_per_length * step * shot.specimen.length
@@ -110,12 +99,10 @@ def _step(one: Input, shot: Shot, objective: Objective) -> float:
 
 
 def plain_amount(key: str, value: float) -> float:
-    """Reference change of an input, in its unit or relative: 1 %, 1 us, 10 um, or a plain number.
+    """Reference change of an input, in its unit or relative: 1 %, 1 us, 10 um, or 0.01.
 
-    For Poisson's ratio it is the largest power of ten not above a hundredth of its distance from 1/2. For
-    other constants it is 0.01.
-
-    ``value``: its value in SI; only Poisson's ratio needs it.
+    For Poisson's ratio ``value``, it is the largest power of ten not above a hundredth of its distance from
+    1/2.
     """
     one = INPUTS[key]
     if one.relative:
@@ -144,23 +131,17 @@ def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, s
 class ModelAtOptimum:
     """The run at the optimum, used for inputs that need no separate run.
 
-    A scale and a clock act on the data, but their effect is computed from the model's force and outline.
-    These have no noise, and their ringing is that of the mesh of the Jacobian; see
-    `kolsky.shot.input_records.Model`.
+    The effect of a scale or a clock on the data is computed from the model's force and outline. They have no
+    noise, and ring as the Jacobian does; see `kolsky.shot.input_records.Model`.
     """
 
     objective: Objective
-    """The objective."""
     observations: Observations
-    """The measurements."""
     reference: Response
     """The run at the optimum. Its times include `CLOCK` before and after each frame."""
 
     def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
-        """A change of prediction minus data, shape [k].
-
-        It is composed of changes of the transmitted force, all forces and the outline.
-        """
+        """A change of prediction minus data, [k], by the transmitted force, all forces and the outline."""
         n, change = self.objective.n_force, np.zeros(len(self.objective.data))
         change[:n], change[n:] = force, outline
         change[: len(self.observations.bins.mean)] += transmitted
@@ -176,9 +157,7 @@ class ModelAtOptimum:
         return np.asarray(0.5 * (self._seen(y=y + step) - self._seen(y=y - step)))
 
     def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
-        """Change of prediction minus data by the heights that grow with a longer specimen (`height_follows`),
-        shape [k]. Zero without an outline.
-        """
+        """Change of prediction minus data by heights that grow with the length (`height_follows`), [k]."""
         heights = height_follows(shot, step)
         if heights == 0.0 or not self.objective.counted.any():
             return np.zeros(len(self.objective.data))
@@ -220,11 +199,9 @@ class MovedRuns:
     """Runs with changed parameters, curves and specimens, all on the surrogate's mesh."""
 
     runner: Runner
-    """Runs points of the identification's problem."""
     x: FloatArray
     """The optimum in SI, shape [d]."""
     objective: Objective
-    """The objective."""
     steps: Mapping[str, float]
     """Key -> step of each input to be changed."""
 
@@ -337,9 +314,7 @@ class MovedRuns:
         return self.common.select([0]), np.nan_to_num(np.array(slopes)).T
 
     def change(self, key: str, step: float) -> FloatArray:
-        """Change of the predicted data vector, shape [k].
-
-        It is a central difference if both signs are possible.
+        """Change of the predicted data vector, [k]: a central difference if both signs are possible.
 
         Raises RunLost if a run with the changed input did not complete.
         """
@@ -354,10 +329,7 @@ class MovedRuns:
         return np.asarray(centre - down)
 
     def moved(self, key: str, sign: int, step: float) -> FloatArray | None:
-        """The predicted data vector with an input increased or decreased.
-
-        None if the value is not allowed.
-        """
+        """The predicted data vector with an input increased or decreased; None if not allowed."""
         if self._is_alone(key):
             if step != self.steps[key]:
                 raise ValueError(f"{key} was moved by {self.steps[key]:.6g}, not by {step:.6g}")
@@ -430,21 +402,16 @@ class InputDirections:
     x: FloatArray
     """The optimum in SI, shape [d]."""
     objective: Objective
-    """The objective with the discrepancies of the optimum."""
     vector: FloatArray
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     jacobian: FloatArray
     """Derivative of the data vector by the free parameters, on the surrogate's mesh, shape [k, d]."""
     directions: tuple[InputDirection, ...]
-    """One per input with an effect on the answer."""
     absent: Mapping[str, str] = field(default_factory=dict)
     """Key -> reason why an input has no direction: it is free, has no effect, or its run did not complete."""
 
     def __getitem__(self, key: str) -> InputDirection:
-        """The direction of an input.
-
-        Raises KeyError if it has no direction; the message gives the reason.
-        """
+        """The direction of an input. Raises KeyError with the reason if it has none."""
         for one in self.directions:
             if one.key == key:
                 return one
@@ -467,7 +434,7 @@ class InputDirections:
 
     def repeated_shift(self, key: str, step: float) -> FloatArray:
         """Change of the optimum if the identification is repeated with an input increased by a step, in SI,
-        shape [d].
+        [d].
 
         The weights are those of the new residual, with its own discrepancies.
         """
@@ -489,9 +456,7 @@ class InputDirections:
         return float(np.sum(whitened(self.rest(key)) ** 2)) / whole if whole > 0.0 else 0.0
 
     def likeness(self, one: str, other: str) -> float:
-        """Cosine of the residual changes by two inputs, -1 to 1.
-
-        Near +-1 the data cannot distinguish them.
+        """Cosine of the residual changes by two inputs; near +-1 the data cannot distinguish them.
 
         It is zero if one of them leaves no residual.
         """
@@ -501,17 +466,13 @@ class InputDirections:
 
 
 def input_directions(
-    runner: Runner,
-    x: FloatArray,
-    objective: Objective,
-    vector: FloatArray,
+    runner: Runner, x: FloatArray, objective: Objective, vector: FloatArray
 ) -> InputDirections:
-    """Change every input with an effect on the answer, and return the changes of the data vector.
+    """The change of the data vector by every input with an effect on the answer.
 
-    ``runner``: runs points of the identification's problem. ``x``: the optimum in SI, shape [d].
-    ``objective``: with the discrepancies of the optimum. ``vector``: predicted data vector at the optimum on
-    the refined mesh, shape [k]. Raises ValueError if the run at the optimum, a run for the Jacobian, or a run
-    with another value of an input that is declared uncertain does not complete.
+    ``x``: the optimum in SI, shape [d]. ``objective``: with its discrepancies. ``vector``: predicted data
+    vector there on the refined mesh, shape [k]. Raises ValueError if the run at the optimum, a run for the
+    Jacobian, or one of an input that is declared uncertain does not complete.
     """
     shot, box, held = runner.problem.shot, runner.problem.box, runner.problem.settings.held
     absent = {

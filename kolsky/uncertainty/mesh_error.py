@@ -81,7 +81,6 @@ class LostRun:
     """A failed run for the mesh error at the answer."""
 
     numerics: Numerics
-    """Its mesh, grading and element."""
     why: str
     """How it ended, or the shots it belongs to, without a full stop."""
     is_graded: bool
@@ -166,10 +165,8 @@ def windows_of(times: FloatArray) -> IntArray:
 def numerical_parts(
     mesh: MeshChange, gain: FloatArray, *, roughness: FloatArray | None = None
 ) -> Mapping[str, FloatArray]:
-    """Standard uncertainties from the numerics by source, shape [d] each.
-
-    ``mesh``, ``gain``: as for `MeshChange`. ``roughness``: standard deviation of the optimum from the
-    response's roughness, shape [d]; None if the response is smooth.
+    """Standard uncertainties from the numerics by source, [d] each; ``roughness``: None for a smooth
+    response.
     """
     found = {"mesh": mesh.sigma(gain)}
     return found if roughness is None else {**found, "roughness": roughness}
@@ -180,35 +177,28 @@ class MeshRun:
     """A run at the answer on another mesh, or with the other element."""
 
     numerics: Numerics
-    """Its numerical choices."""
     prediction: Prediction | None
-    """The simulated measurements; None if it did not complete."""
     ending: str
     """How it ended, a sentence without a full stop."""
 
 
 BOTH_ELEMENTS = 2
-"""Number of runs of `mesh_error_numerics` on the surrogate's mesh. Graded runs follow them."""
+"""Number of runs of `mesh_change` on the surrogate's mesh. Graded runs follow them."""
 
 
 def mesh_change(runner: Runner, fine: RefinedOptimum) -> MeshChange:
     """Run the answer on the surrogate's mesh with both elements, and on the graded mesh of the steps.
 
-    Raises
-    ------
-    ValueError
-        If the run with the element of the identification does not complete on the surrogate's mesh.
+    Raises ValueError if the run with the element of the identification does not complete on the surrogate's
+    mesh.
     """
-    with runner.work.stage("check"):
-        runs = mesh_error_runs(runner, fine.x, mesh_error_numerics(runner, fine))
-    return change_by_runs(runner, fine, runs)
-
-
-def mesh_error_numerics(runner: Runner, fine: RefinedOptimum) -> list[Numerics]:
-    """Both elements on the surrogate's mesh, then the graded mesh of the steps, if used."""
     problem = runner.problem
-    found = [problem.numerics, problem.numerics.with_other_element()]
-    return found if problem.halfway == problem.refined else [*found, problem.halfway]
+    numerics = [problem.numerics, problem.numerics.with_other_element()]
+    if problem.halfway != problem.refined:
+        numerics.append(problem.halfway)
+    with runner.work.stage("check"):
+        runs = mesh_error_runs(runner, fine.x, numerics)
+    return change_by_runs(runner, fine, runs)
 
 
 def mesh_error_runs(runner: Runner, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
@@ -256,9 +246,7 @@ def change_by_runs(runner: Runner, fine: RefinedOptimum, runs: Sequence[MeshRun]
             if run.prediction is None
         ),
     )
-    if len(runs) == BOTH_ELEMENTS:
-        return found
-    if vectors[2] is None:
+    if len(runs) == BOTH_ELEMENTS or vectors[2] is None:
         return found
     ratio = runner.problem.settings.refined_mesh[0] / runs[2].numerics.mesh[0]
     return replace(found, graded=GradedChange(np.nan_to_num(vectors[2] - model), ratio))
@@ -283,23 +271,23 @@ def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
         raise ValueError("the run at the answer on the mesh of the search did not complete: refine --mesh")
     other = numerics.with_other_element()
     element = problem.predict("check", found.x[None], other)[0]
-    lost = [] if not np.isnan(element).any() else [_joint_lost(problem, other, element, is_graded=False)]
-    change = MeshChange(
+    failed = np.isnan(element).any()
+    graded_change, lost = _joint_graded(problem, found)
+    return MeshChange(
         coarser=coarse - found.vector,
-        element=None if np.isnan(element).any() else element - coarse,
+        element=None if failed else element - coarse,
         ratio=problem.settings.refined_mesh[0] / numerics.mesh[0],
         windows=_joint_windows(problem.stack),
+        graded=graded_change,
         element_share=JOINT_ELEMENT_SHARE,
+        lost=(*([_joint_lost(problem, other, element, is_graded=False)] if failed else ()), *lost),
     )
-    graded_change, more = _joint_graded(problem, found)
-    return replace(change, graded=graded_change, lost=(*lost, *more))
 
 
 def _joint_graded(problem: JointProblem, found: Optimum) -> tuple[GradedChange | None, list[LostRun]]:
-    """The data change at an optimum between two graded meshes, and the failed runs.
+    """The data change at an optimum between two graded meshes, and the failed runs; None if a run fails.
 
-    The change is None if a run fails. It is not computed if a surface slides (single runs jump), or if runs
-    are corrected for Poisson's ratio (this uses other meshes).
+    It is not computed if a surface slides (single runs jump), or with a correction for Poisson's ratio.
     """
     if problem.slides or problem.mesh.compressible is not None:
         return None, []
@@ -318,8 +306,8 @@ def _joint_graded(problem: JointProblem, found: Optimum) -> tuple[GradedChange |
 
 def _joint_lost(problem: JointProblem, numerics: Numerics, vector: FloatArray, *, is_graded: bool) -> LostRun:
     """A failed run with the names of its shots; the ledger does not store how a run ended."""
-    parts = zip(problem.runs.prepared, problem.stack.parts(vector), strict=True)
-    names = [prepared.forward.shot.name for prepared, part in parts if np.isnan(part).any()]
+    parts = zip(problem.shots, problem.stack.parts(vector), strict=True)
+    names = [shot.name for shot, part in parts if np.isnan(part).any()]
     return LostRun(numerics, f"of {', '.join(names)}", is_graded)
 
 
@@ -334,10 +322,10 @@ def _joint_windows(stack: Stack) -> IntArray:
 def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
     """Error of the refined mesh as patterns of each shot, by Richardson and by the element, shape [n, k].
 
-    Each row is one standard deviation. The uncertainty of the extrapolation equals its size. The difference
-    of the two elements decreases as q^-1.5 with the ratio q of the meshes.
+    A row is one standard deviation. The uncertainty of the extrapolation equals its size. The elements'
+    difference decreases as q^-1.5 with the ratio q of the meshes.
     """
     rows = [change.error]
     if change.element is not None:
         rows.append(change.element / change.ratio**ELEMENT_ORDER)
-    return np.array([stack.of_shot(k, row) for row in rows for k in range(len(stack.shots))])
+    return stack.of_each(*rows)

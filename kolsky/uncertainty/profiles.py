@@ -123,9 +123,7 @@ class LinearisedOptimum:
     x: FloatArray
     """The optimum in SI, shape [d]."""
     local: Box
-    """Box of the last design."""
     objective: Objective
-    """The objective with the discrepancies of the optimum."""
     vector: FloatArray
     """Predicted data vector at the optimum on the refined mesh, shape [k]."""
     slope: FloatArray
@@ -154,7 +152,6 @@ class ParameterProfiles:
     """The profiles, and the surrogate and data used for them."""
 
     profiles: tuple[ParameterProfile, ...]
-    """One per free parameter."""
     map: PairMap | None
     """The rise over the plane of two free parameters. None for one parameter, or for more than two."""
     model: CorrectedSurrogate
@@ -162,7 +159,6 @@ class ParameterProfiles:
     objective: Objective
     """The objective over the outline points that all runs of the surrogate reach."""
     box: Box
-    """Range of the surrogate."""
     optimum: FloatArray
     """The most likely point on this surrogate, in SI, shape [d]."""
 
@@ -171,12 +167,9 @@ def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterPr
     """Profile every free parameter.
 
     The first surrogate covers a box near the answer. If the data do not close an interval there, it covers
-    the whole box. Runs along the profiles test the surrogate and are added to it. This is repeated until the
-    rise agrees to a tenth of the level.
-
-    ``runner``: runs points of the identification's problem, with all runs on the surrogate's mesh.
-    ``answer``: its optimum. Raises ValueError or RuntimeError if no surrogate or profile can be made from the
-    runs. The message gives the reason.
+    the whole box. Runs along the profiles test the surrogate and are added to it until the rise agrees to a
+    tenth of the level. Raises ValueError or RuntimeError with the reason if no surrogate or profile can be
+    made.
     """
     local, whole = _near(runner, answer), runner.problem.box
     found = _in_box(runner, answer, local)
@@ -186,8 +179,8 @@ def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterPr
 
 
 def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
-    """First box of the profiles: that of the last design. For several parameters, `NEAR` sigma about the
-    answer, with a new design.
+    """First box of the profiles: the last design's, or `NEAR` sigma about several parameters, with a new
+    design.
     """
     whole = runner.problem.box
     if whole.dimension == 1:
@@ -245,14 +238,12 @@ def _in_box(runner: Runner, answer: LinearisedOptimum, box: Box) -> ParameterPro
 def surrogate_of(
     runs: tuple[FloatArray, Prediction], answer: LinearisedOptimum, box: Box, whole: Box
 ) -> tuple[CorrectedSurrogate, Objective]:
-    """The surrogate of all runs in a box, corrected to the refined mesh at the optimum.
+    """The surrogate of all runs in a box, corrected to the refined mesh at the optimum, and its objective.
 
-    Near the answer, it agrees with value and slope at the optimum. In the whole box it agrees only in value:
-    the box is too wide for a slope from two neighbouring runs.
-
-    ``runs``: points and predictions on the surrogate's mesh. ``box``, ``whole``: range of the surrogate, and
-    the whole range of the design. Returns: the surrogate, and the objective over the points that all its runs
-    reach.
+    Near the answer, it agrees with value and slope there; in the whole box in value only, because the box is
+    too wide for a slope from two neighbouring runs. ``runs``: points and predictions on the surrogate's mesh.
+    ``box``, ``whole``: range of the surrogate and of the design. The objective covers the points that all
+    runs reach.
     """
     points, prediction = runs
     use = box.contains(points)
@@ -273,9 +264,8 @@ def surrogate_of(
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
-    """Mask of the points that are not too close to an earlier one.
-
-    Close pairs make a surrogate ill-conditioned.
+    """Mask of the points that are not too close to an earlier one; close pairs make a surrogate
+    ill-conditioned.
     """
     kept: list[int] = []
     for row in range(len(unit)):
@@ -344,12 +334,9 @@ NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
 def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
     """Sample parameters and discrepancies.
 
-    The prior of a parameter is uniform in the box of the profiles. A declared uncertainty multiplies it by a
-    Gaussian. The time correlation of the residuals enters as a power of the likelihood: one divided by the
-    mean factor of the profiles.
-
-    ``found``: the profiles and their surrogate. ``seed``: seed of the chains. Raises ImportError if emcee is
-    not installed: `pip install 'kolsky[bayes]'`.
+    The prior of a parameter is uniform in the box of the profiles, times a Gaussian by its declared
+    uncertainty. The time correlation of the residuals enters as a power of the likelihood: one divided by the
+    mean factor of the profiles. Raises ImportError if emcee is not installed: `pip install 'kolsky[bayes]'`.
     """
     likelihood = full_likelihood(found.model, found.objective, found.box)
     power = 1.0 / float(np.mean([profile.correlation for profile in found.profiles]))

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from explicit import Mesh, Response
-from explicit.contact import contact_law
 from explicit.mesh import corner_areas
 from kolsky.base.apparatus import SLIDING_LAW, Interface
-from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.parameters import any_slides, slides
 from kolsky.inverse.result import Estimate, Identification, Verdict, disagreements, worst_imbalance
 from kolsky.inverse.run_table import DesignTable
 from kolsky.shot.curve import PAST_CURVE
@@ -96,8 +95,7 @@ def _outline_noise_warnings(result: Identification) -> Iterator[str]:
 
 def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator[str]:
     """Report failed runs of `kolsky.uncertainty.mesh_error.MeshChange`, and the formula used instead.
-
-    ``coarse``: elements of the search mesh, across the radius and along the length.
+    ``coarse``: elements of the search mesh.
     """
     for run in lost:
         across, along = run.numerics.mesh
@@ -129,8 +127,7 @@ def past_curve_warning(share: float, reached: float, checks: Mapping[str, float]
     """Warning if the material was strained beyond the end of the quasi-static curve.
 
     ``share``: largest share of the specimen's volume past the curve [-]. ``reached``: largest s = sqrt(I1 -
-    3) [-]. ``checks``: "curve_last_s" and "curve_last_strain" of
-    `kolsky.inverse.problem.PreparedShot.checks`.
+    3) [-]. ``checks``: "curve_last_s", "curve_last_strain" of `kolsky.inverse.problem.PreparedShot.checks`.
     """
     if share > PAST_CURVE:
         last, strain = checks["curve_last_s"], checks["curve_last_strain"]
@@ -163,20 +160,10 @@ def folded_warning(
     fold. A corner may be turned inside out by more than `FOLDED`. The edge then separates and jumps along the
     platen by up to 0.2 mm, although the run completes (docs/validation/folding).
 
-    Parameters
-    ----------
-    response
-        The batch, with its nodes. A batch without nodes is not checked.
-    mesh
-        Its mesh.
-    interface
-        The interface as the shot declares it.
-    named
-        Named parameters. A parameter that causes sliding replaces that interface.
+    ``response``: not checked without nodes. ``interface``: as the shot declares it. ``named``: parameters;
+    one that causes sliding replaces that interface.
     """
-    laws = [contact_law(law) for law in (interface.faces, interface.side)]
-    slides = any_slides(named) or any(law.needs_friction for law in laws)
-    if not slides or response.nodes is None or not response.outcomes[0].ok:
+    if not slides(interface, named) or response.nodes is None or not response.outcomes[0].ok:
         return
     worst = corner_areas(mesh, response.nodes[0]).min(axis=2)
     over = np.flatnonzero((worst < FOLDED).any(axis=1))
@@ -192,9 +179,8 @@ def folded_warning(
 
 
 def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
-    """Count the failed runs by stage and `explicit.Outcome`, and describe the first of each kind.
-
-    ``rest``: text added after the count.
+    """Count the failed runs by stage and `explicit.Outcome`, then ``rest``, and describe the first of each
+    kind.
     """
     kinds: dict[str, list[int]] = {}
     for run in table.lost:
@@ -219,9 +205,7 @@ def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
 
 
 def sliding_warning(interface: Interface, named: list[str]) -> Iterator[str]:
-    """Warning if a named parameter that causes sliding replaced the declared interface. See
-    `kolsky.inverse.forward.Forward.run`.
-    """
+    """Warning if a named parameter that causes sliding replaced the declared interface (`Forward.run`)."""
     names = [name for name in named if any_slides([name])]
     if names and {interface.faces, interface.side} != {SLIDING_LAW}:
         yield (
@@ -286,10 +270,8 @@ def _force_only_warning(result: Identification) -> Iterator[str]:
 
 
 def route_warnings(result: Identification) -> Iterator[str]:
-    """Warning if the optima by force and by outline disagree. They are two measurements of one specimen.
-
-    Their difference is compared with its standard uncertainty, see
-    `kolsky.uncertainty.budgets.route_difference`, separately for each parameter.
+    """Warning if force and outline disagree about a parameter, by
+    `kolsky.uncertainty.budgets.route_difference`.
     """
     difference, routes = result.route_difference, {route.name: route for route in result.routes}
     if difference is None or not {"force only", "shape only"} <= set(routes):
@@ -417,27 +399,11 @@ def collect_warnings(
     mesh: Mesh | None = None,
     lost_meshes: Sequence[LostRun] = (),
 ) -> tuple[str, ...]:
-    """Collect the warnings of a result, most serious first.
+    """The warnings of a result, most serious first: one sentence each, without a full stop.
 
-    Parameters
-    ----------
-    result
-        The finished identification; its field `warnings` is not used.
-    checks
-        The figures of `kolsky.inverse.problem.PreparedShot.checks`.
-    interface
-        The interface as the shot declares it.
-    lost_replicates : int
-        Runs of the noise stage that did not complete.
-    mesh
-        Mesh of the check run. If omitted, its elements are not checked.
-    lost_meshes
-        Failed runs for the mesh error.
-
-    Returns
-    -------
-    tuple of str
-        One sentence each, without a full stop; empty if there are none.
+    ``checks``: figures of `kolsky.inverse.problem.PreparedShot.checks`. ``interface``: as the shot declares
+    it. ``lost_replicates``: failed runs of the noise stage. ``mesh``: of the check run; None to skip the
+    check of its elements. ``lost_meshes``: failed runs for the mesh error.
     """
     named = [*result.estimates, *_held_values(result)]
     return tuple(

@@ -53,9 +53,11 @@ class Instruments:
 
 
 def instruments_of(prepared: PreparedShot) -> Instruments:
-    """The instruments of the shot itself. Without an outline there are no points. The caller must then supply
-    their density and sigma."""
-    observations, window = prepared.observations, prepared.forward.shot.window
+    """The instruments of the shot itself.
+
+    Without an outline there are no points. The caller must then supply their density and sigma.
+    """
+    observations, window = prepared.observations, prepared.shot.window
     edges = observations.bins.edges
     points, sigma, interval, clearance = 0.0, 1e-6, float(np.diff(edges).mean()), 0.0
     if observations.has_shape:
@@ -67,7 +69,7 @@ def instruments_of(prepared: PreparedShot) -> Instruments:
                 density.append((y.size - 1) / np.ptp(y))
         points = float(np.median(density)) if density else 0.0
         sigma = float(np.median(line.sigma))
-        gap = prepared.forward.shot.specimen.length - prepared.path.position(line.time)
+        gap = prepared.shot.specimen.length - prepared.path.position(line.time)
         clearance = max(0.0, float(min(line.y.min(), (gap - line.y).min())))
         if observations.frame_times.size > 1:
             interval = float(np.median(np.diff(observations.frame_times)))

@@ -193,7 +193,7 @@ def test_a_higher_outline_is_compared_with_a_wider_model() -> None:
         seen = SimpleNamespace(centre_line=line)
         counted = np.ones(3, dtype=bool)
         data.append(SimpleNamespace(objective=SimpleNamespace(n_force=1), observations=seen, counted=counted))
-    stack = SimpleNamespace(data=np.zeros(8), shots=data, ends=(4, 8))
+    stack = SimpleNamespace(data=np.zeros(8), shots=data, place=lambda k: slice(4 * k, 4 * k + 4))
     problem: Any = SimpleNamespace(stack=stack)
     moved = _place_change(problem, np.array([0.0, 3e-6]), "y_offset")
     np.testing.assert_allclose(moved, [0.0] * 5 + [1.5e-6] * 3, rtol=1e-9, atol=1e-18)

@@ -24,7 +24,7 @@ def problem(lost: dict[str, int], *, slides: bool = False) -> Any:
             row[2 * lost[key] : 2 * lost[key] + 2] = np.nan
         return row[None]
 
-    shots = [SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(name=n))) for n in ("slow", "fast")]
+    shots = [SimpleNamespace(name=n) for n in ("slow", "fast")]
     return SimpleNamespace(
         mesh=Numerics(mesh=(16, 22)),
         refined=Numerics(mesh=SETTINGS.refined_mesh),
@@ -32,7 +32,7 @@ def problem(lost: dict[str, int], *, slides: bool = False) -> Any:
         settings=SETTINGS,
         predict=predict,
         stack=SimpleNamespace(parts=lambda vector: np.split(vector, 2)),
-        runs=SimpleNamespace(prepared=shots),
+        shots=shots,
     )
 
 

@@ -237,8 +237,8 @@ class TwoShots:
     data = np.zeros(4)
     shots = (0, 1)
 
-    def of_shot(self, k: int, row: np.ndarray) -> np.ndarray:
-        return np.where(np.arange(4) // 2 == k, row, 0.0)
+    def of_each(self, *rows: np.ndarray) -> np.ndarray:
+        return np.array([np.where(np.arange(4) // 2 == k, row, 0.0) for row in rows for k in self.shots])
 
     def weighed_beside(self, residual: np.ndarray, patterns: np.ndarray) -> None:
         assert not np.isnan(residual).any()
@@ -446,9 +446,9 @@ def faulty(key: str) -> tuple[Stack, np.ndarray]:
 
 def causes_of(stack: Stack, vector: np.ndarray, errors: np.ndarray) -> tuple[ShotCause, ...]:
     stiffer = np.tile(np.concatenate([WAVE, -0.25 * np.linspace(4.0, 6.0, 40)]), 3)
-    names = [SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(name=name))) for name in "abc"]
+    names = [SimpleNamespace(name=name) for name in "abc"]
     unknowns = SimpleNamespace(names=("stiffness_factor",), nodes=0, relative_stiffness=lambda *_: stiffer)
-    problem: Any = SimpleNamespace(stack=stack, unknowns=unknowns, runs=SimpleNamespace(prepared=names))
+    problem: Any = SimpleNamespace(stack=stack, unknowns=unknowns, shots=names)
     optimum: Any = SimpleNamespace(x=np.ones(1), vector=vector, slopes=stiffer[:, None])
     return shot_causes(problem, optimum, errors)
 
@@ -650,10 +650,10 @@ def test_the_weights_follow_a_declared_error() -> None:
     """
     left, change = np.repeat([3.0, 5.0], 10) * np.tile([1.0, -1.0], 10), np.repeat([0.0, 6.0], 10)
     stack = Stack((shot(np.zeros(10), np.zeros(10)),), np.zeros(0), np.zeros(0), known=0)
-    of_shot = SimpleNamespace(forward=SimpleNamespace(shot=SimpleNamespace(uncertainty={"Z_offset": 1e-5})))
+    of_shot = SimpleNamespace(uncertainty={"Z_offset": 1e-5})
     problem: Any = SimpleNamespace(
         stack=stack,
-        runs=SimpleNamespace(prepared=[of_shot]),
+        shots=[of_shot],
         unknowns=SimpleNamespace(names=("poisson",), widths=WIDE),
     )
     found: Any = SimpleNamespace(vector=left, slopes=np.ones((20, 1)), x=np.ones(1))
