@@ -26,7 +26,6 @@ from kolsky.report import figure_files
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
-    from dic.result import FullField
     from kolsky.equilibrium.solution import Solution
     from kolsky.inverse.result import Identification
     from kolsky.prediction.design import Aim, Scan
