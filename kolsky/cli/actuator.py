@@ -12,7 +12,7 @@ from kolsky.base.options import Option
 from kolsky.cli.options import Figures, Film, Vtu
 from kolsky.cli.terminal import print_result
 from kolsky.inverse.settings import Device
-from kolsky.report import figure_files
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from kolsky.report.body_views import ActuatorView

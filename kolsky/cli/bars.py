@@ -9,7 +9,7 @@ from kolsky.base.files import usable_folder, write_folder
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, OutFolder, ShotPath
 from kolsky.cli.terminal import print_result, progress_bars
-from kolsky.report import figure_files
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from kolsky.bars.records import ReducedTest

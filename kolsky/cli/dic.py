@@ -16,7 +16,7 @@ from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
 from kolsky.cli.options import Figures, Out, ShotPath
 from kolsky.cli.terminal import print_result, progress_bars
-from kolsky.report import figure_files
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     pass

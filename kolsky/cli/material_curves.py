@@ -15,7 +15,7 @@ from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
 from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.readers.layout import Layout
-from kolsky.report import figure_files
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from kolsky.base.apparatus import Specimen

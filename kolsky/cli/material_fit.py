@@ -16,7 +16,7 @@ from kolsky.cli import texts
 from kolsky.cli.options import Figures, OutFolder
 from kolsky.cli.terminal import print_result, progress_bars
 from kolsky.material.fits.columns import Columns
-from kolsky.report import figure_files
+from kolsky.report.figures_alone import figure_files
 
 if TYPE_CHECKING:
     from kolsky.material.end_friction.problem import ModelFit

@@ -17,6 +17,7 @@ from kolsky.inverse.settings import Device
 if TYPE_CHECKING:
     from kolsky.bodies.specimen_reading import Specification
     from kolsky.bodies.specimen_studies import Expected
+    from kolsky.report.body_views import SheetView, SpecimenView
 
 
 _SpecPath = Annotated[Path, typer.Argument(metavar="SPEC", help="A SPEC.toml: material, specimens, files.")]
@@ -63,7 +64,6 @@ def specimen_fit(
     from kolsky.bodies import specimen_output
     from kolsky.bodies.specimen_fit import fit
     from kolsky.report.body_views import view_of
-    from kolsky.report.pages.bodies import constant_rows, specimen_rows
     from kolsky.report.result_folder import write_specimen_results
 
     groups = read.declared.fit.together or {name: [name] for name in read.samples}
@@ -85,16 +85,16 @@ def specimen_fit(
             )
     view = view_of(read.name, fits)
     write_specimen_results(folder, view, read.inputs, formats=figures, vtu=vtu, stills=stills)
-    rows = {
-        f"{row['Fit']}: {row['Constant']}": f"{row['Value']}, {row['Interval, 95 %']}, {row['Verdict']}"
-        for row in constant_rows(view)
-    }
-    print_result(
-        rows | specimen_rows(view),
-        specimen_output.fits_json(fits, read.inputs),
-        files={"page": folder / "specimen.html"},
-        warnings=view.warnings,
-    )
+    _print_fit(view, specimen_output.fits_json(fits, read.inputs), folder)
+
+
+def _print_fit(view: "SpecimenView | SheetView", content: dict[str, Any], folder: Path) -> None:
+    """Print the constants and numbers of a page."""
+    from kolsky.report.pages.bodies import constant_rows, specimen_rows
+    from kolsky.results.numbers import row_lines
+
+    rows = row_lines(constant_rows(view), 2) | specimen_rows(view)
+    print_result(rows, content, files={"page": folder / "specimen.html"}, warnings=view.warnings)
 
 
 _refuse = functools.partial(texts.refuse, cure="remove it")
@@ -125,7 +125,6 @@ def _fit_sheet(
     from kolsky.bodies.sheet_reading import read_field
     from kolsky.bodies.stiffness_map import stiffness_map as stiffness_map_of
     from kolsky.report.body_views import sheet_view_of
-    from kolsky.report.pages.bodies import sheet_rows, specimen_rows
     from kolsky.report.result_folder import write_specimen_results
 
     measured = read_field(read)
@@ -143,16 +142,8 @@ def _fit_sheet(
     view = sheet_view_of(read.name, measured, result, steps, mapped, change=change)
     inputs = {**read.inputs, **measured.inputs}
     write_specimen_results(folder, view, inputs, formats=figures, vtu=vtu, stills=stills)
-    rows = {
-        row["Constant"]: f"{row['Value']}, {row['Interval, 95 %']}, {row['Verdict']}"
-        for row in sheet_rows(view)
-    }
-    print_result(
-        rows | specimen_rows(view),
-        specimen_output.field_json(result, steps) | {"one_change": change, "inputs": inputs},
-        files={"page": folder / "specimen.html"},
-        warnings=view.warnings,
-    )
+    content = specimen_output.field_json(result, steps) | {"one_change": change, "inputs": inputs}
+    _print_fit(view, content, folder)
 
 
 def specimen_simulate(

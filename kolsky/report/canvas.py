@@ -289,9 +289,14 @@ def save_figures(
 ) -> list[Path]:
     """Save every figure that applies as `<name>.<format>`, each atomically. Returns: the files.
 
-    ``folder``: created if absent. ``formats``: any of "pdf", "svg", "png" (600 dots per inch) and "csv" (the
-    data in the figure). ``registry``: the figures; default: those of `kolsky.report.figures.figures_of`.
-    Raises ValueError if a format is not one of these, and TypeError if no figure shows this class.
+    Parameters
+    ----------
+    folder, shown
+        Created if absent; the result that the figures show, TypeError if no figure shows its class.
+    formats
+        Any of "pdf", "svg", "png" (600 dots per inch) and "csv" (the data in the figure), else ValueError.
+    registry
+        The figures; default: those of `kolsky.report.figures.figures_of`.
     """
     formats = tuple(formats)
     unknown = [name for name in formats if name not in FORMATS]

@@ -39,12 +39,15 @@ def html(data: object) -> str | None:
 def to_dataframe(data: object, table: str = "") -> Any:
     """Return a shot, a measured surface or any result as a pandas table (SI, units in the headers).
 
-    A shot has one row per value of its file, a surface one per point and frame.
-
-    ``table``: name of one of the result's CSV files, without ".csv"; default: the main file. An
-    identification has "estimates" (the default), "routes", "force", "profile", "design" and "energy". A
-    displacement field also has "points", one row per point and frame. Raises ValueError if there is no such
-    table, and TypeError if the data have another type.
+    Parameters
+    ----------
+    data
+        A shot: one row per value of its file. A surface: one row per point and frame. Or any result; else
+        TypeError.
+    table
+        Name of one of the result's CSV files, without ".csv"; default: the main file; ValueError if there is
+        no such table. An identification has "estimates" (the default), "routes", "force", "profile", "design"
+        and "energy". A displacement field also has "points", one row per point and frame.
 
     Examples
     --------
@@ -84,7 +87,10 @@ def to_xarray(data: object, table: str = "") -> Any:
     has u, v, w and the strains over "frame" and "point". For any other result, or if `table` is given, the
     table of `to_dataframe` is over "row".
 
-    Raises TypeError if the data have another type.
+    Parameters
+    ----------
+    data, table
+        As for `to_dataframe`.
     """
     if not has_tables(data):
         raise TypeError(_no_view(data, "xarray"))

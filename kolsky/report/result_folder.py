@@ -22,7 +22,7 @@ from dic.processes import background, cores
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, write_files, write_folder, write_tables
-from kolsky.report import figure_files
+from kolsky.report.figures_alone import figure_files
 from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class ResultFiles:
     """Name of a file -> function of its path and the result that writes the file. For JSON, the function of
     the result returns the object."""
     figures: Callable[[Any], Iterable[Any]] = lambda result: [result]
-    """What the figures show, for `kolsky.report.figure_files`."""
+    """What the figures show, for `kolsky.report.figures_alone.figure_files`."""
 
 
 _WAVES = {
@@ -129,10 +129,12 @@ def has_tables(result: object) -> bool:
 
 
 def tables_of(result: Any, *more: Any) -> Tables:
-    """Return every table of a result as columns (SI, units in the headings), the main one first.
+    """Return every table of a result, by the name of its CSV file, as columns (SI), the main one first.
 
-    ``result``: of a type in `RESULTS`. ``more``: further arguments of its functions, e.g. the scan of a
-    prediction. Returns: name of a table, which is that of its CSV file -> heading -> cells.
+    Parameters
+    ----------
+    result, more
+        A result of a type in `RESULTS`, and further arguments of its functions, e.g. a prediction's scan.
 
     Examples
     --------
@@ -148,8 +150,14 @@ def tables_of(result: Any, *more: Any) -> Tables:
 def write_results(folder: Path, result: Any, *more: Any, formats: Sequence[str] = ()) -> None:
     """Write every file that `RESULTS` lists for a result: HDF5, JSON, tables, page, figures; all or none.
 
-    ``folder``: created if absent. ``more``: as for `tables_of`. ``formats``: also save each figure as a file,
-    in any of `kolsky.report.FIGURE_FORMATS`. Raises InputError if the results cannot be written.
+    Parameters
+    ----------
+    folder
+        Created if absent; InputError if it cannot be written.
+    result, more
+        As for `tables_of`.
+    formats
+        Also save each figure as a file, in any of `kolsky.report.FIGURE_FORMATS`.
     """
     write_folder(folder, _files_of(result, *more, formats=formats), tables_of(result, *more))
 
@@ -195,7 +203,12 @@ def write_identify_results(
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures.
 
-    ``processes``: processes that draw; with several, another one writes the result file at the same time.
+    Parameters
+    ----------
+    folder, found, shot, formats
+        As for `write_results`; the shot of the identification is that of `kolsky.load_shot`.
+    processes
+        Processes that draw; with several, another one writes the result file at the same time.
     """
     from kolsky.results.tables import summary_row, tables  # imports the solver
 
@@ -227,8 +240,11 @@ def _nominal_rate(shot: Shot) -> float:
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
     """Read the identification of a shot back from the folder of its results.
 
-    Raises InputError if it cannot be used, or if it was made from files that differ from the shot's. The page
-    would mix both versions.
+    Parameters
+    ----------
+    folder, shot
+        InputError if the result cannot be used, or was made from files that differ from the shot's: the page
+        would mix both versions.
     """
     from kolsky.results.hdf5 import read_identification
 
@@ -274,7 +290,14 @@ def write_dic_results(
 ) -> None:
     """Write the results of `kolsky dic` into the folder of dic.h5: page, outline, flyer, reporting table.
 
-    ``csv``, ``vtp``: also write every frame's points as CSV, and as VTP for ParaView.
+    Parameters
+    ----------
+    folder, shot, found, formats
+        As for `write_results`; the shot has its pictures, as `kolsky.shot.load.load_pictures` gives it.
+    csv, vtp
+        Also write every frame's points as CSV, and as VTP for ParaView.
+    processes
+        Processes that draw the page.
     """
     from kolsky.report.pages.surfaces import render_surfaces
     from kolsky.report.picture_views import read_surface_view
@@ -329,7 +352,17 @@ def write_sweep_results(
     warnings: Sequence[str] = (),
     formats: Sequence[str] = (),
 ) -> None:
-    """Write the results of `kolsky sweep`: the table and page of this name, with warnings, and figures."""
+    """Write the results of `kolsky sweep`: sweep.csv, sweep.html and figures.
+
+    Parameters
+    ----------
+    folder, result, formats
+        As for `write_results`.
+    analysis
+        That of `kolsky.studies.sweep_analysis.analyse_sweep`.
+    name, warnings
+        Name of table and page without their endings, and warnings at the top of the page.
+    """
     from kolsky.report.pages.studies import render_sweep
     from kolsky.studies.sweep import columns
 

@@ -380,12 +380,16 @@ IDENTIFICATION = Record(
 
 
 def write_identification(path: Path, identification: Identification) -> None:
-    """Write everything `kolsky identify` returns to one HDF5 file, atomically; its folder must exist.
+    """Write everything `kolsky identify` returns to one HDF5 file, atomically.
 
-    Provenance is stored as JSON: tuples become lists, and values that are not finite become null. Raises
-    ValueError if shapes of the result are inconsistent or a text cannot be stored, TypeError if JSON cannot
-    represent a value of the provenance, and OSError, with an existing file unchanged, if the file cannot be
-    written.
+    Parameters
+    ----------
+    path
+        The file; its folder must exist. OSError, with an existing file unchanged, if it cannot be written.
+    identification
+        The result; ValueError if its shapes are inconsistent or a text cannot be stored. Provenance is stored
+        as JSON: tuples become lists, and values that are not finite become null; TypeError if JSON cannot
+        represent a value.
     """
     plain = replace(identification, provenance=jsonable(identification.provenance, "provenance"))
     with writing(path, FORMAT) as place:

@@ -106,9 +106,14 @@ def row_lines(rows: Iterable[Mapping[str, Any]], names: int = 1) -> dict[str, st
     lines = {}
     for row in map(_unmarked, rows):
         cells = [(head, cell) for head, cell in row.items() if cell]
-        text = ", ".join(f"{head[:1].lower()}{head[1:]} {cell}" for head, cell in cells[names:])
+        text = ", ".join(f"{_lower_first(head)} {cell}" for head, cell in cells[names:])
         lines[", ".join(cell for _, cell in cells[:names])] = plain_sentence(text)
     return lines
+
+
+def _lower_first(heading: str) -> str:
+    """A heading inside a sentence; symbols of one or two letters stay."""
+    return heading if len(heading.split()[0]) < 3 else heading[0].lower() + heading[1:]
 
 
 def _unmarked(row: Mapping[str, Any]) -> dict[str, str]:

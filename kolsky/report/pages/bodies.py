@@ -18,7 +18,6 @@ from kolsky.results import numbers
 def render_specimen(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
     """Return the page as HTML text."""
     sheet = isinstance(shown, SheetView)
-    rows = sheet_rows(shown) if isinstance(shown, SheetView) else constant_rows(shown)
     tests: Sequence[str] = () if isinstance(shown, SheetView) else shown.tests
     table: list[tuple[str, list[str]]] = []
     if isinstance(shown, SpecimenView):
@@ -32,7 +31,7 @@ def render_specimen(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) 
         heading=shown.name,
         subject="fitted constants",
         warnings=sentences(shown.warnings),
-        constants=rows,
+        constants=constant_rows(shown),
         tests=list(tests),
         table=table,
         facts=list(specimen_rows(shown).items()),
@@ -48,8 +47,10 @@ def _shown_value(spec: ParameterSpec, value: float | None) -> str:
     return f"{numbers.plain(1e-3 * value)} kPa" if spec.unit == "Pa" else numbers.plain(value)
 
 
-def constant_rows(view: SpecimenView) -> list[dict[str, Any]]:
+def constant_rows(view: SpecimenView | SheetView) -> list[dict[str, Any]]:
     """Rows of the table of constants."""
+    if isinstance(view, SheetView):
+        return _sheet_rows(view)
     rows = []
     for fit in view.fits:
         for spec, one in zip(fit.constants.free_specs, fit.intervals.estimates, strict=True):
@@ -78,8 +79,7 @@ def _constant_row(
     }
 
 
-def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
-    """Rows of the table of constants of a sheet."""
+def _sheet_rows(view: SheetView) -> list[dict[str, Any]]:
     fit = view.fit
     parts = [name for name, fits in (("field", fit.adequate), ("force", fit.force_explained)) if not fits]
     words = f"of a model that does not explain the {' and the '.join(parts)}" if parts else "identified"

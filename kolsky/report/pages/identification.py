@@ -396,9 +396,14 @@ def write_report(
 ) -> None:
     """Write the report of one shot as a single HTML file that needs no network.
 
-    ``path``: the file, replaced atomically; its folder must exist. ``recordings``: those of the shot's files;
-    without them, their sections are left out. ``processes``: number of processes that draw the figures.
-    Raises OSError if the file cannot be written. An older file is then unchanged.
+    Parameters
+    ----------
+    path, identification
+        The file, replaced atomically (OSError if it cannot be written); its folder must exist. The result.
+    recordings
+        Those of the shot's files; without them, their sections are left out.
+    processes
+        Number of processes that draw the figures.
     """
     text = render(identification, recordings, processes=processes)
     with replacing(path) as partial:

@@ -110,9 +110,9 @@ def test_the_rest_of_a_sentence_keeps_its_case() -> None:
 
 def test_rows_of_a_page_are_lines_of_a_terminal() -> None:
     rows = [
-        {"Shot": "a", Markup("<i>m</i>"): "1.10", "Lag (µs)": "−2", "lost": True},
-        {"Shot": "long", Markup("<i>m</i>"): "1.2", "Lag (µs)": ""},
+        {"Shot": "a", Markup("<i>U</i>"): "1.10", "Lag (µs)": "−2", "lost": True},
+        {"Shot": "long", Markup("<i>U</i>"): "1.2", "Lag (µs)": ""},
     ]
-    assert numbers.table_lines(rows) == ["Shot  m     Lag (µs)", "a     1.10  −2", "long  1.2"]
-    assert numbers.row_lines(rows) == {"a": "m 1.10, lag (us) -2", "long": "m 1.2"}
+    assert numbers.table_lines(rows) == ["Shot  U     Lag (µs)", "a     1.10  −2", "long  1.2"]
+    assert numbers.row_lines(rows) == {"a": "U 1.10, lag (us) -2", "long": "U 1.2"}
     assert numbers.row_lines(rows, 2) == {"a, 1.10": "lag (us) -2", "long, 1.2": ""}
