@@ -223,11 +223,7 @@ def _result(recorder: _Recorder, converged: bool, margin: float) -> SearchResult
     if converged:
         outcome = SearchOutcome.AT_BOUND if at_bound else SearchOutcome.CONVERGED
     return SearchResult(
-        x=recorder.points[best],
-        value=recorder.values[best],
-        evaluations=len(recorder.values),
-        outcome=outcome,
-        at_bound=at_bound,
-        trace_points=np.stack(recorder.points),
+        x=recorder.points[best], value=recorder.values[best], evaluations=len(recorder.values),
+        outcome=outcome, at_bound=at_bound, trace_points=np.stack(recorder.points),
         trace_values=np.array(recorder.values),
-    )
+    )  # fmt: skip

@@ -188,18 +188,11 @@ class GaussianProcess:
         )
         diagonal = np.diag(operator)
         return cls(
-            hyperparameters=hyperparameters,
-            unit_points=unit_points,
-            values=values,
-            variance=variance,
+            hyperparameters=hyperparameters, unit_points=unit_points, values=values, variance=variance,
             log_likelihood=-_minus_log(variance, freedom, factor, trend_factor),
-            loo_residuals=change / diagonal[:, None],
-            loo_sigma=np.sqrt(variance / diagonal[:, None]),
-            weights=change,
-            trend=coefficients,
-            factor=factor,
-            trend_factor=trend_factor,
-        )
+            loo_residuals=change / diagonal[:, None], loo_sigma=np.sqrt(variance / diagonal[:, None]),
+            weights=change, trend=coefficients, factor=factor, trend_factor=trend_factor,
+        )  # fmt: skip
 
     def predict(self, unit_points: FloatArray) -> FloatArray:
         """The mean at points of the unit box, shape [m, d] -> [m, q]."""

@@ -158,15 +158,10 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
         model = one.pristine.solution.model
         histories = {WEIGHT: np.ones(steps), **{h: pressure[1:] for h in spec.actuator.histories}}
         run = march(
-            model,
-            histories,
-            section.step,
-            density=spec.actuator.density_of_regions,
-            scheme=section.scheme,
-            prony=prony,
-            start=one.pristine.solution.displacements[0],
+            model, histories, section.step, density=spec.actuator.density_of_regions, scheme=section.scheme,
+            prony=prony, start=one.pristine.solution.displacements[0],
             start_histories={WEIGHT: 1.0, **dict.fromkeys(spec.actuator.histories, 0.0)},
-        )
+        )  # fmt: skip
         if not run.outcome.ok:
             reached = time[run.reached - 1]
             raise ValueError(f"{one.name}, beyond {reached:.4g} s: {run.outcome.cause}; {run.outcome.cure}")

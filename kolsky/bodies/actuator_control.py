@@ -488,14 +488,9 @@ def _prepared(
             camera = (section.lag, section.delay, section.noise)
             return made, Plant(found.plant_pressure, found.plant_angle, *camera)
     made = reduce_actuator(
-        actuator,
-        gravity,
-        most=section.most,
-        modes=section.modes,
-        tolerance=section.tolerance,
-        seen=section.snapshots,
-        within=(max(section.angles), allowed_error(section)),
-    )
+        actuator, gravity, most=section.most, modes=section.modes, tolerance=section.tolerance,
+        seen=section.snapshots, within=(max(section.angles), allowed_error(section)),
+    )  # fmt: skip
     pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
     run = actuator.simulate(gravity, pressures, constants=actuator.constants(section.plant_stiffness))
     if not run.solution.outcome.ok:

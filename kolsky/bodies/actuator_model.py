@@ -129,14 +129,9 @@ class Actuator:
         conditions += [Pressure(c, h) for c, h in zip(self.cavities, self.histories, strict=True)]
         conditions += [*self.contacts, *self.world]
         return Model(
-            self.mesh,
-            self.solid,
-            tuple(conditions),
-            volumetric="mixed" if self.mixed else "displacement",
-            regions=self.regions,
-            others=tuple(part.solid for part in self.parts),
-            device=self.device,
-        )
+            self.mesh, self.solid, tuple(conditions), volumetric="mixed" if self.mixed else "displacement",
+            regions=self.regions, others=tuple(part.solid for part in self.parts), device=self.device,
+        )  # fmt: skip
 
     def simulate(
         self,
@@ -174,15 +169,9 @@ class Actuator:
         ValueError with the reason if the path ends before the last pressure.
         """
         path = follow(
-            self.model(gravity),
-            self.histories,
-            until=float(pressures[-1]),
-            first=first,
-            others={WEIGHT: 1.0},
-            parameters=constants,
-            steps=steps,
-            longest=longest,
-        )
+            self.model(gravity), self.histories, until=float(pressures[-1]), first=first,
+            others={WEIGHT: 1.0}, parameters=constants, steps=steps, longest=longest,
+        )  # fmt: skip
         if not path.outcome.ok:
             highest = 1e-5 * float(path.load.max())
             turned = ", where the pressure has a limit point" if path.limits.size else ""

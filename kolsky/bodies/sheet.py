@@ -170,14 +170,9 @@ class Sheet:
             Fixed(self.moving, (other,)),
         )
         return Model(
-            self.mesh,
-            solid,
-            conditions,
-            kinematics=self.kinematics,
-            thickness=self.thickness,
-            regions=self.regions,
-            device=self.device,
-        )
+            self.mesh, solid, conditions, kinematics=self.kinematics, thickness=self.thickness,
+            regions=self.regions, device=self.device,
+        )  # fmt: skip
 
     def simulate(
         self, solid: Solid, pad: FloatArray, *further: Solid, near: "SheetState | None" = None

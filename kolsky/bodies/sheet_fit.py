@@ -631,17 +631,9 @@ def _fit_at(problem: FieldProblem, ended: _Search, runs: int, rough: tuple[Float
     shape = (n, p, nodes, d)
     at_bound = tuple(bool(one) for one in held)
     return FieldFit(
-        own,
-        own.constants,
-        here,
-        final,
-        by_displacement.reshape(shape),
-        by_force,
-        converged,
-        at_bound,
-        runs,
+        own, own.constants, here, final, by_displacement.reshape(shape), by_force, converged, at_bound, runs,
         rough,
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -180,39 +180,20 @@ def shape_of(
     if body is not None:
         x, y, z = np.ptp(body.points, axis=0)
         return BodyShape(
-            section.shape,
-            (float(x), float(y), float(z)),
-            0.0,
-            (0, 0, 0),
-            element=body.kind,
-            gauss=gauss,
-            gravity=gravity,
-            density=None if gravity is None else density,
-            body=body,
-            axis="xyz".index(section.axis),
-            frictionless=section.frictionless,
-            sphere=section.sphere,
+            section.shape, (float(x), float(y), float(z)), 0.0, (0, 0, 0), element=body.kind, gauss=gauss,
+            gravity=gravity, density=None if gravity is None else density, body=body,
+            axis="xyz".index(section.axis), frictionless=section.frictionless, sphere=section.sphere,
             declared_apex=None if section.apex is None else tuple(section.apex),
-        )
+        )  # fmt: skip
     assert section.size is not None  # checked by the schema
     assert section.elements is not None
     length, width, thickness = section.size
     nx, ny, nz = section.elements
     return Shape(
-        section.shape,
-        (length, width, thickness),
-        section.bond or 0.0,
-        (nx, ny, nz),
-        section.arm,
-        section.waist,
-        section.straight,
-        element,
-        gauss,
-        gravity,
-        density if section.gravity is not None else None,
-        symmetry,
-        section.load,
-    )
+        section.shape, (length, width, thickness), section.bond or 0.0, (nx, ny, nz), section.arm,
+        section.waist, section.straight, element, gauss, gravity,
+        density if section.gravity is not None else None, symmetry, section.load,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

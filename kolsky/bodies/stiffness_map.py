@@ -155,14 +155,9 @@ def stiffness_map(
     uniform, chi2, weight = float(shift.fun), float(shift.fun), float("inf")
     for weight in weights:
         minimum = minimize(
-            total,
-            logs,
-            args=(weight,),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(-LARGEST, LARGEST)] * blocks.n,
+            total, logs, args=(weight,), jac=True, method="L-BFGS-B", bounds=[(-LARGEST, LARGEST)] * blocks.n,
             options={"maxiter": MOST_STEPS},
-        )
+        )  # fmt: skip
         logs = np.asarray(minimum.x)
         chi2 = blocks.chi2(logs)[0]
         if chi2 <= EXPLAINED * degrees:

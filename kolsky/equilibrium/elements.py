@@ -236,26 +236,13 @@ _TET = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 
 TRI3 = Element("tri3", "simplex", _TRIANGLE, complete(1, 2), _TRIANGLE_EDGES, 1, None, 5)
 TRI6 = Element(
-    "tri6",
-    "simplex",
-    _with_middles(_TRIANGLE, ((0, 1), (1, 2), (2, 0))),
-    complete(2, 2),
-    _TRIANGLE_EDGES,
-    2,
-    0,
-    22,
-)
+    "tri6", "simplex", _with_middles(_TRIANGLE, ((0, 1), (1, 2), (2, 0))), complete(2, 2), _TRIANGLE_EDGES, 2,
+    0, 22,
+)  # fmt: skip
 TET4 = Element("tet4", "simplex", _TET, complete(1, 3), _TET_FACES, 1, None, 10)
-TET10 = Element(
-    "tet10",
-    "simplex",
-    _with_middles(_TET, ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))),
-    complete(2, 3),
-    _TET_FACES,
-    2,
-    None,  # a constant pressure fails the inf-sup condition in 3-D: its faces have no point of their own
-    24,
-)
+_TET10 = _with_middles(_TET, ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)))
+# no pressure: a constant one fails the inf-sup condition in 3-D, because faces have no point of their own
+TET10 = Element("tet10", "simplex", _TET10, complete(2, 3), _TET_FACES, 2, None, 24)
 
 
 ELEMENTS: dict[str, Element] = {

@@ -283,14 +283,8 @@ class Points:
             seed[:, component] = 1.0
             each.grad.zero_()
             wp.launch(
-                stresses,
-                m * g,
-                inputs=[F, each],
-                outputs=[P],
-                adj_inputs=[None, each.grad],
-                adj_outputs=[self._put(seed)],
-                adjoint=True,
-                device=self.device,
-            )
+                stresses, m * g, inputs=[F, each], outputs=[P], adj_inputs=[None, each.grad],
+                adj_outputs=[self._put(seed)], adjoint=True, device=self.device,
+            )  # fmt: skip
             found[:, :, component] = each.grad.numpy().reshape(m, g, n_row)
         return found

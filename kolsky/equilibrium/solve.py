@@ -262,19 +262,9 @@ def solve(
             found[step] = values
         reached = step + 1
     return Solution(
-        model,
-        table,
-        histories,
-        displacements,
-        forces,
-        energy,
-        outcome,
-        reached,
-        path.iteration.iterations,
-        path.iteration.factorisations,
-        tuple(multipliers),
-        equations,
-    )
+        model, table, histories, displacements, forces, energy, outcome, reached, path.iteration.iterations,
+        path.iteration.factorisations, tuple(multipliers), equations,
+    )  # fmt: skip
 
 
 def checked_steps(model: Model, steps: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:

@@ -335,14 +335,9 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
             response, changes = None, np.empty(0)
         else:
             done = simulate_test(
-                apparatus,
-                *test.specimen(),
-                curve,
-                end=run.duration,
-                step=run.step,
-                tolerance=run.tolerance,
+                apparatus, *test.specimen(), curve, end=run.duration, step=run.step, tolerance=run.tolerance,
                 max_passes=run.passes,
-            )
+            )  # fmt: skip
             bars, response, changes = done.bars, done.response, done.change
     events = find_events(bars)
     return Prediction(test, bars, events, numbers_of(test, bars, events), response, changes)

@@ -287,18 +287,10 @@ def _indices(
             box, lambda x: observables.scalars(function(x))[:, good], outputs=outputs, n=n, rng=SEED
         )
     return GlobalSensitivity(
-        shot=shot.name,
-        box=box,
-        runs=runs,
-        by_surrogate=by_surrogate,
-        errors=errors,
-        refused=refused,
-        scalars=scalars,
-        force_times=observables.observations.force_times,
-        force=history("force"),
-        outline_times=line.time[observables.counted],
-        outline=history("outline"),
-    )
+        shot=shot.name, box=box, runs=runs, by_surrogate=by_surrogate, errors=errors, refused=refused,
+        scalars=scalars, force_times=observables.observations.force_times, force=history("force"),
+        outline_times=line.time[observables.counted], outline=history("outline"),
+    )  # fmt: skip
 
 
 def screening(

@@ -107,17 +107,9 @@ def local_sensitivity(
         slopes.append((*_line(x, force[rows]), _line(x, radius[rows])[0]))
     force_slope, force_left, radius_slope = (np.array(part) for part in zip(*slopes, strict=True))
     return LocalSensitivity(
-        names=tuple(names),
-        point=point,
-        scale=scale,
-        reach=reach,
-        grid=grid,
-        force=force[0],
-        radius=radius[0],
-        force_slope=force_slope,
-        radius_slope=radius_slope,
-        force_left=force_left,
-    )
+        names=tuple(names), point=point, scale=scale, reach=reach, grid=grid, force=force[0],
+        radius=radius[0], force_slope=force_slope, radius_slope=radius_slope, force_left=force_left,
+    )  # fmt: skip
 
 
 def mesh_change(

@@ -262,21 +262,12 @@ def paper_method(
     coarse = whole.as_dict(surface.optimum)
     interval = cost_interval(*profile(surface.fit), delta_of(terms))
     return PaperAnswer(
-        shot=shot.name,
-        factor=factor,
-        interval=interval.moved(factor - coarse[MOVED]),
-        friction=parameters.get(FRICTION),
-        friction_told=told,
-        coarse=coarse,
-        terms=terms,
-        predicted=predicted,
-        confirmed=moved <= CONFIRMED and not at_bound(factor, given[MOVED]),
-        error=surface.fit.loo_rms,
-        design=given[MOVED],
-        meshes=(numerics.mesh, refined_mesh),
-        surfaces=(*surfaces, refined),
-        checks=checks,
-    )
+        shot=shot.name, factor=factor, interval=interval.moved(factor - coarse[MOVED]),
+        friction=parameters.get(FRICTION), friction_told=told, coarse=coarse, terms=terms,
+        predicted=predicted, confirmed=moved <= CONFIRMED and not at_bound(factor, given[MOVED]),
+        error=surface.fit.loo_rms, design=given[MOVED], meshes=(numerics.mesh, refined_mesh),
+        surfaces=(*surfaces, refined), checks=checks,
+    )  # fmt: skip
 
 
 def at_bound(value: float, bounds: tuple[float, float]) -> bool:

@@ -107,16 +107,9 @@ def analyse_rate_dependence(
     value, sigma = fitted_modulus(fit, young, age)
     fitted = ApparentModuli("Prony series", age, np.zeros(POINTS), value, sigma)
     return SlowDynamics(
-        slow.tests,
-        slow.sweeps,
-        tuple(moduli),
-        law,
-        slow.law is not None,
-        verdict,
-        comparison,
-        fitted,
+        slow.tests, slow.sweeps, tuple(moduli), law, slow.law is not None, verdict, comparison, fitted,
         tuple(remarks),
-    )
+    )  # fmt: skip
 
 
 def shot_modulus(shot: RatedShot) -> ApparentModuli:

@@ -163,14 +163,9 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable) -> SweepAnalysis:
     best = least_run(table)
     judged = outputs.get("Phi", outputs.get("Phi_F"))
     return SweepAnalysis(
-        shot=shot,
-        box=box,
-        table=table,
-        outputs=outputs,
-        indices=_indices(box, outputs),
-        best=best,
+        shot=shot, box=box, table=table, outputs=outputs, indices=_indices(box, outputs), best=best,
         optimum=None if judged is None or best is None else _optimum(judged, box, table.points[best]),
-    )
+    )  # fmt: skip
 
 
 def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | None:

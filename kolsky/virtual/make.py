@@ -70,16 +70,10 @@ def write_shot(
         (partial / "shot.toml").write_text(toml_text(tables, name=shot.name), encoding="utf-8")
         surface = truth.surface
         np.savez_compressed(
-            partial / SURFACE,
-            t=surface.time,
-            y=surface.y.astype(np.float32),
-            r=surface.r.astype(np.float32),
-            d=surface.displacement,
-            tilt=surface.tilt,
-            t_force=truth.force_time,
-            transmitted=truth.transmitted.astype(np.float32),
-            incident=truth.incident.astype(np.float32),
-        )
+            partial / SURFACE, t=surface.time, y=surface.y.astype(np.float32), r=surface.r.astype(np.float32),
+            d=surface.displacement, tilt=surface.tilt, t_force=truth.force_time,
+            transmitted=truth.transmitted.astype(np.float32), incident=truth.incident.astype(np.float32),
+        )  # fmt: skip
         (partial / TRUTH).write_text(json.dumps(answer, indent=1), encoding="utf-8")
 
 

@@ -73,41 +73,18 @@ def assemble_kernel(kind: Any) -> Any:
 
     @wp.func_native(ELEMENT)
     def add_element(
-        c: int,
-        p: int,
-        q: int,
-        at_11: wp.int64,
-        at_21: wp.int64,
-        at_12: wp.int64,
-        at_22: wp.int64,
-        width: int,
-        lower: int,
-        elements: wp.array3d(dtype=kind),
-        cells: wp.array(dtype=wp.int32),
-        order: wp.array2d(dtype=wp.int32),
-        places: wp.array2d(dtype=wp.int32),
-        inside: wp.array2d(dtype=wp.int32),
-        kept: wp.array(dtype=kind),
-        left: wp.array(dtype=kind),
-    ): ...
+        c: int, p: int, q: int, at_11: wp.int64, at_21: wp.int64, at_12: wp.int64, at_22: wp.int64,
+        width: int, lower: int, elements: wp.array3d(dtype=kind), cells: wp.array(dtype=wp.int32),
+        order: wp.array2d(dtype=wp.int32), places: wp.array2d(dtype=wp.int32),
+        inside: wp.array2d(dtype=wp.int32), kept: wp.array(dtype=kind), left: wp.array(dtype=kind),
+    ): ...  # fmt: skip
 
     @wp.func_native(HALF)
     def add_half(
-        given: wp.int64,
-        size: wp.int64,
-        first_run: wp.int64,
-        n_runs: wp.int64,
-        p: int,
-        q: int,
-        at_11: wp.int64,
-        at_21: wp.int64,
-        at_12: wp.int64,
-        at_22: wp.int64,
-        lower: int,
-        runs: wp.array2d(dtype=wp.int32),
-        kept: wp.array(dtype=kind),
-        left: wp.array(dtype=kind),
-    ): ...
+        given: wp.int64, size: wp.int64, first_run: wp.int64, n_runs: wp.int64, p: int, q: int,
+        at_11: wp.int64, at_21: wp.int64, at_12: wp.int64, at_22: wp.int64, lower: int,
+        runs: wp.array2d(dtype=wp.int32), kept: wp.array(dtype=kind), left: wp.array(dtype=kind),
+    ): ...  # fmt: skip
 
     @wp.kernel(module="unique", enable_backward=False)
     def assemble(
@@ -130,40 +107,14 @@ def assemble_kernel(kind: Any) -> Any:
         width = places.shape[1]
         for c in range(shapes[front, 2], shapes[front, 3]):
             add_element(
-                c,
-                p,
-                q,
-                at_11,
-                at_21,
-                at_12,
-                at_22,
-                width,
-                lower,
-                elements,
-                cells,
-                order,
-                places,
-                inside,
-                kept,
-                left,
-            )
+                c, p, q, at_11, at_21, at_12, at_22, width, lower, elements, cells, order, places, inside,
+                kept, left,
+            )  # fmt: skip
         for h in range(shapes[front, 4], shapes[front, 5]):
             add_half(
-                halves[h, 0],
-                halves[h, 1],
-                halves[h, 2],
-                halves[h, 3],
-                p,
-                q,
-                at_11,
-                at_21,
-                at_12,
-                at_22,
-                lower,
-                runs,
-                kept,
-                left,
-            )
+                halves[h, 0], halves[h, 1], halves[h, 2], halves[h, 3], p, q, at_11, at_21, at_12, at_22,
+                lower, runs, kept, left,
+            )  # fmt: skip
 
     return assemble
 
@@ -219,31 +170,17 @@ def substitution_kernel(kind: Any) -> Any:
 
     @wp.func_native(FORWARD)
     def forward(
-        p: wp.int64,
-        q: wp.int64,
-        at_11: wp.int64,
-        at_21: wp.int64,
-        first: wp.int64,
-        at_outside: wp.int64,
-        kept: wp.array(dtype=kind),
-        outside: wp.array(dtype=wp.int32),
-        x: wp.array(dtype=kind),
+        p: wp.int64, q: wp.int64, at_11: wp.int64, at_21: wp.int64, first: wp.int64, at_outside: wp.int64,
+        kept: wp.array(dtype=kind), outside: wp.array(dtype=wp.int32), x: wp.array(dtype=kind),
         scratch: wp.array(dtype=kind),
-    ): ...
+    ): ...  # fmt: skip
 
     @wp.func_native(BACKWARD)
     def backward(
-        p: wp.int64,
-        q: wp.int64,
-        at_11: wp.int64,
-        at_21: wp.int64,
-        first: wp.int64,
-        at_outside: wp.int64,
-        kept: wp.array(dtype=kind),
-        outside: wp.array(dtype=wp.int32),
-        x: wp.array(dtype=kind),
+        p: wp.int64, q: wp.int64, at_11: wp.int64, at_21: wp.int64, first: wp.int64, at_outside: wp.int64,
+        kept: wp.array(dtype=kind), outside: wp.array(dtype=wp.int32), x: wp.array(dtype=kind),
         scratch: wp.array(dtype=kind),
-    ): ...
+    ): ...  # fmt: skip
 
     @wp.kernel(module="unique", enable_backward=False)
     def substitute(
@@ -256,30 +193,14 @@ def substitution_kernel(kind: Any) -> Any:
         n = fronts.shape[0]
         for i in range(n):
             forward(
-                fronts[i, 0],
-                fronts[i, 1],
-                fronts[i, 2],
-                fronts[i, 3],
-                fronts[i, 4],
-                fronts[i, 5],
-                kept,
-                outside,
-                x,
-                scratch,
-            )
+                fronts[i, 0], fronts[i, 1], fronts[i, 2], fronts[i, 3], fronts[i, 4], fronts[i, 5], kept,
+                outside, x, scratch,
+            )  # fmt: skip
         for k in range(n):
             j = n - 1 - k
             backward(
-                fronts[j, 0],
-                fronts[j, 1],
-                fronts[j, 2],
-                fronts[j, 3],
-                fronts[j, 4],
-                fronts[j, 5],
-                kept,
-                outside,
-                x,
-                scratch,
-            )
+                fronts[j, 0], fronts[j, 1], fronts[j, 2], fronts[j, 3], fronts[j, 4], fronts[j, 5], kept,
+                outside, x, scratch,
+            )  # fmt: skip
 
     return substitute

@@ -97,14 +97,10 @@ class _AmgFactors:
                 hierarchy.drop()
             calls: list[object] = []
             found, info = method(
-                matrix,
-                right,
-                rtol=self.tolerance,
-                maxiter=ITERATIONS,
-                M=hierarchy.preconditioner(self.matrix),
-                callback=calls.append,
+                matrix, right, rtol=self.tolerance, maxiter=ITERATIONS,
+                M=hierarchy.preconditioner(self.matrix), callback=calls.append,
                 **({} if self.symmetric else {"callback_type": "pr_norm"}),
-            )
+            )  # fmt: skip
             if info == 0:
                 hierarchy.served(len(calls), self.tolerance)
                 return np.asarray(found)

@@ -149,19 +149,11 @@ def analysed(
     outcomes = tuple(RealisationOutcome(run.outcome) for run in runs)
     jumped = [outcome is RealisationOutcome.OTHER_VALLEY for outcome in outcomes[at:]]
     return Budget(
-        name=name,
-        parameter=parameter,
-        truth=truth,
-        reference=reference,
-        closure=float(values[1] - whole[0]),
-        sources=tuple(sources),
-        together=rest[use],
-        refused=tuple(text for text in why[at:] if text),
-        elsewhere=whole[at:][np.array(jumped, dtype=bool)],
-        searched=int(np.isfinite(whole[at:]).sum()),
-        outcomes=outcomes,
-        joint=joint,
-    )
+        name=name, parameter=parameter, truth=truth, reference=reference, closure=float(values[1] - whole[0]),
+        sources=tuple(sources), together=rest[use], refused=tuple(text for text in why[at:] if text),
+        elsewhere=whole[at:][np.array(jumped, dtype=bool)], searched=int(np.isfinite(whole[at:]).sum()),
+        outcomes=outcomes, joint=joint,
+    )  # fmt: skip
 
 
 def _alone(factor: Factor, reference: float, nodes: FloatArray, why: list[str]) -> Source:

@@ -74,14 +74,10 @@ def instruments_of(prepared: PreparedShot) -> Instruments:
         if observations.frame_times.size > 1:
             interval = float(np.median(np.diff(observations.frame_times)))
     return Instruments(
-        window=window,
-        bin_width=float(np.diff(edges).mean()),
-        force_sigma=float(np.median(observations.bins.sigma)),
-        frame_interval=interval,
-        points=points,
-        outline_sigma=sigma,
-        clearance=clearance,
-    )
+        window=window, bin_width=float(np.diff(edges).mean()),
+        force_sigma=float(np.median(observations.bins.sigma)), frame_interval=interval, points=points,
+        outline_sigma=sigma, clearance=clearance,
+    )  # fmt: skip
 
 
 FRAMES = 97

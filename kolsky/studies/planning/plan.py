@@ -225,15 +225,9 @@ def plan(
         progress("rates", done, len(factors))
         left_out = discrepancy or discrepancies(prepared.forward, tools, held, rate=factor, numerics=numerics)
         found = information(
-            prepared.forward,
-            tools,
-            names,
-            held=held,
-            rate=factor,
-            reach=reach,
-            numerics=numerics,
+            prepared.forward, tools, names, held=held, rate=factor, reach=reach, numerics=numerics,
             discrepancy=left_out,
-        )
+        )  # fmt: skip
         travel, edges = float(path.position(end) - path.position(start)), found.sensitivity.grid.edges
         judged.append(
             Rate(

@@ -180,14 +180,10 @@ def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
         return None
     points = points[np.argsort(line.y[points], kind="stable")]
     return ShapeAtStrain(
-        shot=shot.name,
-        strain=strain,
-        at=float(np.interp(time, history.time, history.strain)),
-        y=line.y[points],
-        Z=line.Z[points],
-        sigma=line.sigma[points],
+        shot=shot.name, strain=strain, at=float(np.interp(time, history.time, history.strain)),
+        y=line.y[points], Z=line.Z[points], sigma=line.sigma[points],
         model=np.where(c.inside[points], c.Z_model[points], np.nan),
-    )
+    )  # fmt: skip
 
 
 def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tuple[float, float]:

@@ -101,14 +101,9 @@ def strain_history_of(
     middle, weight = 0.5 * (true[:-1] + true[1:])[forward], np.diff(strain[part])[forward]
     low, high, spread = _over_strain(middle, np.maximum(weight, 0.0))
     return StrainHistory(
-        time=time[: top + 1],
-        strain=strain[: top + 1],
-        span=span,
-        nominal_rate=rate,
-        sigma_rate=float(np.hypot(noise, sigma_gain * rate)),
-        true_rate=(low, high),
-        spread=spread,
-    )
+        time=time[: top + 1], strain=strain[: top + 1], span=span, nominal_rate=rate,
+        sigma_rate=float(np.hypot(noise, sigma_gain * rate)), true_rate=(low, high), spread=spread,
+    )  # fmt: skip
 
 
 def _over_strain(rate: FloatArray, weight: FloatArray) -> tuple[float, float, float]:

@@ -112,16 +112,10 @@ def mixed_fit(
     variance = _between(y, s, X)
     b, gain, covariance = _least_squares(y, s**2 + variance, X)
     return MixedFit(
-        coefficients=b,
-        gain=gain,
-        covariance=covariance,
-        common=gain @ shared.T @ shared @ gain.T,
-        between=float(np.sqrt(variance)),
-        q=_generalised_q(y, s**2, X),
-        freedom=n - p,
-        scale=_generalised_q(y, s**2 + variance, X) / (n - p),
-        leverage=np.einsum("ip,pi->i", X, gain),
-    )
+        coefficients=b, gain=gain, covariance=covariance, common=gain @ shared.T @ shared @ gain.T,
+        between=float(np.sqrt(variance)), q=_generalised_q(y, s**2, X), freedom=n - p,
+        scale=_generalised_q(y, s**2 + variance, X) / (n - p), leverage=np.einsum("ip,pi->i", X, gain),
+    )  # fmt: skip
 
 
 def _least_squares(

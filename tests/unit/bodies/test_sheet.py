@@ -58,6 +58,17 @@ def _sheet(**options: object) -> Sheet:
     return Sheet(small_mesh(), **given)  # type: ignore[arg-type]
 
 
+def _cost(problem: FieldProblem, values: FloatArray) -> Cost:
+    cost = problem.cost(values)
+    assert not isinstance(cost, str)
+    return cost
+
+
+def _with(problem: FieldProblem, **data: Any) -> FieldProblem:
+    """The problem with other measurements."""
+    return FieldProblem(problem.sheet, replace(problem.data, **data), problem.constants)
+
+
 def half_held() -> Sheet:
     """Half of it is of a known, stiff material."""
     middle, stiff = small_mesh().points[small_mesh().cells].mean(axis=1), constants(E=9e4, poisson=0.2)
@@ -89,15 +100,13 @@ def test_the_sheet_in_tension_pulls_back() -> None:
 def test_gradient_is_that_of_the_cost() -> None:
     problem = made(_sheet())
     start = problem.constants.start
-    cost = problem.cost(start)
-    assert not isinstance(cost, str)
+    cost = _cost(problem, start)
     for j, step in enumerate((2.0, 2e-5)):
         values = []
         for sign in (1.0, -1.0):
             moved = start.copy()
             moved[j] += sign * step
-            found = problem.cost(moved)
-            assert not isinstance(found, str)
+            found = _cost(problem, moved)
             values.append(found.value)
         slope = (values[0] - values[1]) / (2.0 * step)
         assert cost.gradients.sum(axis=0)[j] == pytest.approx(slope, rel=1e-4)
@@ -134,9 +143,7 @@ def test_a_misfit_is_called_a_misfit_and_widens() -> None:
     data = problem.data
     bent = data.displacements.copy()
     bent[..., 0] += 3e-4 * np.sin(80.0 * problem.sheet.mesh.points[:, 1])
-    wrong = fit_field(
-        FieldProblem(problem.sheet, type(data)(**{**vars(data), "displacements": bent}), problem.constants)
-    )
+    wrong = fit_field(_with(problem, displacements=bent))
     assert not wrong.adequate
     assert "does not explain" in wrong.warnings[0]
     assert wrong.sigma[1] > 5.0 * clean.sigma[1]
@@ -150,15 +157,11 @@ def test_sensitivity_predicts_the_change_of_a_fit() -> None:
     data = problem.data
     moved = data.displacements.copy()
     moved[1, :, 1] *= 1.0 + 1e-3
-    after = fit_field(
-        FieldProblem(problem.sheet, type(data)(**{**vars(data), "displacements": moved}), problem.constants)
-    )
+    after = fit_field(_with(problem, displacements=moved))
     told = np.einsum("pai,ai->p", before.by_displacement[1], moved[1] - data.displacements[1])
     assert after.values[1] - before.values[1] == pytest.approx(told[1], rel=0.02)
     force = data.force + np.array([0.0, 1e-3 * data.force[1]])
-    pulled = fit_field(
-        FieldProblem(problem.sheet, type(data)(**{**vars(data), "force": force}), problem.constants)
-    )
+    pulled = fit_field(_with(problem, force=force))
     change = before.by_force[1] * (force[1] - data.force[1])
     assert pulled.values[0] - before.values[0] == pytest.approx(change[0], rel=0.01)
 
@@ -169,9 +172,7 @@ def test_a_constant_on_its_bound_is_held_and_said() -> None:
     data = problem.data
     flat = data.displacements.copy()
     flat[..., 1] = 0.0
-    found = fit_field(
-        FieldProblem(problem.sheet, type(data)(**{**vars(data), "displacements": flat}), problem.constants)
-    )
+    found = fit_field(_with(problem, displacements=flat))
     assert found.at_bound == (False, True)
     assert found.converged
     assert found.sigma[0] > 0.0
@@ -184,13 +185,8 @@ def test_misfit_noise_and_scales_in_closed_form() -> None:
     # A field that is off by 10 % everywhere has a misfit of 10 %; its scales are sums over sigma and degrees.
     problem = made(_sheet(), start=constants())
     data = problem.data
-    off = FieldProblem(
-        problem.sheet,
-        type(data)(**{**vars(data), "displacements": data.displacements / 1.1, "force": 1.02 * data.force}),
-        problem.constants,
-    )
-    cost = off.cost(constants().start)
-    assert not isinstance(cost, str)
+    off = _with(problem, displacements=data.displacements / 1.1, force=1.02 * data.force)
+    cost = _cost(off, constants().start)
     p = len(constants().start)
     zeros = np.zeros((2, p, *data.displacements.shape[1:]))
     found = FieldFit(
@@ -216,11 +212,9 @@ def test_misfit_noise_and_scales_in_closed_form() -> None:
 
 def test_a_field_that_is_explained_does_not_excuse_a_force() -> None:
     problem = made(_sheet(), start=constants())
-    data = replace(problem.data, force=problem.data.force / 0.9)
-    off = FieldProblem(problem.sheet, data, problem.constants)
-    cost = off.cost(constants().start)
-    assert not isinstance(cost, str)
-    zeros = np.zeros((2, 2, *data.displacements.shape[1:]))
+    off = _with(problem, force=problem.data.force / 0.9)
+    cost = _cost(off, constants().start)
+    zeros = np.zeros((2, 2, *problem.data.displacements.shape[1:]))
     no = (False, False)
     found = FieldFit(off, constants(), cost, cost.gauss_newton, zeros, np.zeros((2, 2)), True, no, 1, NOWHERE)
     assert found.force_misfit == pytest.approx(0.1)
@@ -239,13 +233,11 @@ def test_second_derivatives_are_those_of_the_gradient() -> None:
         for sign in (1.0, -1.0):
             moved = free.copy()
             moved[j] += sign * 1e-4 * sizes[j]
-            cost = problem.cost(moved)
-            assert not isinstance(cost, str)
+            cost = _cost(problem, moved)
             ends.append(cost.gradients.sum(axis=0))
         columns.append((ends[0] - ends[1]) / (2e-4 * sizes[j]))
     expected = np.stack(columns) * np.outer(sizes, sizes)
-    cost = problem.cost(free)
-    assert not isinstance(cost, str)
+    cost = _cost(problem, free)
     found = problem.hessian(free) * np.outer(sizes, sizes)
     scale = np.abs(expected).max()
     np.testing.assert_allclose(found, expected, atol=1e-5 * scale)  # of the differences
@@ -287,8 +279,7 @@ def test_simulated_data_have_their_constants_and_noise() -> None:
 
 def test_what_field_and_force_tell() -> None:
     problem = _problem()
-    cost = problem.cost(problem.constants.start)
-    assert not isinstance(cost, str)
+    cost = _cost(problem, problem.constants.start)
     found = {one.tests: one for one in plan_sheet(problem)}
     # by hand: with E alone in the force and nu in both, information adds and is inverted
     data, slopes = problem.data, cost.state.force_by_constants
@@ -481,8 +472,7 @@ def two_materials() -> FieldProblem:
 def test_one_wrong_factor_is_named(
     two_materials: FieldProblem, key: str, factor: float, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = replace(two_materials.data, **{key: factor * getattr(two_materials.data, key)})
-    problem = FieldProblem(two_materials.sheet, data, two_materials.constants)
+    problem = _with(two_materials, **{key: factor * getattr(two_materials.data, key)})
     with monkeypatch.context() as short:  # a search that cannot succeed
         short.setattr(sheet_fit, "MOST_RUNS", 10)
         found = fit_field(problem)
@@ -553,9 +543,8 @@ def test_two_regions_are_free_at_once() -> None:
 def test_a_translation_that_is_not_measured_changes_nothing(two_materials: FieldProblem) -> None:
     # u + t for any t has the same cost, gradient and constants; t itself comes back.
     shift = np.array([[[2e-4, -1e-4]], [[5e-4, 3e-4]]])
-    data = replace(two_materials.data, displacements=two_materials.data.displacements + shift, floating=True)
-    problem = FieldProblem(two_materials.sheet, data, two_materials.constants)
-    found = fit_field(problem)
+    problem = _with(two_materials, displacements=two_materials.data.displacements + shift, floating=True)
+    data, found = problem.data, fit_field(problem)
     assert found.values == pytest.approx([TRUE["E"], TRUE["poisson"]], rel=1e-5)
     np.testing.assert_allclose(found.translation, shift, atol=1e-12)
     still = fit_field(two_materials)
@@ -569,8 +558,7 @@ def test_a_translation_that_is_not_measured_changes_nothing(two_materials: Field
 
 
 def test_a_force_of_the_size_of_its_noise_is_not_testable(two_materials: FieldProblem) -> None:
-    data = replace(two_materials.data, sigma_force=float(np.abs(two_materials.data.force).max()))
-    found = fit_field(FieldProblem(two_materials.sheet, data, two_materials.constants))
+    found = fit_field(_with(two_materials, sigma_force=float(np.abs(two_materials.data.force).max())))
     assert not found.force_testable
     assert "the force is not testable" in found.warnings[-1]
 
@@ -644,8 +632,7 @@ def test_a_factor_of_the_force_is_tried_where_it_could_matter(two_materials: Fie
     assert _force_counts(two_materials)  # a held region gives the force a scale
     alone = made(_sheet())
     assert not _force_counts(alone)
-    turned = FieldProblem(alone.sheet, replace(alone.data, force=-alone.data.force), alone.constants)
-    assert _force_counts(turned)
+    assert _force_counts(_with(alone, force=-alone.data.force))
     held = replace(alone.constants, free=("poisson",))
     assert _force_counts(FieldProblem(alone.sheet, alone.data, held))
 
