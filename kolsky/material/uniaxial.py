@@ -94,16 +94,14 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
     least = REVERSAL * float(np.ptp(strain))
     ramps: list[slice] = []
     rising, start, extreme = True, 0, 0
-    for i in range(1, strain.size):
+    for i, now in enumerate(np.append(strain, -np.inf)):  # whose last value ends the last ramp
         sign = 1.0 if rising else -1.0
-        if sign * (strain[i] - strain[extreme]) > 0.0:
+        if sign * (now - strain[extreme]) > 0.0:
             extreme = i
-        elif sign * (strain[extreme] - strain[i]) > least:
+        elif sign * (strain[extreme] - now) > least:
             if rising and strain[extreme] - strain[start] > least:
                 ramps.append(slice(start, extreme + 1))
             rising, start, extreme = not rising, extreme, i
-    if rising and strain[extreme] - strain[start] > least:
-        ramps.append(slice(start, extreme + 1))
     if not ramps:
         raise ValueError(f"{test.name}: the strain never rises; is its sign declared correctly?")
     return ramps

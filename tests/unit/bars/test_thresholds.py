@@ -234,7 +234,7 @@ def test_a_nearly_empty_window_is_a_fifth_of_the_strain(kept, empty):
 
 def flyer_path():
     """Jerk 6 m/s^3 from 1 s on, its covariance 1: x = t^3, v = 3 t^2, a = 6 t."""
-    return FlyerPath(np.array([1.0, 3.0]), np.array([6.0]), np.array([[1.0]]), 0.0, 1.0, 1.0, 1.0, 1.0)
+    return FlyerPath(np.array([1.0, 3.0]), np.array([6.0]), np.array([[1.0]]), 0.0, 1.0, 1.0, 1.0)
 
 
 def test_strain_and_acceleration_under_a_path():

@@ -419,9 +419,7 @@ def test_a_wave_speed_is_not_better_than_the_gauges_noise():
 
 def straight(jerk, sigma):
     """A path over two spans of 1 s, the second jerk with a sigma."""
-    return FlyerPath(
-        np.array([0.0, 1.0, 2.0]), np.array(jerk), np.diag([0.0, sigma**2]), 0.0, 1.0, 1.0, 1.0, 1.0
-    )
+    return FlyerPath(np.array([0.0, 1.0, 2.0]), np.array(jerk), np.diag([0.0, sigma**2]), 0.0, 1.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize(("sigma", "row"), [(0.34, 2), (0.38, None)])
