@@ -160,14 +160,12 @@ def test_a_drift_is_significant_at_one_percent(share, drifts):
     """Ten independent samples: eight degrees of freedom, Student's t at 0.995."""
     limit = float(student.ppf(0.995, 8))
     assert limit == pytest.approx(3.355, abs=1e-3)
-    noise_of = Noise(1.0, np.ones(1))
-    rest = SignalZero(0.0, 9.0, 10, 0.0, 0.1, share * limit * 0.2, 0.2, noise_of, 0.0)
+    rest = SignalZero(0.0, 9.0, 10, 0.0, 0.1, share * limit * 0.2, 0.2, Noise(1.0, 1.0), 0.0)
     assert bool(rest.drifts) is drifts
 
 
 def test_memory_lowers_the_degrees_of_freedom():
-    red = Noise(1.0, np.array([1.0, 0.5]))  # 1 + 2 * 0.5 = 2
-    rest = SignalZero(0.0, 99.0, 100, 0.0, 0.1, 0.0, 0.2, red, 0.0)
+    rest = SignalZero(0.0, 99.0, 100, 0.0, 0.1, 0.0, 0.2, Noise(1.0, 2.0), 0.0)
     assert rest.freedom == pytest.approx(48.0)
     assert replace(rest, count=3).freedom == 1.0
 
