@@ -21,7 +21,7 @@ relaxation.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,12 @@ class UniaxialTest:
 
     def part(self, samples: slice | NDArray[np.bool_]) -> "UniaxialTest":
         """A subset of its samples."""
-        whole = {"strain": self.strain, "stress": self.stress, "time": self.time, "bulge": self.bulge}
+        whole: dict[str, Any] = {
+            "strain": self.strain,
+            "stress": self.stress,
+            "time": self.time,
+            "bulge": self.bulge,
+        }
         return replace(self, **{key: None if x is None else x[samples] for key, x in whole.items()})
 
     def without_machine(self, compliance: float, *, area: float, length: float) -> "UniaxialTest":
