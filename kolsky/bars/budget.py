@@ -77,7 +77,7 @@ class Budget:
 
     def sigma(self, output: str) -> FloatArray:
         """Combined standard uncertainty u_c, Eq. (U.10), shape [...]."""
-        Z = self.contribution[self._known(output)]
+        Z = self.contribution[output]
         variance = np.einsum("i...,ij,j...->...", Z, self.correlation, Z)
         # By round-off, fully correlated contributions may sum to -1e-16 of their squares.
         return np.sqrt(np.maximum(variance, 0.0) + self.noise[output] ** 2)
@@ -88,7 +88,7 @@ class Budget:
         The formula needs independent parts. Correlated quantities count as one, with the smallest of their
         degrees of freedom. Noise is taken as exactly known.
         """
-        Z, u = self.contribution[self._known(output)], self.sigma(output)
+        Z, u = self.contribution[output], self.sigma(output)
         under = np.zeros(u.shape)
         for group in _correlated_groups(self.correlation):
             nu = min(self.quantities[i].freedom for i in group)
@@ -99,12 +99,7 @@ class Budget:
             return np.where(under > 0.0, u**4 / under, np.inf)
 
     def coverage_factor(self, output: str, probability: float = 0.95) -> FloatArray:
-        """Student's t for the effective degrees of freedom, rounded down (GUM G.4.1), shape [...].
-
-        Raises ValueError if the probability is not inside (0, 1).
-        """
-        if not 0.0 < probability < 1.0:
-            raise ValueError(f"a coverage probability must be inside (0, 1), got {probability}")
+        """Student's t for the effective degrees of freedom, rounded down (GUM G.4.1), shape [...]."""
         nu = np.floor(self.freedom(output) * (1.0 + 1e-12))  # 4 may have become 4 - 1e-15
         from scipy.stats import t as student  # heavy
 
@@ -112,7 +107,7 @@ class Budget:
 
     def history(self, output: str, unit: str) -> History:
         """An output with its combined standard uncertainty."""
-        return History(self.value[self._known(output)], self.sigma(output), unit)
+        return History(self.value[output], self.sigma(output), unit)
 
     def nonlinearity(self, output: str) -> float:
         """Largest second-order term, divided by the combined standard uncertainty at the same sample [-].
@@ -126,12 +121,7 @@ class Budget:
 
     def peak(self, output: str) -> int:
         """Flat index of the sample with the largest magnitude."""
-        return int(np.argmax(np.abs(self.value[self._known(output)])))
-
-    def _known(self, output: str) -> str:
-        if output not in self.value:
-            raise ValueError(f"no output is called {output!r}; there are {', '.join(self.value)}")
-        return output
+        return int(np.argmax(np.abs(self.value[output])))
 
 
 def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:

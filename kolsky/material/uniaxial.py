@@ -21,7 +21,7 @@ relaxation.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,12 @@ class UniaxialTest:
 
     def part(self, samples: slice | NDArray[np.bool_]) -> "UniaxialTest":
         """A subset of its samples."""
-        whole = {"strain": self.strain, "stress": self.stress, "time": self.time, "bulge": self.bulge}
+        whole: dict[str, Any] = {
+            "strain": self.strain,
+            "stress": self.stress,
+            "time": self.time,
+            "bulge": self.bulge,
+        }
         return replace(self, **{key: None if x is None else x[samples] for key, x in whole.items()})
 
     def without_machine(self, compliance: float, *, area: float, length: float) -> "UniaxialTest":
@@ -94,16 +99,14 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
     least = REVERSAL * float(np.ptp(strain))
     ramps: list[slice] = []
     rising, start, extreme = True, 0, 0
-    for i in range(1, strain.size):
+    for i, now in enumerate(np.append(strain, -np.inf)):  # whose last value ends the last ramp
         sign = 1.0 if rising else -1.0
-        if sign * (strain[i] - strain[extreme]) > 0.0:
+        if sign * (now - strain[extreme]) > 0.0:
             extreme = i
-        elif sign * (strain[extreme] - strain[i]) > least:
+        elif sign * (strain[extreme] - now) > least:
             if rising and strain[extreme] - strain[start] > least:
                 ramps.append(slice(start, extreme + 1))
             rising, start, extreme = not rising, extreme, i
-    if rising and strain[extreme] - strain[start] > least:
-        ramps.append(slice(start, extreme + 1))
     if not ramps:
         raise ValueError(f"{test.name}: the strain never rises; is its sign declared correctly?")
     return ramps

@@ -37,6 +37,13 @@ class ExportLayout:
     """Columns that are negative for points rejected by the program. Missing columns are ignored."""
 
 
+_DICE = ExportLayout(
+    "DICe",
+    ("MODEL_COORDINATES_X", "MODEL_COORDINATES_Y", "MODEL_COORDINATES_Z"),
+    ("MODEL_DISPLACEMENT_X", "MODEL_DISPLACEMENT_Y", "MODEL_DISPLACEMENT_Z"),
+    key=("SUBSET_ID",),
+    rejected=("SIGMA", "MATCH", "GAMMA"),
+)
 LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
     "vic3d": (
         # Data export as CSV. sigma is -1 for a subset that was not matched.
@@ -65,20 +72,8 @@ LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
     ),
     "dice": (
         # Field names of https://github.com/dicengine/dice. GAMMA, SIGMA and MATCH are -1 for a failed subset.
-        ExportLayout(
-            "DICe",
-            ("MODEL_COORDINATES_X", "MODEL_COORDINATES_Y", "MODEL_COORDINATES_Z"),
-            ("MODEL_DISPLACEMENT_X", "MODEL_DISPLACEMENT_Y", "MODEL_DISPLACEMENT_Z"),
-            key=("SUBSET_ID",),
-            rejected=("SIGMA", "MATCH", "GAMMA"),
-        ),
-        ExportLayout(
-            "DICe without subset numbers",
-            ("MODEL_COORDINATES_X", "MODEL_COORDINATES_Y", "MODEL_COORDINATES_Z"),
-            ("MODEL_DISPLACEMENT_X", "MODEL_DISPLACEMENT_Y", "MODEL_DISPLACEMENT_Z"),
-            key=("COORDINATE_X", "COORDINATE_Y"),
-            rejected=("SIGMA", "MATCH", "GAMMA"),
-        ),
+        _DICE,
+        replace(_DICE, program="DICe without subset numbers", key=("COORDINATE_X", "COORDINATE_Y")),
     ),
     "opencorr": (
         ExportLayout(

@@ -60,10 +60,10 @@ class Workbook:
         kept = {key: value for key, value in contents.facts.items() if key not in ("delimiter", "decimal")}
         return replace(contents, facts=kept)
 
-    def table_lines(self, path: Path, wanted: str | None) -> list[str]:
-        """The rows of a sheet as tab-separated lines. Raises InputError as `read`."""
-        _, title, rows = self.chosen(path, wanted)
-        return _lines(path, title, rows)
+    def table_lines(self, path: Path, wanted: str | None) -> tuple[str, list[str]]:
+        """Hash, and the rows of a sheet as tab-separated lines. Raises InputError as `read`."""
+        sha256, title, rows = self.chosen(path, wanted)
+        return sha256, _lines(path, title, rows)
 
 
 def _lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str]:

@@ -306,10 +306,9 @@ def read(path: Path, layout: Layout) -> Contents:
     )
 
 
-def table_lines(path: Path, _sheet: str | None) -> list[str]:
-    """The vectors of equal length as tab-separated lines. Raises InputError as `read`."""
-    file_hash(path)
-    return array_lines(path, _some_arrays(path).arrays)
+def table_lines(path: Path, _sheet: str | None) -> tuple[str, list[str]]:
+    """Hash, and the vectors of equal length as tab-separated lines. Raises InputError as `read`."""
+    return file_hash(path), array_lines(path, _some_arrays(path).arrays)
 
 
 def _some_arrays(path: Path) -> Inside:

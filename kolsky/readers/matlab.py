@@ -57,10 +57,9 @@ def read(path: Path, layout: Layout) -> Contents:
     )
 
 
-def table_lines(path: Path, _sheet: str | None) -> list[str]:
-    """The numeric arrays of equal length as tab-separated lines. Raises InputError as `read`."""
-    file_hash(path)
-    return array_lines(path, _arrays(path)[0])
+def table_lines(path: Path, _sheet: str | None) -> tuple[str, list[str]]:
+    """Hash, and the numeric arrays of equal length as tab-separated lines. Raises InputError as `read`."""
+    return file_hash(path), array_lines(path, _arrays(path)[0])
 
 
 def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], str]:

@@ -7,6 +7,7 @@ detected, and `kolsky check` reports it.
 
 import hashlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
@@ -18,7 +19,7 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import decode, read_bytes
 from kolsky.readers import delimited, hdf5, matlab
-from kolsky.readers.contents import check_name, file_hash, find_column
+from kolsky.readers.contents import check_name, find_column
 from kolsky.readers.excel import EXCEL, EXCEL_97
 from kolsky.readers.header import uncommented
 from kolsky.readers.layout import Layout
@@ -44,18 +45,13 @@ def detect_layout(path: Path, data: bytes) -> Layout:
     """The detected layout of a table. It is `PLAIN` if the table is plain or no better layout is found."""
     try:
         text, encoding = decode_text(path, data)
-        lines = lines_of(path, text)
+        return _layout_of(path, lines_of(path, text), encoding)
     except InputError:
         return PLAIN  # the strict reader reports the error and its line
-    return _layout_of(path, lines, encoding)
 
 
 def _layout_of(path: Path, lines: list[str], encoding: str = "utf-8") -> Layout:
-    """The layout of lines; `PLAIN` if none is found, because the strict reader reports the error."""
-    try:
-        table = find_table(path, lines, Layout())
-    except InputError:
-        return PLAIN
+    table = find_table(path, lines, Layout())
     dialect, facts = table.dialect, table.facts
     if not facts["header"].isdecimal():
         return PLAIN
@@ -83,10 +79,8 @@ def layout_in_words(path: Path) -> str:
     found = detect_layout(path, read_bytes(path))
     if found is PLAIN:
         return ""
-    words = [
-        Dialect(declared_delimiter(path, str(found.delimiter)), ".", 0, ()).sign.plural,
-        "decimal commas" if found.decimal == "," else "decimal points",
-    ]
+    words = [Dialect(declared_delimiter(path, str(found.delimiter)), ".", 0, ()).sign.plural]
+    words += ["decimal commas" if found.decimal == "," else "decimal points"]
     words += [found.encoding] if found.encoding is not None else []
     words += [f"header in line {found.header_line}"] if found.header_line != 1 else []
     words += [f"units in line {found.units_line}"] if found.units_line is not None else []
@@ -222,10 +216,10 @@ def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     source = _source(path)
     if source is not None:
         named = layout or Layout()
-        lines = source.table_lines(path, named.sheet)
-        sha256 = file_hash(path)
-        found = _layout_of(path, lines) if named == Layout(sheet=named.sheet) else named
-        layout = replace(found, encoding=None, delimiter="tab", decimal=".")
+        sha256, lines = source.table_lines(path, named.sheet)
+        with suppress(InputError):  # without a layout that is found, this reader reports the error
+            named = _layout_of(path, lines) if named == Layout(sheet=named.sheet) else named
+        layout = replace(named, encoding=None, delimiter="tab", decimal=".")
     else:
         if layout is not None and layout.sheet is not None:
             raise InputError(

@@ -11,8 +11,20 @@ from kolsky.bars.records import Quantity
 from kolsky.base.arrays import FloatArray
 
 NoisyModel = Callable[[Mapping[str, float], np.random.Generator], Mapping[str, ArrayLike]]
-"""A model as `kolsky.bars.budget.Model`. It may draw the noise of its signals
-(`kolsky.bars.signals.baseline.Noise.draw`)."""
+"""A model as `kolsky.bars.budget.Model`. It may draw the noise of its signals (`red_noise`)."""
+
+
+def red_noise(sigma: float, rho: FloatArray, n: int, rng: np.random.Generator) -> FloatArray:
+    """One realisation of Gaussian noise with the autocorrelation rho at lags 0, 1, ..., shape [n].
+
+    White noise is multiplied by the spectrum of the circularly embedded correlation, longer than n and rho.
+    """
+    size = max(n, rho.size) + rho.size
+    circle = np.zeros(size)
+    circle[: rho.size], circle[size - rho.size + 1 :] = rho, rho[:0:-1]
+    colour = np.sqrt(np.maximum(np.fft.rfft(circle).real, 0.0))
+    return sigma * np.fft.irfft(colour * np.fft.rfft(rng.standard_normal(size)), size)[:n]
+
 
 DISTRIBUTIONS: Mapping[str, Callable[[np.random.Generator, int], FloatArray]] = {
     "normal": lambda rng, n: rng.standard_normal(n),

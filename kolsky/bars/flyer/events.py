@@ -283,7 +283,7 @@ def flyer_events(
         raise ValueError(f"ringing is {ringing:g} s, must be >= 0 s")
     if bar is not None and transmitted is None:
         raise ValueError("the motion of a transmission bar needs the transmitted force: give both or neither")
-    impact = _second_impact(motion, _turning(motion), incident, rest, ringing)
+    impact = second_impact(motion, rest=rest, incident=incident, ringing=ringing)
     if impact.time is None:
         kept = motion
     else:
@@ -304,14 +304,6 @@ def flyer_events(
         ),
     ]
     return FlyerEvents(tuple(events), path)
-
-
-def second_impact(motion: FlyerMotion, *, rest: float) -> Event:
-    """The impact of the flyer on the incident bar. It is a jump of the flyer's velocity after it turned back.
-
-    ``motion``: its displacement at the frames. ``rest``: a time in the static frames [s].
-    """
-    return _second_impact(motion, _turning(motion), None, rest, RINGING)
 
 
 def _turning(motion: FlyerMotion) -> int | None:
@@ -389,11 +381,15 @@ def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None
     return Event(name, time, sigma, seen)
 
 
-def _second_impact(
-    motion: FlyerMotion, turn: int | None, incident: Signal | None, rest: float, ringing: float
+def second_impact(
+    motion: FlyerMotion, *, rest: float, incident: Signal | None = None, ringing: float = RINGING
 ) -> Event:
-    """The jump of the flyer's transducer, or of the slope of its displacement, after it turned back."""
-    name = "second impact"
+    """The impact of the flyer on the incident bar: a jump of its transducer or, if that shows none, velocity.
+
+    ``motion``: its displacement at the frames. ``rest``: a time in the static frames [s]. The other arguments
+    are those of `flyer_events`.
+    """
+    name, turn = "second impact", _turning(motion)
     if turn is None:
         return Event(name, None, None, "the flyer does not turn back in the record")
     if incident is not None:

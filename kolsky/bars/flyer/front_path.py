@@ -84,7 +84,6 @@ def front_path(motion: FrontVelocity) -> FlyerPath:
         zero=0.0,
         noise_scale=s,
         chi2_per_dof=float(s**2 * (rest @ rest) / (n - effective)),
-        dof=n - effective,
         static_scatter=1.0,
     )
 

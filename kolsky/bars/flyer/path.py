@@ -61,8 +61,6 @@ class FlyerPath:
     chi2_per_dof: float
     """Residual sum of squares in declared sigmas, divided by (frames - effective parameters) [-]. It is about
     1 if the declared sigma is right."""
-    dof: float
-    """Frames minus effective parameters [-]."""
     static_scatter: float
     """Scatter of the static frames, divided by the declared sigma [-]. This check needs no fit."""
 
@@ -409,7 +407,6 @@ def fit_flyer(
         chi2_per_dof=float(np.sum(rest**2) * np.median(s[seen]) ** 2 / dof)
         if shared is not None
         else float(np.sum((s * rest) ** 2) / dof),
-        dof=dof,
         static_scatter=float(np.sqrt(np.sum(y[static] ** 2) / ((static & seen).sum() - 1))),
     )
 

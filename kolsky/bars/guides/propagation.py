@@ -300,8 +300,9 @@ def wave_speed(
         nu = bar.poisson if poisson is None else poisson
         trial = replace(bar, youngs_modulus=bar.density * speed**2, poisson=nu)
         guide = ElasticWaveguide(trial, dispersive=poisson is not None)
-        span = {"start": float(time[0]), "samples": time.size}
-        return propagation(first, guide, distance, window=incident_window, band=band, **span).signal.value
+        return propagation(
+            first, guide, distance, window=incident_window, band=band, start=float(time[0]), samples=time.size
+        ).signal.value
 
     def solve(poisson: float | None, start: float) -> tuple[float, float, FloatArray, FloatArray]:
         """Speed, gain, residual divided by the peak, and its Jacobian by c0 / declared and gain."""

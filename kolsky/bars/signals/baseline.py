@@ -6,6 +6,7 @@ its covariance in the budget.
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a quarter of a second to load
@@ -14,57 +15,20 @@ from kolsky.bars.records import Quantity
 from kolsky.base.arrays import FloatArray
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Stationary Gaussian noise on uniform samples.
-
-    Raises ValueError if sigma is negative, or if the correlation does not start at 1 or is not that of a
-    noise.
-    """
+class Noise(NamedTuple):
+    """Stationary noise on uniform samples."""
 
     sigma: float
     """Standard deviation of a sample."""
-    correlation: FloatArray
-    """Autocorrelation at the lags 0, 1, ... m samples, shape [m + 1]; zero beyond. White noise: [1]."""
-
-    def __post_init__(self) -> None:
-        rho = self.correlation
-        if not (np.isfinite(self.sigma) and self.sigma >= 0.0):
-            raise ValueError(f"sigma of a noise must be finite and >= 0, got {self.sigma}")
-        if rho.ndim != 1 or not rho.size or rho[0] != 1.0 or not np.isfinite(rho).all():
-            raise ValueError("the correlation of a noise is one row of finite values that starts at 1")
-        lowest = float(_spectrum(rho, 4 * rho.size).min())
-        if lowest < -1e-9:  # round-off of the transform
-            raise ValueError(
-                f"no noise has this correlation: its spectrum falls to {lowest:.3g}, must be >= 0"
-            )
-
-    @property
-    def memory(self) -> float:
-        """Number of samples with the information of one independent sample, 1 + 2 sum rho, Eq. (U.8) [-].
-
-        It is 1 for white noise.
-        """
-        return float(1.0 + 2.0 * self.correlation[1:].sum())
-
-    def draw(self, n: int, rng: np.random.Generator) -> FloatArray:
-        """One realisation of `n` samples with this size and correlation, shape [n].
-
-        White noise is multiplied by the spectrum of the circularly embedded correlation. This is exact,
-        because the embedding is longer than the record plus the reach of the correlation.
-        """
-        size = max(n, self.correlation.size) + self.correlation.size
-        white = rng.standard_normal(size)
-        if self.correlation.size == 1:
-            return self.sigma * white[:n]
-        colour = np.sqrt(np.maximum(_spectrum(self.correlation, size), 0.0))
-        return self.sigma * np.fft.irfft(colour * np.fft.rfft(white), size)[:n]
+    memory: float
+    """Number of samples with the information of one independent sample, 1 + 2 sum rho, Eq. (U.8) [-]. It is 1
+    for white noise."""
 
 
 def estimate_noise(value: FloatArray, *, freedom_lost: int = 1) -> Noise:
-    """Size and autocorrelation of noise from its samples, without mean (and trend).
+    """Size and memory of noise from its samples, without mean (and trend).
 
-    The sample autocorrelation has the divisor n and is therefore that of a noise. It is tapered by a Parzen
+    The sample autocorrelation, with the divisor n, is tapered by a Parzen
     window over four times the reach at which its sum settles (Sokal 1997: five correlation times), at most
     half of the record. ``value``: residuals at rest of a fit of `freedom_lost` parameters, shape [n], n >= 8.
     """
@@ -81,17 +45,8 @@ def estimate_noise(value: FloatArray, *, freedom_lost: int = 1) -> Noise:
     lags = min(4 * int(reach[settled[0]] if settled.size else n), n // 2)
     u = np.arange(lags + 1) / (lags + 1)
     parzen = np.where(u <= 0.5, 1.0 - 6.0 * u**2 * (1.0 - u), 2.0 * (1.0 - u) ** 3)
-    correlation = rho[: lags + 1] * parzen
-    correlation[0] = 1.0
-    return Noise(sigma=float(np.sqrt(power / (n - freedom_lost))), correlation=correlation)
-
-
-def _spectrum(rho: FloatArray, size: int) -> FloatArray:
-    """Spectral density of a correlation of finite reach on a circle of `size` samples."""
-    circle = np.zeros(max(size, 2 * rho.size))
-    circle[: rho.size] = rho
-    circle[circle.size - rho.size + 1 :] = rho[:0:-1]
-    return np.fft.rfft(circle).real
+    memory = 1.0 + 2.0 * float((rho[1 : lags + 1] * parzen[1:]).sum())
+    return Noise(float(np.sqrt(power / (n - freedom_lost))), memory)
 
 
 FEWEST_SAMPLES = 20
@@ -173,7 +128,7 @@ def measure_signal_zero(
     step = quantisation_step(v)
     # If the noise is well below half a step, the codes rarely change. The noise then looks smaller than it
     # may be.
-    noise = Noise(max(noise.sigma, step / np.sqrt(12.0)), noise.correlation)
+    noise = Noise(max(noise.sigma, step / np.sqrt(12.0)), noise.memory)
     memory = max(
         noise.memory, 1.0
     )  # alternating noise does not count as having a better mean than white noise

@@ -353,7 +353,7 @@ def test_all_patterns_of_a_path_make_its_covariance() -> None:
     rng = np.random.default_rng(7)
     root = rng.standard_normal((6, 6)) * 10.0 ** rng.uniform(-2.0, 2.0, 6)[:, None]
     spans = rng.uniform(1.0, 2.0, 6)
-    path = FlyerPath(np.append(0.0, np.cumsum(spans)), np.zeros(6), root @ root.T, 0.0, 1.0, 1.0, 10.0, 1.0)
+    path = FlyerPath(np.append(0.0, np.cumsum(spans)), np.zeros(6), root @ root.T, 0.0, 1.0, 1.0, 1.0)
     jerks = path.noise_patterns(6)
     np.testing.assert_allclose(jerks.T @ jerks, path.covariance, rtol=1e-7)
     # Fewer are those that move the velocity most, each by less than the one before.

@@ -378,7 +378,6 @@ def risen(pattern: list[float]) -> FlyerPath:
         zero=0.0,
         noise_scale=1.0,
         chi2_per_dof=1.0,
-        dof=1.0,
         static_scatter=1.0,
     )
 

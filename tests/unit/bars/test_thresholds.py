@@ -160,14 +160,12 @@ def test_a_drift_is_significant_at_one_percent(share, drifts):
     """Ten independent samples: eight degrees of freedom, Student's t at 0.995."""
     limit = float(student.ppf(0.995, 8))
     assert limit == pytest.approx(3.355, abs=1e-3)
-    noise_of = Noise(1.0, np.ones(1))
-    rest = SignalZero(0.0, 9.0, 10, 0.0, 0.1, share * limit * 0.2, 0.2, noise_of, 0.0)
+    rest = SignalZero(0.0, 9.0, 10, 0.0, 0.1, share * limit * 0.2, 0.2, Noise(1.0, 1.0), 0.0)
     assert bool(rest.drifts) is drifts
 
 
 def test_memory_lowers_the_degrees_of_freedom():
-    red = Noise(1.0, np.array([1.0, 0.5]))  # 1 + 2 * 0.5 = 2
-    rest = SignalZero(0.0, 99.0, 100, 0.0, 0.1, 0.0, 0.2, red, 0.0)
+    rest = SignalZero(0.0, 99.0, 100, 0.0, 0.1, 0.0, 0.2, Noise(1.0, 2.0), 0.0)
     assert rest.freedom == pytest.approx(48.0)
     assert replace(rest, count=3).freedom == 1.0
 
@@ -234,7 +232,7 @@ def test_a_nearly_empty_window_is_a_fifth_of_the_strain(kept, empty):
 
 def flyer_path():
     """Jerk 6 m/s^3 from 1 s on, its covariance 1: x = t^3, v = 3 t^2, a = 6 t."""
-    return FlyerPath(np.array([1.0, 3.0]), np.array([6.0]), np.array([[1.0]]), 0.0, 1.0, 1.0, 1.0, 1.0)
+    return FlyerPath(np.array([1.0, 3.0]), np.array([6.0]), np.array([[1.0]]), 0.0, 1.0, 1.0, 1.0)
 
 
 def test_strain_and_acceleration_under_a_path():

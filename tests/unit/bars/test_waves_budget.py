@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from elastic_layer import Layer
-from monte_carlo import Spread, difference, monte_carlo
+from monte_carlo import Spread, difference, monte_carlo, red_noise
 from softflyer import Flight
 
 from kolsky.bars.budget import budget_table, merge_quantities, propagate
@@ -31,7 +31,6 @@ from kolsky.bars.reduction.varied_test import (
     varied_specimen,
 )
 from kolsky.bars.reduction.windows import StationInput, WavesInput, find_windows
-from kolsky.bars.signals.baseline import Noise
 from kolsky.bars.signals.bridge import Linear
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import Recording
@@ -163,12 +162,12 @@ def test_quantities_that_are_listed_twice():
 
 def test_noise_goes_through_the_model_by_draws():
     # The integral of red noise: the sum of its covariances, draws through the same sum.
-    noise = Noise(2.0, 0.8 ** np.arange(60.0))
+    rho = 0.8 ** np.arange(60.0)
     lag = np.abs(np.subtract.outer(np.arange(50), np.arange(50)))
     sigma = 2.0 * np.sqrt((0.8**lag).cumsum(axis=0).cumsum(axis=1).diagonal())
     slope = 0.5 * np.arange(50.0)
     spread = monte_carlo(
-        lambda v, rng: {"y": np.cumsum(v["a"] + noise.draw(50, rng))},
+        lambda v, rng: {"y": np.cumsum(v["a"] + red_noise(2.0, rho, 50, rng))},
         [q("a", 0.5, 0.0)],
         trials=4000,
         rng=np.random.default_rng(5),
@@ -419,9 +418,7 @@ def test_a_wave_speed_is_not_better_than_the_gauges_noise():
 
 def straight(jerk, sigma):
     """A path over two spans of 1 s, the second jerk with a sigma."""
-    return FlyerPath(
-        np.array([0.0, 1.0, 2.0]), np.array(jerk), np.diag([0.0, sigma**2]), 0.0, 1.0, 1.0, 1.0, 1.0
-    )
+    return FlyerPath(np.array([0.0, 1.0, 2.0]), np.array(jerk), np.diag([0.0, sigma**2]), 0.0, 1.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize(("sigma", "row"), [(0.34, 2), (0.38, None)])

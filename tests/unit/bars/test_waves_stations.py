@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from monte_carlo import red_noise
 
 from kolsky.bars.audit import Switches
 from kolsky.bars.budget import merge_quantities, propagate
-from kolsky.bars.signals.baseline import Noise, estimate_noise, measure_signal_zero, quantisation_step
+from kolsky.bars.signals.baseline import estimate_noise, measure_signal_zero, quantisation_step
 from kolsky.bars.signals.bridge import Bridge, Linear
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar
@@ -210,13 +211,12 @@ def test_noise_is_not_smaller_than_rounding():
 
 def test_uncertainty_of_a_mean_of_red_noise():
     # The AR(1) process e_k = 0.9 e_(k-1) + white: 1 + 2 sum rho = 1.9 / 0.1 = 19.
-    red = Noise(1.0, 0.9 ** np.arange(200.0))
-    assert red.memory == pytest.approx(19.0, rel=1e-6)  # cut off at 0.9^200
+    rho = 0.9 ** np.arange(200.0)
     rng = np.random.default_rng(3)
     means, claimed, slopes, claimed_slopes = [], [], [], []
     t = np.arange(4000.0)
     for _ in range(300):
-        rest = measure_signal_zero(t, red.draw(4000, rng), (0.0, 4000.0), name="x")
+        rest = measure_signal_zero(t, red_noise(1.0, rho, 4000, rng), (0.0, 4000.0), name="x")
         means.append(rest.mean)
         claimed.append(rest.mean_sigma)
         slopes.append(rest.slope / rest.slope_sigma)
@@ -227,25 +227,7 @@ def test_uncertainty_of_a_mean_of_red_noise():
     assert np.mean(claimed_slopes) < 0.04  # 1 % at the level of 1 %; 300 draws scatter by 0.6 %
 
 
-@pytest.mark.parametrize("rho", [np.ones(1), np.array([1.0, -0.4]), 0.9 ** np.arange(150.0)])
-def test_draws_have_the_correlation_that_was_asked_for(rho):
-    noise = Noise(3.0, rho)
-    draws = np.array([noise.draw(30, np.random.default_rng(k)) for k in range(4000)])
-    covariance = np.cov(draws.T)
-    lag = np.abs(np.subtract.outer(np.arange(30), np.arange(30)))
-    full = np.concatenate([rho, np.zeros(30)])
-    np.testing.assert_allclose(covariance, 9.0 * full[lag], atol=1.1)  # 9 sqrt(2 / 4000) = 0.2, five of them
-    sums = np.sqrt(9.0 * full[lag].cumsum(axis=0).cumsum(axis=1).diagonal())
-    np.testing.assert_allclose(np.cumsum(draws, axis=1).std(axis=0), sums, rtol=0.05)
-
-
-def test_correlation_that_belongs_to_no_noise_is_refused():
-    for rho, message in (
-        (np.array([1.0, 0.9]), "no noise has this correlation"),
-        (np.array([0.5]), "starts at 1"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            Noise(1.0, rho)
+def test_noise_of_too_few_or_equal_samples_is_refused():
     with pytest.raises(ValueError, match="at least 8 samples, got 3"):
         estimate_noise(np.ones(3))
     with pytest.raises(ValueError, match="all 9 samples are the same"):

@@ -26,8 +26,8 @@ from kolsky.inverse.path_noise import (
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, follow_front, search_meshes_for_one
 
-REST = FlyerPath(np.arange(3.0), np.zeros(2), np.eye(2), 0.0, 1.0, 1.0, 10.0, 1.0)
-REST_4 = FlyerPath(np.arange(5.0), np.zeros(4), np.eye(4), 0.0, 1.0, 1.0, 10.0, 1.0)
+REST = FlyerPath(np.arange(3.0), np.zeros(2), np.eye(2), 0.0, 1.0, 1.0, 1.0)
+REST_4 = FlyerPath(np.arange(5.0), np.zeros(4), np.eye(4), 0.0, 1.0, 1.0, 1.0)
 
 
 def test_modes_move_path_and_data_alike() -> None:
