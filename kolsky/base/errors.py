@@ -16,10 +16,20 @@ _LONGEST_VALUE = 80
 class InputError(Exception):
     """Invalid input of the user. Its `str()` is one line.
 
-    ``path``: the file or folder at fault. ``message``: what is wrong, e.g. "is not allowed". ``line``: line
-    in the file, counted from 1. ``key``: dotted key of the shot file, e.g. "specimen.density". ``value``: the
-    value of this key, as written. ``allowed``: the allowed range or choice, printed after "it must be".
-    ``cure``: how to correct the input, printed after "Cure:".
+    Parameters
+    ----------
+    path
+        The file or folder at fault.
+    message
+        What is wrong, e.g. "is not allowed".
+    line
+        Line in the file, counted from 1.
+    key, value
+        Dotted key of the shot file, e.g. "specimen.density", and its value as written.
+    allowed
+        The allowed range or choice; printed after "it must be".
+    cure
+        How to correct the input; printed after "Cure:".
     """
 
     def __init__(

@@ -110,6 +110,8 @@ class Values(Item):
     """Numbers: a dataset with its unit and named dimensions, see `kolsky.base.hdf5.shape_problem`."""
 
     kind: ClassVar[str] = "f"
+    column_unit: ClassVar[str] = ""
+    """Unit in a table. Empty: `unit`."""
     unit: str
     """Unit, "1" if none; `OWN`."""
     dims: str = ""
@@ -131,12 +133,8 @@ class Values(Item):
         return tuple(value.tolist()) if self.as_tuple else value
 
     def columns(self, values: list[Any]) -> dict[str, Any]:
-        unit = "" if self.unit == RECORD_UNIT else f" ({self._column_unit})"
+        unit = "" if self.unit == RECORD_UNIT else f" ({self.column_unit or self.unit})"
         return {f"{heading}{unit}": cells for heading, cells in super().columns(values).items()}
-
-    @property
-    def _column_unit(self) -> str:
-        return self.unit
 
     def _unit(self, place: Place) -> str:
         return place.unit if self.unit == RECORD_UNIT else self.unit
@@ -159,10 +157,7 @@ class Flags(Values):
     """Bool; 0 or 1 in a table."""
 
     kind = "b"
-
-    @property
-    def _column_unit(self) -> str:
-        return "0/1"
+    column_unit = "0/1"
 
     def _cells(self, values: Any) -> Any:
         return np.asarray(values).astype(np.int64)

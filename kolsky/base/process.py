@@ -19,18 +19,6 @@ from threadpoolctl import threadpool_limits
 
 from dic import following
 
-__all__ = [
-    "infrequent_gc",
-    "keep_freed_memory",
-    "last_work",
-    "one_blas_thread",
-    "process_pool",
-    "run_program",
-    "set_blas_threads",
-    "single_threaded_libraries",
-]
-
-
 WORKER = "WORKER_NUMBER"
 """Environment variable with a worker's number, as `explicit.device` and `dic` read it."""
 GC_THRESHOLD = 100_000

@@ -12,7 +12,7 @@ import difflib
 import hashlib
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,12 +37,11 @@ def blanks(content: Any, key: str = "") -> Iterator[str]:
         yield key
 
 
-def _of_blank(location: list[str], found: set[str]) -> str | None:
-    """The blank that caused a problem at a place. None if the problem has another cause."""
-    for end in range(len(location), 0, -1):
-        if (key := ".".join(location[:end])) in found:
-            return key
-    return None
+def _enclosing(key: str, known: Container[str]) -> str:
+    """A dotted key, or the innermost of its tables, that is one of the known ones; "" if none is."""
+    while key and key not in known:
+        key = key.rpartition(".")[0]
+    return key
 
 
 _SHOULD_BE = "Input should be "
@@ -63,7 +62,7 @@ def _translate(
         value = value.get(context["key"]) if isinstance(value, dict) else None
     key = ".".join(location)
     message, allowed, cure = _words(kind, location, context, model, details["msg"])
-    if (blank := _of_blank(location, empty)) is not None:
+    if blank := _enclosing(key, empty):  # it caused the problem
         key, message, value = blank, FILL_IN, None
     return InputError(
         path,
@@ -135,12 +134,7 @@ def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:
 
 def line_of(lines: dict[str, int], key: str) -> int | None:
     """The line of a key, or of the nearest enclosing table. None for the file as a whole."""
-    parts = key.split(".")
-    for end in range(len(parts), 0, -1):
-        line = lines.get(".".join(parts[:end]))
-        if line is not None:
-            return line
-    return None
+    return lines.get(_enclosing(key, lines))
 
 
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
