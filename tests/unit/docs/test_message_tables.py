@@ -100,19 +100,13 @@ WRITTEN_BY = {
 }
 """Text that the theme's own templates hold; the rest is written by docutils."""
 BY_DOCUTILS = {
-    '<p class="caption" role="heading">',
-    '<th class="head"><p></p></th>',
-    '<th class="head">',
-    "<pre>",
+    '<p class="caption" role="heading">', '<th class="head"><p></p></th>', '<th class="head">', "<pre>",
     '<div class="table-wrapper',
-}
+}  # fmt: skip
 BY_PANDAS = {
-    "<div>\\n<style scoped>",
-    '</style>\\n<table border="1" class="dataframe">',
-    "<th></th>",
-    "<tr>\\n      <th>",
-    "<th>",
-}
+    "<div>\\n<style scoped>", '</style>\\n<table border="1" class="dataframe">', "<th></th>",
+    "<tr>\\n      <th>", "<th>",
+}  # fmt: skip
 
 
 def replaced() -> dict[str, str]:
