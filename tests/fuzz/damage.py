@@ -170,14 +170,11 @@ def foreign(data: bytes, rng: random.Random) -> bytes:
     place = rng.randrange(len(data))
     return rng.choice(
         [
-            data[:place] + b"\xb5" + data[place:],
-            data[:place] + b"\0" + data[place:],
-            b"\xff\xfe" + data,
-            b"\xef\xbb\xbf" + data,
-            data.replace(b"\n", b"\r"),
+            data[:place] + b"\xb5" + data[place:], data[:place] + b"\0" + data[place:], b"\xff\xfe" + data,
+            b"\xef\xbb\xbf" + data, data.replace(b"\n", b"\r"),
             data[:place] + b"\x1b]0;owned\x07" + data[place:],
         ]
-    )
+    )  # fmt: skip
 
 
 def value(data: bytes, rng: random.Random) -> bytes:

@@ -77,12 +77,9 @@ def shots() -> list[Target]:
             return folder / name
 
         return Target(
-            f"shot {name}",
-            "toml" if name == "shot.toml" else "text",
-            write,
-            lambda path: load_shot(path.parent),
-            told_length=False,
-        )
+            f"shot {name}", "toml" if name == "shot.toml" else "text", write,
+            lambda path: load_shot(path.parent), told_length=False,
+        )  # fmt: skip
 
     return [target(name) for name in FILES]
 

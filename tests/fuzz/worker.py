@@ -97,12 +97,9 @@ def serve(there: Connection) -> None:
             with tempfile.TemporaryDirectory(dir=base) as place:
                 damaged = make(case, target, path, Path(place) / "damaged")
                 judge = partial(
-                    of_content,
-                    sound=content,
-                    cut=case.kind == "cut",
-                    told_length=target.told_length,
+                    of_content, sound=content, cut=case.kind == "cut", told_length=target.told_length,
                     told_values=target.told_values,
-                )
+                )  # fmt: skip
                 there.send(answered(str(case), partial(target.read, damaged), damaged, judge))
 
 

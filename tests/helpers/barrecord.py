@@ -85,12 +85,9 @@ def truth(mesh: tuple[int, int] = (20, 20)) -> Truth:
     )
     assert response.outcomes[0].ok
     return Truth(
-        time,
-        front(time),
-        response.force_flyer[0],
-        response.force_transmission[0],
+        time, front(time), response.force_flyer[0], response.force_transmission[0],
         np.interp(time, fine, position),
-    )
+    )  # fmt: skip
 
 
 def strains() -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -127,12 +124,9 @@ def gauges(seed: int) -> WavesInput:
             (recording,), Linear(1.0, "1"), GAUGES[side], (10e-6, 200e-6), 0.0, (1,)
         )
     return WavesInput(
-        "made-up bars",
-        SPECIMEN,
-        {"incident": bar, "transmission": bar},
-        stations,
+        "made-up bars", SPECIMEN, {"incident": bar, "transmission": bar}, stations,
         uncertainty={"gauge_calibration": SCALE},
-    )
+    )  # fmt: skip
 
 
 def record(seed: int, *, scale: float = SCALE) -> tuple[Reduction, FaceWaves]:

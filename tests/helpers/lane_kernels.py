@@ -145,20 +145,22 @@ def _arguments(numbers: Precision, given: Inputs, rows: int, lanes: int) -> list
     return [body, batch, state, output]
 
 
-def scalar_launch(kernel: Any, numbers: Precision, given: Inputs) -> Results:
-    """The kernel run by Warp, one simulation after the other."""
-    select_device("cpu")
-    arguments = _arguments(numbers, given, N, 1)
-    wp.launch(kernel, dim=(N, 1), inputs=[*arguments, 0], device="cpu", block_dim=1)
-    return _results(arguments[3], arguments[2].u.numpy()[:, :ELEMENTS])
-
-
-def lane_launch(
-    kernel: Any, numbers: Precision, given: Inputs, mapping: Mapping, *, skip: tuple[int, ...] = ()
+def launched(
+    kernel: Any,
+    numbers: Precision,
+    mapping: Mapping | None,
+    given: Inputs | None = None,
+    *,
+    skip: tuple[int, ...] = (),
 ) -> Results:
-    """The kernel over lanes, in packs as in `explicit.drivers`. `skip` leaves simulations out."""
+    """The kernel over lanes, in packs as in `explicit.drivers`; without a mapping run by Warp, one simulation
+    after the other. `skip` leaves simulations out."""
     select_device("cpu")
-    lanes = lanes_of(numbers)
+    given, lanes = given or inputs(numbers), lanes_of(numbers)
+    if mapping is None:
+        arguments = _arguments(numbers, given, N, 1)
+        wp.launch(kernel, dim=(N, 1), inputs=[*arguments, 0], device="cpu", block_dim=1)
+        return _results(arguments[3], arguments[2].u.numpy()[:, :ELEMENTS])
     made = lane_kernel(kernel, small_structs(numbers), numbers, mapping, lanes).kernel
     width = lanes if mapping == "simulation" else 1
     arguments = _arguments(numbers, given, 1, width)

@@ -1,4 +1,4 @@
-"""A sweep of 10 000 quick runs into a ledger, in a separate process that can be killed.
+"""A sweep of 4000 quick runs into a ledger, in a separate process that can be killed.
 
     python ledger_sweep.py LEDGER LOG
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from doe import Box, latin_hypercube
 from doe.ledger import Ledger, Run, run_chunks
 
-N, CHUNK, KEEPS = 10_000, 25, 3
+N, CHUNK, KEEPS = 4_000, 25, 3
 MODEL = b"\x07" * 32
 POINTS = latin_hypercube(Box(("a", "b"), (0.1, 1e-6), (2.0, 1e-4), (False, True)), N, rng=5).points
 ROW = {point.tobytes(): i for i, point in enumerate(POINTS)}
@@ -54,7 +54,7 @@ def main(ledger: Path, log: Path) -> None:
         def logged(points: NDArray[np.float64]) -> list[Run]:
             rows = np.array([ROW[point.tobytes()] for point in points], dtype="<i4")
             os.write(file.fileno(), rows.tobytes())
-            time.sleep(0.002)  # a sweep of about two seconds: it can be killed in the middle
+            time.sleep(0.002)  # a sweep of about a second: it can be killed in the middle
             return oscillator(points)
 
         run_chunks(logged, POINTS, chunk=CHUNK, ledger=book)

@@ -249,16 +249,13 @@ def _comparison(rng: np.random.Generator) -> Comparison:
         force_sigma=np.full(centres.size, NOISE_FORCE / np.sqrt(per_bin)),
         force_model=force(centres) + 0.15 * np.sin(2.0 * np.pi * centres / 0.5e-3),
         centre_line=CentreLine(
-            time=frames[frame],
-            frame=frame.astype(np.int64),
-            y=y,
-            Z=model + drift + NOISE_Z * rng.standard_normal(model.size),
-            sigma=np.full(model.size, NOISE_Z),
+            time=frames[frame], frame=frame.astype(np.int64), y=y,
+            Z=model + drift + NOISE_Z * rng.standard_normal(model.size), sigma=np.full(model.size, NOISE_Z),
         ),
         Z_model=np.where(inside, model, np.nan),
         inside=inside,
         recorded=recorded,
-    )
+    )  # fmt: skip
 
 
 def _misfit(parameters: dict[str, float], c: Comparison) -> tuple[float, float, float, float]:

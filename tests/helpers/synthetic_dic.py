@@ -167,11 +167,8 @@ def _body(truth, outcome, cell, time, rng) -> Body:
     measured = truth + rng.normal(0.0, 1.0, truth.shape) * sigma
     return Body(
         surface=SurfaceHistory(
-            t=time,
-            X=truth[0],
-            u=np.where(lost[..., None], np.nan, measured - truth[0]),
-            sigma=np.where(lost[..., None], np.nan, sigma),
-            outcome=outcome,
+            t=time, X=truth[0], u=np.where(lost[..., None], np.nan, measured - truth[0]),
+            sigma=np.where(lost[..., None], np.nan, sigma), outcome=outcome,
         ),
         pixels=(pixels[0], pixels[1]),
         match_sigma=(np.where(lost, np.nan, SIGMA_PX), np.where(lost, np.nan, SIGMA_PX)),
@@ -179,4 +176,4 @@ def _body(truth, outcome, cell, time, rng) -> Body:
         epipolar=np.where(lost, np.nan, rng.normal(0.0, 1.4 * SIGMA_PX, lost.shape)),
         points=np.round(cameras[0].project(truth[0])),
         cell=cell,
-    )
+    )  # fmt: skip

@@ -186,13 +186,10 @@ def thesis_table() -> str:
         possible = f"{1.0 - high**2:.5f} to {1.0 - low**2:.5f}"
         rows.append(
             [
-                name,
-                f"{mu:.1f}, {E:.1f}",
-                f"{law.shear_modulus:.1f}, {3.0 * law.shear_modulus:.1f}",
-                f"{r2:.5f}",
-                possible,
+                name, f"{mu:.1f}, {E:.1f}", f"{law.shear_modulus:.1f}, {3.0 * law.shear_modulus:.1f}",
+                f"{r2:.5f}", possible,
             ]
-        )
+        )  # fmt: skip
     return table(rows)
 
 

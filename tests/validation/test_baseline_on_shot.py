@@ -27,12 +27,9 @@ SPECIMENS = (0.97, 0.985, 1.0, 1.015, 1.03)
 """Stiffness of the specimens relative to the shot's curve: their mean is the curve."""
 NOISE = 2e-3  # standard deviation of a sample relative to its stress
 SETTINGS = Settings(
-    free={"stiffness_factor": (0.7, 1.5)},
-    numerics=Numerics(mesh=(12, 16)),
-    refined_mesh=(18, 24),
-    replicates=8,
-    replicate_mesh=(12, 16),
-)
+    free={"stiffness_factor": (0.7, 1.5)}, numerics=Numerics(mesh=(12, 16)), refined_mesh=(18, 24),
+    replicates=8, replicate_mesh=(12, 16),
+)  # fmt: skip
 """Coarser than the defaults: the difference between two curves needs no fine mesh."""
 
 

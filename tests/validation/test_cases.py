@@ -18,13 +18,10 @@ from kolsky.shot.load import load_shot
 ROOT = Path(__file__).resolve().parents[2]
 
 CLOCKS = {
-    "clock/rate_in_khz.csv": (0.0, 1.25e-6),
-    "clock/interval_in_ms.csv": (0.0, 1e-6),
-    "clock/rate_and_column.csv": (0.0, 2e-6),
-    "clock/decimal_comma.lvm": (0.0, 2.5e-6),
-    "clock/sequence_from_40.csv": (-120e-6, 2e-6),
-    "tables/lines_in_quotes.csv": (0.0, 1e-6),
-}
+    "clock/rate_in_khz.csv": (0.0, 1.25e-6), "clock/interval_in_ms.csv": (0.0, 1e-6),
+    "clock/rate_and_column.csv": (0.0, 2e-6), "clock/decimal_comma.lvm": (0.0, 2.5e-6),
+    "clock/sequence_from_40.csv": (-120e-6, 2e-6), "tables/lines_in_quotes.csv": (0.0, 1e-6),
+}  # fmt: skip
 """File -> time of the first of 120 samples and from sample to sample [s]."""
 
 

@@ -65,12 +65,9 @@ def case() -> Case:
     with np.load(folder / "truth_surface.npz") as stored:
         surface = {name: stored[name] for name in ("t", "y", "r", "d")}
     return Case(
-        series=(recorded(stacks[0]), recorded(stacks[1])),
-        rig=true_rig(folder).cropped(CROP, CROP),
-        t=times[chosen()],
-        static=np.arange(len(chosen())) < STATIC,
-        truth=surface,
-    )
+        series=(recorded(stacks[0]), recorded(stacks[1])), rig=true_rig(folder).cropped(CROP, CROP),
+        t=times[chosen()], static=np.arange(len(chosen())) < STATIC, truth=surface,
+    )  # fmt: skip
 
 
 def run(case: Case, series=None, rig=None, **options):

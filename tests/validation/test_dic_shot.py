@@ -216,12 +216,9 @@ def test_the_script_for_a_shot_from_pictures(short, correlated):
     script = ROOT / "runs" / "from_pictures.py"
     assert len(script.read_text().splitlines()) < 60
     done = subprocess.run(
-        [sys.executable, str(script), str(short), str(out)],
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, str(script), str(short), str(out)], capture_output=True, text=True, check=True,
         cwd=ROOT,
-    )
+    )  # fmt: skip
     assert "flyer's velocity" in done.stdout
     m = float(re.search(r"m = ([\d.]+) ±", done.stdout).group(1))
     assert m == pytest.approx(1.12, rel=0.05)  # of truth.json; the window ends at a strain of 0.16

@@ -152,12 +152,9 @@ def test_a_rigid_motion_has_next_to_no_strain() -> None:
     X = np.stack([found.X[some] - first.cylinder.point for found in states]) @ frame.T
     outcome = np.stack([found.match.outcome[some] for found in states])
     surface = SurfaceHistory(
-        t=np.arange(5.0),
-        X=X[0],
-        u=X - X[0],
-        sigma=np.stack([found.sigma[some] for found in states]),
+        t=np.arange(5.0), X=X[0], u=X - X[0], sigma=np.stack([found.sigma[some] for found in states]),
         outcome=outcome,
-    )
+    )  # fmt: skip
     strain = strains(surface, band()[some], StrainGauge(window=5, step=STEP, subset=41.0))
     E = strain.green_lagrange.value[1:]
     moved = np.linalg.norm(np.nanmedian(X[4] - X[0], axis=0))
@@ -250,14 +247,11 @@ def test_frame_273_moves_as_opencorr_says() -> None:
     assert some.mean() > 0.98
     X = [
         triangulate(
-            rig,
-            apply(points, warp)[some],
-            apply(points, match.warp)[some],
-            np.eye(2) * 1e-4,
+            rig, apply(points, warp)[some], apply(points, match.warp)[some], np.eye(2) * 1e-4,
             np.eye(2) * 1e-4,
         ).position
         for warp, match in zip(followed.warp, at, strict=True)
-    ]
+    ]  # fmt: skip
     magnification = 6640.0 / X[0][:, 2:]  # px/m
     off = (X[1] - X[0] - theirs["displacement"][some]) * magnification
     assert np.all(np.abs(np.median(off, axis=0)) < 0.02)

@@ -15,12 +15,9 @@ from kolsky_command import run_kolsky
 from populations.joint_coverage import SLOW_SIGMA, Study, relaxation_test
 
 PLANTED = {
-    "stiffness_factor": 1.1,
-    "poisson": 0.4985,
-    "damping": 25e-6,
-    "prony_strength_1": 0.35,
+    "stiffness_factor": 1.1, "poisson": 0.4985, "damping": 25e-6, "prony_strength_1": 0.35,
     "prony_time_1": 4e-4,
-}
+}  # fmt: skip
 SPEC = """format = 1
 name = "gel"
 seed = 20

@@ -82,12 +82,9 @@ def _rod(bar: CharacteristicBar, n_axial: int) -> tuple[Response, FloatArray]:
     """A linear rod with ν = 0 driven at one end, the bar at the other; and the flyer's work [J]."""
     motion = gentle_stroke(STROKE, DURATION, end=4.0 * PASSAGE)
     model = Model(
-        cylinder(RADIUS, LENGTH, n_radial=2, n_axial=n_axial),
-        DENSITY,
-        (neo_hookean(0.5 * YOUNG),),
-        (motion,),
-        support=bar,
-    )
+        cylinder(RADIUS, LENGTH, n_radial=2, n_axial=n_axial), DENSITY, (neo_hookean(0.5 * YOUNG),),
+        (motion,), support=bar,
+    )  # fmt: skip
     response = run(model, Samples.of(poisson=0.0), Sampling(TIMES, TIMES), stepping=Stepping(safety=0.5))
     force = np.concatenate([[0.0], response.force_flyer[0]])
     path = np.concatenate([[0.0], motion(TIMES)])
@@ -98,12 +95,9 @@ def _steel() -> tuple[float, float]:
     """Error of the platen's path on the steel bar in an impact to 60 %, and its largest travel [m]."""
     end = 1.5e-3
     model = Model(
-        cylinder(RADIUS, LENGTH),
-        DENSITY,
-        (neo_hookean(shear_modulus(0.495)),),
-        (gentle_stroke(0.6 * LENGTH, end, end=end),),
-        support=STEEL,
-    )
+        cylinder(RADIUS, LENGTH), DENSITY, (neo_hookean(shear_modulus(0.495)),),
+        (gentle_stroke(0.6 * LENGTH, end, end=end),), support=STEEL,
+    )  # fmt: skip
     times = np.linspace(0.0, end, 1501)[1:]
     response = run(model, Samples.of(poisson=0.495), Sampling(times, times))
     found = response.surface_y[0, :, 0]
@@ -150,15 +144,12 @@ def shown(result: Result) -> dict[str, object]:
     """What the page and the index show beside the fields of the result."""
     rows = [
         [
-            name,
-            f"{100 * result.rigid[name]:.1f}",
-            *(f"{100 * e:.2f}" for e in result.force[name]),
-            *(f"{100 * e:.2f}" for e in result.platen[name]),
-            f"{result.platen_order[name].order:.2f}",
+            name, f"{100 * result.rigid[name]:.1f}", *(f"{100 * e:.2f}" for e in result.force[name]),
+            *(f"{100 * e:.2f}" for e in result.platen[name]), f"{result.platen_order[name].order:.2f}",
             f"{100 * result.work[name]:.2f}",
         ]
         for name in BARS
-    ]
+    ]  # fmt: skip
     header = [
         "bar", "force differs from a rigid support [%]", *(f"force error, {n} [%]" for n in MESHES),
         *(f"path error, {n} [%]" for n in MESHES), "fitted order of the path", "work into the bar [%]",

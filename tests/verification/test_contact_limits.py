@@ -312,15 +312,12 @@ def penalty(result: Result) -> str:
     d, fits = result.penalty, orders(result)
     rows = [
         [
-            f"{k:.0e}",
-            f"{1e6 * result.depth[i]:.2g}",
-            f"{1e6 * d.outline[i]:.2g}",
-            f"{100 * d.force[i]:.2g}",
-            f"{100 * d.impulse[i]:.2g}",
+            f"{k:.0e}", f"{1e6 * result.depth[i]:.2g}", f"{1e6 * d.outline[i]:.2g}",
+            f"{100 * d.force[i]:.2g}", f"{100 * d.impulse[i]:.2g}",
         ]
         for i, k in enumerate(STIFFNESS)
         if i % 2 == 0
-    ]
+    ]  # fmt: skip
     names = ("penetration", "outline", "force", "impulse")
     rows.append(["order in 1/k", *(f"{fits[n].order:.3f} ± {fits[n].standard_error:.3f}" for n in names)])
     header = ["k [Pa/m]", "deepest node [µm]", "outline, rms [µm]", "force, rms [%]", "impulse [%]"]

@@ -108,12 +108,8 @@ def shown(result: Result) -> dict[str, object]:
             parts = (f"{100 * getattr(ledger, name)[i, -1] / work:.2f}" for name in TERMS)
             rows.append([kind, f"{f:g}", f"{1e3 * work:.2f}", *parts, f"{100 * ledger.imbalance()[i]:.4f}"])
     header = [
-        "damping",
-        "f",
-        "work [mJ]",
-        *(f"{name.replace('_', ' ')} [%]" for name in TERMS),
-        "imbalance [%]",
-    ]
+        "damping", "f", "work [mJ]", *(f"{name.replace('_', ' ')} [%]" for name in TERMS), "imbalance [%]",
+    ]  # fmt: skip
     steps = [[f"{1e6 * dt:g}", f"{100 * e:.4f}"] for dt, e in zip(STEPS, result.refined, strict=True)]
     landing = [[mesh, f"{100 * share:.2f}"] for mesh, share in result.impact_share.items()]
     worst = max(float(ledger.imbalance().max()) for ledger in result.ledgers.values())

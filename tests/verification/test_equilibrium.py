@@ -90,12 +90,9 @@ def inf_sup(kind: str, cells: int) -> float:
     mesh = box((1.0,) * d, (cells,) * d, kind=kind)
     sides = ("left", "right", "bottom", "top", "back", "front")[: 2 * d]
     model = Model(
-        mesh,
-        nearly_incompressible(1.0),
-        tuple(Fixed(side) for side in sides),
-        kinematics="plane_strain" if d == 2 else "3d",
-        volumetric="mixed",
-    )
+        mesh, nearly_incompressible(1.0), tuple(Fixed(side) for side in sides),
+        kinematics="plane_strain" if d == 2 else "3d", volumetric="mixed",
+    )  # fmt: skip
     body = Body(model, model.parameters())
     geometry, field = body.points.geometry, body.field
     assert field is not None

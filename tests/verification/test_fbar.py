@@ -148,12 +148,9 @@ def impact_states(element: str, poisson: float) -> tuple[Mesh, FloatArray]:
     """A 12 × 16 mesh, and its corners' displacements [m], shape [3, n_elements, 4, 2], at 20, 40 and 60 %."""
     mesh = cylinder(RADIUS, LENGTH, n_radial=12, n_axial=16)
     model = Model(
-        mesh,
-        DENSITY,
-        (neo_hookean(shear_modulus(poisson)),),
-        (speed_after_rise(2.6, 50e-6, end=1.5e-3),),
+        mesh, DENSITY, (neo_hookean(shear_modulus(poisson)),), (speed_after_rise(2.6, 50e-6, end=1.5e-3),),
         element=element,
-    )
+    )  # fmt: skip
     times = np.array([0.5e-3, 1.0e-3, 1.5e-3])
     response = run(model, Samples.of(poisson=poisson), Sampling(times, times, all_nodes=True))
     return mesh, (response.nodes[0] - mesh.nodes)[:, mesh.quads]
@@ -563,12 +560,9 @@ def test_a_mean_dilatation_does_not_lock_where_full_integration_would() -> None:
 
 def static_force(poisson: float) -> float:
     model = Model(
-        cylinder(RADIUS, LENGTH, n_radial=8, n_axial=11),
-        DENSITY,
-        (neo_hookean(shear_modulus(0.495)),),
-        (smooth_stroke(0.1 * LENGTH, 0.02, end=0.021),),
-        element="fbar",
-    )
+        cylinder(RADIUS, LENGTH, n_radial=8, n_axial=11), DENSITY, (neo_hookean(shear_modulus(0.495)),),
+        (smooth_stroke(0.1 * LENGTH, 0.02, end=0.021),), element="fbar",
+    )  # fmt: skip
     times = np.array([0.0205])
     response = run(model, Samples.of(poisson=poisson, mass_damping=500.0), Sampling(times, times))
     return float(response.force_transmission[0, 0])

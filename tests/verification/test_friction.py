@@ -69,12 +69,9 @@ def known(friction: float) -> Known:
     lines = outline.reshape(n, -1, outline.shape[1])
     places = face.reshape(n, -1, face.shape[1])
     return Known(
-        compression,
-        *scalars[:, 1:].T,
-        outline=lines[:, :, [3, 2]],
-        face_start=places[0, :, 1],
+        compression, *scalars[:, 1:].T, outline=lines[:, :, [3, 2]], face_start=places[0, :, 1],
         face=places[:, :, 2],
-    )
+    )  # fmt: skip
 
 
 @cache

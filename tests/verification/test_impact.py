@@ -305,12 +305,9 @@ def shown(result: Result) -> dict[str, object]:
         time = getattr(events, name)
         k = result.at(time)
         return [
-            NAMES[name],
-            f"{1e6 * time:.0f}",
-            f"{bars.flyer_velocity[k]:.2f}",
-            f"{100 * result.strain[k]:.1f}",
-            f"{bars.force_transmission[k]:.1f}",
-        ]
+            NAMES[name], f"{1e6 * time:.0f}", f"{bars.flyer_velocity[k]:.2f}",
+            f"{100 * result.strain[k]:.1f}", f"{bars.force_transmission[k]:.1f}",
+        ]  # fmt: skip
 
     paper = [
         ["speed of the striker [m/s]", f"{SPEED:g}", f"{SPEED:g} (given)"],

@@ -14,12 +14,9 @@ from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
 DIFFERENCES = np.geomspace(1e-4, 1e-6, 3)
 """Steps over an element's size at which central differences are at their best [-]."""
 CASES = [
-    ("mooney_rivlin", "quadratic"),
-    ("ogden3", "quadratic"),
-    ("veronda_westmann", "quadratic"),
-    ("gent", "logarithmic"),
-    ("yeoh", "simo_taylor"),
-]
+    ("mooney_rivlin", "quadratic"), ("ogden3", "quadratic"), ("veronda_westmann", "quadratic"),
+    ("gent", "logarithmic"), ("yeoh", "simo_taylor"),
+]  # fmt: skip
 """Laws of each family, and every volumetric form."""
 
 

@@ -120,13 +120,10 @@ def case() -> Result:
         found = [
             np.einsum("ea,ea->e", matrix, field[mesh.quads])
             for matrix, field in (
-                (geometry.gradient_r, u_r),
-                (geometry.gradient_y, u_r),
-                (geometry.hoop, u_r),
-                (geometry.gradient_r, u_y),
-                (geometry.gradient_y, u_y),
+                (geometry.gradient_r, u_r), (geometry.gradient_y, u_r), (geometry.hoop, u_r),
+                (geometry.gradient_r, u_y), (geometry.gradient_y, u_y),
             )
-        ]
+        ]  # fmt: skip
         for value, imposed in zip(found, (a - 1.0, 0.0, a - 1.0, shear, b - 1.0), strict=True):
             gradient_error = max(gradient_error, float(np.abs(value - imposed).max()))
 

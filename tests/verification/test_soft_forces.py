@@ -27,12 +27,9 @@ REST = 0.3e-3  # a time before the wave arrives [s]
 CUTOFF = 10e3  # Low-pass of forces that are compared [Hz]: the flyer rings along its axis at 125 kHz
 PLANTED = (-35e-6, 0.0, 60e-6)  # lags of the cameras' clock that are to be found [s]
 EVENTS = {
-    "full speed": "tensile_dip",
-    "separation": "separation",
-    "arrest": "arrest",
-    "push-back": "push_back",
+    "full speed": "tensile_dip", "separation": "separation", "arrest": "arrest", "push-back": "push_back",
     "second impact": "second_impact",
-}
+}  # fmt: skip
 """Events and what the simulation calls them."""
 EVENT_SIGMAS = 3.0  # allowed difference of an event's time in sigmas, beyond `HOLD`
 HOLD = 6e-6
@@ -201,14 +198,11 @@ def shown(result: Result) -> dict[str, object]:
     ]
     lags = [
         [
-            f"{1e6 * lag:.0f}",
-            f"{1e6 * sync.lag:.1f}",
-            f"{1e6 * sync.sigma:.1f}",
-            f"{sync.gain:.2f} ± {sync.sigma_gain:.2f}",
-            str(sync.agreement),
+            f"{1e6 * lag:.0f}", f"{1e6 * sync.lag:.1f}", f"{1e6 * sync.sigma:.1f}",
+            f"{sync.gain:.2f} ± {sync.sigma_gain:.2f}", str(sync.agreement),
         ]
         for lag, sync in zip(PLANTED, result.syncs, strict=True)
-    ]
+    ]  # fmt: skip
     worst = max(abs(sync.lag - lag) / sync.sigma for sync, lag in zip(result.syncs, PLANTED, strict=True))
     late = max(_beyond(result, event, name) for name, event in _found(result.events))
     return locals()

@@ -80,12 +80,9 @@ def test_the_record_of_kills() -> None:
     assert record["kills"] == 2
     assert record["problems"] == ["1 dic: left after SIGTERM: .x", "1 dic: exit code 1"]
     assert record["commands"]["dic"] == {
-        "undisturbed [s]": 4.0,
-        "kills": {"SIGKILL": 1, "SIGTERM": 1},
-        "wrong": 1,
-        "longest stop [s]": 0.4,
+        "undisturbed [s]": 4.0, "kills": {"SIGKILL": 1, "SIGTERM": 1}, "wrong": 1, "longest stop [s]": 0.4,
         "longest child [s]": 0.3,
-    }
+    }  # fmt: skip
     assert record["commands"]["waves"]["kills"] == {}
 
 

@@ -34,12 +34,9 @@ def observations() -> Observations:
     force = ForceHistory(t, np.zeros(201), np.ones(201))
     y = np.tile([1e-3, 3e-3], len(frames))
     line = CentreLine(
-        time=np.repeat(frames, 2),
-        frame=np.repeat(np.arange(21), 2),
-        y=y,
-        Z=np.full(42, RADIUS),
+        time=np.repeat(frames, 2), frame=np.repeat(np.arange(21), 2), y=y, Z=np.full(42, RADIUS),
         sigma=np.full(42, 1e-6),
-    )
+    )  # fmt: skip
     return Observations(force=force, bins=bin_force(force, window=(0.0, 2e-4), width=FRAME), centre_line=line)
 
 

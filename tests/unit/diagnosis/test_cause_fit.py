@@ -24,12 +24,9 @@ def expected(
 ) -> ExpectedResidual:
     rng = np.random.default_rng(3)
     return ExpectedResidual(
-        sigma=rng.uniform(0.5, 2.0, K),
-        patterns=np.zeros((K, 0)) if patterns is None else patterns,
-        channel=(np.arange(K) >= K // 2).astype(np.int64),
-        block=np.arange(K) % (K // 2),
-        tau=np.array(tau),
-    )
+        sigma=rng.uniform(0.5, 2.0, K), patterns=np.zeros((K, 0)) if patterns is None else patterns,
+        channel=(np.arange(K) >= K // 2).astype(np.int64), block=np.arange(K) % (K // 2), tau=np.array(tau),
+    )  # fmt: skip
 
 
 def dense(e: ExpectedResidual) -> np.ndarray:

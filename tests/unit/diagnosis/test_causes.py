@@ -138,22 +138,14 @@ def order(*evidences: float, losses: tuple[float, ...] = (0.0,) * len(KEYS)) -> 
 
 def test_the_most_evidence_first() -> None:
     assert order(80.0, 50.0, 65.0, 20.0, 35.0) == [
-        "specimen.length",
-        "force.sensitivity",
-        "model.damping",
-        "specimen.diameter",
-        "model.mass_damping",
-    ]
+        "specimen.length", "force.sensitivity", "model.damping", "specimen.diameter", "model.mass_damping",
+    ]  # fmt: skip
 
 
 def test_of_what_cannot_be_told_apart_what_nobody_measured() -> None:
     assert order(51.5, 50.0, 30.0, 12.0, 11.0) == [
-        "model.damping",
-        "specimen.length",
-        "force.sensitivity",
-        "model.mass_damping",
-        "specimen.diameter",
-    ]
+        "model.damping", "specimen.length", "force.sensitivity", "model.mass_damping", "specimen.diameter",
+    ]  # fmt: skip
     # Told apart from ALIKE on; a group is what is near to its first, not a chain.
     assert order(50.0, 50.0 - ALIKE, 0.0, 0.0, 0.0)[:2] == ["specimen.length", "model.damping"]
     assert order(60.0, 45.0, 52.0, 0.0, 0.0)[:3] == ["specimen.length", "force.sensitivity", "model.damping"]
@@ -166,12 +158,8 @@ def test_weak_evidence_is_not_regrouped() -> None:
 
 def test_of_equal_evidence_the_least_loss_comes_first() -> None:
     assert order(77.8, 0.0, 77.8, 0.0, 77.8, losses=(-20.0, 0.0, -39.0, 0.0, -125.0)) == [
-        "specimen.diameter",
-        "force.sensitivity",
-        "specimen.length",
-        "model.damping",
-        "model.mass_damping",
-    ]
+        "specimen.diameter", "force.sensitivity", "specimen.length", "model.damping", "model.mass_damping",
+    ]  # fmt: skip
 
 
 def strange(key: str, value: float, sigma: float = 0.0) -> float:

@@ -247,12 +247,9 @@ def test_runs_begin_at_moved_and_at_declared_parameters() -> None:
         raise AssertionError
 
     again = Reruns(
-        x=np.array([1.0, 0.4999]),
-        declared=np.array([np.nan, 0.499]),
-        lower=np.array([0.5, 0.49]),
-        upper=np.array([1.5, 0.4999]),
-        run=run,
-    )
+        x=np.array([1.0, 0.4999]), declared=np.array([np.nan, 0.499]), lower=np.array([0.5, 0.49]),
+        upper=np.array([1.5, 0.4999]), run=run,
+    )  # fmt: skip
     moved, declared = again.starts(np.array([1.8, 0.4995]))
     np.testing.assert_array_equal(moved, [1.5, 0.4995])
     np.testing.assert_array_equal(declared, [1.5, 0.499])

@@ -59,12 +59,9 @@ def objective(*, force_sigma: float = 0.5, outline_sigma: float = 1e-6) -> Objec
     """Sixteen bins of a force of 1e4 N/s, and six points in each of sixteen frames."""
     when = np.repeat((np.arange(FRAMES) + 0.5) * 1e-4, POINTS)
     line = CentreLine(
-        when,
-        np.repeat(np.arange(FRAMES), POINTS),
-        np.tile(1e-3 * np.arange(POINTS), FRAMES),
-        np.tile(5e-3 + 1e-4 * np.arange(POINTS), FRAMES),
-        np.full(when.size, outline_sigma),
-    )
+        when, np.repeat(np.arange(FRAMES), POINTS), np.tile(1e-3 * np.arange(POINTS), FRAMES),
+        np.tile(5e-3 + 1e-4 * np.arange(POINTS), FRAMES), np.full(when.size, outline_sigma),
+    )  # fmt: skip
     history = ForceHistory(TIME, 1e4 * TIME, np.full(TIME.size, force_sigma))
     seen = observe(history, line, window=(0.0, 1.6e-3), bin_width=1e-4)
     return Objective(seen, np.ones(when.size, dtype=bool))
@@ -77,12 +74,9 @@ def judged(
     jacobian = np.ones((len(one.data), 1))
     nothing = np.zeros((1, len(one.data)))
     force, outline = fit_quality(
-        one.with_discrepancy(one.data - residual),
-        one.data - residual,
-        jacobian,
-        changes={"flyer motion": nothing, **(changes or {})},
-        names=("m",),
-    )
+        one.with_discrepancy(one.data - residual), one.data - residual, jacobian,
+        changes={"flyer motion": nothing, **(changes or {})}, names=("m",),
+    )  # fmt: skip
     return force, outline
 
 

@@ -141,12 +141,9 @@ def test_what_is_listed_after_the_first_cause() -> None:
         finding("e", named=False, beside="a", status="lost"),
     ]
     alone = [
-        finding("c", named=True),
-        finding("b", named=True),
-        finding("e", named=False),
-        finding("d", named=False),
-        finding("f", named=False),
-    ]
+        finding("c", named=True), finding("b", named=True), finding("e", named=False),
+        finding("d", named=False), finding("f", named=False),
+    ]  # fmt: skip
     listed = [(f.key, f.beside) for f in list_pairs(more, alone)]
     assert listed == [("b", "a"), ("c", ""), ("d", "a"), ("e", ""), ("f", "")]
 

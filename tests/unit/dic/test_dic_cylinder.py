@@ -284,12 +284,9 @@ def test_sigma_is_the_scatter_of_repeated_measurements():
     noisy = np.array([d, 1e-3, depth]) + SIGMA * rng.standard_normal((1, n, 3))
     X = noisy[0]
     surface = SurfaceHistory(
-        t=np.zeros(1),
-        X=X,
-        u=np.zeros((1, n, 3)),
-        sigma=np.broadcast_to(SIGMA, (1, n, 3)),
+        t=np.zeros(1), X=X, u=np.zeros((1, n, 3)), sigma=np.broadcast_to(SIGMA, (1, n, 3)),
         outcome=np.zeros((1, n), dtype=np.int64),
-    )
+    )  # fmt: skip
     line = centre_line(surface, half_width=3e-3)
     # standard error of a standard deviation 1/sqrt(2 n) = 0.5 %, four of them
     assert np.mean(line.sigma) == pytest.approx(np.std(line.Z), rel=0.02)

@@ -47,12 +47,9 @@ def judged(position: np.ndarray, cell: np.ndarray = CELL) -> np.ndarray:
     """Which of the points are off, in the second of two frames; nothing is off in the first."""
     both = np.stack([np.zeros_like(position), position])
     return off_surface(
-        both,
-        np.broadcast_to(SIGMA, both.shape),
-        np.ones(both.shape[:2], dtype=bool),
-        cell,
+        both, np.broadcast_to(SIGMA, both.shape), np.ones(both.shape[:2], dtype=bool), cell,
         distance=DISTANCE,
-    )[1]
+    )[1]  # fmt: skip
 
 
 def allowed(neighbours: np.ndarray, order: int, sigma: float) -> float:

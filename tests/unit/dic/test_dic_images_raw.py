@@ -206,18 +206,16 @@ def test_cine_with_the_top_row_first(tmp_path):
     np.testing.assert_array_equal(read_all(pictures), wrote)
 
 
-def test_cine_p12l(tmp_path):
-    wrote = grey(12)
-    pictures = open_pictures(phantom(tmp_path, wrote, packing=1024))
+@pytest.mark.parametrize(
+    ("bits", "packing", "read"),
+    [(12, {"packing": 1024}, np.arange(4096)), (10, {"bits": 10, "packing": 256}, p10_to_linear())],
+    ids=["P12L", "P10, made linear"],
+)
+def test_packed_cine(tmp_path, bits, packing, read):
+    wrote = grey(bits)
+    pictures = open_pictures(phantom(tmp_path, wrote, **packing))
     assert pictures.bits == 12
-    np.testing.assert_array_equal(read_all(pictures), wrote)
-
-
-def test_cine_p10_is_made_linear(tmp_path):
-    wrote = grey(10)
-    pictures = open_pictures(phantom(tmp_path, wrote, bits=10, packing=256))
-    assert pictures.bits == 12
-    np.testing.assert_array_equal(read_all(pictures), p10_to_linear()[wrote])
+    np.testing.assert_array_equal(read_all(pictures), read[wrote])
 
 
 def test_the_curve_of_p10_is_the_printed_one():

@@ -59,13 +59,10 @@ def test_the_gate_of_parts_is_that_of_the_whole(monkeypatch):
     alone, together = divided(
         monkeypatch,
         lambda: outliers.off_surface(
-            position,
-            np.full(position.shape, 2e-6),
-            np.ones(position.shape[:2], dtype=bool),
-            cell,
+            position, np.full(position.shape, 2e-6), np.ones(position.shape[:2], dtype=bool), cell,
             distance=0.4e-3,
         ),
-    )
+    )  # fmt: skip
     assert [np.flatnonzero(row).tolist() for row in alone] == [[11 + 8 * frame] for frame in range(frames)]
     np.testing.assert_array_equal(together, alone)
 

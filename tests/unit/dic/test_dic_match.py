@@ -306,12 +306,9 @@ def at_rest(u: np.ndarray, sigma: float = 2e-6) -> SurfaceHistory:
     along y and Z."""
     n_frames, n_points = u.shape
     return SurfaceHistory(
-        t=np.arange(n_frames) * 1e-3,
-        X=np.zeros((n_points, 3)),
-        u=u[..., None] * np.array([1.0, 2.0, 3.0]),
-        sigma=np.full((n_frames, n_points, 3), sigma),
-        outcome=np.zeros((n_frames, n_points), dtype=np.int64),
-    )
+        t=np.arange(n_frames) * 1e-3, X=np.zeros((n_points, 3)), u=u[..., None] * np.array([1.0, 2.0, 3.0]),
+        sigma=np.full((n_frames, n_points, 3), sigma), outcome=np.zeros((n_frames, n_points), dtype=np.int64),
+    )  # fmt: skip
 
 
 def test_motion_of_the_cameras_and_noise_in_space_are_told_apart():

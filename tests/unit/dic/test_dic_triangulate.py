@@ -464,14 +464,11 @@ def test_a_place_that_both_tracks_share_moves_along_the_surface() -> None:
         warp[0, 0, :2] = camera.project(X)[0, 0]
         tracks.append(
             Track(
-                points=np.zeros((1, 2)),
-                warp=warp,
-                covariance=(own + shared) * np.eye(2)[None, None],
-                zncc=np.ones((1, 1)),
-                outcome=np.zeros((1, 1), dtype=np.int64),
+                points=np.zeros((1, 2)), warp=warp, covariance=(own + shared) * np.eye(2)[None, None],
+                zncc=np.ones((1, 1)), outcome=np.zeros((1, 1), dtype=np.int64),
                 reference=np.zeros((1, 1), dtype=np.int64),
             )
-        )
+        )  # fmt: skip
     common = shared * np.eye(2)[None, None]
     found = reconstruct(rig, *tracks, common=common).covariance[0, 0]
     apart = reconstruct(rig, *tracks).covariance[0, 0]

@@ -118,13 +118,10 @@ def answer(value: float, sigma: float, verdict: str = "identified") -> dict[str,
     cause = {"key": "flyer.time", "value": 2e-5, "evidence": 1093.4, "named": True, "beside": ""}
     other = {"key": "model.damping", "value": 3e-5, "evidence": 72.0, "named": False, "beside": "flyer.time"}
     return {
-        "name": "made",
-        "values": {"stiffness_factor": value},
-        "sigmas": {"stiffness_factor": sigma},
-        "truths": {"stiffness_factor": 1.12},
-        "verdicts": {"stiffness_factor": verdict},
+        "name": "made", "values": {"stiffness_factor": value}, "sigmas": {"stiffness_factor": sigma},
+        "truths": {"stiffness_factor": 1.12}, "verdicts": {"stiffness_factor": verdict},
         "causes": [cause, other, cause],
-    }
+    }  # fmt: skip
 
 
 def test_answers_beside_their_truths() -> None:

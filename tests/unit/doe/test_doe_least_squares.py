@@ -32,12 +32,9 @@ NOISY = decay(TRUTH[None])[0] + 0.01 * np.random.default_rng(4).standard_normal(
 def reference() -> FloatArray:
     """The optimum by SciPy, in the unit box, from a point near it."""
     found = optimize.least_squares(
-        lambda u: (decay(BOX.scale(u)[None])[0] - NOISY) / 0.01,
-        BOX.unit(TRUTH),
-        xtol=1e-14,
-        ftol=1e-14,
+        lambda u: (decay(BOX.scale(u)[None])[0] - NOISY) / 0.01, BOX.unit(TRUTH), xtol=1e-14, ftol=1e-14,
         gtol=1e-14,
-    )
+    )  # fmt: skip
     return BOX.scale(found.x)
 
 

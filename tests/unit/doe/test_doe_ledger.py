@@ -42,7 +42,7 @@ def test_a_sweep_killed_three_times_is_the_one_that_was_not(tmp_path: Path) -> N
     for kill in range(3):
         before = len(made(log))
         process = sweeping(ledger, log)
-        enough = before + int(rng.integers(200, 2500))
+        enough = before + int(rng.integers(100, 1000))
         while len(made(log)) < enough:
             assert process.poll() is None
             time.sleep(rng.uniform(0.0, 0.003))

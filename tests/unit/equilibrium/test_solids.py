@@ -266,25 +266,21 @@ def patched(kind, kinematics, solid, volumetric):
     return solve(model, {"grow": [1.0]}), target
 
 
-@pytest.mark.parametrize("kind", sorted(ELEMENTS))
-def test_displacement_patch(kind):
-    kinematics = "3d" if ELEMENTS[kind].dimension == 3 else "plane_strain"
-    found, target = patched(kind, kinematics, CompressibleNeoHookean(9e3, 4e4), "displacement")
-    assert found.outcome.ok
-    np.testing.assert_allclose(found.displacements[0], target, atol=1e-9)
+SPACE = {kind: "3d" if one.dimension == 3 else "plane_strain" for kind, one in sorted(ELEMENTS.items())}
+MIXED = [kind for kind in SPACE if ELEMENTS[kind].pressure_degree is not None]
 
 
-@pytest.mark.parametrize("kind", [k for k in sorted(ELEMENTS) if ELEMENTS[k].pressure_degree is not None])
-def test_mixed_patch(kind):
-    kinematics = "3d" if ELEMENTS[kind].dimension == 3 else "plane_strain"
-    found, target = patched(kind, kinematics, MOONEY, "mixed")
-    assert found.outcome.ok
-    np.testing.assert_allclose(found.displacements[0], target, atol=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["quad9", "tri3"])
-def test_plane_stress_patch(kind):
-    found, target = patched(kind, "plane_stress", CompressibleNeoHookean(9e3, 4e4), "displacement")
+@pytest.mark.parametrize(
+    ("kind", "kinematics", "volumetric"),
+    [
+        *((kind, kinematics, "displacement") for kind, kinematics in SPACE.items()),
+        *((kind, SPACE[kind], "mixed") for kind in MIXED),
+        *((kind, "plane_stress", "displacement") for kind in ("quad9", "tri3")),
+    ],
+)
+def test_patch(kind, kinematics, volumetric):
+    solid = MOONEY if volumetric == "mixed" else CompressibleNeoHookean(9e3, 4e4)
+    found, target = patched(kind, kinematics, solid, volumetric)
     assert found.outcome.ok
     np.testing.assert_allclose(found.displacements[0], target, atol=1e-9)
 

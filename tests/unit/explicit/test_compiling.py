@@ -366,13 +366,10 @@ def test_every_array_is_that_of_its_own_copy() -> None:
     for name in solids.dtype.names or ():
         solids[name] = rng.uniform(size=3)
     values = {
-        "times": (rng.uniform(size=7), wp.float64),
-        "rounded": (rng.uniform(size=(2, 5)), wp.float32),
-        "turned": (rng.uniform(size=(4, 3)).T, wp.float64),
-        "chosen": (np.array([2, 0, 1]), wp.int32),
-        "none": (np.zeros((0, 4)), wp.float64),
-        "solids": (solids, Solid),
-    }
+        "times": (rng.uniform(size=7), wp.float64), "rounded": (rng.uniform(size=(2, 5)), wp.float32),
+        "turned": (rng.uniform(size=(4, 3)).T, wp.float64), "chosen": (np.array([2, 0, 1]), wp.int32),
+        "none": (np.zeros((0, 4)), wp.float64), "solids": (solids, Solid),
+    }  # fmt: skip
     found = in_one_copy(values, where)
     assert list(found) == list(values)
     for name, (numbers, dtype) in values.items():

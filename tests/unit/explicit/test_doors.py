@@ -223,13 +223,10 @@ def test_a_name_means_the_same_constants_in_every_command(members: Any) -> None:
 def test_a_shot_may_name_a_new_law(members: Any) -> None:
     section = LawSection.model_validate(
         {
-            "name": "knowles",
-            "parameters": {"mu": "30 kPa", "b": 0.8, "n": 1.3},
-            "branch": "compression",
-            "largest_strain": "60 %",
-            "relative_sigma": "3 %",
+            "name": "knowles", "parameters": {"mu": "30 kPa", "b": 0.8, "n": 1.3}, "branch": "compression",
+            "largest_strain": "60 %", "relative_sigma": "3 %",
         }
-    )
+    )  # fmt: skip
     assert type(section.law) is members[0]
     np.testing.assert_allclose(section.law.constants(), [30e3, 0.8, 1.3])
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from lane_kernels import EACH, MAPPINGS, N, inputs, lane_launch, scalar_launch, small_structs
+from lane_kernels import EACH, MAPPINGS, N, inputs, launched, small_structs
 from scipy.interpolate import CubicHermiteSpline
 
 import explicit
@@ -212,9 +212,7 @@ def evaluated(numbers: Precision, mapping: Mapping | None, s: np.ndarray) -> np.
     """Stress, bound of the tangent and energy where b_bar = (1 + s^2, 1, 0, 1)."""
     rows = np.stack([law(seed=seed).parameters() for seed in range(5)]).astype(numbers.dtype)
     given = replace(inputs(numbers), rows=rows, x=(1.0 + s**2).astype(numbers.dtype))
-    if mapping is None:
-        return scalar_launch(law_kernel(numbers), numbers, given).values
-    return lane_launch(law_kernel(numbers), numbers, given, mapping).values
+    return launched(law_kernel(numbers), numbers, mapping, given).values
 
 
 def strains(numbers: Precision) -> np.ndarray:

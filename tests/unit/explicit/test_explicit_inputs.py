@@ -44,12 +44,9 @@ from explicit.time_loop.node_sweeps import VALENCE, boundary_functions
 
 def motion(start: float = 0.0, n_knots: int = 5) -> PlatenMotion:
     return PlatenMotion.sampled(
-        lambda t: 1e-4 * (t - start),
-        lambda t: np.full_like(t, 1e-4),
-        start=start,
-        end=start + 1.0,
+        lambda t: 1e-4 * (t - start), lambda t: np.full_like(t, 1e-4), start=start, end=start + 1.0,
         n_knots=n_knots,
-    )
+    )  # fmt: skip
 
 
 def model(**change: Any) -> Model:
@@ -380,12 +377,9 @@ def shuffled(n_radial: int, n_axial: int) -> Mesh:
     mesh, rng = cylinder(4.75e-3, 6.5e-3, n_radial=n_radial, n_axial=n_axial), np.random.default_rng(7)
     new, elements = rng.permutation(mesh.n_nodes), rng.permutation(mesh.n_elements)
     return Mesh(
-        nodes=mesh.nodes[np.argsort(new)],
-        quads=new[mesh.quads][elements],
-        lower_face=new[mesh.lower_face],
-        upper_face=new[mesh.upper_face],
-        side=new[mesh.side],
-    )
+        nodes=mesh.nodes[np.argsort(new)], quads=new[mesh.quads][elements], lower_face=new[mesh.lower_face],
+        upper_face=new[mesh.upper_face], side=new[mesh.side],
+    )  # fmt: skip
 
 
 def model_of(mesh: Mesh) -> Model:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from lane_kernels import EACH, N, inputs, lane_launch, scalar_launch, small_structs
+from lane_kernels import EACH, N, inputs, launched, small_structs
 from lawstates import largest_curvature, stretches, turned
 
 from explicit import Model, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
@@ -298,10 +298,7 @@ def evaluated(numbers: Precision, mapping: Mapping | None, b_bar: np.ndarray) ->
     """What the kernel writes, shape [n_laws, N, 5]."""
     x, y, z = (b_bar[:, i].astype(numbers.dtype) for i in range(3))
     given = replace(inputs(numbers), rows=rows().astype(numbers.dtype), x=x, y=y, z=z)
-    if mapping is None:
-        values = scalar_launch(laws_kernel(numbers), numbers, given).values
-    else:
-        values = lane_launch(laws_kernel(numbers), numbers, given, mapping).values
+    values = launched(laws_kernel(numbers), numbers, mapping, given).values
     used = SLOTS_OF_A_LAW * len(EXAMPLES)
     return values[:, :used].astype(float).reshape(N, len(EXAMPLES), SLOTS_OF_A_LAW).transpose(1, 0, 2)
 
@@ -419,12 +416,8 @@ def test_every_volumetric_form_is_its_twin(numbers: Precision, mapping: Mapping 
     d = np.array([0.0, 1e-12, -1e-9, 1e-5, -1e-3, 0.0199, -0.0201, 0.021, -0.3, 0.4, -0.6, 1.0, -0.9])
     d, bulk = d.astype(numbers.dtype), np.linspace(1e4, 9e6, N).astype(numbers.dtype)
     given = replace(inputs(numbers), x=d, y=bulk)
-    launched = (
-        scalar_launch(volume_kernel(numbers), numbers, given)
-        if mapping is None
-        else lane_launch(volume_kernel(numbers), numbers, given, mapping)
-    )
-    found = launched.values[:, :12].astype(float).reshape(N, 3, 4)
+    values = launched(volume_kernel(numbers), numbers, mapping, given).values
+    found = values[:, :12].astype(float).reshape(N, 3, 4)
     # A few roundings. Simo and Taylor's energy is a difference, of a share SMALL / 2 of its parts, and below
     # that a series that leaves out SMALL^6 / 8.
     last = 8.0 * float(np.finfo(numbers.dtype).eps)

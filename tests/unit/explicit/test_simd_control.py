@@ -17,9 +17,8 @@ from lane_kernels import (
     N,
     Results,
     inputs,
-    lane_launch,
     lanes_of,
-    scalar_launch,
+    launched,
     small_structs,
 )
 
@@ -148,9 +147,7 @@ def control_kernel(numbers: Precision) -> Any:
 
 @cache
 def results(numbers: Precision, mapping: Mapping | None) -> Results:
-    if mapping is None:
-        return scalar_launch(control_kernel(numbers), numbers, inputs(numbers))
-    return lane_launch(control_kernel(numbers), numbers, inputs(numbers), mapping)
+    return launched(control_kernel(numbers), numbers, mapping)
 
 
 @pytest.mark.parametrize(("numbers", "mapping"), BOTH)
@@ -187,13 +184,13 @@ def test_warp_does_what_python_does(numbers: Precision) -> None:
 def test_an_incomplete_pack_writes_its_own_simulations_alone(numbers: Precision) -> None:
     lanes = lanes_of(numbers)
     ends = N // lanes * lanes  # where the incomplete pack begins
-    got = lane_launch(control_kernel(numbers), numbers, inputs(numbers), "simulation", skip=(ends,))
+    got = launched(control_kernel(numbers), numbers, "simulation", skip=(ends,))
     whole = results(numbers, "simulation")
     np.testing.assert_array_equal(got.values[:ends], whole.values[:ends])
     assert (got.values[ends:] == UNTOUCHED).all()
     assert (got.whole[ends:] == UNTOUCHED).all()
     if ends:
-        got = lane_launch(control_kernel(numbers), numbers, inputs(numbers), "simulation", skip=(0,))
+        got = launched(control_kernel(numbers), numbers, "simulation", skip=(0,))
         np.testing.assert_array_equal(got.values[ends:], whole.values[ends:])
         assert (got.values[:ends] == UNTOUCHED).all()
 
@@ -204,7 +201,7 @@ def test_what_a_lane_computes_does_not_depend_on_its_neighbours(numbers: Precisi
     alone = results(numbers, "simulation")
     poisoned = inputs(numbers)
     poisoned.x[::2], poisoned.y[::2] = np.nan, np.inf
-    got = lane_launch(control_kernel(numbers), numbers, poisoned, "simulation")
+    got = launched(control_kernel(numbers), numbers, "simulation", poisoned)
     assert np.isfinite(data.x).all()
     np.testing.assert_array_equal(got.values[1::2], alone.values[1::2])
     np.testing.assert_array_equal(got.whole[1::2], alone.whole[1::2])

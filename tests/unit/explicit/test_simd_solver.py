@@ -96,11 +96,8 @@ def ramp(depth: float, late: float) -> PlatenMotion:
     """From rest to a depth, at a speed that rises over the first part of the window."""
     return PlatenMotion.sampled(
         lambda t: depth * (np.maximum(t - late, 0.0) / END) ** 2,
-        lambda t: 2.0 * depth * np.maximum(t - late, 0.0) / END**2,
-        start=0.0,
-        end=END,
-        n_knots=65,
-    )
+        lambda t: 2.0 * depth * np.maximum(t - late, 0.0) / END**2, start=0.0, end=END, n_knots=65,
+    )  # fmt: skip
 
 
 def support_of(case: Case) -> Support:
@@ -427,12 +424,9 @@ def test_the_last_launches_are_joined_one_after_the_other(monkeypatch: pytest.Mo
 
 def model(contact: str) -> explicit.Model:
     motion = explicit.PlatenMotion.sampled(
-        lambda t: 3.0 * t**2 / SHARED_RUN_END,
-        lambda t: 6.0 * t / SHARED_RUN_END,
-        start=0.0,
-        end=SHARED_RUN_END,
-        n_knots=65,
-    )
+        lambda t: 3.0 * t**2 / SHARED_RUN_END, lambda t: 6.0 * t / SHARED_RUN_END, start=0.0,
+        end=SHARED_RUN_END, n_knots=65,
+    )  # fmt: skip
     mesh = explicit.cylinder(4.75e-3, 6.5e-3, n_radial=6, n_axial=9)
     return explicit.Model(mesh, 870.0, (neo_hookean(27e3),), (motion,), faces=contact, side=contact)
 

@@ -21,9 +21,8 @@ from lane_kernels import (
     N,
     Results,
     inputs,
-    lane_launch,
     lanes_of,
-    scalar_launch,
+    launched,
     small_structs,
 )
 
@@ -33,15 +32,6 @@ from explicit.precision import PRECISIONS, Precision
 from explicit.simd import Mapping
 
 FAR = 1_000_000_000  # where no array reaches
-
-
-def launched(
-    kernel: Any, numbers: Precision, mapping: Mapping | None, given: Inputs | None = None
-) -> Results:
-    given = given or inputs(numbers)
-    if mapping is None:
-        return scalar_launch(kernel, numbers, given)
-    return lane_launch(kernel, numbers, given, mapping)
 
 
 # A table in groups ---------------------------------------------------------------------------------------
@@ -402,9 +392,7 @@ def test_cube_roots(numbers: Precision, mapping: Mapping) -> None:
     rtol = 1e-15 if numbers.name == "fp64" else 1e-7
     for part in roots.reshape(10, N):
         x = (part**3).astype(numbers.dtype)
-        got = lane_launch(numbers_kernel(numbers), numbers, replace(given(numbers), x=x), mapping).values[
-            :, 16
-        ]
+        got = launched(numbers_kernel(numbers), numbers, mapping, replace(given(numbers), x=x)).values[:, 16]
         exact = np.cbrt(x.astype(np.longdouble))
         np.testing.assert_allclose(got, exact.astype(float), rtol=rtol)
         assert (got[x == 0.0] == 0.0).all()
@@ -431,7 +419,7 @@ def evaluated(numbers: Precision, mapping: Mapping, x: np.ndarray, y: np.ndarray
     found = []
     for k in range(0, len(x), N):
         given = replace(inputs(numbers), x=x[k : k + N], y=y[k : k + N])
-        found.append(lane_launch(kernel_of(numbers), numbers, given, mapping).values[:, :2])
+        found.append(launched(kernel_of(numbers), numbers, mapping, given).values[:, :2])
     return np.concatenate(found)
 
 
@@ -557,7 +545,7 @@ def test_every_function_is_that_of_numpy(numbers: Precision, mapping: Mapping) -
     found = []
     for k in range(0, len(x) - N + 1, N):
         given = replace(inputs(numbers), x=x[k : k + N], y=y[k : k + N])
-        found.append(lane_launch(every_function(numbers), numbers, given, mapping).values[:, :31])
+        found.append(launched(every_function(numbers), numbers, mapping, given).values[:, :31])
     got = np.concatenate(found)
     with np.errstate(all="ignore"):
         want = numpy_results(x.astype(float), y.astype(float))[: len(got)].astype(numbers.dtype)
@@ -574,7 +562,5 @@ def test_every_function_is_that_of_numpy(numbers: Precision, mapping: Mapping) -
 def test_a_function_has_the_same_bits_in_both_mappings() -> None:
     numbers = PRECISIONS["fp64"]
     given = replace(inputs(numbers), x=np.linspace(0.2, 5.0, N), y=np.linspace(-3.0, 3.0, N))
-    a, b = (
-        lane_launch(every_function(numbers), numbers, given, mapping).values[:, :31] for mapping in MAPPINGS
-    )
+    a, b = (launched(every_function(numbers), numbers, mapping, given).values[:, :31] for mapping in MAPPINGS)
     np.testing.assert_array_equal(a, b)

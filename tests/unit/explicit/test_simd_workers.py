@@ -7,18 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from lane_kernels import (
-    ELEMENTS,
-    MAPPINGS,
-    PRECISION,
-    N,
-    Results,
-    inputs,
-    lane_launch,
-    lanes_of,
-    scalar_launch,
-    small_structs,
-)
+from lane_kernels import ELEMENTS, MAPPINGS, PRECISION, N, Results, inputs, lanes_of, launched, small_structs
 
 from explicit.layout.lanes import lane_functions
 from explicit.layout.state import state_layout
@@ -136,9 +125,7 @@ def walk_kernel(numbers: Precision) -> Any:
 
 @cache
 def results(numbers: Precision, mapping: Mapping | None) -> Results:
-    if mapping is None:
-        return scalar_launch(walk_kernel(numbers), numbers, inputs(numbers))
-    return lane_launch(walk_kernel(numbers), numbers, inputs(numbers), mapping)
+    return launched(walk_kernel(numbers), numbers, mapping)
 
 
 @pytest.mark.parametrize("numbers", PRECISION, ids=lambda p: p.name)
@@ -213,7 +200,7 @@ def test_lanes_that_stopped_a_walk_go_on_from_there(numbers: Precision) -> None:
 def test_what_is_not_a_number_stays_in_its_simulation(numbers: Precision, mapping: Mapping) -> None:
     x = inputs(numbers).x.copy()
     x[::3] = np.nan, np.inf, -np.inf, np.nan, np.nan
-    got = lane_launch(walk_kernel(numbers), numbers, replace(inputs(numbers), x=x), mapping)
+    got = launched(walk_kernel(numbers), numbers, mapping, replace(inputs(numbers), x=x))
     whole, other = results(numbers, mapping), np.arange(N) % 3 != 0
     np.testing.assert_array_equal(got.sums[other], whole.sums[other])
     np.testing.assert_array_equal(got.u[other], whole.u[other])

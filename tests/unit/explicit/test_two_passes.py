@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from lane_kernels import ELEMENTS, LANES, N, inputs, lane_launch, scalar_launch, small_structs
+from lane_kernels import ELEMENTS, LANES, N, inputs, launched, small_structs
 
 from explicit import Model, PlatenMotion, Samples, Sampling, Stepping, cylinder, run
 from explicit.layout.lanes import lane_functions
@@ -67,7 +67,7 @@ def lookup_kernel(numbers: Precision) -> Any:
 @LANES
 def test_two_passes_give_the_numbers_of_one(numbers: Precision, mapping: Mapping, made: list[bool]) -> None:
     given = inputs(numbers)
-    got = lane_launch(lookup_kernel(numbers), numbers, given, mapping)
+    got = launched(lookup_kernel(numbers), numbers, mapping, given)
     assert made
     assert all(made)
     share = np.abs(given.x[:, None] * given.weight)
@@ -120,10 +120,10 @@ def chained_kernel(numbers: Precision, variable: bool) -> Any:
 def test_turns_that_depend_on_each_other_stay_in_one_pass(variable: bool, made: list[bool]) -> None:
     numbers = PRECISIONS["fp64"]
     chained, given = chained_kernel(numbers, variable), inputs(numbers)
-    got = lane_launch(chained, numbers, given, "simulation")
+    got = launched(chained, numbers, "simulation", given)
     assert made
     assert not any(made)
-    wanted = scalar_launch(chained, numbers, given)
+    wanted = launched(chained, numbers, None, given)
     np.testing.assert_array_equal(got.values, wanted.values)
     assert (wanted.values[:, 1] == given.rows[0, np.abs(given.x).astype(int) + 2]).all()
     assert len(given.x) == N

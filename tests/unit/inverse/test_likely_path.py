@@ -186,26 +186,18 @@ def test_one_parameter_follows_the_path_too(monkeypatch: pytest.MonkeyPatch) -> 
     assert weights.balanced
 
 
-def test_a_wrong_path_is_left_where_its_record_puts_it() -> None:
-    made: Any = Onset(np.array([40.0, -30.0]))
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_wrong_path_and_a_lost_replicate_leave_the_path(lost: bool) -> None:
+    made: Any = Onset(np.array([4.0, -3.0]) if lost else np.array([40.0, -30.0]))
+    made.lost = int(lost)
     one, before = Objective(made.observations, np.empty(0, dtype=bool)), off_by(0.0)
     found, front = follow_front(made, one, made.settings.numerics, before)
     assert found is before
     np.testing.assert_array_equal(front.path.jerk, REST.jerk)
-    assert front.path is not REST  # so that no run so far serves a surrogate
+    assert (front.path is REST) == lost  # another object: no run so far serves a surrogate
     assert front.moved is None
     assert front.noise.offset is None
-    assert front.noise.patterns is not None
-
-
-def test_a_lost_replicate_leaves_the_path() -> None:
-    made: Any = Onset(np.array([4.0, -3.0]))
-    made.lost = 1
-    one, before = Objective(made.observations, np.empty(0, dtype=bool)), off_by(0.0)
-    found, front = follow_front(made, one, made.settings.numerics, before)
-    assert found is before
-    assert front.path is REST
-    assert front.noise.patterns is None  # the interval rests on draws of the motion
+    assert (front.noise.patterns is None) == lost  # then the interval rests on draws of the motion
 
 
 def test_modes_have_the_replicates_mean_square() -> None:

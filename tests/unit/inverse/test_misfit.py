@@ -138,12 +138,9 @@ def by_hand():
     """Frames 5 and 8 with 2 and 3 points, one of them outside; 3 samples, 1 bin; one simulation."""
     time = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
     line = CentreLine(
-        time=time,
-        frame=np.array([5, 5, 8, 8, 8]),
-        y=np.arange(5.0),
-        Z=np.array([2.0, 4.0, 5.0, 8.0, 10.0]),
+        time=time, frame=np.array([5, 5, 8, 8, 8]), y=np.arange(5.0), Z=np.array([2.0, 4.0, 5.0, 8.0, 10.0]),
         sigma=np.array([0.1, 0.2, 0.5, 0.4, 1.0]),
-    )
+    )  # fmt: skip
     history = ForceHistory(
         time=np.array([0.0, 1.0, 2.0]), force=np.array([1.0, 2.0, 4.0]), sigma=np.array([0.3, 0.2, 0.1])
     )
@@ -188,12 +185,9 @@ def test_uncertainties_of_the_papers_table_1():
     """delta Z = 0.01 mm at Z = 4.75 mm, 200 samples of 0.25 N: 0.002, 50 N and 2.0 in the paper."""
     n = 1000
     line = CentreLine(
-        time=np.zeros(n),
-        frame=np.zeros(n, dtype=np.int64),
-        y=np.zeros(n),
-        Z=np.full(n, 0.00475),
+        time=np.zeros(n), frame=np.zeros(n, dtype=np.int64), y=np.zeros(n), Z=np.full(n, 0.00475),
         sigma=np.full(n, 1e-5),
-    )
+    )  # fmt: skip
     t = np.arange(200.0)
     history = ForceHistory(time=t, force=np.zeros(200), sigma=np.full(200, 0.25))
     bins = bin_force(history, window=(0.0, 199.0), width=10.0)

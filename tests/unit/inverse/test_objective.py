@@ -29,15 +29,12 @@ def objective(force: FloatArray, shape: FloatArray, points_per_frame: int = 4) -
                 edges=edges, mean=force, sigma=np.full(n, NOISE_FORCE), n=np.full(n, 17, dtype=np.int64)
             ),
             centre_line=CentreLine(
-                time=bin_width * (frame + 0.5),
-                frame=frame,
-                y=np.zeros(len(shape)),
-                Z=shape,
+                time=bin_width * (frame + 0.5), frame=frame, y=np.zeros(len(shape)), Z=shape,
                 sigma=np.full(len(shape), NOISE_SHAPE),
             ),
         ),
         counted=np.ones(len(shape), dtype=bool),
-    )
+    )  # fmt: skip
 
 
 def linear(n_force: int, n_shape: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

@@ -323,12 +323,9 @@ def rise(
         return SimpleNamespace(completed=np.arange(len(points)) != (1 if lost else 9), points=points)
 
     problem = SimpleNamespace(
-        box=box,
-        shot=SimpleNamespace(uncertainty=uncertainty),
-        numerics="the surrogate's mesh",
-        observations=None,
-        point=lambda points: points,
-    )
+        box=box, shot=SimpleNamespace(uncertainty=uncertainty), numerics="the surrogate's mesh",
+        observations=None, point=lambda points: points,
+    )  # fmt: skip
     runner: Any = SimpleNamespace(
         problem=problem, forward=SimpleNamespace(run=run), objective=lambda counted: lines
     )
@@ -425,12 +422,9 @@ def test_answers_of_incompressible_shots_are_counted_by_hand() -> None:
         one("0.49999", 1.021, 0.49999, "not explained by the model"),
     ]
     assert counts(rows) == {
-        "answers": 3,
-        "inside": 2,
-        "identified": 2,
-        "held at the limit": 1,
+        "answers": 3, "inside": 2, "identified": 2, "held at the limit": 1,
         "largest change over sigma": pytest.approx(2.1),
-    }
+    }  # fmt: skip
     assert "| 7 | 0.49999 | +2.10 ± 2.00 | no |" in line(rows[2])
 
 

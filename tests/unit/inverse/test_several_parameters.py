@@ -224,12 +224,9 @@ def test_a_corrected_step_is_three_times_as_long_at_most() -> None:
     by 3 * 0.81."""
     made: Any = Bins()
     _chord_steps(
-        made,
-        objective(np.zeros(10), np.empty(0)),
-        np.full((10, 1), 10.0),
-        np.array([-9.0]),
+        made, objective(np.zeros(10), np.empty(0)), np.full((10, 1), 10.0), np.array([-9.0]),
         made.problem.refined,
-    )
+    )  # fmt: skip
     assert made.visited[:3] == pytest.approx([-9.0, -8.1, -8.1 + 3.0 * 0.81], rel=1e-6)
 
 

@@ -102,12 +102,9 @@ def test_elastic_parts_are_those_of_the_full_model(shot: Shot) -> None:
     problem = prepared.forward.problem({}, NUMERICS)
     sections = [Section(p.length, 0.5 * p.diameter, p.youngs_modulus, p.density, p.poisson) for p in parts]
     full = couple(
-        problem.model,
-        problem.samples,
-        elastic_bar(sections, size=5e-3, depths=[14e-3]),
-        threads=1,
+        problem.model, problem.samples, elastic_bar(sections, size=5e-3, depths=[14e-3]), threads=1,
         max_passes=10,
-    )
+    )  # fmt: skip
     history = full.parts[0]
     wanted = np.interp(found.force_times, history.times, history.section_force[:, 0])
     # Both press on the whole face; there the times' interpolation differs.

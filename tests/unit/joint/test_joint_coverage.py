@@ -48,12 +48,8 @@ def test_counts_by_hand() -> None:
     counts = {name: said[name]["held"]["count"] for name in NAMES}
     # A refused draw holds nothing.
     assert counts == {
-        "stiffness_factor": 2,
-        "poisson": 3,
-        "damping": 3,
-        "prony_strength_1": 3,
-        "prony_time_1": 2,
-    }
+        "stiffness_factor": 2, "poisson": 3, "damping": 3, "prony_strength_1": 3, "prony_time_1": 2,
+    }  # fmt: skip
     assert said["prony_time_1"]["held"]["of"] == 4
     assert said["pairs within 2 sigma"]["count"] == 2
     assert said["relaxation asked for"]["count"] == 2
@@ -72,13 +68,10 @@ def test_wrong_sensitivities_are_counted_by_case_and_by_the_named_shot() -> None
         return {"case": case, "error": error, "wrong": "1", "found": found}
 
     rows = [
-        one("correct", 0.0, "explained"),
-        one("more", 0.1, "withheld", "1"),
-        one("more", 0.1, "withheld", "0"),
-        one("more", 0.1, "withheld"),
-        one("noticeable", -0.06, "explained"),
-        {**one("noticeable", 0.3, "explained"), "found": None},
-    ]
+        one("correct", 0.0, "explained"), one("more", 0.1, "withheld", "1"),
+        one("more", 0.1, "withheld", "0"), one("more", 0.1, "withheld"),
+        one("noticeable", -0.06, "explained"), {**one("noticeable", 0.3, "explained"), "found": None},
+    ]  # fmt: skip
     found = gain_counts(rows)
     assert list(found) == ["correct", "more", "noticeable"]
     assert found["more"] == {"answers": 3, "withheld": 3, "shot named": 1, "error, median": 0.1}

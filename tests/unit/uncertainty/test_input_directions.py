@@ -254,12 +254,8 @@ def test_steps_and_plain_amounts() -> None:
     assert parameter_step("damping", 4e-5) == pytest.approx(2e-6, rel=1e-12)
     assert parameter_step("damping", 0.0) == pytest.approx(5e-7, rel=1e-12)
     expected = {
-        "specimen_length": 0.01,
-        "clock_offset": 1e-6,
-        "y_offset": 1e-5,
-        "damping": 1e-6,
-        "friction": 0.01,
-    }
+        "specimen_length": 0.01, "clock_offset": 1e-6, "y_offset": 1e-5, "damping": 1e-6, "friction": 0.01,
+    }  # fmt: skip
     assert {key: plain_amount(key, float("nan")) for key in expected} == expected
     # The power of ten that is not above a hundredth of 1/2 - nu.
     for poisson, amount in ((0.499, 1e-5), (0.4985, 1e-5), (0.4995, 1e-6), (0.45, 1e-4)):

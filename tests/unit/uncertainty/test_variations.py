@@ -296,30 +296,35 @@ def test_what_moves_both_alike_is_no_part_of_their_difference() -> None:
     assert parts["mesh"]["stiffness_factor"] == pytest.approx(0.1 / (2.0**2.1 - 1.0) - 0.1 / (2.0**3.2 - 1.0))
 
 
-def test_declared_inputs_are_counted_by_each_map() -> None:
-    rows = np.stack([JACOBIAN[:, 0] * (np.arange(K) < N), 2.0 * JACOBIAN[:, 1]])
-    declared = replace(sources(), declared=np.sqrt(2.0) * rows)
-    pair = [optimum("force", (1.0, 2.0)), optimum("shape", (1.0, 2.0))]
-    parts = [{p.source: p.sigma for p in budgeted(NAMES, one, declared).budget} for one in pair]
-    assert parts[0]["declared inputs"] == pytest.approx({"stiffness_factor": 1.0, "damping": 2.0})
-    assert parts[1]["declared inputs"] == pytest.approx({"stiffness_factor": 0.0, "damping": 2.0}, abs=1e-12)
-    found = route_difference(NAMES, pair, declared)
-    apart = {p.source: p.sigma for p in found.budget}["declared inputs"]
-    assert apart == pytest.approx({"stiffness_factor": 1.0, "damping": 0.0}, abs=1e-12)
+FORCE_ROW = JACOBIAN[:, 0] * (np.arange(K) < N)
 
 
-def test_a_rough_response_counts_as_each_map_makes_of_it() -> None:
-    """Two runs that deviate like a parameter, one in the force alone: 0.3 and 0.4 move the joint optimum; the
-    route of the force by 0.3 and 0.4, that of the outline by 0.4 alone, and their difference by 0.3."""
-    rough = np.stack([0.3 * JACOBIAN[:, 0] * (np.arange(K) < N), 0.4 * JACOBIAN[:, 0]])
-    given = replace(sources(), deviations=rough)
+@pytest.mark.parametrize(
+    ("field", "rows", "source", "each", "between"),
+    [
+        ("declared", np.sqrt(2.0) * np.stack([FORCE_ROW, 2.0 * JACOBIAN[:, 1]]), "declared inputs",
+         ((1.0, 2.0), (0.0, 2.0)), (1.0, 0.0)),
+        # Two runs that deviate like a parameter, one in the force alone: 0.3 and 0.4 move the joint optimum
+        # and the route of the force, 0.4 alone that of the outline, and 0.3 their difference.
+        ("deviations", np.stack([0.3 * FORCE_ROW, 0.4 * JACOBIAN[:, 0]]), "roughness",
+         ((0.5, 0.0), (0.4, 0.0)), (0.3, 0.0)),
+    ],
+)  # fmt: skip
+def test_what_is_given_in_rows_counts_as_each_map_makes_of_it(
+    field: str,
+    rows: np.ndarray,
+    source: str,
+    each: tuple[tuple[float, float], ...],
+    between: tuple[float, float],
+) -> None:
+    given = replace(sources(), **{field: rows})
     pair = [optimum("force", (1.0, 2.0)), optimum("shape", (1.0, 2.0))]
-    parts = [{p.source: p.sigma for p in budgeted(NAMES, one, given).budget} for one in pair]
-    assert parts[0]["roughness"] == pytest.approx({"stiffness_factor": 0.5, "damping": 0.0}, abs=1e-12)
-    assert parts[1]["roughness"] == pytest.approx({"stiffness_factor": 0.4, "damping": 0.0}, abs=1e-12)
-    found = route_difference(NAMES, pair, given)
-    apart = {p.source: p.sigma for p in found.budget}["roughness"]
-    assert apart == pytest.approx({"stiffness_factor": 0.3, "damping": 0.0}, abs=1e-12)
+    parts = [budgeted(NAMES, one, given).budget for one in pair] + [
+        route_difference(NAMES, pair, given).budget
+    ]
+    for part, wanted in zip(parts, (*each, between), strict=True):
+        (found,) = (one.sigma for one in part if one.source == source)
+        assert found == pytest.approx(dict(zip(NAMES, wanted, strict=True)), abs=1e-12)
     assert sources().roughness(gain("joint")) is None
 
 

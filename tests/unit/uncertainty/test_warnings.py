@@ -138,12 +138,9 @@ def test_runs_that_did_not_complete() -> None:
     outcomes[3] = outcomes[5] = "INVERTED"
     outcomes[17] = "STEP_COLLAPSED"
     design = replace(
-        clean().design,
-        outcomes=tuple(outcomes),
-        end_times=np.full(22, 1.2e-3),
-        failed_elements=np.full(22, 351),
-        failed_places=np.tile([4.6e-3, 6.4e-3], (22, 1)),
-    )
+        clean().design, outcomes=tuple(outcomes), end_times=np.full(22, 1.2e-3),
+        failed_elements=np.full(22, 351), failed_places=np.tile([4.6e-3, 6.4e-3], (22, 1)),
+    )  # fmt: skip
     texts = collect_warnings(clean(design=design), checks=CHECKS, interface=BONDED)
     assert len(texts) == 3  # the count, and the first run of each kind with its moment, element and cure
     count = "3 of 22 runs did not complete (2 in design: INVERTED, 1 in refinement: STEP_COLLAPSED)"
