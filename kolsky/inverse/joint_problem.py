@@ -164,9 +164,7 @@ class Stack:
         for length in BLOCKS:
             labels, first = [], 0
             for one in self.shots:
-                times = one.objective.times
-                width = float(np.diff(one.observations.bins.edges).mean())
-                own = ((times - times.min()) / width).astype(int) // length
+                own = one.objective.block // length
                 labels.append(first + own)
                 first += int(own.max()) + 1
             rest = len(self.slow) + self.known

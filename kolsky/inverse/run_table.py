@@ -232,20 +232,6 @@ class Runs:
         response = self.response.select(self.rows)
         return CompletedRuns(self.points[self.rows], self.rows, self.prediction, response, self.lost)
 
-    def apart(self) -> list[CompletedRuns]:
-        """Each run as a separate record. All runs must have completed."""
-        assert self.prediction is not None
-        return [
-            CompletedRuns(
-                self.points[[row]],
-                np.array([0]),
-                self.prediction.select([row]),
-                self.response.select([row]),
-                "",
-            )
-            for row in range(len(self.points))
-        ]
-
 
 Place = tuple[tuple[int, int], FlyerPath, FloatArray]
 """Mesh, path of the front face and offset of the points, shape [d], of a batch."""

@@ -40,6 +40,7 @@ from kolsky.uncertainty.profiles import (
     WARN_WIDER,
     LinearisedOptimum,
     ParameterProfiles,
+    posterior,
     profile_parameters,
     surrogate_of,
 )
@@ -306,7 +307,7 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
     sampled = None
     if runner.problem.settings.bayes and found is not None:
         with runner.work.stage("posterior"):
-            sampled = _posterior_of(found, runner.problem.settings.seed)
+            sampled = posterior(found, seed=runner.problem.settings.seed)
     profiles = () if found is None else found.profiles
     cautions = caution(systematic, dict(zip(directions.names, answer.x.tolist(), strict=True)))
     return UncertaintyAnalysis(
@@ -320,13 +321,6 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
         variations=varied,
         directions=directions,
     )
-
-
-def _posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
-    """The posterior; its module is imported only if needed."""
-    from kolsky.uncertainty.profiles import posterior
-
-    return posterior(found, seed=seed)
 
 
 def noise_shares(answer: LinearisedOptimum, systematic: tuple[Declaration, ...]) -> FloatArray:
