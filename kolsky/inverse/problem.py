@@ -284,7 +284,7 @@ class InverseProblem:
     @property
     def shot(self) -> Shot:
         """The shot."""
-        return self.prepared.shot
+        return self.prepared.forward.shot
 
     @property
     def observations(self) -> Observations:

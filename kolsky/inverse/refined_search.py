@@ -190,8 +190,8 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
     If a surface slides, the box stays wide: in a narrow one, a few jumps would determine the slope. Otherwise
     the response is quadratic in it, about the optimum estimated from one run on the refined mesh.
     """
-    problem = runner.problem
-    if slides(problem.shot.interface, [*problem.freed.free, *problem.settings.held]):
+    problem, settings = runner.problem, runner.problem.settings
+    if slides(problem.shot.interface, [*(settings.free or ()), *settings.held]):
         return coarse.x, EDGE
     own = _halved_box(runner, coarse)
     first = check_run(runner, own.x, problem.refined)

@@ -75,7 +75,7 @@ def oscillation_table(
     prepared: PreparedShot, factor: float, bounds: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Poisson's ratio between two bounds, and its number of oscillations at a stiffness factor [-], [n]."""
-    shot, edges = prepared.shot, prepared.observations.bins.edges
+    shot, edges = prepared.forward.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
     number = oscillations(
         table,

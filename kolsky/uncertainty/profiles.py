@@ -7,7 +7,6 @@ The data vector is reduced to the components that can change. `sample_posterior`
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,51 +25,28 @@ from kolsky.inverse.result import Interval, PairMap, ParameterProfile, Posterior
 from kolsky.inverse.runner import Runner
 
 
-@dataclass(frozen=True)
-class ReducedResiduals:
-    """The weighted residuals, reduced to the triangle T and the scores s(x)."""
+def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
+    """The likelihood with the objective's weights. Its noise and discrepancies are fixed.
 
-    coordinates: Callable[[FloatArray], FloatArray]
-    """s(x), shape [n, d] -> [n, q]."""
-    triangle: FloatArray
-    """T, shape [p, q + 1]."""
-
-    def residuals(self, points: FloatArray) -> FloatArray:
-        """Residuals with the same sum of squares as the weighted data vector's, shape [n, d] -> [n, p]."""
-        s = self.coordinates(points)
-        return s @ self.triangle[:, :-1].T + self.triangle[:, -1]
-
-
-def _reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> ReducedResiduals:
-    """Reduce a corrected surrogate and an objective with fixed discrepancies."""
-    surrogate = model.surrogate
+    The weighted residuals are reduced to a triangle T of shape [p, q + 1] and q coordinates of the points.
+    """
+    surrogate, prior = model.surrogate, objective.prior
     if not isinstance(surrogate, ComponentSurrogate):
         raise TypeError(f"a surrogate by principal components is needed, got {type(surrogate).__name__}")
     q = surrogate.n_components
     slope = np.zeros((len(objective.data), 0)) if np.isscalar(model.slope) else np.asarray(model.slope)
     anchor = 0.0 if model.anchor is None else model.anchor
-
-    def coordinates(points: FloatArray) -> FloatArray:
-        scores = surrogate.scores(points, extrapolate=True)
-        return np.hstack([scores, points - anchor]) if slope.size else scores
-
     zero = surrogate.components.expand(np.zeros((1, q)))[0] + model.shift - objective.data
     columns = np.column_stack([surrogate.components.deviation(np.eye(q)).T, slope, zero])
     _, triangle = np.linalg.qr(objective.whitened(columns.T).T)
-    return ReducedResiduals(coordinates, triangle)
-
-
-def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
-    """The likelihood with the objective's weights. Its noise and discrepancies are fixed."""
-    short, prior = _reduce_residuals(model, objective), objective.prior
-    p = len(short.triangle)
-    if prior is None:
-        return Likelihood(box, short.residuals, np.zeros(p), [Channel("force and shape", np.ones(p))])
 
     def residuals(points: FloatArray) -> FloatArray:
-        return np.hstack([short.residuals(points), prior.residuals(points)])
+        scores = surrogate.scores(points, extrapolate=True)
+        s = np.hstack([scores, points - anchor]) if slope.size else scores
+        found: FloatArray = s @ triangle[:, :-1].T + triangle[:, -1]
+        return found if prior is None else np.hstack([found, prior.residuals(points)])
 
-    p += len(prior.rows())
+    p = len(triangle) + (0 if prior is None else len(prior.rows()))
     return Likelihood(box, residuals, np.zeros(p), [Channel("force, shape and prior", np.ones(p))])
 
 
