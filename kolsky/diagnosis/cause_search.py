@@ -130,9 +130,7 @@ class CauseSearch:
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
 
     def judge(self, answer: CauseSearch) -> None:
-        """Measure evidence relative to another search's answer, if it fits better; it uses all entries of
-        this one.
-        """
+        """Measure evidence relative to another search's answer, over these entries, if it fits better."""
         kept = self.use[answer.use]
         known = self.expected.misfits(answer.left[kept])
         if self.loss(known) < self.loss(self.before):
@@ -171,9 +169,7 @@ class CauseSearch:
         return Trial(c, x, u + float(fit.step[-1]), misfits, fit.residual, fit)
 
     def residual(self, vector: FloatArray) -> FloatArray:
-        """Prediction minus data at the counted entries, with the answer's value at points that are not
-        reached.
-        """
+        """Prediction minus data at the counted entries, with the answer's value where not reached."""
         whole = np.where(np.isfinite(vector), vector, self.vector)
         return np.asarray((whole - self.model.data)[self.use])
 

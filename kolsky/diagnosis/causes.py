@@ -266,9 +266,7 @@ class Best:
     None if no run was made."""
 
     def renewed(self, judge: CauseSearch) -> Best:
-        """The model after a refinement from a run on the refined mesh at its point; unchanged if that run
-        fails.
-        """
+        """The model after a refinement from a run on the refined mesh at its point, if that run completes."""
         t, search = self.own, self.search
         run = search.model.refined_run(Point(t.x, t.candidate.changed(t.u)))
         if run is None:
@@ -440,9 +438,9 @@ def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> t
 
 
 def best_trials(search: CauseSearch, candidates: Sequence[Cause], *, explained: bool = False) -> list[Trial]:
-    """The best value of every candidate. Large changes are tried only if the data are not explained.
+    """The best value of every candidate, with large changes if the data are not explained.
 
-    The search estimates the residual of a correct model from only two meshes. `explained` is more accurate.
+    The search estimates the residual of a correct model from two meshes; `explained` is more accurate.
     """
     tangents = search.tangents(candidates)
     if not (search.before > UNEXPLAINED).any() or explained:

@@ -395,9 +395,7 @@ def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> Float
 
 
 def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
-    """The lag at which the predicted force of one shot is nearest to the measured one [s], in steps of half a
-    bin.
-    """
+    """The lag at which the predicted force of a shot is nearest to the measured one [s], by half bins."""
     one, start = stack.shots[k], stack.place(k).start
     force = slice(start, start + one.objective.n_force)
     times = one.observations.bins.edges

@@ -135,9 +135,7 @@ def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
 
 
 def at_inner_face(x: FloatArray, local: Box, whole: Box) -> bool:
-    """True if a point lies on a face of the local box inside the whole box, so the optimum may lie outside
-    it.
-    """
+    """True if a point lies on a face of the local box inside the whole box: the optimum may lie outside."""
     return bool((on_edge(x, local) & ~on_edge(x, whole)).any())
 
 
@@ -167,17 +165,15 @@ class CoarseOptimum:
 
 
 def surrogate_kind(box: Box, *, smooth: bool = False) -> SurrogateKind:
-    """The surrogate for a number of free parameters, from the registry.
-
-    ``smooth``: True if the response is smooth in the box and the box is small about the optimum.
+    """The surrogate by the number of parameters, and for a ``smooth`` response in a small box about the
+    optimum.
     """
     return SURROGATES[SMOOTH if smooth or box.dimension == 1 else ROUGH]
 
 
 def search_coarse(runner: Runner) -> CoarseOptimum:
-    """Stages 1 and 2 of `kolsky.identification.identify`.
-
-    Raises ValueError if no surrogate can be fitted to the completed runs.
+    """Stages 1 and 2 of `kolsky.identification.identify`; ValueError if no surrogate can be fitted to the
+    runs.
     """
     wide = runner.simulate("design", runner.design(runner.problem.box), runner.problem.numerics)
     return second_design(runner, wide) if runner.problem.box.dimension == 1 else adaptive_design(runner, wide)

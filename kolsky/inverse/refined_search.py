@@ -129,9 +129,7 @@ class QuadraticFit:
 
     @property
     def leftover(self) -> float:
-        """Root mean square of run minus quadratic, by the degrees of freedom, divided by the data's noise
-        [-].
-        """
+        """Root mean square of run minus quadratic, by the degrees of freedom, over the data's noise [-]."""
         square = ((self.surrogate.residuals / self.objective.noise) ** 2).mean(axis=1).sum()
         return float(np.sqrt(square / self.surrogate.degrees_of_freedom))
 
@@ -142,10 +140,7 @@ class QuadraticFit:
 
 
 def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum:
-    """Stage 3 of `kolsky.identification.identify` if a surface slides or lets go.
-
-    Raises ValueError if the run at the optimum does not complete, or too few runs of a design do.
-    """
+    """Stage 3 of `kolsky.identification.identify` if a surface slides or lets go; ValueError if runs fail."""
     found = _moved_to_inside(runner, *_first_box(runner, coarse))
     x = found.x
     check = check_run(runner, x, runner.problem.refined)

@@ -624,10 +624,8 @@ class Identification(ResultViews):
     """Input hashes, settings, versions, seed, machine class, precision."""
 
     def spread(self, channel: str) -> FloatArray:
-        """Standard deviation of the residual of a correct model at each force bin or outline point, in N or
-        m.
-
-        It is the noise if the goodness of fit was not recorded.
+        """Standard deviation of a correct model's residual at each force bin or outline point [N, m], at
+        least the noise.
         """
         c = self.comparison
         noise = c.force_sigma if channel == FORCE else c.centre_line.sigma
@@ -660,9 +658,7 @@ class Identification(ResultViews):
 
 
 def worst_imbalance(response: Response) -> float:
-    """Largest |energy residual| of the first simulation, divided by its external work [-]; NaN without a
-    ledger.
-    """
+    """Largest |energy residual| of the first simulation over its external work [-]; NaN without a ledger."""
     if not np.isfinite(response.energy.external[0]).any():
         return float("nan")
     return float(response.energy.imbalance()[0])

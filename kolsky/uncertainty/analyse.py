@@ -195,9 +195,7 @@ def _narrower_bins(
 def _halves(
     prediction: Prediction, time: FloatArray, edge: NDArray[np.intp], halves: NDArray[np.intp]
 ) -> FloatArray:
-    """Means over the halves of bins by the trapezoid rule, [n, 2 n_bins]; both get the correction that makes
-    the bin's mean exact.
-    """
+    """Means over the halves of bins by the trapezoid rule, corrected to the exact mean, [n, 2 n_bins]."""
     F = prediction.force
     steps = 0.5 * (F[:, 1:] + F[:, :-1]) * np.diff(time)
     impulse = np.concatenate([np.zeros((len(F), 1)), np.cumsum(steps, axis=1)], axis=1)

@@ -115,9 +115,8 @@ class MeshChange:
             )
 
     def shift(self, gain: FloatArray) -> FloatArray:
-        """Optimum on the refined mesh minus that on the surrogate's, shape [d].
-
-        ``gain``: linear map from data minus prediction to the shift of the optimum, shape [d, k].
+        """Optimum on the refined mesh minus that on the surrogate's, [d], by the gain of the data vector, [d,
+        k].
         """
         return np.asarray(gain @ self.coarser)
 
@@ -165,9 +164,7 @@ def windows_of(times: FloatArray) -> IntArray:
 def numerical_parts(
     mesh: MeshChange, gain: FloatArray, *, roughness: FloatArray | None = None
 ) -> Mapping[str, FloatArray]:
-    """Standard uncertainties from the numerics by source, [d] each; ``roughness``: None for a smooth
-    response.
-    """
+    """Standard uncertainties from the numerics by source, [d] each; ``roughness``: None if it is smooth."""
     found = {"mesh": mesh.sigma(gain)}
     return found if roughness is None else {**found, "roughness": roughness}
 
@@ -234,10 +231,7 @@ for one shot, they were 1.26, 1.64 and 1.45 in fifty draws of seed 52631
 
 
 def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
-    """Mesh change at an optimum: data on the search mesh with both elements, and on the refined mesh.
-
-    Raises ValueError if the run with the element of the search does not complete on the search mesh.
-    """
+    """Mesh change of several shots at an optimum; ValueError if a run on the search mesh fails."""
     numerics = problem.mesh
     coarse = problem.predict("check", found.x[None], numerics)[0]
     if np.isnan(coarse).any():

@@ -155,9 +155,7 @@ def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterPr
 
 
 def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
-    """First box of the profiles: the last design's, or `NEAR` sigma about several parameters, with a new
-    design.
-    """
+    """First box of the profiles: the last design's, or for several parameters `NEAR` sigma, with new runs."""
     whole = runner.problem.box
     if whole.dimension == 1:
         return answer.local
@@ -240,9 +238,7 @@ def surrogate_of(
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
-    """Mask of the points that are not too close to an earlier one; close pairs make a surrogate
-    ill-conditioned.
-    """
+    """Mask of the points not too close to an earlier one; close pairs make a surrogate ill-conditioned."""
     kept: list[int] = []
     for row in range(len(unit)):
         if all(np.linalg.norm(unit[row] - unit[other]) >= least for other in kept):

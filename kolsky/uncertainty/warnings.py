@@ -179,9 +179,7 @@ def folded_warning(
 
 
 def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
-    """Count the failed runs by stage and `explicit.Outcome`, then ``rest``, and describe the first of each
-    kind.
-    """
+    """Count the failed runs by stage and `explicit.Outcome`, then ``rest``; describe one of each kind."""
     kinds: dict[str, list[int]] = {}
     for run in table.lost:
         kinds.setdefault(f"{table.stage[run]}: {table.outcomes[run]}", []).append(run)
@@ -270,8 +268,8 @@ def _force_only_warning(result: Identification) -> Iterator[str]:
 
 
 def route_warnings(result: Identification) -> Iterator[str]:
-    """Warning if force and outline disagree about a parameter, by
-    `kolsky.uncertainty.budgets.route_difference`.
+    """Warning if force and outline disagree about a parameter
+    (`kolsky.uncertainty.budgets.route_difference`).
     """
     difference, routes = result.route_difference, {route.name: route for route in result.routes}
     if difference is None or not {"force only", "shape only"} <= set(routes):
