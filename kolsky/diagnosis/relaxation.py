@@ -355,8 +355,7 @@ def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without
     if not any(is_strength(name) for name in problem.unknowns.names):
         return None
     x = weak_branch(problem, elastic, without.x, strength=0.0)
-    seen = problem.vector_for(problem.stack, x, problem.refined)
-    vector = np.concatenate([seen[: len(seen) - problem.stack.known], problem.known(x)])
+    vector = problem.vector_for(problem.stack, x, problem.refined, problem.known(x))
     start = weak_branch(problem, elastic, without.start, strength=0.0)
     return Optimum(x, start, vector, without.slopes, None, without.confirmed)
 
@@ -391,8 +390,7 @@ def choose_model(
     stack, x, vector = elastic.stack, without.x, without.vector
     # The optimum with relaxation, evaluated with the same data, patterns and prior.
     both = [i for i, name in enumerate(problem.unknowns.names) if name in elastic.unknowns.names]
-    seen = problem.vector_for(stack, found.x, problem.refined)
-    other = np.concatenate([seen[: len(seen) - stack.known], elastic.known(found.x[both])])
+    other = problem.vector_for(stack, found.x, problem.refined, elastic.known(found.x[both]))
     patterns = mesh_patterns(stack, joint_mesh_change(elastic, without))
     more = len(problem.unknowns.names) - len(elastic.unknowns.names)
     lower = deviance_with_mesh_patterns(stack, other, patterns) - deviance_with_mesh_patterns(

@@ -197,23 +197,23 @@ def second_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
 
 def _fit(runner: Runner, box: Box, runs: CompletedRuns) -> tuple[Objective, Surrogate]:
     """The objective over the points that every run reaches, and the surrogate of its data vector."""
-    objective = runner.objective(_points_in_every_run(runs.prediction.inside))
+    objective = runner.objective(np.asarray(runs.prediction.inside.all(axis=0)))
     use = box.contains(runs.points)
     vectors = objective.vectors(runs.prediction)
     try:
         surrogate = surrogate_kind(box).fit(box, runs.points[use], vectors[use], scale=objective.noise)
     except SurrogateError as error:
-        raise _no_surrogate(error, runs) from error
+        raise no_surrogate(error, runs) from error
     return objective, surrogate
 
 
 def adaptive_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
     """Batches of runs about the optimum until it converges."""
-    objective = runner.objective(_points_in_every_run(wide.prediction.inside))
+    objective = runner.objective(np.asarray(wide.prediction.inside.all(axis=0)))
     try:
         found = _refine(runner, objective)
     except SurrogateError as error:
-        raise _no_surrogate(error, wide) from error
+        raise no_surrogate(error, wide) from error
     return _refined_surrogate(runner, found)
 
 
@@ -250,7 +250,7 @@ def _refine(runner: Runner, objective: Objective) -> Refinement:
 def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
     """The surrogate over the outline points that its runs reach, which are more than in the first design."""
     points, prediction = _runs_of_surrogate(runner, found.surrogate)
-    objective = runner.objective(_points_in_every_run(prediction.inside))
+    objective = runner.objective(np.asarray(prediction.inside.all(axis=0)))
     surrogate = ProcessSurrogate.fit(
         found.surrogate.box,
         points,
@@ -288,11 +288,7 @@ def _runs_of_surrogate(runner: Runner, surrogate: Surrogate) -> tuple[FloatArray
     return points[rows], prediction.select(rows)
 
 
-def _points_in_every_run(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    return np.asarray(inside.all(axis=0))
-
-
-def _no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
+def no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
     lost = f": {runs.lost}" if runs.lost else ""
     return ValueError(f"no surrogate can be fitted to the runs that completed ({error}){lost}")
 

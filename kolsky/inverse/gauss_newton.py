@@ -333,7 +333,7 @@ def _search_on(
 
 
 def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
-    """Jacobian [k, d], data vector [k], objective at the surrogate mesh's optimum; ValueError if a run fails."""
+    """Jacobian [k, d], data vector [k] and objective at the surrogate mesh's optimum, or ValueError."""
     box = runner.problem.box
     up, down = difference_points(box, optimum.x, DIFFERENCE_STEP * optimum.sigma)
     points = np.concatenate([optimum.x[None], up, down])

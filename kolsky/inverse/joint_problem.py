@@ -311,10 +311,13 @@ class JointProblem:
             shots.append(replace(one, counted=~np.isnan(seen[0, one.observations.n_force :])))
         self.stack = replace(self.stack, shots=tuple(shots))
 
-    def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
-        """All predictions at a point, with another stack's outline points and without prior, shape [k]."""
+    def vector_for(
+        self, stack: Stack, x: FloatArray, numerics: Numerics, known: FloatArray | None = None
+    ) -> FloatArray:
+        """All predictions at a point, [k], with another stack's outline points and prior; default: none."""
         vectors = self.runs.vectors("search", x[None], numerics)
-        return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
+        known = np.zeros(stack.known) if known is None else known
+        return stack.joined(vectors, self.slow_values(x)[None], known[None])[0]
 
     def search(self, starts: FloatArray, numerics: Numerics, steps: int) -> tuple[FloatArray, FloatArray]:
         """The best least-squares result from several starts, and its standard deviations, shape [d] each."""

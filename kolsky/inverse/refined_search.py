@@ -15,7 +15,7 @@ from doe import Box, latin_hypercube
 from doe.surrogates import QuadraticSurrogate, SurrogateError
 from doe.surrogates.quadratic import runs_wanted
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import CoarseOptimum, Model, at_inner_face, jacobian, search
+from kolsky.inverse.coarse_search import CoarseOptimum, Model, at_inner_face, jacobian, no_surrogate, search
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import slides
 from kolsky.inverse.path_noise import FrontPath
@@ -234,8 +234,7 @@ def _fit(runner: Runner, middle: FloatArray, edge: float, numerics: Numerics) ->
     try:
         surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
     except SurrogateError as error:
-        lost = f": {runs.lost}" if runs.lost else ""
-        raise ValueError(f"no surrogate can be fitted to the runs that completed ({error}){lost}") from error
+        raise no_surrogate(error, runs) from error
     start = np.clip(middle, box.lower, box.upper)
 
     def model(points: FloatArray) -> FloatArray:

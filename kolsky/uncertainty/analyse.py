@@ -256,28 +256,17 @@ class UncertaintyAnalysis:
             return
         answer = {name: e.on_mesh for name, e in estimates.items()}
         width = {name: 2.0 * e.sigma for name, e in estimates.items()}
-        own = all(profile.error <= TOLERANCE * profile.level for profile in self.profiles)
-        yield Method.compared(
-            PROFILE,
-            dict(zip(answer, self.found.optimum.tolist(), strict=True)),
-            answer=answer,
-            half_width=width,
-            runs=self.runs,
-            shared_runs=self.runs,
-            converged=own,
-            ended="confirmed by runs along the profiles" if own else "not confirmed by runs along them",
+        compared = partial(
+            Method.compared, answer=answer, half_width=width, runs=self.runs, shared_runs=self.runs
         )
+        own = all(profile.error <= TOLERANCE * profile.level for profile in self.profiles)
+        ended = "confirmed by runs along the profiles" if own else "not confirmed by runs along them"
+        values = dict(zip(answer, self.found.optimum.tolist(), strict=True))
+        yield compared(PROFILE, values, converged=own, ended=ended)
         if self.posterior is not None:
-            yield Method.compared(
-                POSTERIOR,
-                dict(zip(answer, self.posterior.median.tolist(), strict=False)),  # discrepancies follow
-                answer=answer,
-                half_width=width,
-                runs=self.runs,
-                shared_runs=self.runs,
-                converged=self.posterior.converged,
-                ended=f"{self.posterior.steps} steps of each walker",
-            )
+            values = dict(zip(answer, self.posterior.median.tolist(), strict=False))  # discrepancies follow
+            ended = f"{self.posterior.steps} steps of each walker"
+            yield compared(POSTERIOR, values, converged=self.posterior.converged, ended=ended)
 
 
 def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> UncertaintyAnalysis:

@@ -278,7 +278,9 @@ def _ends(interval: tuple[float | None, float | None]) -> Interval:
 def _pair_map(likelihood: Likelihood, found: Profiles) -> PairMap:
     """The rise over the plane of two free parameters."""
     box = likelihood.box
-    spans = np.array([_span(profile) for profile in found.profiles])
+    # the range of each profile with a rise small enough for the map
+    low_rise = [one.values[one.rise <= MAP_REACH * one.level] for one in found.profiles]
+    spans = np.array([values[[0, -1]] for values in low_rise])
     margin = 0.05 * np.diff(spans, axis=1)[:, 0]
     low = np.maximum(spans[:, 0] - margin, box.lower)
     high = np.minimum(spans[:, 1] + margin, box.upper)
@@ -287,12 +289,6 @@ def _pair_map(likelihood: Likelihood, found: Profiles) -> PairMap:
     deviance = (likelihood.residuals(box.unit(points)) ** 2).sum(axis=1)
     rise = np.maximum(deviance - found.optimum.deviance, 0.0)
     return PairMap((box.names[0], box.names[1]), x, y, rise.reshape(MAP, MAP))
-
-
-def _span(profile: Profile) -> tuple[float, float]:
-    """The range of a profile with a rise small enough for the map."""
-    low = profile.values[profile.rise <= MAP_REACH * profile.level]
-    return float(low[0]), float(low[-1])
 
 
 TAU_SCALE = 10.0
