@@ -258,6 +258,6 @@ def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:
     response = forward.run(runner.at(model.x, numerics.mesh), numerics, motion=np.arange(len(paths)))
     model.runs += len(paths)
     vectors = np.full((len(paths), len(model.data)), np.nan)
-    for i in np.flatnonzero(response.completed):
+    for i in np.flatnonzero(response.completed).tolist():
         vectors[i] = changed_vector(UNCHANGED, response, model.observations, i)
     return np.asarray(np.nan_to_num(vectors[1:] - vectors[0]).T)
