@@ -19,7 +19,7 @@ from pathlib import Path
 
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.cause_inputs import corrected
-from kolsky.diagnosis.causes import OtherStart, find_causes
+from kolsky.diagnosis.causes import find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.fit_quality import explains, fit_quality, near_right, residual_sources
 from kolsky.diagnosis.judgement import judged
@@ -78,8 +78,7 @@ def identify(
     changes, vector = residual_sources(sources), objective.vectors(optimum.check.prediction)[0]
     fit = fit_quality(objective, vector, slopes, names=runner.problem.box.names, changes=changes)
 
-    extra = None if explains(fit) else search.held_run()
-    second = None if extra is None else OtherStart(*extra)
+    second = None if explains(fit) else search.held_run()
     causes = find_causes(runner, optimum.x, response.select([0]), other=second, explained=near_right(fit))
     reruns = Reruns.of(runner, optimum.x)
     clocks = clock_lags(runner.problem.shot, response, objective, slopes, changes, again=reruns)

@@ -107,7 +107,7 @@ def joint_result(
     objectives = stack.weighed(residual)
     whitening = stack.whitening(objectives)
     known = information(whitening.apply(found.slopes.T), unknowns.widths)
-    gain: FloatArray = np.linalg.solve(known, whitening.precision(found.slopes.T))
+    gain = np.linalg.solve(known, whitening.precision(found.slopes.T)).astype(np.float64)
     cov, within, between = shot_variances(problem, found)
     plain = np.diag(np.linalg.inv(known))
     curves = np.zeros(len(found.x))

@@ -76,9 +76,7 @@ class ExpectedResidual:
         return tuple(replace(self.of(channel), tau=np.zeros(2)) for channel in range(2))
 
     def misfits(self, residual: FloatArray) -> FloatArray:
-        """Mean of r^T C^-1 r over the entries of each channel without tau, [2]; 1 for a correct model or no
-        entries.
-        """
+        """Mean of r^T C^-1 r over the entries of each channel without tau, [2]; 1 without entries."""
         found = np.ones(2)
         for channel, alone in enumerate(self._channels):
             part = residual[self.channel == channel]
@@ -285,9 +283,7 @@ def chance(change: float, sigma: float, *, degrees: float) -> float:
 
 
 def holm(probabilities: Sequence[float]) -> list[float]:
-    """Probabilities adjusted for n tests (Holm 1979): the smallest times n, the next times n - 1, never
-    falling.
-    """
+    """Probabilities adjusted for n tests (Holm 1979): the smallest times n, the next times n - 1, rising."""
     adjusted, largest, n = [0.0] * len(probabilities), 0.0, len(probabilities)
     for place, i in enumerate(np.argsort(probabilities, kind="stable")):
         largest = max(largest, min(1.0, (n - place) * probabilities[i]))

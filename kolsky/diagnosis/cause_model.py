@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,9 +12,9 @@ from explicit import Response, Stepping
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.diagnosis.cause_inputs import changed_vector, radii
-from kolsky.inverse.forward import Forward, material_law
+from kolsky.inverse.forward import material_law
 from kolsky.inverse.observations import Observations
-from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.parameters import PARAMETERS, any_slides
 from kolsky.inverse.path_noise import PATTERNS
 from kolsky.inverse.runner import Runner
 from kolsky.inverse.settings import Numerics
@@ -140,39 +140,30 @@ class CauseModel:
         points = [self.whole(point) for point in points]
         keys = [_key(self.runner, point) for point in points]
         found = {key: self._recent[key] for key in keys if key in self._recent}
-        fresh = self._fresh(points)
-        found |= self._named(fresh, run_side_by_side([self._launch(group) for group in fresh]))
+        fresh: dict[object, dict[tuple[object, object], Point]] = {}
+        for key, point in zip(keys, points, strict=True):
+            if key not in found:
+                fresh.setdefault(key[0], {})[key] = point
+        made = run_side_by_side([self._launch([*group.values()]) for group in fresh.values()])
+        for group, response in zip(fresh.values(), made, strict=True):
+            self.runs += len(group)
+            for row, key in enumerate(group):
+                found[key] = response.select([row]) if response.outcomes[row].ok else None
         self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
         return [found[key] for key in keys]
-
-    def _fresh(self, points: Sequence[Point]) -> list[list[Point]]:
-        """The points without a stored run, without duplicates, in groups of one launch."""
-        fresh: dict[object, dict[object, Point]] = {}
-        for point in points:
-            launch, run = key = _key(self.runner, point)
-            if key not in self._recent:
-                fresh.setdefault(launch, {})[run] = point
-        return [list(group.values()) for group in fresh.values()]
-
-    def _named(
-        self, fresh: Sequence[Sequence[Point]], made: Sequence[Response]
-    ) -> dict[tuple[object, object], Response | None]:
-        """The runs of launches, each by its key."""
-        found: dict[tuple[object, object], Response | None] = {}
-        for group, response in zip(fresh, made, strict=True):
-            self.runs += len(group)
-            for row, point in enumerate(group):
-                done = response.select([row]) if response.outcomes[row].ok else None
-                found[_key(self.runner, point)] = done
-        return found
 
     def _launch(self, points: Sequence[Point], numerics: Numerics | None = None) -> Launch:
         problem, path = self.runner.problem, self.runner.front.path
         motions = {point.changed.path: None for point in points}
         paths = tuple(path if m == (1.0, 1.0) else path.scaled(m[0]).faster(1.0 / m[1]) for m in motions)
         curves = {tuple(sorted(point.changed.curve.items())): None for point in points}
-        forward = _forward(self.runner.forward, points[0].changed.specimen)
-        curve = forward.shot.curve
+        forward, shot = self.runner.forward, self.runner.forward.shot
+        factors = points[0].changed.specimen
+        if factors:
+            specimen = {name: factor * getattr(shot.specimen, name) for name, factor in factors.items()}
+            shot = replace(shot, specimen=replace(shot.specimen, **specimen))
+            forward = replace(forward, shot=shot)
+        curve = shot.curve
         laws = tuple(material_law(changed_curve(curve, dict(c))) if c else forward.laws[0] for c in curves)
         forward = replace(forward, paths=paths, laws=laws)
         if numerics is None:
@@ -180,7 +171,8 @@ class CauseModel:
         at = self.runner.solver_values(np.array([p.x for p in points]), numerics.mesh)
         rows = [{**problem.point(x), **p.changed.values} for p, x in zip(points, at, strict=True)]
         named = {name for row in rows for name in row}
-        values = {name: np.array([row.get(name, _declared(forward, name)) for row in rows]) for name in named}
+        declared = {name: PARAMETERS[name].held(shot) for name in named}
+        values = {name: np.array([row.get(name, declared[name]) for row in rows]) for name in named}
         motion = [list(motions).index(point.changed.path) for point in points]
         material = [list(curves).index(tuple(sorted(point.changed.curve.items()))) for point in points]
         return Launch(forward, values, numerics, motion, material)
@@ -210,21 +202,6 @@ def _thinned(o: Observations, offset: FloatArray | None) -> tuple[Observations, 
     if offset is not None:
         offset = np.concatenate([offset[: o.n_force], offset[o.n_force :][kept]])
     return replace(o, centre_line=o.centre_line.select(kept)), offset
-
-
-def _forward(forward: Forward, factors: Mapping[str, float]) -> Forward:
-    """The forward model with fields of the specimen multiplied."""
-    if not factors:
-        return forward
-    specimen = forward.shot.specimen
-    changed = {name: factor * getattr(specimen, name) for name, factor in factors.items()}
-    return replace(forward, shot=replace(forward.shot, specimen=replace(specimen, **changed)))
-
-
-def _declared(forward: Forward, name: str) -> float:
-    from kolsky.inverse.parameters import PARAMETERS
-
-    return PARAMETERS[name].held(forward.shot)
 
 
 def _key(runner: Runner, point: Point) -> tuple[object, object]:
@@ -280,12 +257,7 @@ def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:
     forward = replace(runner.forward, paths=paths)
     response = forward.run(runner.at(model.x, numerics.mesh), numerics, motion=np.arange(len(paths)))
     model.runs += len(paths)
-    vectors = np.array(
-        [
-            changed_vector(UNCHANGED, response, model.observations, i)
-            if response.outcomes[i].ok
-            else np.full(len(model.data), np.nan)
-            for i in range(len(paths))
-        ]
-    )
+    vectors = np.full((len(paths), len(model.data)), np.nan)
+    for i in np.flatnonzero(response.completed).tolist():
+        vectors[i] = changed_vector(UNCHANGED, response, model.observations, i)
     return np.asarray(np.nan_to_num(vectors[1:] - vectors[0]).T)

@@ -130,9 +130,7 @@ class CauseSearch:
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
 
     def judge(self, answer: CauseSearch) -> None:
-        """Measure evidence relative to another search's answer, if it fits better; it uses all entries of
-        this one.
-        """
+        """Measure evidence relative to another search's answer, over these entries, if it fits better."""
         kept = self.use[answer.use]
         known = self.expected.misfits(answer.left[kept])
         if self.loss(known) < self.loss(self.before):
@@ -171,9 +169,7 @@ class CauseSearch:
         return Trial(c, x, u + float(fit.step[-1]), misfits, fit.residual, fit)
 
     def residual(self, vector: FloatArray) -> FloatArray:
-        """Prediction minus data at the counted entries, with the answer's value at points that are not
-        reached.
-        """
+        """Prediction minus data at the counted entries, with the answer's value where not reached."""
         whole = np.where(np.isfinite(vector), vector, self.vector)
         return np.asarray((whole - self.model.data)[self.use])
 
@@ -227,37 +223,28 @@ class CauseSearch:
 
     def followed(self, starts: Sequence[Trial]) -> list[Trial]:
         """Gauss-Newton steps from each start with new runs. Returns the answer if none is better."""
-        trials, done = self.measured(list(starts)), []
+        trials: list[Trial] = self.measured(list(starts))
+        done: list[Trial] = []
         for _ in range(TURNS):
-            least = min((self.loss(t.misfits) for t in trials), default=0.0)
-            points, counts = [], []
+            if not trials:
+                break
+            least = min(self.loss(t.misfits) for t in trials)
+            points, steps = [], []
             for t in trials:
-                c = t.candidate
-                step = c.step if t.u + c.step <= c.highest else -c.step
-                points += [
-                    Point(t.x, t.candidate.changed(t.u)),
-                    *self.model.slopes(t.x, t.candidate.changed(t.u)),
-                    Point(t.x, t.candidate.changed(t.u + step)),
-                ]
-                counts.append(step)
-            vectors = self.model.vectors(points)
-            size = len(self.model.x) + 2
-            fits = []
-            for i, (t, step) in enumerate(zip(trials, counts, strict=True)):
-                rows = vectors[i * size : (i + 1) * size]
+                c, changed = t.candidate, t.candidate.changed(t.u)
+                steps.append(c.step if t.u + c.step <= c.highest else -c.step)
+                points += [Point(t.x, changed), *self.model.slopes(t.x, changed)]
+                points.append(Point(t.x, c.changed(t.u + steps[-1])))
+            fits, vectors = [], np.split(self.model.vectors(points), len(trials))
+            for t, step, rows in zip(trials, steps, vectors, strict=True):
                 columns = self._columns(rows, np.append(self.model.steps(t.x), step))
                 allowed = self.allowed(t.candidate)
                 fits.append(fit_linear(self.residual(rows[0]), columns, self.expected, allowed))
-            moved = self._better(trials, fits)
-            going = [
-                self.loss(old.misfits) - self.loss(new.misfits) > SETTLED
-                and self.loss(new.misfits) < least + KEPT
-                for old, new in zip(trials, moved, strict=True)
-            ]
-            done += [t for t, goes in zip(moved, going, strict=True) if not goes]
-            trials = [t for t, goes in zip(moved, going, strict=True) if goes]
-            if not trials:
-                break
+            going = []
+            for old, new in zip(trials, self._better(trials, fits), strict=True):
+                gained = self.loss(old.misfits) - self.loss(new.misfits) > SETTLED
+                (going if gained and self.loss(new.misfits) < least + KEPT else done).append(new)
+            trials = going
         return [*done, *trials]
 
     def measured(self, trials: list[Trial]) -> list[Trial]:
@@ -272,24 +259,20 @@ class CauseSearch:
 
     def _better(self, trials: list[Trial], fits: list[LinearFit]) -> list[Trial]:
         """Each trial after the best share of its step is applied."""
-        tried = []
+        moved = [
+            replace(
+                t,
+                x=self.clipped(t.x + share * fit.step[:-1]),
+                u=_inside(t.candidate, t.u + share * float(fit.step[-1])),
+                fit=fit,
+            )
+            for t, fit in zip(trials, fits, strict=True)
+            for share in DAMPED
+        ]
+        found, measured = [], self.measured(moved)
         for t, fit in zip(trials, fits, strict=True):
-            for share in DAMPED:
-                x = self.clipped(t.x + share * fit.step[:-1])
-                u = _inside(t.candidate, t.u + share * float(fit.step[-1]))
-                tried.append(replace(t, x=x, u=u, fit=fit))
-        vectors = self.model.vectors([Point(t.x, t.candidate.changed(t.u)) for t in tried])
-        found = []
-        for i, (t, fit) in enumerate(zip(trials, fits, strict=True)):
-            best = replace(t, fit=fit, step=float(fit.step[-1]))
-            for j in range(i * len(DAMPED), (i + 1) * len(DAMPED)):
-                if not np.isfinite(vectors[j][: self.n_force]).all():
-                    continue
-                residual = self.relieved(self.residual(vectors[j]), t.candidate)
-                misfits = self.expected.misfits(residual)
-                if self.loss(misfits) < self.loss(best.misfits):
-                    best = replace(tried[j], residual=residual, misfits=misfits)
-            found.append(best)
+            tried = [replace(t, fit=fit, step=float(fit.step[-1])), *(m for m in measured if m.fit is fit)]
+            found.append(min(tried, key=lambda one: self.loss(one.misfits)))
         return found
 
 

@@ -208,11 +208,7 @@ def _finding(
     alike: tuple[str, ...],
 ) -> CauseFinding:
     names, c = search.problem.box.names, t.candidate
-    sigmas = (
-        {}
-        if t.fit is None or t.lost
-        else dict(zip(names, np.sqrt(np.diag(t.fit.covariance))[: len(names)].tolist(), strict=True))
-    )
+    sigmas = np.zeros(0) if t.fit is None or t.lost else np.sqrt(np.diag(t.fit.covariance))
     return CauseFinding(
         key=c.key,
         words=c.words,
@@ -223,8 +219,8 @@ def _finding(
         explained=share,
         evidence=gain,
         probability=probability,
-        parameters={} if t.lost else dict(zip(names, t.x[: len(names)].tolist(), strict=True)),
-        sigmas=sigmas,
+        parameters={} if t.lost else dict(zip(names, t.x.tolist(), strict=False)),
+        sigmas=dict(zip(names, sigmas.tolist(), strict=False)),
         named=named,
         alike=alike,
         status=t.lost,
@@ -251,14 +247,8 @@ class CauseAnalysis:
         return tuple(finding for finding in self.findings if finding.named)
 
 
-@dataclass(frozen=True)
-class OtherStart:
-    """Another start for the search of causes, with its run on the refined mesh."""
-
-    x: FloatArray
-    """Free parameters in SI, shape [d]."""
-    refined: Response
-    """The run at this point, a batch of one."""
+OtherStart = tuple[FloatArray, Response]
+"""Another start for the search of causes: free parameters in SI, [d], and their run on the refined mesh."""
 
 
 @dataclass(frozen=True)
@@ -276,9 +266,7 @@ class Best:
     None if no run was made."""
 
     def renewed(self, judge: CauseSearch) -> Best:
-        """The model after a refinement from a run on the refined mesh at its point; unchanged if that run
-        fails.
-        """
+        """The model after a refinement from a run on the refined mesh at its point, if that run completes."""
         t, search = self.own, self.search
         run = search.model.refined_run(Point(t.x, t.candidate.changed(t.u)))
         if run is None:
@@ -325,7 +313,7 @@ def _analysed(
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     if other is not None and not any(solved(t) for t in trials):
         # At the answer, the meshes are in phase. At the other point, the difference of its two runs is used.
-        model = CauseModel(runner.under(runner.front, {}), other.x, other.refined)
+        model = CauseModel(runner.under(runner.front, {}), *other)
         second = _search_from(model, candidates, counted=search.use)
         second.judge(search)
         both = [Best(second.seen(search, t), t, search) for t in trials]
@@ -365,16 +353,12 @@ def _search_from(
 
 def best_of_each(trials: Sequence[Best], judge: CauseSearch) -> list[Best]:
     """The trial of each input with the least loss. Successful trials come before failed ones."""
-    best: dict[str, Best] = {}
+    best: dict[str, list[Best]] = {}
     for one in trials:
-        key = one.seen.candidate.key
-        if key not in best or _badness(one.seen, judge) < _badness(best[key].seen, judge):
-            best[key] = one
-    return list(best.values())
-
-
-def _badness(t: Trial, judge: CauseSearch) -> tuple[bool, float]:
-    return bool(t.lost), judge.loss(t.misfits)
+        best.setdefault(one.seen.candidate.key, []).append(one)
+    return [
+        min(ones, key=lambda b: (bool(b.seen.lost), judge.loss(b.seen.misfits))) for ones in best.values()
+    ]
 
 
 CONTENDERS = 4
@@ -454,9 +438,9 @@ def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> t
 
 
 def best_trials(search: CauseSearch, candidates: Sequence[Cause], *, explained: bool = False) -> list[Trial]:
-    """The best value of every candidate. Large changes are tried only if the data are not explained.
+    """The best value of every candidate, with large changes if the data are not explained.
 
-    The search estimates the residual of a correct model from only two meshes. `explained` is more accurate.
+    The search estimates the residual of a correct model from two meshes; `explained` is more accurate.
     """
     tangents = search.tangents(candidates)
     if not (search.before > UNEXPLAINED).any() or explained:

@@ -7,6 +7,8 @@ together with the free parameters. If a lag is large, new runs are made.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from math import nan
+from operator import attrgetter
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -17,7 +19,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import SAME_TIME, radius_at
-from kolsky.inverse.result import LATE, ClockLag
+from kolsky.inverse.parameters import MOVED
+from kolsky.inverse.result import FORCE, LATE, OUTLINE, ClockLag
 from kolsky.inverse.runner import Runner
 from kolsky.shot.records import Shot
 
@@ -196,11 +199,9 @@ def late_prediction(response: Response, objective: Objective) -> Shifted:
     return shifted
 
 
-FORCE, OUTLINE, FLYER = "force", "outline", "flyer"
+FLYER = "flyer"
 DIRECTIONS = {FORCE: (1.0, 0.0), OUTLINE: (0.0, 1.0), FLYER: (-1.0, -1.0)}
 """Delay of force and outline per unit delay of a recording."""
-STIFFNESS = "stiffness_factor"
-"""The parameter without a declared value in a shot."""
 TURNS = 3
 """Maximum number of iterations with new runs."""
 DIFFERENCE_SHARE = 1e-3
@@ -233,7 +234,7 @@ class Reruns:
         box = problem.box
         return cls(
             x=x,
-            declared=np.where([name == STIFFNESS for name in box.names], np.nan, problem.declared),
+            declared=np.where([name == MOVED for name in box.names], np.nan, problem.declared),
             lower=np.array(box.lower),
             upper=np.array(box.upper),
             run=lambda points: runner.run("clocks", points, problem.refined).response,
@@ -272,7 +273,7 @@ def clock_lags(
     `kolsky.diagnosis.fit_quality.fit_quality`. ``again``: the solver for lags beyond the linear range;
     without it, such lags are not refined.
     """
-    shifted, found = late_prediction(response, objective), []
+    shifted = late_prediction(response, objective)
     recordings = tuple(DIRECTIONS) if objective.observations.has_shape else (FORCE,)
     before = without_lag(objective, shifted, lambda _: jacobian)
 
@@ -286,20 +287,12 @@ def clock_lags(
     fits = {name: fitted(name, shifted, lambda _: jacobian) for name in recordings}
     if again is not None:
         fits = follow(fits, again, refitted)
-    for name, fit in fits.items():
-        file, key = origin(shot, name)
-        found.append(
-            ClockLag(
-                recording=name,
-                lag=fit.lag,
-                sigma=fit.sigma if fit.settled else float("nan"),
-                evidence=fit.evidence,
-                explains=fit.explains,
-                file=file,
-                key=key,
-            )
+    return tuple(
+        ClockLag(
+            name, fit.lag, fit.sigma if fit.settled else nan, fit.evidence, fit.explains, *origin(shot, name)
         )
-    return tuple(found)
+        for name, fit in fits.items()
+    )
 
 
 def slopes(points: FloatArray, seen: Sequence[Shifted]) -> Shifted:
@@ -326,7 +319,7 @@ def follow(
     ``fits``: by recording, the lags from the run at the optimum. ``again``: the solver. ``refit``: fits the
     lag of a recording to the runs at the points of `Reruns.beside`, a batch of one each.
     """
-    leading = max(fits.values(), key=_lag_evidence)
+    leading = max(fits.values(), key=attrgetter("evidence"))
     if leading.explains or not (leading.significance > LATE and leading.evidence > 0.0):
         return dict(fits)
     going = [
@@ -354,13 +347,9 @@ def follow(
             break
     followed = [(name, fit) for (name, _), fit in found.items()]
     return {
-        name: max([fit, *(f for other, f in followed if other == name)], key=_lag_evidence)
+        name: max([fit, *(f for other, f in followed if other == name)], key=attrgetter("evidence"))
         for name, fit in fits.items()
     }
-
-
-def _lag_evidence(fit: FittedLag) -> float:
-    return fit.evidence
 
 
 def origin(shot: Shot, recording: str) -> tuple[str, str]:

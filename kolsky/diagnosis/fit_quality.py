@@ -181,9 +181,8 @@ def residual_quality(
 
 
 def left_over(change: FloatArray, jacobian: FloatArray, gain: FloatArray) -> FloatArray:
-    """A change of the prediction minus the part that the free parameters absorb: ``c - J G c``.
-
-    Same shape as `change`. Entries that are not finite count as zero.
+    """A change minus the part that the parameters absorb, ``c - J G c``; entries that are not finite count as
+    0.
     """
     change = np.nan_to_num(np.asarray(change, dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     return np.asarray(change - (change @ gain.T) @ jacobian.T)
@@ -351,9 +350,7 @@ def explains(fit: Sequence[FitQuality]) -> bool:
 
 
 def near_right(fit: Sequence[FitQuality]) -> bool:
-    """True if linear steps are enough: limits were set, and the squared excess of every channel is at most
-    `UNEXPLAINED`.
-    """
+    """True if limits were set, and the squared excess of every channel is at most `UNEXPLAINED`."""
     return explains(fit) and all(max(f.excess, f.slow_excess) ** 2 <= UNEXPLAINED for f in fit)
 
 

@@ -307,11 +307,15 @@ def _agreement(
 ) -> ShotAgreement:
     """The test of one channel: chi-square of n estimates about their weighted mean."""
     chi2, freedom = _chi_square(a, s), len(a) - 1
-    probability, ratio = float(chdtrc(freedom, chi2)), _ratio(a)
-    least = LARGEST_RATIO if scatter else LEAST_RATIO
+    probability = float(chdtrc(freedom, chi2))
+    low, high = 1.0 + float(a.min()), 1.0 + float(a.max())
+    ratio = high / low if low > 0.0 else inf  # of the stiffest shot over the softest
     culprits: tuple[str, ...] = ()
-    if probability < UNLIKELY / TESTS and ratio > least:
-        culprits = tuple(names) if len(a) == 2 else (names[_farthest(a, s)],)
+    if probability < UNLIKELY / TESTS and ratio > (LARGEST_RATIO if scatter else LEAST_RATIO):
+        # the shot without which the others agree best; both of two
+        others = [np.arange(len(a)) != i for i in range(len(a))]
+        farthest = int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
+        culprits = tuple(names) if len(a) == 2 else (names[farthest],)
     return ShotAgreement(chi2, freedom, probability, ratio, culprits, channel)
 
 
@@ -320,18 +324,6 @@ def _chi_square(a: FloatArray, s: FloatArray) -> float:
     weight = s**-2.0
     mean = float(weight @ a) / float(weight.sum())
     return float(weight @ (a - mean) ** 2)
-
-
-def _ratio(amounts: FloatArray) -> float:
-    """Stiffness of the stiffest shot divided by that of the softest [-]; infinite if one is not positive."""
-    low, high = 1.0 + float(amounts.min()), 1.0 + float(amounts.max())
-    return high / low if low > 0.0 else inf
-
-
-def _farthest(a: FloatArray, s: FloatArray) -> int:
-    """The shot whose removal gives the largest decrease of chi-square."""
-    others = [np.arange(len(a)) != i for i in range(len(a))]
-    return int(np.argmin([_chi_square(a[use], s[use]) for use in others]))
 
 
 def without_scatter(stack: Stack) -> Stack:
@@ -395,9 +387,7 @@ def shifted_force(stack: Stack, k: int, vector: FloatArray, lag: float) -> Float
 
 
 def likely_lag(stack: Stack, k: int, vector: FloatArray) -> float:
-    """The lag at which the predicted force of one shot is nearest to the measured one [s], in steps of half a
-    bin.
-    """
+    """The lag at which the predicted force of a shot is nearest to the measured one [s], by half bins."""
     one, start = stack.shots[k], stack.place(k).start
     force = slice(start, start + one.objective.n_force)
     times = one.observations.bins.edges

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe import Box
-from doe.least_squares import Whitening, least_squares
+from doe.least_squares import least_squares
 from kolsky.base.apparatus import Relaxation, prony_names
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.inverse.joint_problem import JointProblem, Stack
 from kolsky.inverse.joint_result import LEAST_STRENGTH, ModelChoice, is_strength, rate_of
 from kolsky.inverse.joint_search import Optimum, relaxing_points, second_levels
-from kolsky.inverse.objective import BLOCKS, Objective
+from kolsky.inverse.objective import BLOCKS, Objective, weighting_with_prior
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import MOVED, design_box, same_bulk
 from kolsky.inverse.result import Estimate, Verdict
@@ -107,8 +107,8 @@ def _block_deviations(unit: FloatArray, left: FloatArray, blocks: Sequence[IntAr
 
 
 STRENGTH, TIME = prony_names(1)
-SHORTEST_SEARCHED = 2e-5
-"""Shortest relaxation time in the search [s]; the longest is the window."""
+SHORTEST = 2e-5
+"""Shortest relaxation time in the search and in the test [s]; the longest is the window."""
 STRENGTHS, SCANNED_TIMES = (0.1, 0.4), 6
 """Strengths, and number of times, of the first scan."""
 STARTS, STEPS, STEP, AT_REST = 2, 8, 1e-3, 0.5
@@ -153,13 +153,8 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
         return None
     first, last = forward.shot.window
     ranges = zip(runner.problem.box.names, runner.problem.box.lower, runner.problem.box.upper, strict=True)
-    box = design_box(
-        {
-            **{n: (low, high) for n, low, high in ranges},
-            STRENGTH: None,
-            TIME: (SHORTEST_SEARCHED, last - first),
-        }
-    )
+    bounds = {name: (low, high) for name, low, high in ranges}
+    box = design_box({**bounds, STRENGTH: None, TIME: (SHORTEST, last - first)})
     series = Relaxation("prony", {STRENGTH: 0.0, TIME: last - first})
     relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
     prior, d, k = runner.problem.prior, len(x), len(objective.data)
@@ -180,11 +175,7 @@ def branch_fit(runner: Runner, x: FloatArray, objective: Objective) -> BranchFit
         runner.work.progress("relaxation", len(points), len(points))
         return found
 
-    def weighting(residual: FloatArray) -> Whitening:
-        weighed = objective.with_discrepancy(objective.data + residual[:k])
-        patterns = np.pad(weighed.common, ((0, 0), (0, known)))
-        return Whitening(np.concatenate([weighed.own_sigma, np.ones(known)]), patterns)
-
+    weighting = weighting_with_prior(objective, known)
     data = np.concatenate([objective.data, np.zeros(known)])
 
     def deviance(vector: FloatArray) -> float:
@@ -257,8 +248,8 @@ def explained_share(objective: Objective, before: FloatArray, after: FloatArray)
 WEAK_STRENGTH = 1e-3
 """Strength of the branches used for the directions [-]. It is small enough to keep the ringing in phase. This
 holds even if Poisson's ratio is held and the bulk modulus increases by this share."""
-SHORTEST_TESTED, TESTED_TIMES = 2e-5, 7
-"""Shortest relaxation time tried [s], and number of times up to the duration of the window."""
+TESTED_TIMES = 7
+"""Number of times tried, up to the duration of the window."""
 
 
 def shot_branch_test(
@@ -274,16 +265,16 @@ def shot_branch_test(
     if forward.shot.relaxation is not None or numerics.compressible is not None:
         return None
     first, last = forward.shot.window
-    times = np.geomspace(SHORTEST_TESTED, last - first, TESTED_TIMES)
-    series = Relaxation("prony", dict(zip(prony_names(1), (WEAK_STRENGTH, float(times[0])), strict=True)))
+    times = np.geomspace(SHORTEST, last - first, TESTED_TIMES)
+    series = Relaxation("prony", {STRENGTH: WEAK_STRENGTH, TIME: float(times[0])})
     relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
     point = runner.at(x, numerics.mesh)
     columns = {name: np.full(TESTED_TIMES + 1, value) for name, value in point.items()}
     # The first run has no branch but uses the same kernel. The runs therefore differ only in the branch.
-    columns["prony_strength_1"] = np.append(0.0, np.full(TESTED_TIMES, WEAK_STRENGTH))
-    columns["prony_time_1"] = np.append(times[0], times)
+    columns[STRENGTH] = np.append(0.0, np.full(TESTED_TIMES, WEAK_STRENGTH))
+    columns[TIME] = np.append(times[0], times)
     if VALLEY in runner.problem.box.names:
-        columns[VALLEY] = same_bulk(columns[VALLEY], 1.0 + columns["prony_strength_1"])
+        columns[VALLEY] = same_bulk(columns[VALLEY], 1.0 + columns[STRENGTH])
     runner.work.progress("relaxation", 0, TESTED_TIMES + 1)
     response = relaxing.run(columns, numerics)
     runner.work.progress("relaxation", TESTED_TIMES + 1, TESTED_TIMES + 1)
@@ -292,9 +283,7 @@ def shot_branch_test(
     vectors = objective.vectors(predict(response, objective.observations))
     directions = np.nan_to_num(vectors[1:] - vectors[0]) / WEAK_STRENGTH
     residual = np.nan_to_num(objective.data - vector)
-    times_of, width = objective.times, float(np.diff(objective.observations.bins.edges).mean())
-    block = ((times_of - times_of.min()) / width).astype(int)
-    whitened = objective.whitened
+    block, whitened = objective.block, objective.whitened
     try:
         return branch_test(
             whitened(residual),
@@ -353,11 +342,8 @@ def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, 
     return found
 
 
-WEAK_STRENGTHS = 0.05
+WEAK_START = 0.05
 """Strength of the branch at the start of a search from the elastic optimum [-]."""
-LINEAR = 1e-3
-"""Strength of the branches used for the directions [-]. It is small enough to keep the ringing in phase. This
-holds even if Poisson's ratio is held and the bulk modulus increases by this share."""
 
 
 def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
@@ -369,14 +355,13 @@ def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without
     if not any(is_strength(name) for name in problem.unknowns.names):
         return None
     x = weak_branch(problem, elastic, without.x, strength=0.0)
-    seen = problem.vector_for(problem.stack, x, problem.refined)
-    vector = np.concatenate([seen[: len(seen) - problem.stack.known], problem.known(x)])
+    vector = problem.vector_for(problem.stack, x, problem.refined, problem.known(x))
     start = weak_branch(problem, elastic, without.start, strength=0.0)
     return Optimum(x, start, vector, without.slopes, None, without.confirmed)
 
 
 def weak_branch(
-    problem: JointProblem, elastic: JointProblem, at: FloatArray, *, strength: float = WEAK_STRENGTHS
+    problem: JointProblem, elastic: JointProblem, at: FloatArray, *, strength: float = WEAK_START
 ) -> FloatArray:
     """A point ``at`` of the problem without relaxation, shape [d], with a weak branch added."""
     names, box = list(problem.unknowns.names), problem.unknowns.box
@@ -405,8 +390,7 @@ def choose_model(
     stack, x, vector = elastic.stack, without.x, without.vector
     # The optimum with relaxation, evaluated with the same data, patterns and prior.
     both = [i for i, name in enumerate(problem.unknowns.names) if name in elastic.unknowns.names]
-    seen = problem.vector_for(stack, found.x, problem.refined)
-    other = np.concatenate([seen[: len(seen) - stack.known], elastic.known(found.x[both])])
+    other = problem.vector_for(stack, found.x, problem.refined, elastic.known(found.x[both]))
     patterns = mesh_patterns(stack, joint_mesh_change(elastic, without))
     more = len(problem.unknowns.names) - len(elastic.unknowns.names)
     lower = deviance_with_mesh_patterns(stack, other, patterns) - deviance_with_mesh_patterns(
@@ -432,9 +416,10 @@ def choose_model(
         if is_strength(name):
             base[i] = problem.unknowns.box.lower[i]
     numerics = problem.mesh
-    weak = points_in_step(names, relaxing_points(problem, base, (LINEAR,), follow=False), LINEAR)
+    points = relaxing_points(problem, base, (WEAK_STRENGTH,), follow=False)
+    weak = points_in_step(names, points, WEAK_STRENGTH)
     bare = elastic.vector_for(stack, without.start, numerics)
-    directions = [(problem.vector_for(stack, p, numerics) - bare) / LINEAR for p in weak]
+    directions = [(problem.vector_for(stack, p, numerics) - bare) / WEAK_STRENGTH for p in weak]
     second = "prony_time_1" if "prony_time_1" in names else "creep_resistance"
     times = second_levels(problem, second) if second in names else np.full(len(weak), np.nan)
     test = branch_test(

@@ -136,9 +136,7 @@ def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
 
 
 def at_inner_face(x: FloatArray, local: Box, whole: Box) -> bool:
-    """True if a point lies on a face of the local box inside the whole box, so the optimum may lie outside
-    it.
-    """
+    """True if a point lies on a face of the local box inside the whole box: the optimum may lie outside."""
     return bool((on_edge(x, local) & ~on_edge(x, whole)).any())
 
 
@@ -176,9 +174,8 @@ def surrogate_kind(box: Box, *, smooth: bool = False) -> Any:
 
 
 def search_coarse(runner: Runner) -> CoarseOptimum:
-    """Stages 1 and 2 of `kolsky.identification.identify`.
-
-    Raises ValueError if no surrogate can be fitted to the completed runs.
+    """Stages 1 and 2 of `kolsky.identification.identify`; ValueError if no surrogate can be fitted to the
+    runs.
     """
     wide = runner.simulate("design", runner.design(runner.problem.box), runner.problem.numerics)
     return second_design(runner, wide) if runner.problem.box.dimension == 1 else adaptive_design(runner, wide)
@@ -202,23 +199,23 @@ def second_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
 
 def _fit(runner: Runner, box: Box, runs: CompletedRuns) -> tuple[Objective, Surrogate]:
     """The objective over the points that every run reaches, and the surrogate of its data vector."""
-    objective = runner.objective(_points_in_every_run(runs.prediction.inside))
+    objective = runner.objective(np.asarray(runs.prediction.inside.all(axis=0)))
     use = box.contains(runs.points)
     vectors = objective.vectors(runs.prediction)
     try:
         surrogate = surrogate_kind(box).fit(box, runs.points[use], vectors[use], scale=objective.noise)
     except SurrogateError as error:
-        raise _no_surrogate(error, runs) from error
+        raise no_surrogate(error, runs) from error
     return objective, surrogate
 
 
 def adaptive_design(runner: Runner, wide: CompletedRuns) -> CoarseOptimum:
     """Batches of runs about the optimum until it converges."""
-    objective = runner.objective(_points_in_every_run(wide.prediction.inside))
+    objective = runner.objective(np.asarray(wide.prediction.inside.all(axis=0)))
     try:
         found = _refine(runner, objective)
     except SurrogateError as error:
-        raise _no_surrogate(error, wide) from error
+        raise no_surrogate(error, wide) from error
     return _refined_surrogate(runner, found)
 
 
@@ -255,7 +252,7 @@ def _refine(runner: Runner, objective: Objective) -> Refinement:
 def _refined_surrogate(runner: Runner, found: Refinement) -> CoarseOptimum:
     """The surrogate over the outline points that its runs reach, which are more than in the first design."""
     points, prediction = _runs_of_surrogate(runner, found.surrogate)
-    objective = runner.objective(_points_in_every_run(prediction.inside))
+    objective = runner.objective(np.asarray(prediction.inside.all(axis=0)))
     surrogate = ProcessSurrogate.fit(
         found.surrogate.box,
         points,
@@ -293,11 +290,7 @@ def _runs_of_surrogate(runner: Runner, surrogate: Surrogate) -> tuple[FloatArray
     return points[rows], prediction.select(rows)
 
 
-def _points_in_every_run(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    return np.asarray(inside.all(axis=0))
-
-
-def _no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
+def no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
     lost = f": {runs.lost}" if runs.lost else ""
     return ValueError(f"no surrogate can be fitted to the runs that completed ({error}){lost}")
 

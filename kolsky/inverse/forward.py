@@ -175,9 +175,7 @@ def _used(problem: explicit.Problem) -> set[int]:
 
 
 def _apart(before: explicit.Response, now: explicit.Response) -> float:
-    """Root mean square change of the forces, divided by that of the forces. A failed run counts up to its
-    failure.
-    """
+    """Root mean square change of the forces, divided by that of the forces, up to the failure of a run."""
     pairs = ((before.force_transmission, now.force_transmission), (before.force_flyer, now.force_flyer))
     changes = []
     for a, b in pairs:
@@ -200,9 +198,7 @@ def _impulses_at(impulse: FloatArray, response: explicit.Response, times: FloatA
 def _recorded(
     times: FloatArray, force: FloatArray, response: explicit.Response, known: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Force and impulse at the response's times, from the force at other times. NaN after the failure of a
-    run.
-    """
+    """Force and impulse at the response's times, from the force at other times; NaN after a failure."""
     step = np.diff(times)
     summed = np.cumsum(0.5 * step * (force[:, 1:] + force[:, :-1]), axis=1)
     impulse = np.concatenate([np.zeros((len(force), 1)), summed], axis=1)
@@ -335,9 +331,8 @@ class Forward:
         material: ArrayLike = 0,
         all_nodes: bool = False,
     ) -> explicit.Problem:
-        """The batch that `run` simulates, for callers that run batches of several shots in parallel.
-
-        Parameters and errors are those of `run`.
+        """The batch that `run` simulates, with its arguments and errors, for runs of several shots in
+        parallel.
         """
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)

@@ -333,10 +333,7 @@ def _search_on(
 
 
 def slopes(runner: Runner, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
-    """Jacobian [k, d] and data vector [k] at the surrogate mesh's optimum, and the objective.
-
-    Raises ValueError if one of the runs does not complete.
-    """
+    """Jacobian [k, d], data vector [k] and objective at the surrogate mesh's optimum, or ValueError."""
     box = runner.problem.box
     up, down = difference_points(box, optimum.x, DIFFERENCE_STEP * optimum.sigma)
     points = np.concatenate([optimum.x[None], up, down])

@@ -145,10 +145,7 @@ def poisson_limit(runner: Runner, fine: RefinedOptimum, valley: float) -> Poisso
 
 
 def profiled_rise(residuals: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Sums of squares of whitened residuals [n, p] with linear parameters refitted, minus the first sum, [n].
-
-    ``slopes``: whitened, by the parameters, shape [d, p].
-    """
+    """Sums of squares of whitened residuals [n, p] minus the first, [n], with slopes [d, p] refitted."""
     followed = np.linalg.lstsq(slopes.T, residuals.T, rcond=None)[0]
     left = residuals - followed.T @ slopes
     squares = (left**2).sum(axis=1)

@@ -112,11 +112,7 @@ class Stack:
         return [one.objective.with_discrepancy(one.objective.data + r) for one, r in parts]
 
     def whitening(self, objectives: Sequence[Objective], more: FloatArray | None = None) -> Whitening:
-        """The weights of the whole vector.
-
-        ``objectives``: of the shots, with their discrepancies. ``more``: further patterns over the whole
-        vector, shape [n, k].
-        """
+        """The weights of the whole vector by the shots' weights and ``more`` patterns, shape [n, k]."""
         sigma = np.concatenate([*(o.own_sigma for o in objectives), self.slow_sigma, np.ones(self.known)])
         rows = [self.placed(k, objective.common) for k, objective in enumerate(objectives)]
         for shared in (self.common, self.curve, self.slow_scatter, more):
@@ -164,9 +160,7 @@ class Stack:
         for length in BLOCKS:
             labels, first = [], 0
             for one in self.shots:
-                times = one.objective.times
-                width = float(np.diff(one.observations.bins.edges).mean())
-                own = ((times - times.min()) / width).astype(int) // length
+                own = one.objective.block // length
                 labels.append(first + own)
                 first += int(own.max()) + 1
             rest = len(self.slow) + self.known
@@ -306,10 +300,7 @@ class JointProblem:
         return self.stack.weighting(residual).deviance(residual)
 
     def count(self, x: FloatArray, numerics: Numerics) -> None:
-        """Select the outline points of every shot that the run at a point reaches.
-
-        Raises ValueError if a shot's run does not complete.
-        """
+        """Select the outline points of every shot that its run at a point reaches; ValueError if it fails."""
         vectors = self.runs.vectors("design", x[None], numerics)
         shots = []
         for one, shot, seen in zip(self.stack.shots, self.shots, vectors, strict=True):
@@ -320,10 +311,13 @@ class JointProblem:
             shots.append(replace(one, counted=~np.isnan(seen[0, one.observations.n_force :])))
         self.stack = replace(self.stack, shots=tuple(shots))
 
-    def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
-        """All predictions at a point, with another stack's outline points and without prior, shape [k]."""
+    def vector_for(
+        self, stack: Stack, x: FloatArray, numerics: Numerics, known: FloatArray | None = None
+    ) -> FloatArray:
+        """All predictions at a point, [k], with another stack's outline points and prior; default: none."""
         vectors = self.runs.vectors("search", x[None], numerics)
-        return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
+        known = np.zeros(stack.known) if known is None else known
+        return stack.joined(vectors, self.slow_values(x)[None], known[None])[0]
 
     def search(self, starts: FloatArray, numerics: Numerics, steps: int) -> tuple[FloatArray, FloatArray]:
         """The best least-squares result from several starts, and its standard deviations, shape [d] each."""
@@ -343,10 +337,7 @@ class JointProblem:
         return x, np.where(np.isfinite(found.sigma), np.abs(change) / 1e-6, self.unknowns.widths)
 
     def slopes(self, x: FloatArray, sigma: FloatArray, numerics: Numerics) -> tuple[FloatArray, FloatArray]:
-        """The vector at a point, [k], and its derivatives by the unknowns, [k, d].
-
-        Raises ValueError if a neighbouring run does not complete.
-        """
+        """The vector at a point, [k], and its slopes by the unknowns, [k, d]; ValueError if a run fails."""
         lower, upper = np.array(self.unknowns.box.lower), np.array(self.unknowns.box.upper)
         h = np.diag(np.clip(NEIGHBOUR * sigma, 1e-4 * (upper - lower), WIDEST * (upper - lower)))
         up, down = np.minimum(x + h, upper), np.maximum(x - h, lower)

@@ -222,6 +222,19 @@ class Prior:
 
 Part = Literal["joint", "force", "shape"]
 
+
+def weighting_with_prior(objective: Objective, known: int) -> Callable[[FloatArray], Whitening]:
+    """Weights of the data and of ``known`` residuals of a prior, for a residual, shape [k + known]."""
+
+    def weighting(residual: FloatArray) -> Whitening:
+        weighed = objective.with_discrepancy(objective.data + residual[: len(objective.data)])
+        patterns, ones = np.pad(weighed.common, ((0, 0), (0, known))), np.ones(known)
+        sigma, counts = (np.concatenate([each, ones]) for each in (weighed.own_sigma, weighed.counts))
+        return Whitening(sigma, patterns, counts)
+
+    return weighting
+
+
 PATTERN_ERROR = 0.2
 """Standard uncertainty of the front face's patterns, as a share of their size [-]. It is independent from
 entry to entry."""
@@ -385,6 +398,12 @@ class Objective:
         seen = self.observations
         return np.concatenate([seen.force_times, seen.centre_line.time[self.counted]])
 
+    @property
+    def block(self) -> IntArray:
+        """Number of the force bin's width in which each entry lies, from the first one, shape [k]."""
+        width = float(np.diff(self.observations.bins.edges).mean())
+        return np.asarray(((self.times - self.times.min()) / width).astype(np.int64))
+
     def vectors(self, prediction: Prediction) -> FloatArray:
         """Predicted data vectors, shape [n_samples, k], for the path as fitted to its record."""
         return self.under_fitted_path(
@@ -530,9 +549,7 @@ class Objective:
         slow = self.slow_discrepancy * (gain @ self.slow_patterns.T)
         known = self.spread_of_prior(jacobian, part) + slow @ slow.T
         best = (gain * self.own_sigma**2) @ gain.T + known
-        width = float(np.diff(self.observations.bins.edges).mean())
-        block = ((self.times - self.times.min()) / width).astype(np.int64)
-        best = correlated_in_blocks(score, block, best, known)
+        best = correlated_in_blocks(score, self.block, best, known)
         together = ((gain @ self.known_common.T) ** 2).sum(axis=1)
         short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
         scale = np.sqrt(np.maximum(short, 1.0))

@@ -88,10 +88,7 @@ class PreparedShot:
 
 
 def prepare_shot(shot: Shot) -> PreparedShot:
-    """Turn a shot's recordings into observations and the solver's inputs.
-
-    Raises ValueError with the reason if the flyer's record or the curve cannot be used.
-    """
+    """Turn a shot's recordings into observations and the solver's inputs; ValueError if not usable."""
     force, motion, scale = shot.force.history(), shot.flyer, 0.0
     if isinstance(motion, FlyerMotion):
         width = float(np.median(np.diff(motion.time)))
@@ -255,10 +252,7 @@ class InverseProblem:
 
     @classmethod
     def of(cls, shot: Shot, settings: Settings) -> InverseProblem:
-        """The problem of a loaded shot.
-
-        Raises ValueError if recordings cannot be used, a parameter is unknown, or a bound is out of range.
-        """
+        """The problem of a loaded shot; ValueError for unusable recordings, names or bounds."""
         prepared = prepare_shot(with_pull(shot, settings.pull))
         return cls.freeing(prepared, choose(settings, prepared.shot))
 
@@ -284,7 +278,7 @@ class InverseProblem:
     @property
     def shot(self) -> Shot:
         """The shot."""
-        return self.prepared.shot
+        return self.prepared.forward.shot
 
     @property
     def observations(self) -> Observations:

@@ -15,7 +15,7 @@ from doe import Box, latin_hypercube
 from doe.surrogates import QuadraticSurrogate, SurrogateError
 from doe.surrogates.quadratic import runs_wanted
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import CoarseOptimum, Model, at_inner_face, jacobian, search
+from kolsky.inverse.coarse_search import CoarseOptimum, Model, at_inner_face, jacobian, no_surrogate, search
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import slides
 from kolsky.inverse.path_noise import FrontPath
@@ -79,9 +79,10 @@ def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float 
 def check_run(runner: Runner, x: FloatArray, numerics: Numerics) -> CompletedRuns:
     """A run at a point with all nodes; raises ValueError if it does not complete."""
     runs = runner.run("check", x[None], numerics, all_nodes=True)
-    if not len(runs.rows):
+    completed = runs.completed()
+    if completed is None:
         raise ValueError(f"the check needs every run on the refined mesh to complete: {runs.first_lost}")
-    return runs.apart()[0]
+    return completed
 
 
 EDGE = 0.2
@@ -128,9 +129,7 @@ class QuadraticFit:
 
     @property
     def leftover(self) -> float:
-        """Root mean square of run minus quadratic, by the degrees of freedom, divided by the data's noise
-        [-].
-        """
+        """Root mean square of run minus quadratic, by the degrees of freedom, over the data's noise [-]."""
         square = ((self.surrogate.residuals / self.objective.noise) ** 2).mean(axis=1).sum()
         return float(np.sqrt(square / self.surrogate.degrees_of_freedom))
 
@@ -141,10 +140,7 @@ class QuadraticFit:
 
 
 def search_by_quadratic(runner: Runner, coarse: CoarseOptimum) -> RefinedOptimum:
-    """Stage 3 of `kolsky.identification.identify` if a surface slides or lets go.
-
-    Raises ValueError if the run at the optimum does not complete, or too few runs of a design do.
-    """
+    """Stage 3 of `kolsky.identification.identify` if a surface slides or lets go; ValueError if runs fail."""
     found = _moved_to_inside(runner, *_first_box(runner, coarse))
     x = found.x
     check = check_run(runner, x, runner.problem.refined)
@@ -189,8 +185,8 @@ def _first_box(runner: Runner, coarse: CoarseOptimum) -> tuple[FloatArray, float
     If a surface slides, the box stays wide: in a narrow one, a few jumps would determine the slope. Otherwise
     the response is quadratic in it, about the optimum estimated from one run on the refined mesh.
     """
-    problem = runner.problem
-    if slides(problem.shot.interface, [*problem.freed.free, *problem.settings.held]):
+    problem, settings = runner.problem, runner.problem.settings
+    if slides(problem.shot.interface, [*(settings.free or ()), *settings.held]):
         return coarse.x, EDGE
     own = _halved_box(runner, coarse)
     first = check_run(runner, own.x, problem.refined)
@@ -238,8 +234,7 @@ def _fit(runner: Runner, middle: FloatArray, edge: float, numerics: Numerics) ->
     try:
         surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
     except SurrogateError as error:
-        lost = f": {runs.lost}" if runs.lost else ""
-        raise ValueError(f"no surrogate can be fitted to the runs that completed ({error}){lost}") from error
+        raise no_surrogate(error, runs) from error
     start = np.clip(middle, box.lower, box.upper)
 
     def model(points: FloatArray) -> FloatArray:

@@ -42,11 +42,11 @@ class Method:
     has no value, or if the answer's interval has no width."""
     runs: int
     """Number of simulations, including those of its surrogate."""
-    shared_runs: int
+    shared_runs: int = 0
     """Number of these simulations that another method made. A method that uses the answer's surrogate makes
     no new runs."""
-    converged: bool
-    ended: str
+    converged: bool = True
+    ended: str = ""
 
     @classmethod
     def compared(
@@ -56,10 +56,7 @@ class Method:
         *,
         answer: Mapping[str, float],
         half_width: Mapping[str, float],
-        runs: int,
-        shared_runs: int = 0,
-        converged: bool = True,
-        ended: str = "",
+        **known: Any,
     ) -> Method:
         """Compare a method's result with the answer and half the length of its k = 2 interval, in parameter
         units.
@@ -71,18 +68,11 @@ class Method:
                 f"{name}: values for {sorted(values)}, the answer is for {sorted(answer)} and its interval "
                 f"for {sorted(half_width)}"
             )
-        return cls(
-            name=name,
-            values=dict(values),
-            distances={
-                p: (value - answer[p]) / half_width[p] if half_width[p] > 0.0 else nan
-                for p, value in values.items()
-            },
-            runs=runs,
-            shared_runs=shared_runs,
-            converged=converged,
-            ended=ended,
-        )
+        distances = {
+            p: (value - answer[p]) / half_width[p] if half_width[p] > 0.0 else nan
+            for p, value in values.items()
+        }
+        return cls(name, dict(values), distances, **known)
 
 
 def disagreements(methods: Iterable[Method]) -> Iterator[tuple[Method, str, float]]:
@@ -624,11 +614,7 @@ class Identification(ResultViews):
     """Input hashes, settings, versions, seed, machine class, precision."""
 
     def spread(self, channel: str) -> FloatArray:
-        """Standard deviation of the residual of a correct model at each force bin or outline point, in N or
-        m.
-
-        It is the noise if the goodness of fit was not recorded.
-        """
+        """Standard deviation of a correct model's residual at each value [N, m]; the noise without a fit."""
         c = self.comparison
         noise = c.force_sigma if channel == FORCE else c.centre_line.sigma
         fit = next((one for one in self.fit if one.channel == channel), None)
@@ -660,9 +646,7 @@ class Identification(ResultViews):
 
 
 def worst_imbalance(response: Response) -> float:
-    """Largest |energy residual| of the first simulation, divided by its external work [-]; NaN without a
-    ledger.
-    """
+    """Largest |energy residual| of the first simulation over its external work [-]; NaN without a ledger."""
     if not np.isfinite(response.energy.external[0]).any():
         return float("nan")
     return float(response.energy.imbalance()[0])

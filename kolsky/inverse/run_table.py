@@ -28,10 +28,7 @@ SCALE_SHAPE = 0.001
 
 @dataclass(frozen=True)
 class Terms:
-    """The misfit terms of one simulation: Eqs. (M.3)-(M.8) and chi-square.
-
-    Terms that need an outline are NaN without one.
-    """
+    """The misfit terms of a simulation, NaN if they need a missing outline: Eqs. (M.3)-(M.8), chi-square."""
 
     phi_shape: float
     """Phi_S, Eq. (M.3) [-]."""
@@ -232,20 +229,6 @@ class Runs:
         response = self.response.select(self.rows)
         return CompletedRuns(self.points[self.rows], self.rows, self.prediction, response, self.lost)
 
-    def apart(self) -> list[CompletedRuns]:
-        """Each run as a separate record. All runs must have completed."""
-        assert self.prediction is not None
-        return [
-            CompletedRuns(
-                self.points[[row]],
-                np.array([0]),
-                self.prediction.select([row]),
-                self.response.select([row]),
-                "",
-            )
-            for row in range(len(self.points))
-        ]
-
 
 Place = tuple[tuple[int, int], FlyerPath, FloatArray]
 """Mesh, path of the front face and offset of the points, shape [d], of a batch."""
@@ -265,8 +248,8 @@ class RunTable:
     def add(
         self, stage: str, values: FloatArray, runs: Runs, observations: Observations, *, on: Place
     ) -> None:
-        """Append a batch. ``values``: parameters of the runs on this mesh, shape [n, d]; the points of `runs`
-        refer to the refined mesh.
+        """Append a batch with the values run on this mesh, [n, d]; the points of `runs` are the refined
+        mesh's.
         """
         self._batches.append((on, runs))
         place = {int(row): k for k, row in enumerate(runs.rows)}
@@ -294,9 +277,7 @@ class RunTable:
         return np.concatenate(points), Prediction.joined(predictions)
 
     def take(self, other: RunTable, held: Mapping[str, float]) -> None:
-        """Append the runs of another table with a subset of the parameters; ``held``: values of the missing
-        ones.
-        """
+        """Append the runs of another table with a subset of the parameters; ``held``: the missing values."""
         for point in other.points:
             values = {**held, **dict(zip(other.names, point.tolist(), strict=True))}
             self.points.append(np.array([values[name] for name in self.names]))

@@ -144,10 +144,7 @@ class Runner:
         return completed
 
     def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:
-        """Data vectors of runs at points of shape [n, d], shape [n, k]; NaN in the row of a failed run.
-
-        An outline point that a run does not reach gets its measured value (zero residual).
-        """
+        """Data vectors of runs, [n, d] -> [n, k], see `Objective.reached`; NaN in the row of a failed run."""
         runs = self.run(stage, points, numerics)
         vectors = np.full((len(points), len(objective.data)), np.nan)
         if runs.prediction is not None:
@@ -224,10 +221,7 @@ RUNS_OF_A_DESIGN = 64
 
 
 def compile_for(problem: InverseProblem, work: Work) -> None:
-    """Compile the solver in parallel for single runs, a design, the refined mesh and the other element.
-
-    The first call on a machine takes some seconds (stage "compile").
-    """
+    """Compile the solver in parallel for single runs, a design, the refined mesh and the other element."""
     numerics = problem.numerics
 
     def of(numerics: Numerics, runs: int) -> explicit.Problem:

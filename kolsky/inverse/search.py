@@ -109,10 +109,7 @@ class Search:
 
 
 def search_shot(problem: InverseProblem, work: Work) -> Search:
-    """Find the optimum on the refined mesh. By default, parameters that the data do not constrain are held.
-
-    Raises ValueError if too few runs complete.
-    """
+    """Find the optimum on the refined mesh; parameters that the data do not constrain are held by default."""
     valley = rise = np.inf
     while True:
         compile_for(problem, work)

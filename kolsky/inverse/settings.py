@@ -121,9 +121,8 @@ class Numerics:
         return replace(self, precision="fp32")
 
     def coarser(self) -> "tuple[Numerics, Numerics]":
-        """The two coarser meshes for the Poisson correction: half as fine, and three quarters of that.
-
-        Raises ValueError if the mesh has too few elements across the radius.
+        """The meshes for the Poisson correction: half as fine, and three quarters of that; ValueError if too
+        coarse.
         """
         if self.mesh[0] < LEAST_ACROSS + 2:
             raise ValueError(

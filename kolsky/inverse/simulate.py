@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,33 +84,25 @@ def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
     else:
         seen, (points, Z, inside) = _force_so_far(response, force.time), _outline_so_far(response, line)
     samples, simulated = seen
-    folder = Path(folder)
-    forces = write_table(
-        folder / "force.csv",
-        {
+    tables: dict[str, dict[str, NDArray[Any]]] = {
+        "force.csv": {
             "time (s)": force.time[samples],
             "measured force (N)": force.force[samples],
             "sigma (N)": force.sigma[samples],
             "simulated force (N)": simulated,
-        },
-    )
-    if not observations.has_shape:
-        return [forces]
-    return [
-        forces,
-        write_table(
-            folder / "profile.csv",
-            {
-                "frame": line.frame[points],
-                "time (s)": line.time[points],
-                "y (m)": line.y[points],
-                "Z measured (m)": line.Z[points],
-                "sigma Z (m)": line.sigma[points],
-                "Z simulated (m)": Z,
-                "inside (0/1)": inside.astype(np.int64),
-            },
-        ),
-    ]
+        }
+    }
+    if observations.has_shape:
+        tables["profile.csv"] = {
+            "frame": line.frame[points],
+            "time (s)": line.time[points],
+            "y (m)": line.y[points],
+            "Z measured (m)": line.Z[points],
+            "sigma Z (m)": line.sigma[points],
+            "Z simulated (m)": Z,
+            "inside (0/1)": inside.astype(np.int64),
+        }
+    return [write_table(Path(folder) / name, columns) for name, columns in tables.items()]
 
 
 def _force_so_far(response: Response, recorded: FloatArray) -> tuple[slice, FloatArray]:

@@ -152,10 +152,7 @@ class SlowList:
 
 
 def read_slow_tests(path: Path) -> Slow:
-    """Read a list of slow tests and their files, for use with shots that declare the law.
-
-    Raises InputError with file, line, key and remedy if the list or a file cannot be used.
-    """
+    """Read a list of slow tests for shots, which declare the law; InputError with file, line, key, remedy."""
     toml = parse_toml(path)
     if "law" in toml.content:
         raise InputError(

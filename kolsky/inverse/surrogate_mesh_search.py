@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe import from_points, latin_hypercube
-from doe.least_squares import Whitening, least_squares
+from doe.least_squares import least_squares
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, jacobian
-from kolsky.inverse.objective import FrontNoise, Objective
+from kolsky.inverse.objective import FrontNoise, Objective, weighting_with_prior
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.path_noise import (
     FrontPath,
@@ -207,26 +207,19 @@ def _least_squares_on(
 ) -> list[MeshOptimum]:
     """Least squares on a mesh from several starts, the most likely result first. The prior counts as data."""
     box, prior = runner.problem.box, objective.prior
-    inner, k = search_box(box), len(objective.data)
-    known = np.zeros(0) if prior is None else np.zeros(len(prior.rows()))
+    known = np.zeros(0 if prior is None else len(prior.rows()))
 
     def run(points: FloatArray) -> FloatArray:
         x = from_search(box, points)
         vectors = runner.vectors("refinement", x, numerics, objective)
         return vectors if prior is None else np.hstack([vectors, prior.residuals(x)])
 
-    def weighting(residual: FloatArray) -> Whitening:
-        weighed = objective.with_discrepancy(objective.data + residual[:k])
-        patterns, ones = np.pad(weighed.common, ((0, 0), (0, len(known)))), np.ones(len(known))
-        sigma, counts = (np.concatenate([each, ones]) for each in (weighed.own_sigma, weighed.counts))
-        return Whitening(sigma, patterns, counts)
-
     found = least_squares(
         run,
-        inner,
+        search_box(box),
         to_search(box, points),
         data=np.concatenate([objective.data, known]),
-        weighting=weighting,
+        weighting=weighting_with_prior(objective, len(known)),
         step=STEP,
         max_steps=steps,
         at_rest=AT_REST,

@@ -75,7 +75,7 @@ def oscillation_table(
     prepared: PreparedShot, factor: float, bounds: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Poisson's ratio between two bounds, and its number of oscillations at a stiffness factor [-], [n]."""
-    shot, edges = prepared.shot, prepared.observations.bins.edges
+    shot, edges = prepared.forward.shot, prepared.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
     number = oscillations(
         table,
@@ -120,9 +120,8 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
 def deviance_with_path_noise(
     runner: Runner, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
 ) -> FloatArray:
-    """-2 ln of likelihood and prior at points up to a constant, with the noise of the flyer's motion, [n].
-
-    A frame's points count as one entry. It is infinite if the run did not complete.
+    """-2 ln of likelihood and prior at points, [n], with the flyer's noise and frames as one entry; inf if
+    lost.
     """
     found = np.full(len(points), np.inf)
     # All points use the same outline points, because likelihoods of different data cannot be compared.

@@ -19,10 +19,7 @@ Progress = Callable[[str, int, int], None]
 
 
 class Work:
-    """Reports the progress of stages and records their wall time.
-
-    ``progress``: called at every stage; None reports nothing.
-    """
+    """Reports the progress of stages, if ``progress`` is given, and records their wall time."""
 
     def __init__(self, progress: Progress | None = None) -> None:
         self.progress: Progress = progress or (lambda stage, done, total: None)
@@ -31,9 +28,7 @@ class Work:
 
     @contextmanager
     def stage(self, name: str, runs: int | None = None) -> Iterator[Callable[[int], None]]:
-        """Time a block as part of a stage of ``runs`` runs; yields a function to call with the number just
-        finished.
-        """
+        """Time a block of ``runs`` runs in a stage; yields a function to call with the runs just finished."""
         done, started = 0, time.perf_counter()
 
         def report(more: int) -> None:

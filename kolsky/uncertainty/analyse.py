@@ -40,6 +40,7 @@ from kolsky.uncertainty.profiles import (
     WARN_WIDER,
     LinearisedOptimum,
     ParameterProfiles,
+    posterior,
     profile_parameters,
     surrogate_of,
 )
@@ -194,9 +195,7 @@ def _narrower_bins(
 def _halves(
     prediction: Prediction, time: FloatArray, edge: NDArray[np.intp], halves: NDArray[np.intp]
 ) -> FloatArray:
-    """Means over the halves of bins by the trapezoid rule, [n, 2 n_bins]; both get the correction that makes
-    the bin's mean exact.
-    """
+    """Means over the halves of bins by the trapezoid rule, corrected to the exact mean, [n, 2 n_bins]."""
     F = prediction.force
     steps = 0.5 * (F[:, 1:] + F[:, :-1]) * np.diff(time)
     impulse = np.concatenate([np.zeros((len(F), 1)), np.cumsum(steps, axis=1)], axis=1)
@@ -257,28 +256,17 @@ class UncertaintyAnalysis:
             return
         answer = {name: e.on_mesh for name, e in estimates.items()}
         width = {name: 2.0 * e.sigma for name, e in estimates.items()}
-        own = all(profile.error <= TOLERANCE * profile.level for profile in self.profiles)
-        yield Method.compared(
-            PROFILE,
-            dict(zip(answer, self.found.optimum.tolist(), strict=True)),
-            answer=answer,
-            half_width=width,
-            runs=self.runs,
-            shared_runs=self.runs,
-            converged=own,
-            ended="confirmed by runs along the profiles" if own else "not confirmed by runs along them",
+        compared = partial(
+            Method.compared, answer=answer, half_width=width, runs=self.runs, shared_runs=self.runs
         )
+        own = all(profile.error <= TOLERANCE * profile.level for profile in self.profiles)
+        ended = "confirmed by runs along the profiles" if own else "not confirmed by runs along them"
+        values = dict(zip(answer, self.found.optimum.tolist(), strict=True))
+        yield compared(PROFILE, values, converged=own, ended=ended)
         if self.posterior is not None:
-            yield Method.compared(
-                POSTERIOR,
-                dict(zip(answer, self.posterior.median.tolist(), strict=False)),  # discrepancies follow
-                answer=answer,
-                half_width=width,
-                runs=self.runs,
-                shared_runs=self.runs,
-                converged=self.posterior.converged,
-                ended=f"{self.posterior.steps} steps of each walker",
-            )
+            values = dict(zip(answer, self.posterior.median.tolist(), strict=False))  # discrepancies follow
+            ended = f"{self.posterior.steps} steps of each walker"
+            yield compared(POSTERIOR, values, converged=self.posterior.converged, ended=ended)
 
 
 def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> UncertaintyAnalysis:
@@ -306,7 +294,7 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
     sampled = None
     if runner.problem.settings.bayes and found is not None:
         with runner.work.stage("posterior"):
-            sampled = _posterior_of(found, runner.problem.settings.seed)
+            sampled = posterior(found, seed=runner.problem.settings.seed)
     profiles = () if found is None else found.profiles
     cautions = caution(systematic, dict(zip(directions.names, answer.x.tolist(), strict=True)))
     return UncertaintyAnalysis(
@@ -320,13 +308,6 @@ def analyse(runner: Runner, answer: LinearisedOptimum, check: Prediction) -> Unc
         variations=varied,
         directions=directions,
     )
-
-
-def _posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
-    """The posterior; its module is imported only if needed."""
-    from kolsky.uncertainty.profiles import posterior
-
-    return posterior(found, seed=seed)
 
 
 def noise_shares(answer: LinearisedOptimum, systematic: tuple[Declaration, ...]) -> FloatArray:

@@ -49,9 +49,8 @@ class InputChanges:
     scale"."""
 
     def parts(self, gain: FloatArray) -> dict[str, FloatArray]:
-        """Standard uncertainties by source, shape [d] each.
-
-        ``gain``: linear map from a change of the data vector to the shift of the optimum, shape [d, k].
+        """Standard uncertainties by source, [d] each; ``gain``: change of the data -> shift of the optimum,
+        [d, k].
         """
         found = {key: np.abs(gain @ change) for key, change in self.scales.items()}
         for key, changes in self.replicates.items():
@@ -114,10 +113,7 @@ class Sources:
         return np.asarray(np.sqrt(np.sum((self.deviations @ gain.T) ** 2, axis=0)))
 
     def parts(self, residual: FloatArray, gain: FloatArray) -> dict[str, FloatArray]:
-        """Standard uncertainties by source, shape [d] each.
-
-        ``residual``: covariance from the residuals, shape [d, d]. ``gain``: as for `InputChanges.parts`.
-        """
+        """Standard uncertainties by source, [d] each; ``residual``: covariance from the residuals, [d, d]."""
         found = {
             RESIDUALS: np.sqrt(np.diag(residual)),
             **self.inputs.parts(gain),
@@ -157,8 +153,8 @@ def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> R
 def route_difference(
     names: Sequence[str], optima: Sequence[RouteOptimum], sources: Sources
 ) -> RouteDifference | None:
-    """Force-only minus outline-only result with its budget; None if one is missing. Their residuals are
-    independent.
+    """Force-only minus outline-only result, of independent residuals, with its budget; None if one is
+    missing.
     """
     by_part = {optimum.part: optimum for optimum in optima}
     if not {"force", "shape"} <= set(by_part):

@@ -39,9 +39,7 @@ def declarations(shot: Shot, directions: InputDirections) -> tuple[Declaration, 
 
 
 def _sensitivity(directions: InputDirections, key: str) -> dict[str, Any]:
-    """The fields of a `Declaration` that need no declared uncertainty; empty for an input without a
-    direction.
-    """
+    """The fields of a `Declaration` that need no declared uncertainty; empty without a direction."""
     if key not in directions.keys:
         return {}
     one = directions[key]

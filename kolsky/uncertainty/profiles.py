@@ -7,7 +7,6 @@ The data vector is reduced to the components that can change. `sample_posterior`
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,51 +25,28 @@ from kolsky.inverse.result import Interval, PairMap, ParameterProfile, Posterior
 from kolsky.inverse.runner import Runner
 
 
-@dataclass(frozen=True)
-class ReducedResiduals:
-    """The weighted residuals, reduced to the triangle T and the scores s(x)."""
+def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
+    """The likelihood with the objective's weights. Its noise and discrepancies are fixed.
 
-    coordinates: Callable[[FloatArray], FloatArray]
-    """s(x), shape [n, d] -> [n, q]."""
-    triangle: FloatArray
-    """T, shape [p, q + 1]."""
-
-    def residuals(self, points: FloatArray) -> FloatArray:
-        """Residuals with the same sum of squares as the weighted data vector's, shape [n, d] -> [n, p]."""
-        s = self.coordinates(points)
-        return s @ self.triangle[:, :-1].T + self.triangle[:, -1]
-
-
-def _reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> ReducedResiduals:
-    """Reduce a corrected surrogate and an objective with fixed discrepancies."""
-    surrogate = model.surrogate
+    The weighted residuals are reduced to a triangle T of shape [p, q + 1] and q coordinates of the points.
+    """
+    surrogate, prior = model.surrogate, objective.prior
     if not isinstance(surrogate, ComponentSurrogate):
         raise TypeError(f"a surrogate by principal components is needed, got {type(surrogate).__name__}")
     q = surrogate.n_components
     slope = np.zeros((len(objective.data), 0)) if np.isscalar(model.slope) else np.asarray(model.slope)
     anchor = 0.0 if model.anchor is None else model.anchor
-
-    def coordinates(points: FloatArray) -> FloatArray:
-        scores = surrogate.scores(points, extrapolate=True)
-        return np.hstack([scores, points - anchor]) if slope.size else scores
-
     zero = surrogate.components.expand(np.zeros((1, q)))[0] + model.shift - objective.data
     columns = np.column_stack([surrogate.components.deviation(np.eye(q)).T, slope, zero])
     _, triangle = np.linalg.qr(objective.whitened(columns.T).T)
-    return ReducedResiduals(coordinates, triangle)
-
-
-def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
-    """The likelihood with the objective's weights. Its noise and discrepancies are fixed."""
-    short, prior = _reduce_residuals(model, objective), objective.prior
-    p = len(short.triangle)
-    if prior is None:
-        return Likelihood(box, short.residuals, np.zeros(p), [Channel("force and shape", np.ones(p))])
 
     def residuals(points: FloatArray) -> FloatArray:
-        return np.hstack([short.residuals(points), prior.residuals(points)])
+        scores = surrogate.scores(points, extrapolate=True)
+        s = np.hstack([scores, points - anchor]) if slope.size else scores
+        found: FloatArray = s @ triangle[:, :-1].T + triangle[:, -1]
+        return found if prior is None else np.hstack([found, prior.residuals(points)])
 
-    p += len(prior.rows())
+    p = len(triangle) + (0 if prior is None else len(prior.rows()))
     return Likelihood(box, residuals, np.zeros(p), [Channel("force, shape and prior", np.ones(p))])
 
 
@@ -179,9 +155,7 @@ def profile_parameters(runner: Runner, answer: LinearisedOptimum) -> ParameterPr
 
 
 def _near(runner: Runner, answer: LinearisedOptimum) -> Box:
-    """First box of the profiles: the last design's, or `NEAR` sigma about several parameters, with a new
-    design.
-    """
+    """First box of the profiles: the last design's, or for several parameters `NEAR` sigma, with new runs."""
     whole = runner.problem.box
     if whole.dimension == 1:
         return answer.local
@@ -264,9 +238,7 @@ def surrogate_of(
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
-    """Mask of the points that are not too close to an earlier one; close pairs make a surrogate
-    ill-conditioned.
-    """
+    """Mask of the points not too close to an earlier one; close pairs make a surrogate ill-conditioned."""
     kept: list[int] = []
     for row in range(len(unit)):
         if all(np.linalg.norm(unit[row] - unit[other]) >= least for other in kept):
@@ -306,7 +278,9 @@ def _ends(interval: tuple[float | None, float | None]) -> Interval:
 def _pair_map(likelihood: Likelihood, found: Profiles) -> PairMap:
     """The rise over the plane of two free parameters."""
     box = likelihood.box
-    spans = np.array([_span(profile) for profile in found.profiles])
+    # the range of each profile with a rise small enough for the map
+    low_rise = [one.values[one.rise <= MAP_REACH * one.level] for one in found.profiles]
+    spans = np.array([values[[0, -1]] for values in low_rise])
     margin = 0.05 * np.diff(spans, axis=1)[:, 0]
     low = np.maximum(spans[:, 0] - margin, box.lower)
     high = np.minimum(spans[:, 1] + margin, box.upper)
@@ -315,12 +289,6 @@ def _pair_map(likelihood: Likelihood, found: Profiles) -> PairMap:
     deviance = (likelihood.residuals(box.unit(points)) ** 2).sum(axis=1)
     rise = np.maximum(deviance - found.optimum.deviance, 0.0)
     return PairMap((box.names[0], box.names[1]), x, y, rise.reshape(MAP, MAP))
-
-
-def _span(profile: Profile) -> tuple[float, float]:
-    """The range of a profile with a rise small enough for the map."""
-    low = profile.values[profile.rise <= MAP_REACH * profile.level]
-    return float(low[0]), float(low[-1])
 
 
 TAU_SCALE = 10.0

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -179,9 +178,7 @@ def folded_warning(
 
 
 def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
-    """Count the failed runs by stage and `explicit.Outcome`, then ``rest``, and describe the first of each
-    kind.
-    """
+    """Count the failed runs by stage and `explicit.Outcome`, then ``rest``; describe one of each kind."""
     kinds: dict[str, list[int]] = {}
     for run in table.lost:
         kinds.setdefault(f"{table.stage[run]}: {table.outcomes[run]}", []).append(run)
@@ -270,8 +267,8 @@ def _force_only_warning(result: Identification) -> Iterator[str]:
 
 
 def route_warnings(result: Identification) -> Iterator[str]:
-    """Warning if force and outline disagree about a parameter, by
-    `kolsky.uncertainty.budgets.route_difference`.
+    """Warning if force and outline disagree about a parameter
+    (`kolsky.uncertainty.budgets.route_difference`).
     """
     difference, routes = result.route_difference, {route.name: route for route in result.routes}
     if difference is None or not {"force only", "shape only"} <= set(routes):
@@ -405,7 +402,11 @@ def collect_warnings(
     it. ``lost_replicates``: failed runs of the noise stage. ``mesh``: of the check run; None to skip the
     check of its elements. ``lost_meshes``: failed runs for the mesh error.
     """
-    named = [*result.estimates, *_held_values(result)]
+    named, response = (
+        [*result.estimates, *result.provenance.get("settings", {}).get("held", {})],
+        result.response,
+    )
+    share, reached = float(response.extrapolated_share[0]), float(response.largest_strain_measure[0])
     return tuple(
         [
             *_route_disagreement(result),
@@ -414,11 +415,11 @@ def collect_warnings(
             *_method_warnings(result),
             *_paper_warning(result),
             *bound_warnings(result),
-            *_past_curve_of(result, checks),
+            *past_curve_warning(share, reached, checks),
             *_conditioned_curve_warning(checks),
             *_energy_warning(result),
-            *hourglass_warning(result.response),
-            *([] if mesh is None else folded_warning(result.response, mesh, interface, named)),
+            *hourglass_warning(response),
+            *([] if mesh is None else folded_warning(response, mesh, interface, named)),
             *_lost_run_warnings(result, lost_replicates),
             *_outside_warnings(result),
             *symmetry_warning(checks),
@@ -431,15 +432,3 @@ def collect_warnings(
             *sliding_warning(interface, named),
         ]
     )
-
-
-def _past_curve_of(result: Identification, checks: Mapping[str, float]) -> Iterator[str]:
-    response = result.response
-    return past_curve_warning(
-        float(response.extrapolated_share[0]), float(response.largest_strain_measure[0]), checks
-    )
-
-
-def _held_values(result: Identification) -> Mapping[str, Any]:
-    held = result.provenance.get("settings", {}).get("held", {})
-    return held if isinstance(held, Mapping) else {}

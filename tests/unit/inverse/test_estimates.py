@@ -140,7 +140,7 @@ def test_a_held_value_stands_for_the_shots_own(monkeypatch: pytest.MonkeyPatch) 
     for name in PARAMETERS:
         monkeypatch.setitem(PARAMETERS, name, replace(PARAMETERS[name], held=lambda shot: 7.0))
     shot = SimpleNamespace(relaxation=None)
-    found = held_values(shot, BOX, {"poisson": 0.45})  # type: ignore[arg-type]
+    found = held_values(shot, BOX.names, {"poisson": 0.45})  # type: ignore[arg-type]
     assert found == {"poisson": 0.45, "damping": 7.0, "mass_damping": 7.0, "release_stress": 7.0}
 
 
