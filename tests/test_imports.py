@@ -51,7 +51,7 @@ ALLOWED: dict[tuple[str, str], str] = {
         "kolsky.report.result_folder",
         "a name computed at run time",
     ): "tables of a result, loaded with its type",
-    ("kolsky.bars.flyer.jerks", "warp"): "a recursion over frames, hundreds of times for each flyer",
+    ("kolsky.bars.flyer.kernels", "warp"): "a recursion over frames, hundreds of times for each flyer",
     ("explicit", "a name computed at run time"): "public names, loaded when first used",
     ("dic", "a name computed at run time"): "public names, loaded when first used",
     ("doe", "a name computed at run time"): "public names, loaded when first used",

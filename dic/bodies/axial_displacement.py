@@ -254,24 +254,25 @@ def translations(
     middle = frame.in_rig(np.median(places[finite], axis=0) + moves[twice[0]])
     pixel = 1.0 / float(np.linalg.norm(pixels_per_length(rig.cameras[0], middle, frame.rotation[1])))
     across, lateral, place_sigma = lateral_places(t, moves, valid.sum(axis=1), pixel)
-    k, unseen = np.arange(len(t)), ~np.isfinite(moves).all(axis=1)
-    near = moves[twice[np.argmin(np.abs(twice - k[:, None]), axis=1)]]
+    every, unseen = np.arange(len(t)), ~np.isfinite(moves).all(axis=1)
+    near = moves[twice[np.argmin(np.abs(twice - every[:, None]), axis=1)]]
     near[unseen, ::2] = across[unseen]
     sure = np.where(unseen, LEAST_LATERAL, FREE) * pixel
 
-    def fit(k: IntArray, near: FloatArray) -> tuple[NDArray[Any], ...]:
-        return _translations_in(body, rig, frame, k, places, finite, near, sure[k], overlap)
+    def fit(some: IntArray, near: FloatArray) -> tuple[NDArray[Any], ...]:
+        return _translations_in(body, rig, frame, some, places, finite, near, sure[some], overlap)
 
-    blocks = np.array_split(k, -(-k.size * len(places) // MOST_OBSERVATIONS))
-    shows, y, sigmas, numbers = map(np.concatenate, zip(*(fit(k, near[k]) for k in blocks), strict=True))
+    blocks = np.array_split(every, -(-every.size * len(places) // MOST_OBSERVATIONS))
+    fitted = zip(*(fit(some, near[some]) for some in blocks), strict=True)
+    shows, y, sigmas, numbers = map(np.concatenate, fitted)
     common = 0.0
     for one in np.flatnonzero(shows & static & unseen)[:, None]:
         aside = np.hypot(place_sigma, lateral[one[0]])
-        also, displaced, *_ = fit(one, near[one] + np.array([aside[0], 0.0, aside[1]]))
-        common = float(abs(displaced - y[one])[0]) if also[0] else 0.0
+        also, beside, *_ = fit(one, near[one] + np.array([aside[0], 0.0, aside[1]]))
+        common = float(abs(beside - y[one])[0]) if also[0] else 0.0
         if common:
             break
-    rows, fits, sigma, counts = (of[shows].tolist() for of in (k, y, sigmas, numbers))
+    rows, fits, sigma, counts = (of[shows].tolist() for of in (every, y, sigmas, numbers))
     fine = np.flatnonzero(consistent_frames(rows, fits, counts, static, SEARCH_RANGE * pixel)).tolist()
     rows, fits = [rows[i] for i in fine], [fits[i] for i in fine]
     sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]

@@ -3,7 +3,6 @@
 `evidences` evaluates the marginal likelihood of many smoothnesses at once.
 """
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -152,70 +151,6 @@ def _state_space(
     return seen, steps, kicks, 1.0 - steps[:, 4, 4] ** 2
 
 
-@cache
-def _smoother() -> Callable[..., None]:
-    """The launch of the kernel of `evidences`: a Kalman filter, then the disturbance smoother."""
-    import warp as wp  # loaded where it is of use
-
-    from dic.correlation.kernels.device import select_device
-    from dic.correlation.kernels.launch import load_kernel
-
-    f64 = wp.float64
-    vector, matrix = wp.types.vector(5, f64), wp.types.matrix((5, 5), f64)
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def smoother(
-        seen: wp.array(dtype=vector),
-        steps: wp.array(dtype=matrix),
-        kicks: wp.array(dtype=vector),
-        fresh: wp.array(dtype=f64),
-        y: wp.array(dtype=f64),
-        noise: wp.array2d(dtype=f64),
-        growth: wp.array2d(dtype=f64),
-        prior: wp.array(dtype=f64),
-        gains: wp.array2d(dtype=vector),
-        S: wp.array2d(dtype=f64),
-        misses: wp.array2d(dtype=f64),
-        by_noise: wp.array2d(dtype=f64),
-        by_growth: wp.array2d(dtype=f64),
-    ):
-        i = wp.tid()
-        n, one = y.shape[0], wp.identity(n=5, dtype=f64)
-        P, state = matrix(), vector()
-        for j in range(5):
-            P[j, j] = prior[j]
-        for k in range(n):
-            P = steps[k] * P * wp.transpose(steps[k]) + growth[i, k] * wp.outer(kicks[k], kicks[k])
-            P[4, 4] = P[4, 4] + fresh[k]
-            column = P * seen[k]
-            S[i, k] = wp.dot(seen[k], column) + noise[i, k]
-            gain = column / S[i, k]
-            rest = one - wp.outer(gain, seen[k])
-            # this form keeps round-off below the noise
-            P = rest * P * wp.transpose(rest) + noise[i, k] * wp.outer(gain, gain)
-            state = steps[k] * state
-            misses[i, k] = (y[k] - wp.dot(seen[k], state)) / S[i, k]
-            state = rest * state + y[k] * gain
-            gains[i, k] = gain
-        # r and N: the information of all later frames, after each frame
-        r, N = vector(), matrix()
-        for back in range(n):
-            k = n - 1 - back
-            K, miss = gains[i, k], misses[i, k]
-            rest = one - wp.outer(K, seen[k])
-            off = miss - wp.dot(K, r)
-            by_noise[i, k] = f64(1.0) / S[i, k] + wp.dot(K, N * K) - off * off
-            pushed, kicked = wp.dot(seen[k], kicks[k]), rest * kicks[k]
-            off = pushed * miss + wp.dot(kicked, r)
-            by_growth[i, k] = pushed * pushed / S[i, k] + wp.dot(kicked, N * kicked) - off * off
-            ahead, turned = wp.transpose(steps[k]) * seen[k], wp.transpose(rest * steps[k])
-            r = miss * ahead + turned * r
-            N = wp.outer(ahead, ahead) / S[i, k] + turned * N * wp.transpose(turned)
-
-    load_kernel(smoother, select_device("cpu").alias, 1)
-    return lambda count, *arrays: wp.launch(smoother, dim=count, inputs=arrays, device="cpu")
-
-
 class Evidences(NamedTuple):
     """-2 log of the marginal likelihood for several log scales and log tau."""
 
@@ -261,10 +196,8 @@ def evidences(
     growth[:, moving] = variance
     S, miss, by_frame, by_kick = np.empty((4, *own.shape))
     rest = np.array([ZERO_PRIOR**2, 0.0, 0.0, 0.0, 1.0])
-    from explicit.device import GENERATING  # loaded where it is of use
+    from kolsky.bars.flyer.kernels import smooth  # loads Warp
 
-    with GENERATING:
-        smooth = _smoother()
     smooth(len(thetas), seen, steps, kicks, fresh, y, own, growth, rest, gains, S, miss, by_frame, by_kick)
     change = np.diff(tau, axis=1) / CHANGE_PER_OCTAVE
     values = np.sum(np.log(S) + S * miss**2, axis=1) + np.sum(change**2, axis=1)
