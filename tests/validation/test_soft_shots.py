@@ -233,6 +233,6 @@ def test_a_late_clock_costs_newtons(shot):
     late = replace(shot.path, knots=shot.path.knots + 2e-6)
     a = path_acceleration(late, t[t <= late.end])
     gauge = shot.at(shot.incident, t[t <= late.end])
-    wrong, _ = compensate_mass(t[t <= late.end], gauge, a, shot.mass)
+    wrong, _ = compensate_mass(gauge, a, shot.mass)
     right, _ = front_force(shot, t[t <= late.end])
     assert np.abs(wrong.value - right.value).max() > 30.0

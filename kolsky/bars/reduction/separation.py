@@ -245,6 +245,9 @@ class SeparatedWaves:
     square root of time, because only the quiet start separates the waves."""
     noise_gain: float
     """Largest sigma of `toward` and `away`, divided by that of the quietest gauge [-]."""
+    misfit: tuple[float, ...]
+    """Root mean square of measured minus computed strain at each gauge, over its sigma [-]. With more than
+    two gauges, it shows an error of one."""
 
 
 def separate(
@@ -303,6 +306,9 @@ def separate(
         value = _back((response * spectra).sum(axis=0), kept, length) / falling
         noise = _noise(_back(response * slow, kept, length), decay * interval, sigma * memory**0.5, n, count)
         waves.append(History(value[lead : lead + count], noise, "1"))
+    there = np.einsum("fjw,wf->jf", matrix, np.einsum("fwj,jf->wf", inverse, spectra) * edge)
+    seen = _back(there, kept, length)[:, lead : lead + n] / falling[lead : lead + n]
+    misfit = np.sqrt(np.mean((seen - values)[:, :count] ** 2, axis=1)) * weight
     largest = max(float(wave.sigma.max()) for wave in waves)
     return SeparatedWaves(
         time=np.asarray(begin + interval * np.arange(count), dtype=np.float64),
@@ -310,6 +316,7 @@ def separate(
         away=waves[1],
         singular=_singular(waveguide, far - near, min(limit, 0.5 / interval), len(gauges)),
         noise_gain=largest / float(sigma.min()) if sigma.min() > 0.0 else 0.0,
+        misfit=tuple(misfit.tolist()),
     )
 
 

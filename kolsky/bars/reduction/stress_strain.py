@@ -10,7 +10,6 @@ from dataclasses import replace
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.interpolate import PchipInterpolator
 
@@ -21,12 +20,12 @@ from kolsky.bars.records import ANALYSES, Correction, FaceWaves, History, Reduct
 from kolsky.bars.reduction.validity import ALLOWANCE, balanced_span, imbalance
 from kolsky.bars.signals.arrival import moving_mean
 from kolsky.base.apparatus import Bar, Specimen
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import ComplexArray, FloatArray
 
 WAVES = ("incident", "reflected", "transmitted")
 """Keys of `FaceWaves.sigma`."""
 
-Factor = float | NDArray[np.complex128]
+Factor = float | ComplexArray
 """A constant, or a complex factor at each frequency."""
 Weights = tuple[Factor, Factor, Factor]
 """Factors of the incident, reflected and transmitted strain."""
@@ -51,7 +50,7 @@ class BarWaves:
         self._waves = np.stack([faces.incident, faces.reflected, faces.transmitted])
         self._noise = np.array([faces.sigma[name] for name in WAVES])
         self._white = np.array([(faces.white or faces.sigma)[name] for name in WAVES])
-        self._spectra: NDArray[np.complex128] | None = None
+        self._spectra: ComplexArray | None = None
         if guides is None:
             first, second = faces.incident_bar, faces.transmission_bar
             self.stiffness_1, self.stiffness_2 = stiffness(first), stiffness(second)
@@ -80,7 +79,8 @@ class BarWaves:
             parts = [weight * wave for weight, wave in zip(weights, self._spectra, strict=True)]
             total = irfft(np.sum(parts, axis=0), self._length)
             value = np.asarray(total[self._fade : self._fade + n], dtype=np.float64)
-            noise = np.array([self._gain(self._heard * weight) for weight in weights]) * self._white
+            heard = [np.asarray(self._heard * weight, dtype=np.complex128) for weight in weights]
+            noise = np.array([self._gain(factor) for factor in heard]) * self._white
         return History(value, np.full(n, float(np.linalg.norm(noise))), unit)
 
     def slow_sigma(self, weights: Weights) -> float:
@@ -91,7 +91,7 @@ class BarWaves:
         gains = np.array([abs(np.ravel(weight)[0]) for weight in weights])
         return float(np.linalg.norm(gains * self._white))
 
-    def _gain(self, factor: NDArray[np.complex128]) -> float:
+    def _gain(self, factor: ComplexArray) -> float:
         """Root mean square of a factor over all frequencies: ratio of sigma after and before."""
         return float(np.sqrt(mean_square(factor, self._length)))
 
