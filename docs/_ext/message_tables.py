@@ -11,6 +11,8 @@ import importlib
 import re
 from pathlib import Path
 
+from made_tables import with_values
+
 DOCS = Path(__file__).resolve().parents[1]
 ROOT = DOCS.parent
 LINE = re.compile(r"^<!-- (messages|outcomes|figures)((?: [\w./]+)*) -->$", re.MULTILINE)
@@ -93,7 +95,8 @@ def figures(_: str = "") -> str:
     for page in sorted(DOCS.rglob("*.md")):
         if "_build" in page.parts or page.stem == "figures":
             continue
-        for _, body in SPLIT.findall(page.read_text("utf-8")):
+        text = page.read_text("utf-8")
+        for _, body in SPLIT.findall(with_values(page, text) if "{{ " in text else text):
             caption = " ".join(
                 line for line in body.splitlines() if line.strip() and not line.startswith(":")
             )
