@@ -137,8 +137,7 @@ class LinearFit(Solution):
     tau: FloatArray
     """Discrepancy of each channel: the residual beyond that of a correct model, shape [2]."""
     inflation: float
-    """Ratio of two variances of the last entry of z, >= 1 [-]: residuals correlated in time over independent
-    ones."""
+    """Variance of the last entry of z by residuals correlated in time over that by independent ones [-]."""
 
 
 def fit_linear(

@@ -240,7 +240,7 @@ class CauseSearch:
                 columns = self._columns(rows, np.append(self.model.steps(t.x), step))
                 allowed = self.allowed(t.candidate)
                 fits.append(fit_linear(self.residual(rows[0]), columns, self.expected, allowed))
-            going = []
+            going: list[Trial] = []
             for old, new in zip(trials, self._better(trials, fits), strict=True):
                 gained = self.loss(old.misfits) - self.loss(new.misfits) > SETTLED
                 (going if gained and self.loss(new.misfits) < least + KEPT else done).append(new)

@@ -261,9 +261,7 @@ class Best:
     """The trial, as found by its search."""
     search: CauseSearch
     model: CauseModel | None = None
-    """The model corrected by a run on the refined mesh at its point.
-
-    None if no run was made."""
+    """The model corrected by a run on the refined mesh at its point; None without such a run."""
 
     def renewed(self, judge: CauseSearch) -> Best:
         """The model after a refinement from a run on the refined mesh at its point, if that run completes."""

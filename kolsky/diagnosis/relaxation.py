@@ -45,8 +45,7 @@ class BranchTest:
     strength: float
     """Its strength by a linear model [-]."""
     probability: float
-    """Share of synthetic elastic data sets that improve at least as much [-]; the smallest value is 1 /
-    (draws + 1)."""
+    """Share of synthetic elastic data sets that improve as much [-], at least 1 / (draws + 1)."""
 
     @property
     def significant(self) -> bool:

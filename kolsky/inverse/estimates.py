@@ -112,8 +112,7 @@ class RouteOptimum:
     cost: float
     """Chi-square at this optimum [-]."""
     gain: FloatArray
-    """Linear map from data minus prediction to the shift of the optimum, shape [d, k]; zero for entries
-    outside the part."""
+    """Map from data minus prediction to the shift of the optimum, shape [d, k]; zero outside the part."""
     residual: FloatArray
     """Covariance of the optimum from the residuals, shape [d, d]."""
 

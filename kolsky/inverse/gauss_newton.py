@@ -94,16 +94,14 @@ class RefinedRun:
     x: FloatArray
     """Point of the run, or of the optimum estimated from it, shape [d]."""
     vector: FloatArray
-    """Data vector at this point, shape [k]. An outline point that the run does not reach has the measured
-    value."""
+    """Data vector there, shape [k], with the measured value at an outline point that is not reached."""
     check: CompletedRuns
     numerics: Numerics
     step: Step
     missed: FloatArray
     """The run minus the linear prediction by the slopes, shape [k]."""
     pace: FloatArray | None = None
-    """Change of the point over the change of the step, shape [d, d], estimated from the runs; None: minus
-    one."""
+    """Change of the point over that of the step, from the runs, shape [d, d]; None: minus one."""
 
     @property
     def confirmed(self) -> bool:

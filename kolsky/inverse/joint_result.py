@@ -185,8 +185,7 @@ class ModelChoice:
     """Difference of the Bayesian criterion, with the same sign [-]."""
     elastic: Mapping[str, float]
     gain: float
-    """Largest decrease of chi-square at the elastic optimum, by a weak branch with any relaxation time
-    [-]."""
+    """Decrease of chi-square at the elastic optimum by the best weak branch [-]."""
     time: float
     """Relaxation time of that branch [s]."""
     probability: float
@@ -226,8 +225,7 @@ class JointResult(ResultViews):
     correlation: FloatArray
     """Correlation of the shared parameters in their order, by the data without prior, shape [d, d]."""
     expanded: Mapping[str, float]
-    """Half width of each parameter's 95 % interval, in its unit. Student's t is used if the scatter between
-    few shots dominates."""
+    """Half width of each parameter's 95 % interval, in its unit, by Student's t if few shots scatter."""
     shots: tuple[ShotPart, ...]
     scatter: Scatter | None
     slow: Mapping[str, float]

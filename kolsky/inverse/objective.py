@@ -264,11 +264,9 @@ class FrontNoise:
     """Effect of the noise of the front face's motion on predictions, over bins [N] and all points [m]."""
 
     patterns: FloatArray | None = None
-    """Changes by one standard deviation of each independent mode, shape [n_modes, n_bins + Q]; see
-    `kolsky.inverse.coarse_search`. None until they are computed."""
+    """Changes by one standard deviation of each mode, shape [n_modes, n_bins + Q]; None if unknown."""
     offset: FloatArray | None = None
-    """Change of the data along those patterns by the corrected path, shape [n_bins + Q]; see
-    `kolsky.inverse.path_noise`. None if the path was not corrected."""
+    """Change along them by the corrected path, shape [n_bins + Q]; None if it was not corrected."""
 
     def over(self, entries: Callable[[FloatArray], FloatArray]) -> FrontNoise:
         """The same effect over other bins and points; ``entries`` selects them in rows, shape [..., n_bins +

@@ -72,8 +72,7 @@ class Parameter:
     uncertainty: bool = False
     """True if [uncertainty] of shot.toml has a key of this name."""
     slides: bool = False
-    """True if naming the parameter makes end faces and side surface slide by Coulomb's law, even with another
-    declared law."""
+    """True if naming the parameter makes faces and side slide by Coulomb's law, whatever is declared."""
     read_by: str = ""
     """Field of `explicit.contact.ContactLaw` that is true if a law reads the parameter. Empty if it has an
     effect without a contact law."""
@@ -82,8 +81,7 @@ class Parameter:
     scale: Callable[[float], float] | None = None
     """A large change from a value, in its unit; None: `explicit.model.scale_of`."""
     changed: Callable[[Shot, float], Shot] | None = None
-    """The shot with another declared value. It is needed if naming the parameter does more than changing this
-    value."""
+    """The shot with another declared value, if naming the parameter does more than changing it."""
     logarithmic: bool = False
     """True if a search uses its logarithm because its range spans decades."""
     relaxes: bool = False

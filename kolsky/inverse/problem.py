@@ -54,8 +54,7 @@ class PreparedShot:
     checks: dict[str, Any]
     """Numbers that show whether the declared noise is plausible and which strains the curve covers."""
     motion_sigma_gain: float = 0.0
-    """Standard uncertainty of the scale of the front face's motion [-]; the path's covariance does not
-    include it."""
+    """Standard uncertainty of the scale of the front face's motion [-], not in the path's covariance."""
 
     @property
     def shot(self) -> Shot:

@@ -245,14 +245,11 @@ class CauseFinding:
     sigma: float
     """Standard uncertainty of `value`; NaN if it has none."""
     explained: float
-    """Share of the excess misfit that the change removes [-]. The excess is the misfit beyond that of a
-    correct model."""
+    """Share of the misfit beyond that of a correct model that the change removes [-]."""
     evidence: float
-    """Twice the logarithm of the likelihood ratio, with one residual per time and channel [-]. 0 if the model
-    explains the data without a change."""
+    """Twice the log likelihood ratio, with one residual per time and channel [-]; 0 if explained without."""
     probability: float
-    """Probability that such a change occurs by chance [-], corrected for the number of inputs tried (Holm
-    1979)."""
+    """Probability of such a change by chance [-], corrected for the inputs tried (Holm 1979)."""
     parameters: Mapping[str, float]
     """The free parameters with this change, on the surrogate's mesh, corrected to the refined mesh."""
     sigmas: Mapping[str, float]
@@ -339,11 +336,9 @@ class Declaration:
     shifts: Mapping[str, float]
     """Shift of each free parameter if the input increases by `sigma`, in SI; empty if it was not varied."""
     status: str
-    """The treatment of the input: "varied", "not declared, counted as exact", or the reason why it does not
-    apply."""
+    """"varied", "not declared, counted as exact", or the reason why the input does not apply."""
     amount: float = float("nan")
-    """A reference change: 1 % of a scale, 1 us of a clock, 10 um of a position, in `unit`. NaN if it does not
-    apply, or if the file does not contain it."""
+    """A reference change: 1 % of a scale, 1 us of a clock, 10 um of a position, in `unit`; else NaN."""
     moves: Mapping[str, float] = field(default_factory=dict)
     """Shift of each free parameter if the input increases by `amount`, in SI; empty if `amount` is NaN."""
     visible: float = float("nan")
@@ -363,8 +358,7 @@ class Variation:
     value: float
     """The other choice: end of the window, or width of the force's bins [s]."""
     shifts: Mapping[str, float]
-    """Shift of each free parameter on the refined mesh, in SI, without correction of the mesh error. Empty if
-    the search failed."""
+    """Shift of each parameter on the refined mesh, in SI, not corrected for the mesh; empty if it failed."""
     status: str
 
 
@@ -437,8 +431,7 @@ class Estimate:
     unit: str
     """Unit, "1" if none."""
     value: float
-    """Optimum of the joint chi-square, corrected for the error of the refined mesh: `on_mesh` plus
-    `mesh_correction`."""
+    """Optimum of the joint chi-square, corrected for the mesh: `on_mesh` plus `mesh_correction`."""
     sigma_noise: float
     """Standard uncertainty from the measured noise (force, shape, flyer motion, material curve)."""
     sigma_numerical: float
@@ -570,8 +563,7 @@ class Identification(ResultViews):
     fixed: dict[str, float]
     """The parameters held fixed, in SI."""
     routes: tuple[Route, ...]
-    """Optima of the joint data, the force, the outline and the paper's cost. Without an outline, only that of
-    the force."""
+    """Optima of the joint data, the force, the outline and the paper's cost; without outline, the force's."""
     terms: Terms
     """Misfit terms of the check run at the optimum."""
     comparison: Comparison

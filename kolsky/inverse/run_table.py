@@ -333,6 +333,5 @@ class Replicates:
     curve: NDArray[np.bool_]
     """Mask of the rows with another curve."""
     scale: NDArray[np.bool_]
-    """Mask of the row with the motion scaled up by one standard uncertainty of its scale. There is at most
-    one such row."""
+    """Mask of the row, if any, with the motion scaled up by one standard uncertainty of its scale."""
     lost: int

@@ -43,8 +43,7 @@ class Runner:
     rng: np.random.Generator
     """Random generator of designs and replicates, used in the order of the calls."""
     offsets: Mapping[Mesh, FloatArray] = field(default_factory=dict)
-    """Offset of a point for each mesh, [d]. With this offset, a run on the mesh resembles a run on the
-    refined mesh."""
+    """Offset of a point for each mesh, [d], with which it responds like the refined mesh."""
 
     @classmethod
     def of(cls, problem: InverseProblem, work: Work) -> Runner:

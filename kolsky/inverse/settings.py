@@ -56,8 +56,7 @@ class Numerics:
 
     mesh: Mesh = (20, 27)
     grading: float = 2.0
-    """Size of the largest element divided by that of the smallest. The small elements lie at the surface,
-    where the specimen rolls over."""
+    """Largest over smallest element; the small ones lie at the surface, where the specimen rolls over."""
     safety: float = 0.9
     """Time step divided by the stability limit [-]."""
     precision: Annotated[
@@ -188,8 +187,7 @@ class JointSettings:
     """Settings of a joint identification: free and held parameters, unknowns of each shot, numerics."""
 
     free: Mapping[str, tuple[float, float] | None] | None = None
-    """Shared free parameters and their bounds, None for default bounds. Default: the parameters that are free
-    in every single shot."""
+    """Shared free parameters and bounds, None for default ones. Default: those free in every shot."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Parameters held at values that differ from those of the shots."""
     hold: tuple[str, ...] = ()
@@ -197,8 +195,7 @@ class JointSettings:
     numerics: Numerics = field(default_factory=lambda: Numerics(mesh=(16, 22)))
     refined_mesh: tuple[int, int] = (32, 43)
     replicates: int = 24
-    """Number of random draws of each flyer motion and each curve. With 0, their noise is left out of weights
-    and intervals."""
+    """Number of draws of each flyer motion and curve; with 0, weights and intervals lack their noise."""
     curve_nodes: Annotated[
         int, Option("Estimate the curve too, at this number of strains (4 to 24).", min=0, panel=TOGETHER)
     ] = 0

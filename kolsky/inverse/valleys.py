@@ -156,11 +156,9 @@ class Floor:
     x: FloatArray
     """Point in parameter units, shape [d]."""
     patterns: FloatArray
-    """Patterns of the flyer's noise at this point, one standard deviation per mode, shape [q, n_bins +
-    n_points]."""
+    """Patterns of the flyer's noise there, one standard deviation each, shape [q, n_bins + n_points]."""
     margin: float
-    """-2 ln of likelihood and prior at the next valley's floor minus that at this one [-]. Infinite if the
-    scan found no other valley."""
+    """-2 ln of likelihood and prior at the next valley's floor minus that here [-]; infinite without one."""
 
 
 def likeliest_floor(runner: Runner, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Floor:

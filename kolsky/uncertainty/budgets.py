@@ -45,8 +45,7 @@ class InputChanges:
     Sources given as patterns of one standard deviation are scaled by root n (`as_drawn`). They are `OUTLINE`
     and, if the path is a nuisance of the fit, "flyer motion"."""
     scales: Mapping[str, FloatArray]
-    """Source -> change by one standard uncertainty of a common scale, shape [k]: "force scale", "motion
-    scale"."""
+    """Source -> change by one standard uncertainty of "force scale" or "motion scale", shape [k]."""
 
     def parts(self, gain: FloatArray) -> dict[str, FloatArray]:
         """Standard uncertainties by source, [d] each; ``gain``: change of the data -> shift of the optimum,

@@ -94,8 +94,7 @@ class MeshChange:
     coarser: FloatArray
     """Data on the surrogate's mesh minus those on the refined one, shape [k]."""
     element: FloatArray | None
-    """Data with the other element minus those with this one, both on the surrogate's mesh, shape [k]; None
-    if it could not be run."""
+    """Data with the other element minus these, on the surrogate's mesh, shape [k]; None if not run."""
     ratio: float
     """Elements across the radius of the refined mesh divided by those of the surrogate's mesh [-], > 1."""
     windows: IntArray | None = None
