@@ -61,13 +61,9 @@ class UniaxialTest:
 
     def part(self, samples: slice | NDArray[np.bool_]) -> "UniaxialTest":
         """A subset of its samples."""
-        whole: dict[str, Any] = {
-            "strain": self.strain,
-            "stress": self.stress,
-            "time": self.time,
-            "bulge": self.bulge,
-        }
-        return replace(self, **{key: None if x is None else x[samples] for key, x in whole.items()})
+        columns = {"strain": self.strain, "stress": self.stress, "time": self.time, "bulge": self.bulge}
+        kept: dict[str, Any] = {key: x[samples] for key, x in columns.items() if x is not None}
+        return replace(self, **kept)
 
     def without_machine(self, compliance: float, *, area: float, length: float) -> "UniaxialTest":
         """The test without the deformation of the machine: u = u_measured - C F.
