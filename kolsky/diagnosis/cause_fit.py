@@ -56,10 +56,6 @@ class ExpectedResidual:
         """The residual minus its most likely part due to the patterns, shape [k]."""
         return np.asarray(self.variance * self.weighted(residual))
 
-    def of(self, channel: int) -> "ExpectedResidual":
-        """The part of one channel."""
-        return self.among(self.channel == channel)
-
     def among(self, use: BoolArray) -> "ExpectedResidual":
         """A subset of the entries; shape of `use` [k]."""
         return replace(
@@ -73,7 +69,7 @@ class ExpectedResidual:
     @cached_property
     def _channels(self) -> tuple["ExpectedResidual", ...]:
         """Each channel separately, without tau."""
-        return tuple(replace(self.of(channel), tau=np.zeros(2)) for channel in range(2))
+        return tuple(replace(self.among(self.channel == c), tau=np.zeros(2)) for c in range(2))
 
     def misfits(self, residual: FloatArray) -> FloatArray:
         """Mean of r^T C^-1 r over the entries of each channel without tau, [2]; 1 without entries."""
@@ -274,9 +270,7 @@ def explained_share(before: FloatArray, after: FloatArray, entries: IntArray) ->
 
 def chance(change: float, sigma: float, *, degrees: float) -> float:
     """Probability of a change at least this large by chance, by the F-test with 1 and `degrees` [-]."""
-    if not sigma > 0.0:
-        return 1.0
-    if not np.isfinite(sigma):
+    if not 0.0 < sigma < np.inf:
         return 1.0
     return float(fdtrc(1.0, max(degrees, 1.0), (change / sigma) ** 2))
 
