@@ -165,7 +165,7 @@ def test_page_says_the_answer_first_and_rounds(html: str) -> None:
     assert "Before using these values: The made-up specimen does not exist (nominal strain −0.8)." in text
     assert text.index("1.1200 ± 0.0050") < text.index("nor does its flyer".capitalize())
     assert "m on the refined mesh minus on the surrogate’s −0.0058" in text
-    words_of_it = ("Noise, all sources", "Numerics: mesh and step", "Force χ² only", "inverted", "16 × 22")
+    words_of_it = ("Noise, all sources", "Mesh and step", "Force χ² only", "inverted", "16 × 22")
     for words in (*words_of_it, "24 × 33"):
         assert words in text
     assert "ab" * 32 in text
