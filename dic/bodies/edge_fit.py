@@ -270,12 +270,7 @@ def sampled(camera: Camera, picture: FloatArray, frame: SpecimenFrame, places: F
 
 
 def fit_edge(
-    strips: FloatArray,
-    u: FloatArray,
-    bands: FloatArray,
-    *,
-    reach: float = 2.0,
-    sure: bool = False,
+    strips: FloatArray, u: FloatArray, bands: FloatArray, *, reach: float = 2.0, sure: bool = False
 ) -> EdgeFit | None:
     """Find an edge in strips.
 

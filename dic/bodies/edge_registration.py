@@ -296,12 +296,7 @@ class EdgeRegistration:
         if zncc < self._least or abs(y - tried[best]) > LARGEST_CORRECTION * self.pixel:
             return None
         return RegisteredEdge(
-            y=y,
-            sigma=float(np.sqrt(variance)),
-            common=offset,
-            zncc=zncc,
-            n_pixels=n,
-            clear=is_clear,
+            y=y, sigma=float(np.sqrt(variance)), common=offset, zncc=zncc, n_pixels=n, clear=is_clear
         )
 
     def end_error(

@@ -211,11 +211,7 @@ class TrackedBody:
 
 
 def follow_bodies(
-    bodies: Sequence[MatchedBody],
-    rig: StereoRig,
-    stereo: Correlation,
-    *,
-    progress: Progress | None = None,
+    bodies: Sequence[MatchedBody], rig: StereoRig, stereo: Correlation, *, progress: Progress | None = None
 ) -> list[TrackedBody]:
     """Track matched bodies in both cameras, the first in parallel with the others.
 
@@ -234,10 +230,7 @@ def follow_bodies(
 
 
 def _follow(
-    body: MatchedBody,
-    rig: StereoRig,
-    stereo: Correlation,
-    progress: Callable[[int, int], None] | None = None,
+    body: MatchedBody, rig: StereoRig, stereo: Correlation, progress: Callable[[int, int], None] | None = None
 ) -> TrackedBody:
     """The body with its points tracked and reconstructed in space."""
     tracks, common = track_body(body, progress), None

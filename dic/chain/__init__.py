@@ -200,11 +200,7 @@ def measure(
             *another_frame,
         ),
         rig=rig,
-        facts={
-            **(facts or {}),
-            **facts_of(inputs),
-            "speckle": speckle,
-        },
+        facts={**(facts or {}), **facts_of(inputs), "speckle": speckle},
         seconds=clock.seconds,
         motion=motion,
     )

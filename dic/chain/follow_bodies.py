@@ -21,14 +21,7 @@ from dic.bodies.axial_displacement import (
 )
 from dic.bodies.body_motion import BodyMotion, body_motion
 from dic.bodies.edge_registration import rays_on_body
-from dic.bodies.follow import (
-    MatchedBody,
-    Progress,
-    TrackedBody,
-    follow_bodies,
-    match_body,
-    material_frame,
-)
+from dic.bodies.follow import MatchedBody, Progress, TrackedBody, follow_bodies, match_body, material_frame
 from dic.bodies.region import Region, carry_region
 from dic.bodies.rest_from_rim import RestGeometry, Rim
 from dic.camera import Camera, StereoRig

@@ -146,12 +146,7 @@ class _ReferenceUpdates:
             current.propagate(matched)
 
     def forward(
-        self,
-        current: FrameMatch,
-        frame: IntArray,
-        carried: FloatArray,
-        excess: FloatArray,
-        seen: BoolArray,
+        self, current: FrameMatch, frame: IntArray, carried: FloatArray, excess: FloatArray, seen: BoolArray
     ) -> None:
         """Use this frame as the reference of the points that need a new one. ``frame``: its numbers as a
         reference, ``seen``: points with a picture, shape [n] each."""

@@ -4,13 +4,7 @@ from typing import Any
 
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.process import ProcessSurrogate
-from doe.surrogates.protocol import (
-    DEFAULT_KERNELS,
-    ComponentSurrogate,
-    Kernel,
-    Surrogate,
-    SurrogateError,
-)
+from doe.surrogates.protocol import DEFAULT_KERNELS, ComponentSurrogate, Kernel, Surrogate, SurrogateError
 from doe.surrogates.quadratic import QuadraticSurrogate
 from doe.surrogates.rbf import CostSurrogate, RadialBasis, ResponseSurrogate
 

@@ -206,11 +206,7 @@ def map_histories(reduction: Reduction, change: Callable[[str, History], History
 
     shared: dict[str, Any] = {name: change(name, getattr(reduction, name)) for name in _SHARED_HISTORIES}
     return replace(
-        reduction,
-        strain=changed("strain"),
-        rate=changed("rate"),
-        stress=changed("stress"),
-        **shared,
+        reduction, strain=changed("strain"), rate=changed("rate"), stress=changed("stress"), **shared
     )
 
 

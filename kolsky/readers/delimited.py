@@ -32,13 +32,7 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def read_lines(
-    path: Path,
-    sha256: str,
-    lines: list[str],
-    layout: Layout,
-    facts: Mapping[str, str],
-    *,
-    word: str = "line",
+    path: Path, sha256: str, lines: list[str], layout: Layout, facts: Mapping[str, str], *, word: str = "line"
 ) -> Contents:
     """Channels and metadata of the lines of a text.
 

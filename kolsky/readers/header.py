@@ -372,13 +372,7 @@ class _Stated:
 
 
 def _of_channel(
-    path: Path,
-    key: str,
-    fields: Sequence[str],
-    channel: int,
-    channels: int,
-    decimal: str,
-    unit: str | None,
+    path: Path, key: str, fields: Sequence[str], channel: int, channels: int, decimal: str, unit: str | None
 ) -> "_Stated | str | None":
     """The number of a clock key for one channel. If it is unusable, the reason as text. None if absent."""
     texts = [field for field in fields if not _TIME_OF_DAY.search(field)]

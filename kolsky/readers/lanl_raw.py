@@ -43,13 +43,7 @@ def read(path: Path, layout: Layout) -> Contents:
         path=path,
         sha256=sha256,
         channels=tuple(_channel(sheet, table, column, layout) for column in range(2, fields)),
-        facts={
-            "format": "lanl",
-            "encoding": encoding,
-            "delimiter": "tab",
-            "decimal": ".",
-            "header": "1",
-        },
+        facts={"format": "lanl", "encoding": encoding, "delimiter": "tab", "decimal": ".", "header": "1"},
         metadata={
             key: ", ".join(values)
             for key, values in keys_beside([line.split("\t")[:2] for line in lines]).items()

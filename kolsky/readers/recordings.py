@@ -13,16 +13,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import Recording
-from kolsky.readers import (
-    delimited,
-    hdf5,
-    labview_lvm,
-    lanl_raw,
-    matlab,
-    scope_binary,
-    tdms,
-    tektronix_csv,
-)
+from kolsky.readers import delimited, hdf5, labview_lvm, lanl_raw, matlab, scope_binary, tdms, tektronix_csv
 from kolsky.readers.contents import (
     LARGEST_SAMPLE,
     Channel,

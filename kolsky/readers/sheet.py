@@ -161,9 +161,7 @@ class Sheet:
             text = self.dialect.split(self.rows[row])[column]
             if not self.dialect.is_number(text):
                 return self.error(
-                    f"column '{self.names[column]}' is not a number: '{text[:60]}'",
-                    row,
-                    cure_of(text),
+                    f"column '{self.names[column]}' is not a number: '{text[:60]}'", row, cure_of(text)
                 )
         return self.error(f"column '{self.names[column]}' cannot be read: {fallback}", None, "export again")
 

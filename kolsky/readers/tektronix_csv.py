@@ -50,10 +50,5 @@ def read(path: Path, layout: Layout) -> Contents:
         dialect = Dialect(",", ".", fields, (time, volts))
         sheet = Sheet(path, dialect, lines, 1, tuple(names), tuple(units), keys)
         channels += SignalTable(sheet, layout, (time,)).channels()
-    facts = {
-        "format": "tektronix",
-        "encoding": encoding,
-        "delimiter": "comma",
-        "header": "beside samples",
-    }
+    facts = {"format": "tektronix", "encoding": encoding, "delimiter": "comma", "header": "beside samples"}
     return Contents(path=path, sha256=sha256, channels=tuple(channels), facts=facts, metadata=metadata)

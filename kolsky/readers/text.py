@@ -23,11 +23,7 @@ search grows with a power of the length."""
 LONGEST_PAIR = 4000
 """Longest line of a header in which a key and its values are searched [characters]."""
 
-_MARKS = (
-    (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF16_LE, "utf-16-le"),
-    (codecs.BOM_UTF16_BE, "utf-16-be"),
-)
+_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 
 
 def full_match(pattern: re.Pattern[str], field: str, *, longest: int = LONGEST_FIELD) -> re.Match[str] | None:
@@ -175,12 +171,7 @@ class Delimiter:
 BLANKS = Delimiter("blanks", " ", "blanks")
 """Any run of blanks and tabs."""
 COMMA = Delimiter("comma", ",", "commas")
-DELIMITERS = (
-    Delimiter("tab", "\t", "tabs"),
-    Delimiter("semicolon", ";", "semicolons"),
-    COMMA,
-    BLANKS,
-)
+DELIMITERS = (Delimiter("tab", "\t", "tabs"), Delimiter("semicolon", ";", "semicolons"), COMMA, BLANKS)
 """All delimiters, in the order of their trials. Add a new delimiter here."""
 
 

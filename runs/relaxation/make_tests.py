@@ -26,9 +26,7 @@ def main() -> None:
         stretch = 1.0 - 0.01 * strain * np.minimum(time / 0.1, 1.0)
         stress = -1e-3 * prony_stress(law, SERIES, time, stretch) * (1.0 + 0.01 * rng.standard_normal(71))
         write(
-            f"hold_{strain}.csv",
-            "time (s),strain (%),stress (kPa)",
-            [time, 100.0 * (1.0 - stretch), stress],
+            f"hold_{strain}.csv", "time (s),strain (%),stress (kPa)", [time, 100.0 * (1.0 - stretch), stress]
         )
     levels, omega = np.array([5.0, 15.0, 25.0, 35.0, 45.0]), np.geomspace(0.04, 70.0, 12)
     T, omega = (grid.ravel() for grid in np.meshgrid(levels, omega, indexing="ij"))

@@ -31,10 +31,7 @@ def truth(folder: Path) -> float:
 
 @pytest.fixture(
     scope="module",
-    params=[
-        pytest.param("open-01", marks=pytest.mark.slow),
-        pytest.param("open-02", marks=pytest.mark.long),
-    ],
+    params=[pytest.param("open-01", marks=pytest.mark.slow), pytest.param("open-02", marks=pytest.mark.long)],
 )  # on the default meshes
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
     source = {"open-01": OPEN_01, "open-02": OPEN_02}[request.param]

@@ -8,16 +8,7 @@ import pytest
 from order import assert_order, fitted_order
 from scene import DENSITY, LENGTH, RADIUS, FloatArray, shear_modulus, speed_after_rise
 
-from explicit import (
-    CharacteristicBar,
-    Model,
-    Response,
-    Samples,
-    Sampling,
-    Stepping,
-    cylinder,
-    run,
-)
+from explicit import CharacteristicBar, Model, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import neo_hookean
 
 TOLERANCE = 1e-3

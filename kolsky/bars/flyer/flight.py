@@ -140,13 +140,7 @@ COVERAGE = 2.0
 
 
 def symmetry_end(
-    flight: Flight,
-    time: ArrayLike,
-    *,
-    separation: float,
-    over: float,
-    share: float,
-    times_in_row: int = 3,
+    flight: Flight, time: ArrayLike, *, separation: float, over: float, share: float, times_in_row: int = 3
 ) -> SymmetryEnd:
     """Find the time at which the flyer's velocity leaves its direction just after separation.
 

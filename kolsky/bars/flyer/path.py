@@ -339,11 +339,7 @@ LONGEST_STEP = 2.5
 
 
 def fit_flyer(
-    motion: FlyerMotion,
-    *,
-    start: float,
-    covariance: FloatArray | None = None,
-    restart: float | None = None,
+    motion: FlyerMotion, *, start: float, covariance: FloatArray | None = None, restart: float | None = None
 ) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 

@@ -113,11 +113,7 @@ def axial_by_analysis(second: ArrayLike, specimen: Specimen, back: ArrayLike) ->
 
 
 def correct_axial_inertia(
-    back_stress: History,
-    second: History,
-    specimen: Specimen,
-    *,
-    apply: bool = True,
+    back_stress: History, second: History, specimen: Specimen, *, apply: bool = True
 ) -> tuple[History, Correction]:
     """Mean nominal stress along the specimen from that at its resting back face, see `axial_stress`.
 

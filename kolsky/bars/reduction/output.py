@@ -9,14 +9,7 @@ import numpy as np
 
 from dic.files import replacing, text_cell
 from kolsky.bars.audit import table_of
-from kolsky.bars.records import (
-    BarSignal,
-    FlyerResult,
-    History,
-    ReducedTest,
-    Reduction,
-    WavesResult,
-)
+from kolsky.bars.records import BarSignal, FlyerResult, History, ReducedTest, Reduction, WavesResult
 from kolsky.base.arrays import FloatArray
 from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing
 
@@ -276,10 +269,7 @@ def columns(result: WavesResult) -> dict[str, FloatArray]:
             "true_stress_MPa": _MEGA * extra["true stress (Pa)"],
             "u_true_stress_MPa": _MEGA * extra["sigma of true stress (Pa)"],
         }
-    return table | {
-        "force_equilibrium": _inside(r.time, r.balanced),
-        "valid": _inside(r.time, result.valid),
-    }
+    return table | {"force_equilibrium": _inside(r.time, r.balanced), "valid": _inside(r.time, result.valid)}
 
 
 def metadata(result: WavesResult) -> dict[str, str]:

@@ -112,11 +112,7 @@ def _widened(
     before = (incident.strain.start, pairs[1][0], transmission.strain.start)
     widened = []
     for (begin, end), start, limit, signal in zip(
-        pairs,
-        before,
-        usable_limits(incident, transmission),
-        (incident, incident, transmission),
-        strict=True,
+        pairs, before, usable_limits(incident, transmission), (incident, incident, transmission), strict=True
     ):
         clean = min(begin + limit.time, signal.strain.end)
         widened.append((start, max(end, (clean + 0.1 * start) / 1.1)))
@@ -251,11 +247,7 @@ class SeparatedWaves:
 
 
 def separate(
-    gauges: Sequence[BarSignal],
-    waveguide: Waveguide,
-    *,
-    band: float | None = None,
-    end: float | None = None,
+    gauges: Sequence[BarSignal], waveguide: Waveguide, *, band: float | None = None, end: float | None = None
 ) -> SeparatedWaves:
     """Separate the two waves of a bar by two or more gauges, Eqs. (B.12) to (B.15).
 

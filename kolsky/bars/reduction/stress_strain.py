@@ -259,12 +259,7 @@ def punching_compliance(bar: Bar, radius: float) -> float:
 
 
 def correct_punching(
-    reduction: Reduction,
-    specimen: Specimen,
-    incident_bar: Bar,
-    transmission_bar: Bar,
-    *,
-    apply: bool = True,
+    reduction: Reduction, specimen: Specimen, incident_bar: Bar, transmission_bar: Bar, *, apply: bool = True
 ) -> tuple[Reduction, Correction]:
     """Subtract the indentation of both faces from the shortening of the specimen.
 

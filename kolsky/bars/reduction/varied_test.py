@@ -89,11 +89,7 @@ def varied_position(position: float, side: str, values: Mapping[str, float]) -> 
 
 
 def station_of(
-    given: WavesInput,
-    key: str,
-    values: Mapping[str, float] | None = None,
-    *,
-    windows: Windows | None = None,
+    given: WavesInput, key: str, values: Mapping[str, float] | None = None, *, windows: Windows | None = None
 ) -> Station:
     """The strain at one station.
 

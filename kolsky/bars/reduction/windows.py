@@ -380,10 +380,7 @@ def _offset(
     level = max(found.level, low_level(incident, found.level / LOW, average))
     pulses = [
         first_rise(s, sign=way, average=average, after=first, before=last, level=level)
-        for s, way, first, last in (
-            (incident, source.sign, -inf, arrival.end),
-            (strain, sign, *span),
-        )
+        for s, way, first, last in ((incident, source.sign, -inf, arrival.end), (strain, sign, *span))
     ]
     if pulses[0] is None or pulses[1] is None:
         return nothing

@@ -227,10 +227,7 @@ def check_shunt(bridge: Bridge, shunt: Shunt) -> ShuntCheck:
     relative = np.hypot(slope * shunt.resistance_sigma / output, shunt.step_sigma / shunt.step)
     tension = 1 if shunt.step * output > 0.0 else -1
     return ShuntCheck(
-        gain=gain,
-        gain_sigma=float(gain * relative),
-        ratio=gain / bridge.gain,
-        compression_sign=-tension,
+        gain=gain, gain_sigma=float(gain * relative), ratio=gain / bridge.gain, compression_sign=-tension
     )
 
 

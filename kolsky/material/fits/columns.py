@@ -47,8 +47,7 @@ class Columns:
         None
     )
     lateral: Annotated[
-        str,
-        Option("The stretch across the load, or with --lateral-strain its strain.", metavar="COLUMN"),
+        str, Option("The stretch across the load, or with --lateral-strain its strain.", metavar="COLUMN")
     ] = ""
     lateral_strain: Annotated[bool, Option("The lateral column is a nominal strain.")] = False
     """A strain is positive if the specimen gets wider."""

@@ -339,10 +339,7 @@ def to_json(plan: Plan) -> dict[str, Any]:
 
 
 def _choice(choice: Choice, names: tuple[str, ...]) -> dict[str, Any]:
-    return {
-        "places": choice.places,
-        "sigma": dict(zip(names, choice.deviations, strict=True)),
-    }
+    return {"places": choice.places, "sigma": dict(zip(names, choice.deviations, strict=True))}
 
 
 def tables(plan: Plan) -> dict[str, dict[str, Any]]:

@@ -121,9 +121,7 @@ def collected_shot(
     place = result_of(file.path)
     if identify is None and not place.exists():
         raise InputError(
-            place,
-            "there is no result of this shot",
-            cure=f"`kolsky identify {file.path.parent}` writes one",
+            place, "there is no result of this shot", cure=f"`kolsky identify {file.path.parent}` writes one"
         )
     loaded = load_shot(file, measure=measure)
     if place.exists() or identify is None:

@@ -89,11 +89,7 @@ class MixedFit:
 
 
 def mixed_fit(
-    values: FloatArray,
-    sigma: FloatArray,
-    columns: FloatArray,
-    *,
-    common: FloatArray | None = None,
+    values: FloatArray, sigma: FloatArray, columns: FloatArray, *, common: FloatArray | None = None
 ) -> MixedFit:
     """Fit y = X b, and estimate the scatter between the values."""
     y, s, X = (np.asarray(a, dtype=float) for a in (values, sigma, columns))
@@ -209,9 +205,7 @@ def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = N
         enough = int(kept.sum()) >= FEWEST_POOLED
         without.append(mixed_fit(y[kept], s[kept], ones[kept], common=shared[:, kept]) if enough else None)
     return Pooled(
-        fit=mixed_fit(y, s, ones, common=shared),
-        scatter=float(y.std(ddof=1)),
-        leave_one_out=tuple(without),
+        fit=mixed_fit(y, s, ones, common=shared), scatter=float(y.std(ddof=1)), leave_one_out=tuple(without)
     )
 
 

@@ -15,12 +15,7 @@ from kolsky.bars.reduction.stress_strain import correct_punching, punching_compl
 from kolsky.bars.reduction.validity import Reason, imbalance, validity
 from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival, usable_limits
 from kolsky.bars.signals.arrival import find_arrival
-from kolsky.bars.signals.baseline import (
-    Noise,
-    SignalZero,
-    measure_signal_zero,
-    quantisation_step,
-)
+from kolsky.bars.signals.baseline import Noise, SignalZero, measure_signal_zero, quantisation_step
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import FlyerMotion
 

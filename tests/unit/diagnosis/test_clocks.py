@@ -50,9 +50,7 @@ def with_data(one: Objective, data: FloatArray) -> Objective:
     return replace(
         one,
         observations=replace(
-            seen,
-            bins=replace(seen.bins, mean=data[:n]),
-            centre_line=replace(seen.centre_line, Z=data[n:]),
+            seen, bins=replace(seen.bins, mean=data[:n]), centre_line=replace(seen.centre_line, Z=data[n:])
         ),
     )
 

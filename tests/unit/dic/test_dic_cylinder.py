@@ -32,11 +32,7 @@ def errors(fit, R):
     axis = R[:, 1] * np.sign(R[:, 1] @ fit.axis)
     true = PLACE + axis * ((fit.point - PLACE) @ fit.axis) / (axis @ fit.axis)
     return np.concatenate(
-        [
-            (fit.basis @ (fit.point - true))[:2],
-            (fit.basis @ (fit.axis - axis))[:2],
-            [fit.radius - RADIUS],
-        ]
+        [(fit.basis @ (fit.point - true))[:2], (fit.basis @ (fit.axis - axis))[:2], [fit.radius - RADIUS]]
     )
 
 

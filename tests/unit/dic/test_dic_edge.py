@@ -337,10 +337,7 @@ def test_a_static_frame_far_from_where_the_body_came_from_is_left_out():
     rows, static = [10, 11, *range(18, 40)], np.arange(40) < 12
     moving = [-19e-6 * k for k in rows[2:]]
     counts = [8, 8, *range(30, 52)]
-    for rest in (
-        moving[0],
-        moving[0] + 6.5 * 19e-6,
-    ):  # it stood still until then, or moved
+    for rest in (moving[0], moving[0] + 6.5 * 19e-6):  # it stood still until then, or moved
         for off in (-220e-6, 360e-6):
             found = [rest, rest + off, *moving]
             assert consistent_frames(rows, found, counts, static, 50e-6) == [True, False] + [True] * 22

@@ -331,8 +331,7 @@ def test_another_radius_is_remarked_on_beyond_both_limits(sigma, limit):
 
 
 @pytest.mark.parametrize(
-    ("rows", "share"),
-    [(16, 0.75 * 16 / 29), (19, 0.75 * 19 / 29), (20, 0.5), (29, 0.5), (120, 0.5)],
+    ("rows", "share"), [(16, 0.75 * 16 / 29), (19, 0.75 * 19 / 29), (20, 0.5), (29, 0.5), (120, 0.5)]
 )
 def test_of_a_strip_the_pictures_must_show_three_quarters_of_what_it_holds(rows: int, share: float) -> None:
     """A subset of 29 px in the middle of a strip of 16 rows holds 16 of its 29; half is asked for at most."""

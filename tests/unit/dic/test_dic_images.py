@@ -162,8 +162,7 @@ def tiff_with(**tags):
 
 
 @pytest.mark.parametrize(
-    "tags",
-    [{"columns": 0}, {"rows": 0}, {"rows": 4_000_000_000, "columns": 4_000_000_000}],
+    "tags", [{"columns": 0}, {"rows": 0}, {"rows": 4_000_000_000, "columns": 4_000_000_000}]
 )
 def test_a_tiff_whose_size_lies_is_refused(tmp_path, tags):
     with pytest.raises(PictureError, match="rows and"):
@@ -171,8 +170,7 @@ def test_a_tiff_whose_size_lies_is_refused(tmp_path, tags):
 
 
 @pytest.mark.parametrize(
-    "tags",
-    [{"strip": 4_000_000_000}, {"count": 4_000_000_000}, {"count": 0}, {"count": 5}, {"samples": 3}],
+    "tags", [{"strip": 4_000_000_000}, {"count": 4_000_000_000}, {"count": 0}, {"count": 5}, {"samples": 3}]
 )
 def test_a_page_whose_data_lie_is_an_error_of_its_own(tmp_path, tags):
     pictures = open_pictures(written(tmp_path, tiff_with(**tags)))

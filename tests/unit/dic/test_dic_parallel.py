@@ -40,10 +40,7 @@ def frames(n=7):
         for k in range(n)
     ]
     y, x = np.mgrid[20:71:12, 20:71:12]
-    return (
-        np.rint(np.stack(moved)).astype(np.uint8),
-        np.stack([x.ravel(), y.ravel()], axis=1).astype(float),
-    )
+    return (np.rint(np.stack(moved)).astype(np.uint8), np.stack([x.ravel(), y.ravel()], axis=1).astype(float))
 
 
 class Damaged(PicturesInMemory):
@@ -182,9 +179,7 @@ def test_points_in_parts_are_found_as_together(monkeypatch, most, referred):
     real_parts = launch.in_parts
     monkeypatch.setattr(launch, "_launch_on_device", searched)
     monkeypatch.setattr(
-        launch,
-        "in_parts",
-        lambda columns, n, where, go: real_parts(columns, n, device, go, most=most),
+        launch, "in_parts", lambda columns, n, where, go: real_parts(columns, n, device, go, most=most)
     )
     real = launch.select_device
     monkeypatch.setattr(

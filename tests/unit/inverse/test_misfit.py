@@ -243,10 +243,7 @@ def test_what_the_response_does_not_cover_is_refused():
     with pytest.raises(ValueError, match=r"simulation 1 of 2 did not complete \(INVERTED at .*select"):
         predict(response(outcomes=(Outcome.COMPLETED, Outcome.INVERTED)), observations)
     fewer = replace(
-        full,
-        surface_times=FRAMES[:-1],
-        surface_r=full.surface_r[:, :-1],
-        surface_y=full.surface_y[:, :-1],
+        full, surface_times=FRAMES[:-1], surface_r=full.surface_r[:, :-1], surface_y=full.surface_y[:, :-1]
     )
     with pytest.raises(ValueError, match=r"no surface_times entry at the frame 0.0005 s \(4 of 24 missing\)"):
         predict(fewer, observations)

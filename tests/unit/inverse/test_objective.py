@@ -41,10 +41,7 @@ def linear(n_force: int, n_shape: int, rng: np.random.Generator) -> tuple[FloatA
     """Jacobian [k, 2] of smooth histories and the noise of each entry [k]."""
     t, u = np.linspace(0.0, 1.0, n_force), np.linspace(0.0, 1.0, n_shape)
     J = np.concatenate(
-        [
-            np.column_stack([30.0 * t**2, 4.0 * np.sin(9.0 * t)]),
-            1e-4 * np.column_stack([u, np.cos(7.0 * u)]),
-        ]
+        [np.column_stack([30.0 * t**2, 4.0 * np.sin(9.0 * t)]), 1e-4 * np.column_stack([u, np.cos(7.0 * u)])]
     )
     return J, np.concatenate([np.full(n_force, NOISE_FORCE), np.full(n_shape, NOISE_SHAPE)])
 

@@ -11,13 +11,7 @@ from test_objective import objective
 from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.gauss_newton import (
-    CONFIRMED,
-    RefinedRun,
-    Step,
-    _chord_steps,
-    _search_on,
-)
+from kolsky.inverse.gauss_newton import CONFIRMED, RefinedRun, Step, _chord_steps, _search_on
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.path_noise import FrontPath

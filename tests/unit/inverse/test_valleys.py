@@ -95,8 +95,7 @@ def test_how_many_valleys_of_each_misfit_are_searched() -> None:
     for name, floors in rows.items():
         misfit[name][floors] = np.arange(5.0)
     one: Any = SimpleNamespace(
-        balanced_deviance=lambda vectors: misfit["balanced"],
-        deviance=lambda vectors, part: misfit[part],
+        balanced_deviance=lambda vectors: misfit["balanced"], deviance=lambda vectors, part: misfit[part]
     )
     # The force's floor 27 is nearer, but none of those that the declared value may choose.
     found = likely_valleys(one, np.zeros((31, 1)), np.abs(np.arange(31.0) - 26.4))

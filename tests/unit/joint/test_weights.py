@@ -652,9 +652,7 @@ def test_the_weights_follow_a_declared_error() -> None:
     stack = Stack((shot(np.zeros(10), np.zeros(10)),), np.zeros(0), np.zeros(0), known=0)
     of_shot = SimpleNamespace(uncertainty={"Z_offset": 1e-5})
     problem: Any = SimpleNamespace(
-        stack=stack,
-        shots=[of_shot],
-        unknowns=SimpleNamespace(names=("poisson",), widths=WIDE),
+        stack=stack, shots=[of_shot], unknowns=SimpleNamespace(names=("poisson",), widths=WIDE)
     )
     found: Any = SimpleNamespace(vector=left, slopes=np.ones((20, 1)), x=np.ones(1))
     (part,) = declared_parts(problem, found, {"Z_offset": np.stack([change, change])}).values()

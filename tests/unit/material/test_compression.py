@@ -161,11 +161,7 @@ def test_a_law_that_softens_has_no_equilibrium():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((0.0, 1.0, 2, 2), "must be > 0 m"),
-        ((1.0, 1.0, 1, 2), "2 x 2 elements"),
-    ],
+    ("arguments", "message"), [((0.0, 1.0, 2, 2), "must be > 0 m"), ((1.0, 1.0, 1, 2), "2 x 2 elements")]
 )
 def test_impossible_meshes_are_refused(arguments, message):
     with pytest.raises(ValueError, match=message):

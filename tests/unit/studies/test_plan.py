@@ -28,14 +28,7 @@ from kolsky.studies.planning.information import (
     information,
     instruments_of,
 )
-from kolsky.studies.planning.plan import (
-    _sigmas,
-    camera_heights,
-    camera_windows,
-    plan,
-    rows,
-    window_ends,
-)
+from kolsky.studies.planning.plan import _sigmas, camera_heights, camera_windows, plan, rows, window_ends
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
 TINY = Numerics(mesh=(8, 11), threads=1)

@@ -23,13 +23,7 @@ from kolsky.inverse.work import Launch, Work, run_side_by_side
 from kolsky.results.tables import to_json
 from kolsky.shot.load import load_shot
 from kolsky.uncertainty import mesh_error
-from kolsky.uncertainty.mesh_error import (
-    GradedChange,
-    MeshChange,
-    mesh_change,
-    numerical_parts,
-    windows_of,
-)
+from kolsky.uncertainty.mesh_error import GradedChange, MeshChange, mesh_change, numerical_parts, windows_of
 from kolsky.uncertainty.warnings import FOLDED, folded_warning
 
 # The numerics' part of an answer in closed form.
@@ -243,10 +237,7 @@ def test_lost_runs_are_told_from_those_left_out_on_purpose(monkeypatch: pytest.M
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 SETTINGS = Settings(
-    free={"stiffness_factor": None},
-    numerics=Numerics(mesh=(6, 8)),
-    refined_mesh=(12, 16),
-    replicates=2,
+    free={"stiffness_factor": None}, numerics=Numerics(mesh=(6, 8)), refined_mesh=(12, 16), replicates=2
 )
 
 

@@ -353,10 +353,7 @@ def test_the_answer_counts_residuals_replicates_and_scales() -> None:
         residual_covariance=lambda slope, vector: np.diag([4.0, 9.0]),
     )
     fine = SimpleNamespace(
-        objective=objective,
-        jacobian=JACOBIAN,
-        x=np.zeros(2),
-        model=lambda x: np.zeros((1, K)),
+        objective=objective, jacobian=JACOBIAN, x=np.zeros(2), model=lambda x: np.zeros((1, K))
     )
     changes = InputChanges({"flyer motion": JACOBIAN[:, :1].T}, {"force scale": JACOBIAN[:, 0]})
     found = noise_parts(fine, Sources(changes, MeshChange(np.zeros(K), None, 2.0)))  # type: ignore[arg-type]
