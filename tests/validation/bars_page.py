@@ -32,11 +32,7 @@ from test_real_bars import (  # noqa: E402
     preston_tonks_wallace,
 )
 
-from kolsky.bars.reduction.stress_strain import (  # noqa: E402
-    cauchy_stress,
-    hencky_strain,
-    stiffness,
-)
+from kolsky.bars.reduction.stress_strain import cauchy_stress, hencky_strain, stiffness  # noqa: E402
 from kolsky.bars.reduction.validity import ALLOWANCE  # noqa: E402
 from kolsky.bars.reduction.windows import travel_time  # noqa: E402
 from kolsky.bars.signals.baseline import quantisation_step  # noqa: E402
