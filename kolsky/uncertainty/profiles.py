@@ -87,8 +87,8 @@ MAP_REACH = 3.0
 NEAR = 8.0
 """Half edge of the first box for profiles of several parameters, in units of sigma."""
 APART = 1e-2
-"""Smallest distance of two runs of a surrogate, in the unit box. Closer runs would turn the rounding of single
-precision into slopes: a parameter that the data do not contain would have a bound."""
+"""Smallest distance of two runs of a surrogate, in the unit box. Rounding of single precision would give
+closer runs a slope, and a parameter that the data do not contain a bound."""
 MAP = 81
 """Number of values along an edge of a map."""
 
