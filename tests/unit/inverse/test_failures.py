@@ -253,11 +253,10 @@ def test_too_few_runs_are_refused_with_what_happened(
 @pytest.mark.slow  # two reports with all their figures
 def test_the_report_names_every_failure_once() -> None:
     page = render(synthetic())
-    assert "inverted at 1.200 ms, element 351 at (4.61, 6.37) mm" in page
     assert page.count(Outcome.INVERTED.cure) == 1
     assert Outcome.DIVERGED.cure not in page
     page = render(failed())
-    # In the design table's legend, and for the simulation at the optimum.
+    # Among the kinds of failure, and for the simulation at the optimum.
     assert page.count(Outcome.INVERTED.cure) == 2
 
 
