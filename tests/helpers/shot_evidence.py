@@ -56,7 +56,7 @@ class ShotEvidence:
             force=bins.mean,
             sigma=bins.sigma,
             held=held,
-            stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision),
+            stepping=explicit.Stepping(safety=numerics.safety, precision=numerics.precision or "fp64"),
             device=numerics.device,
             threads=numerics.threads,
             label=f"shot {shot.name}",

@@ -260,10 +260,10 @@ def test_three_modes_at_once_do_better_than_ogden_did():
     assert found.sse < 0.1 * sse(OGDEN_1972, tests)
     assert found.r_squared > 0.998
     assert {p.outcome for p in drucker(found.law)} == {Stability.STABLE}
-    below = [t.within(0.0, 5.0) for t in tests]  # to stretch 6: there his fit is as good as his figures show
-    for test in below:
+    for test in tests:
+        near = test.strain <= 5.0  # stretch 6: there his fit is as good as his figures show
         stress = incompressible_stress(OGDEN_1972, test.mode, test.deformation)
-        assert np.abs(stress - test.stress).max() < 0.09 * test.stress.max()
+        assert np.abs(stress - test.stress)[near].max() < 0.09 * test.stress[near].max()
 
 
 @pytest.mark.slow
