@@ -31,12 +31,26 @@ def radius_at(
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Radius of the free side surface at given heights.
 
-    ``surface_r``, ``surface_y``: the surface's nodes, transmission platen first [m], shape [n_frames,
-    n_nodes]. ``frame``: row of `surface_r` of each point, shape [n_points]. ``y``: height of each point [m],
-    shape [n_points]. Returns: the radius [m], NaN where the free surface does not reach the height, and the
-    mask of the points that it reaches, shape [n_points] each.
+    Parameters
+    ----------
+    surface_r, surface_y : ndarray
+        The surface's nodes, transmission platen first [m], shape [n_frames, n_nodes].
+    frame : ndarray
+        Row of `surface_r` in which each point lies, shape [n_points].
+    y : ndarray
+        Height of each point [m], shape [n_points].
 
-    Raises ValueError if a node is not finite, or if a frame has no free surface.
+    Returns
+    -------
+    r : ndarray
+        Radius [m], shape [n_points]; NaN where `inside` is False.
+    inside : ndarray of bool
+        True if the free surface reaches the point's height, shape [n_points].
+
+    Raises
+    ------
+    ValueError
+        If a node is not finite, or if a frame has no free surface.
     """
     if not (np.isfinite(surface_r).all() and np.isfinite(surface_y).all()):
         raise ValueError("the surface has nodes that are not finite; leave out simulations that ended early")

@@ -48,9 +48,21 @@ def simulate(
 
     A run that does not complete is returned too; `Simulation.response.describe(0)` gives the reason.
 
-    ``parameters``: values by name of `kolsky.inverse.parameters.PARAMETERS`, SI. ``numerics``: None uses the
-    defaults. ``progress``: called with the number of runs just finished. Raises ValueError if a parameter is
-    unknown or outside its range.
+    Parameters
+    ----------
+    shot
+        A loaded shot.
+    parameters
+        Values by name, of `kolsky.inverse.parameters.PARAMETERS`, SI.
+    numerics
+        Mesh, precision, device, element; None uses the defaults.
+    progress
+        Called with the number of runs just finished.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or outside its range.
     """
     prepared = prepare_shot(shot)
     response = prepared.forward.run(
@@ -73,8 +85,14 @@ def simulate(
 def write_simulation(folder: Path, simulation: Simulation) -> list[Path]:
     """Write force.csv and, if an outline was measured, profile.csv, with measured and simulated values.
 
-    Files are written atomically into ``folder``, which is created. The tables of a failed run end at its
-    failure.
+    Files are written atomically. The tables of a failed run end at its failure.
+
+    Parameters
+    ----------
+    folder
+        Output folder; created if absent.
+    simulation
+        The run.
     """
     observations, response = simulation.prepared.observations, simulation.response
     line, force = observations.centre_line, observations.force

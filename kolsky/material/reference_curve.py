@@ -97,13 +97,19 @@ def reference_curve(
 
     The order is: compliance, choice of the ramp, toe, mean with its band, end friction.
 
-    ``tests``: repeats of one test on specimens of one size and one branch. ``pull``: "first": the first
-    loading ramp of each record. "conditioned": the last of two or more ramps, with strains relative to the
-    length before the first pull. A permanent set is part of its toe's offset.
-
     Raises ValueError if the tests differ in branch, if a record has no such ramp, or if a toe cannot be
     found. The same error is raised if the tests have no range of strain in common, if friction is declared
     for a tension test, or if friction cannot be removed.
+
+    Parameters
+    ----------
+    tests
+        Repeats of one test on specimens of one size and one branch.
+    treatment
+        Declared treatment of the tests.
+    pull
+        "first": the first loading ramp of each record. "conditioned": the last of two or more ramps, with
+        strains relative to the length before the first pull. A permanent set is part of its toe's offset.
     """
     if not tests:
         raise ValueError("a reference curve needs at least one test")
@@ -271,12 +277,24 @@ def read_uniaxial_test(
 ) -> tuple[UniaxialTest, str]:
     """Read a quasi-static test, positive along its branch, and the SHA-256 of its file.
 
-    ``columns``: kind of `COLUMNS` -> column, by name or number: strain and stress, or displacement and force.
-    ``convention``: sign of the columns, one of `kolsky.material.fits.homogeneous_test.CONVENTIONS`.
-    ``branch``: one of `BRANCHES`. ``units``: column -> unit, if the file does not give it. ``specimen``:
-    undeformed size; needed for displacement and force.
-
     Raises InputError if the file cannot be read, or if its columns are not such a test.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Kind of `COLUMNS` -> column, by name or number: strain and stress, or displacement and force.
+    convention
+        Sign of the columns, one of `kolsky.material.fits.homogeneous_test.CONVENTIONS`.
+    branch
+        One of `BRANCHES`.
+    units
+        Column -> unit, if the file does not give it.
+    layout
+        Declared layout of the file. Undeclared properties are detected.
+    specimen
+        Undeformed size; needed for displacement and force.
     """
     path, units = Path(path), units or {}
     wanted = {kind: WantedColumn(name, COLUMNS[kind], units.get(name)) for kind, name in columns.items()}

@@ -175,17 +175,30 @@ def slow_compression(
     error: float = 2e-3,
     numerics: SlowNumerics | None = None,
 ) -> SlowCompression:
-    """Compress a specimen slowly. Ramp, drag and duration are chosen for the requested error of the force.
+    """Compress a specimen slowly.
 
-    ``law``: any material law. A slow test does not include relaxation. ``specimen``: its undeformed size. The
-    density is not used. ``strain``: nominal compressive strains to record, ascending inside (0, 1) [-], shape
-    [n]. ``faces``, ``side``, ``friction``: contact laws, and Coulomb's coefficient [-]. Default of the side:
-    that of the faces. ``stiffness_factor``: factor m on the law [-]. A static force is proportional to it.
-    ``error``: requested relative error of the force from a strain of `LEAST_COMPARED_STRAIN` on, in [1e-4,
-    0.1], without that of the mesh. ``numerics``: its duration is the start of the search.
+    Ramp, drag and duration are chosen for the requested error of the force.
 
     Raises ValueError if an argument is outside its range, if a run does not complete, or if the error is not
     reached with `LONGEST`.
+
+    Parameters
+    ----------
+    law
+        Any material law. A slow test does not include relaxation.
+    specimen
+        Its undeformed size. The density is not used.
+    strain
+        Nominal compressive strains to record, ascending inside (0, 1) [-], shape [n].
+    faces, side, friction
+        Contact laws, and Coulomb's coefficient [-]. Default of the side: that of the faces.
+    stiffness_factor
+        Factor m on the law [-]. A static force is proportional to it.
+    error
+        Requested relative error of the force from a strain of `LEAST_COMPARED_STRAIN` on, in [1e-4, 0.1]. The
+        error of the mesh is not included.
+    numerics
+        Mesh, Poisson's ratio and threads. Its duration is the start of the search; default: `FIRST`.
     """
     if not 1e-4 <= error <= 0.1:
         raise ValueError(f"the wanted error of a slow run must be in [0.0001, 0.1], got {error:g}")

@@ -343,17 +343,27 @@ def fit_flyer(
 ) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 
-    ``motion``: the displacement at the frames. Its zero is arbitrary. The frames may be unevenly spaced.
-    ``start``: a time in the static frames [s]. At this time the motion starts with x = v = a = 0. A start
-    after the beginning of the true motion distorts the ramp. An earlier start has no effect. ``covariance``:
-    covariance of the displacements between the frames [m²], shape [n_frames, n_frames]. It describes a common
-    part in addition to `FlyerMotion.sigma`, the independent noise of each frame. The path is the same. The
-    effect of the common part is added to its covariance. ``restart``: time just before the second impact,
-    which changes the flyer's velocity within few frames [s]. After it a separate smoothness is used, with
-    jerks at first as large as at the start. Returns: from `start` to the last frame.
-
     Raises ValueError if times are not increasing, if a value is not finite, or if a sigma is not positive.
-    The same error is raised if fewer than 3 frames are at or before `start`, or fewer than 8 are after it.
+    The same error is raised if fewer than 3 frames are at or before `start`, if fewer than 8 are after it, or
+    if the covariance has another shape.
+
+    Returns: from `start` to the last frame.
+
+    Parameters
+    ----------
+    motion : FlyerMotion
+        The displacement at the frames. Its zero is arbitrary. The frames may be unevenly spaced.
+    start : float
+        A time in the static frames [s]. At this time the motion starts with x = v = a = 0. A start after the
+        beginning of the true motion distorts the ramp. An earlier start has no effect.
+    covariance
+        Covariance of the displacements between the frames [m²], shape [n_frames, n_frames]. It describes a
+        common part in addition to `FlyerMotion.sigma`, the independent noise of each frame. The path is the
+        same. The effect of the common part is added to its covariance.
+    restart
+        Time just before the second impact, which changes the flyer's velocity within few frames [s]. After it
+        a separate smoothness is used, with jerks at first as large as at the start. None without a second
+        impact.
     """
     _check(motion, start)
     frame = float(np.median(np.diff(motion.time)))

@@ -259,10 +259,20 @@ def compare_laws(
     seed: int = 1,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Comparison:
-    """Fit every law, as `kolsky.material.fits.fit.fit_law`, and check its stability.
+    """Fit every law and check its stability.
 
-    The row of a law that cannot be fitted gives the reason. ``progress``: called with the number of laws
-    done. Raises ValueError if there is no law or no test.
+    The row of a law that cannot be fitted gives the reason.
+
+    Raises ValueError if there is no law or no test.
+
+    Parameters
+    ----------
+    laws
+        The laws to fit, see `candidates`.
+    tests, weighting, bounded, poisson, free_poisson, starts, seed
+        See `kolsky.material.fits.fit.fit_law`.
+    progress
+        Called with the number of laws done.
     """
     if not laws or not tests:
         raise ValueError(f"a comparison needs laws and tests, got {len(laws)} and {len(tests)}")

@@ -240,15 +240,33 @@ def fit_law(
 ) -> Fit:
     """Fit a law to one or several homogeneous tests at once.
 
-    Returns: the best minimum of all starts. `outcome` states whether the data determine it. Raises ValueError
-    if the tests and the law do not fit together. The message gives the reason.
+    Raises ValueError if the tests and the law do not fit together. The message gives the reason.
 
-    ``law``: one of `explicit.materials.LAWS`. ``bounded``: True to keep the constants within the bounds in
-    which the energy is positive at any deformation. Otherwise, only the bounds in which the law exists are
-    used. ``held``: constants that are not fitted, in SI. ``poisson``: Poisson's ratio at rest for the
-    compressible solution with K/2 (J - 1)^2. Default: incompressible. ``free_poisson``: True to fit this
-    ratio too, to the tests' lateral stretches. It is among `free` as "poisson". ``starts``, ``seed``: number
-    of starts that are refined, and their seed. ``name``: default: the law's with the fixed constants.
+    Returns: the best minimum of all starts. `outcome` states whether the data determine it.
+
+    Parameters
+    ----------
+    law
+        One of `explicit.materials.LAWS`.
+    tests
+        The tests; each may carry a weight.
+    weighting
+        What residuals are divided by.
+    bounded
+        True to keep the constants within the bounds in which the energy is positive at any deformation.
+        Otherwise, only the bounds in which the law exists are used.
+    held
+        Constants that are not fitted, in SI.
+    poisson
+        Poisson's ratio at rest for the compressible solution with K/2 (J - 1)^2. Default: incompressible.
+    free_poisson
+        True to fit this ratio too, to the tests' lateral stretches. It is among `free` as "poisson".
+    starts
+        Number of starts that are refined.
+    seed
+        Seed of the starts.
+    name
+        Name of the fit. Default: the law's name with the fixed constants.
     """
     if starts < 1:
         raise ValueError(f"starts must be >= 1, got {starts}")

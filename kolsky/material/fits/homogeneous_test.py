@@ -117,6 +117,15 @@ def read_homogeneous_test(
     """Read a homogeneous test, positive in tension, and the SHA-256 of its file.
 
     Raises InputError if the file cannot be read, or if its columns are not a test of this mode.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Columns of stress and deformation, their units and signs.
+    mode
+        Deformation of the test.
     """
     path, by_force = Path(path), bool(columns.force)
     deformation = columns.displacement if by_force else columns.stretch or columns.strain

